@@ -73,7 +73,7 @@ class TooFewModes(IdentificationError):  # noqa: N818
     """
 
     def __init__(self, n_poles: int) -> None:
-        super().__init__(f"none of {n_poles} poles is a mode: no resonance stands out in the recording")
+        super().__init__(f"none of {n_poles} poles is a mode: no resonance is visible in the recording")
         self.n_poles = n_poles
 
 
@@ -99,6 +99,6 @@ class NoCommonModes(OmaError):  # noqa: N818
     """
 
     def __init__(self, n_setups: int, n_modes: list[int]) -> None:
-        super().__init__(f"none of the modes ({', '.join(map(str, n_modes))}) is seen in all {n_setups} set-ups")
+        super().__init__(f"none of the modes ({', '.join(map(str, n_modes))}) is identified in all {n_setups} set-ups")
         self.n_setups = n_setups
         self.n_modes = n_modes

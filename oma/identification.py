@@ -51,7 +51,7 @@ class Identification:
     recorded: tuple[str, ...]
     """Names of all channels; those that were left out are not in the estimate."""
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)
-    """Of channels that were left out or mended (`channel_faults`)."""
+    """Faults of channels that were left out or repaired (`channel_faults`)."""
     alias_from: float = np.inf  #: frequency above which modes may be aliases; infinite where the band was chosen [Hz]
     delays: Mapping[str, float] = field(default_factory=dict)
     """Device -> how late it was, 0 if that does not matter (`device_delays`) [s]."""

@@ -46,7 +46,7 @@ class DbcSensor:
     file: Path
     signals: tuple[str, ...]  #: of the device's axes x, y, z; at least the first
     counter: str  #: counts scans; if several of the messages have one of that name, each is looked at
-    scale: float | None = None  #: m/s2 a unit of the signals; as their unit in the file says unless given
+    scale: float | None = None  #: Acceleration per unit of the signals [m/s2]. Default: from the unit in the DBC file.
     temperature: str | None = None  #: [degC]
     order: tuple[str, ...] = ()  #: messages as the device sends them; by rising identifier unless given
 

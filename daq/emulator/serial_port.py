@@ -113,7 +113,7 @@ class SerialEmulator(ABC):
         try:
             heard = os.read(self._master, 256)
         except OSError:
-            return  # nothing said, or nobody has the port open
+            return  # no answer, or nobody has the port open
         if understood and self.line.happening(self._scans_until(self._clock.now()), self._true_rate) != "silent":
             self.hear(heard)
 

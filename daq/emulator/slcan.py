@@ -72,7 +72,7 @@ class EmulatedSlcan:
         try:
             self._commands += os.read(self._master, 4096)
         except OSError:
-            return  # nothing said, or nobody has the port open
+            return  # no answer, or nobody has the port open
         *lines, rest = self._commands.split(_LINE_END)
         self._commands = rest[-_LONGEST:]
         for line in lines:

@@ -96,7 +96,7 @@ def _ask_orientation(path: Path, shape: tuple[int, int], names: object, t: objec
     if n_samples < n_channels and not named and not timed:
         raise DataError(
             path,
-            f"data: found {shape}, which is {n_channels} channels of {n_samples} samples: say --transpose if each row "
+            f"data: found {shape}, which is {n_channels} channels of {n_samples} samples: give --transpose if each row "
             "is a channel, --no-transpose if each column is one",
         )
 

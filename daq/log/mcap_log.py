@@ -389,7 +389,7 @@ def read_part(path: Path) -> Part | None:
             try:
                 return Part.parse(record.metadata)
             except (KeyError, ValueError) as error:
-                raise LogError(path, f"does not say which file of a run it is: {error}") from error
+                raise LogError(path, f"has no number of its file in the run: {error}") from error
         if isinstance(record, Attachment | Channel | Message):
             break  # it would come before these
     return None

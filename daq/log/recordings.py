@@ -58,7 +58,7 @@ def load_recordings(
         raise ValueError(f"window_seconds: expected a positive number, found {window_seconds}")
     stored = read_channel_map(log)
     if channels is None and stored is None:
-        raise LogError(str(log), "does not say which channel is which sensor")
+        raise LogError(str(log), "has no channel map: the sensors of its channels are unknown")
     on_grid = bool(stored and stored.on_grid) and not any(late.values())
     known = ChannelMap(channels=channels or stored.channels, on_grid=on_grid)  # type: ignore[union-attr]
     rates = _rates(log, known.channels)

@@ -110,7 +110,7 @@ def repair_log(path: Path) -> LogState:
             return ended
         return _copied(path)
     except OSError as error:
-        raise LogError(path, f"cannot be mended: {error.strerror}") from error
+        raise LogError(path, f"cannot be repaired: {error.strerror}") from error
 
 
 def _copied(path: Path) -> LogState:
@@ -121,7 +121,7 @@ def _copied(path: Path) -> LogState:
         return state
     with path.open("rb") as file:
         if not lock(file):
-            raise LogError(path, "is being written: it cannot be mended now")
+            raise LogError(path, "is being written: it cannot be repaired now")
         _replace(path, survey)
     return state
 

@@ -65,7 +65,7 @@ class ResilientWriter:
 
     @property
     def losing(self) -> bool:
-        """Tell whether what comes is lost: the disk takes nothing, and memory is full."""
+        """Tell whether what comes is lost: the disk is not writable, and the memory buffer is full."""
         return bool(self._lost_now)
 
     def write(self, item: Item) -> None:

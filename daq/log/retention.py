@@ -92,7 +92,7 @@ class DiskGuard:
         if self._retention.size < math.inf:
             size = sum(path.stat().st_size for path in recorded)
             if size > self._retention.size:
-                return f"the logs take {size / 1e9:.3g} GB, more than {self._retention.size / 1e9:.3g}"
+                return f"the logs use {size / 1e9:.3g} GB, more than {self._retention.size / 1e9:.3g}"
         age = self._age(recorded)
         if age > self._retention.seconds:
             return f"{age / 86400:.3g} days were recorded since, more than {self._retention.seconds / 86400:.3g}"

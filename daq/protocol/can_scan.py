@@ -235,4 +235,4 @@ def what_is_missing(layout: ScanLayout, frames: CanFrames) -> str:
         if not (own.dlc == message.size).any():
             return f"{name}: expected {message.size} bytes, found {own.dlc[0]}"
     order = ", ".join(message.name for message in layout.messages)
-    return f"frames come, but none of them make a scan: the counter stands still, or they are not sent as {order}"
+    return f"frames arrive, but form no scan: the counter does not change, or they are not sent as {order}"

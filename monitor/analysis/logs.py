@@ -35,9 +35,7 @@ def log_channels(log: AnyLog) -> tuple[Channel, ...]:
         return stored.channels
     attached = read_attachments(log)
     if "site.toml" not in attached:
-        raise LogError(
-            str(log), "does not say which channel is which sensor: no channel map and no settings are attached"
-        )
+        raise LogError(str(log), "has no channel map and no settings: the sensors of its channels are unknown")
     return parse_attached(attached["site.toml"], f"{log}: site.toml").channels
 
 

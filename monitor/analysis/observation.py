@@ -84,7 +84,11 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
     n = min(max(1, _MOST_WINDOWS // n_logs), int(shortest / need))
     if n * n_logs < _LEAST_WINDOWS:
         less = int(shortest / -(-_LEAST_WINDOWS // n_logs))
-        way_out = f"; --window {less} takes shorter ones, which are less sure" if less * first > _FEWEST_PERIODS else ""
+        way_out = (
+            f"; --window {less} allows shorter ones, with larger standard deviations"
+            if less * first > _FEWEST_PERIODS
+            else ""
+        )
         raise RecordLengthError(
             f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
             f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
@@ -110,7 +114,7 @@ def observe(
     Raises
     ------
     IdentificationError
-        If fewer than three windows give modes, or no mode is seen in most of them.
+        If fewer than three windows give modes, or no mode is identified in most of them.
     """
     devices: dict[str, str] = {}
     seen: list[tuple[int, float, float]] = []
@@ -152,7 +156,7 @@ def follow(
     estimates = lateness.estimates
     _, kept, tracks = choose_tracks(estimates)
     if not len(kept):
-        raise IdentificationError("no mode is seen in most of the windows")
+        raise IdentificationError("no mode is identified in most of the windows")
     temperature, rms = _at_windows(seen, estimates)
     return Observation(
         windows=windows,

@@ -43,9 +43,7 @@ _debug: list[bool] = []
 @app.command()
 def demo(
     out: Annotated[Path, typer.Option(help="Folder for what the demo leaves behind.")] = Path("demo-output"),
-    seed: Annotated[
-        int | None, typer.Option(help="Draws the rig and what happens to it; drawn itself unless given.")
-    ] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the rig and its events. Default: random.")] = None,
     speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
     short: Annotated[bool, typer.Option("--short", help="A quarter of the length, less sure answers.")] = False,
 ) -> None:

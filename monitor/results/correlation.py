@@ -36,7 +36,7 @@ from updater.validation import ForceBalance, ModalCorrelation, VirtualSensing, a
 _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 16  # of a sensor's signal that are drawn
 _POINTS = 10  # a period of the highest frequency
-_FAULTY = "Forces left over are not drawn: they come from the sensors, not from the structure."
+_FAULTY = "Residual forces are not drawn: they are caused by the sensors, not by the structure."
 _FREQUENCIES_ONLY = "No mode shapes were measured: no MAC, sensors or residual forces."
 BoolArray = npt.NDArray[np.bool_]
 _ALL = 1e9  # Hz

@@ -73,7 +73,7 @@ def play(
     """Play a scenario until its duration is over or `stop` is set.
 
     The structure moves from the beginning; devices sample from when they are told to. The timeline counts from the
-    moment the last of them began; a device not asked for yet keeps everything waiting.
+    moment the last of them began; a device not queried for yet keeps everything waiting.
 
     Parameters
     ----------

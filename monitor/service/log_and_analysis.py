@@ -102,7 +102,7 @@ def prepare_logs(site: Site) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except (OSError, ValueError) as error:
-        raise StartError(f"recorder.folder: expected a folder that takes files: {error}") from error
+        raise StartError(f"recorder.folder: expected a writable folder: {error}") from error
 
 
 def blocks_a_second(site: Site) -> float:

@@ -190,7 +190,7 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
             worker.feed(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
         for item in read_log(log):
             if isinstance(item, Block) and item.device not in devices:
-                why = f"holds device {item.device!r}; the settings know {', '.join(devices)}"
+                why = f"holds device {item.device!r}; the settings have {', '.join(devices)}"
                 raise LogError(str(log), _how_to(log, why))
             result = event_result(item) if isinstance(item, Event) else None
             if result is not None:

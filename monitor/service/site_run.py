@@ -153,7 +153,7 @@ class SiteRun:
         before, now = self._site.settings, site.settings
         for name in ("state", "clock"):
             if getattr(before, name) != getattr(now, name):
-                raise SettingsError(site.path, f"{name}: expected as it was; to change it takes a restart")
+                raise SettingsError(site.path, f"{name}: expected no change; a change requires a restart")
         new = {device.name: device for device in now.device}
         changed = [device.name for device in before.device if new.get(device.name) != device]
         fresh = [device for device in now.device if device not in before.device]

@@ -21,32 +21,32 @@ class CanSettings(Section):
     """CAN bus of a device, instead of `port`."""
 
     interface: Annotated[str, AfterValidator(_known_interface), Field(examples=["slcan"])]
-    """`slcan` for an adapter on a serial port; or any that python-can knows: `socketcan`, `socketcand`, .."""
+    """`slcan` for an adapter on a serial port, or an interface of python-can: `socketcan`, `socketcand`, .."""
     channel: Annotated[str, Field(examples=["/dev/serial/by-id/usb-CAN_adapter-if00"])]
-    """serial port of the adapter, `can0`, .."""
+    """Serial port of the adapter, or `can0`, .."""
     node: Annotated[Annotated[int, Field(ge=1, le=127)] | None, Field(examples=[3])] = None
-    """CANopen id, 1 to 127; a device on a bus has this or `[device.dbc]`"""
+    """CANopen node id, 1 to 127. A device on a bus has this or `[device.dbc]`."""
     bitrate: Annotated[int, Field(gt=0)] = 1_000_000
-    """of the bus [bit/s]; the same for all devices on it"""
+    """Bit rate of the bus [bit/s]; the same for all its devices."""
     sync: Annotated[Literal["producer", "consumer"] | None, Field(examples=["consumer"])] = None
-    """samples on the SYNC of the bus, all nodes that do at one instant: which one node produces, the others consume"""
+    """CANopen SYNC: `"producer"` for one node, `"consumer"` for the others. All then sample at the same instant."""
 
 
 class DbcSettings(Section):
     """Signals of a device in a DBC file, in addition to `can`."""
 
     file: Annotated[str, Field(examples=["imu.dbc"])]
-    """DBC file that describes what the device sends (daq)"""
+    """DBC file that describes the frames of the device (daq.md)."""
     signals: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"x": "accX", "y": "accY", "z": "accZ"}])]
-    """`{x = "accX", ..}`: device axis -> SIGNAL, or MESSAGE.SIGNAL"""
+    """`{x = "accX", ..}`: device axis -> SIGNAL or MESSAGE.SIGNAL."""
     counter: Annotated[str, Field(examples=["Counter"])]
-    """signal that counts scans"""
+    """Signal that counts scans."""
     scale: Annotated[Positive | None, Field(examples=[0.01])] = None
-    """m/s2 a unit of the signals; as their unit in the file says unless given"""
+    """Acceleration per unit of the signals [m/s2]. Default: from their unit in the DBC file."""
     temperature: Annotated[str | None, Field(examples=["Temperature"])] = None
-    """signal [degC]"""
+    """Signal of the temperature [degC]."""
     order: Annotated[tuple[str, ...], Field(examples=[["ACC_X", "ACC_Y", "ACC_Z"]])] = ()
-    """messages of a scan as they are sent; by rising identifier unless given"""
+    """Messages of a scan in the order in which they are sent. Default: by rising identifier."""
 
     @model_validator(mode="after")
     def _axes(self) -> Self:
@@ -66,29 +66,29 @@ class LogSettings(Section):
     """Recorded device to be played again by the driver `replay`, instead of `port`."""
 
     file: Annotated[str, Field(examples=["log"])]
-    """log, or folder of its files, that the driver `replay` plays"""
+    """Log, or folder of log files, that the driver `replay` plays."""
     device: Annotated[str, Field(examples=["beam_left"])]
-    """name of the device in that log"""
+    """Name of the device in that log."""
 
 
 class DeviceSettings(Section):
-    """One accelerometer; as many of these as there are."""
+    """One accelerometer. Repeat the section for each."""
 
     name: Annotated[str, Field(examples=["beam_left"], pattern=r"^[\w.-]{1,64}$")]
-    """of each `[[device]]`; a name of yours, unique: letters, digits, `_`, `-` and `.`"""
+    """Unique name of each `[[device]]`: letters, digits, `_`, `-` and `.`."""
     driver: Annotated[str, Field(examples=["epson-uart"])]
-    """how to talk to it: a name of the table of drivers"""
+    """Name of the driver."""
     port: Annotated[str | None, Field(examples=["/dev/serial/by-id/usb-FTDI_A352-if00-port0"])] = None
-    """serial port, best by `/dev/serial/by-id/`; a device has this, `can = {..}` or `log = {..}`"""
+    """Serial port, best by `/dev/serial/by-id/`. A device has this, `can = {..}` or `log = {..}`."""
     can: CanSettings | None = None
     dbc: DbcSettings | None = None
     log: LogSettings | None = None
     rate: Annotated[float, Field(ge=1e-3, le=1e6)] = 1000.0
-    """scans a second [Hz]"""
+    """Sampling rate [scans per second]."""
     delay_ms: Annotated[Annotated[float, Field(ge=0, le=1000)] | None, Field(examples=[1.5])] = None
-    """how long after the motion a scan is, which times are corrected by; as the driver knows its filter unless given"""
+    """Group delay of the device [ms], subtracted from its time stamps. Default: the driver's value."""
     channels: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"y": "beam_left_y", "z": "beam_left_z"}])]
-    """device axis = sensor of the structure; the other axes are logged, not analysed"""
+    """Device axis = sensor of the structure. Other axes are recorded but not analysed."""
 
     @model_validator(mode="before")
     @classmethod
@@ -109,11 +109,11 @@ class DeviceSettings(Section):
         if len(found) != 1:
             raise ValueError(f"expected one of `port`, `can` and `log`, found {' and '.join(found) or 'none'}")
         if self.dbc is not None and self.can is None:
-            raise ValueError(f"expected `can` beside `dbc`, found `{found[0]}`")
+            raise ValueError(f"expected `can` with `dbc`, found `{found[0]}`")
         if self.can is not None and (self.can.node is None) == (self.dbc is None):
             raise ValueError(f"expected one of `can.node` and `dbc`, found {'none' if self.dbc is None else 'both'}")
         if self.can is not None and self.can.sync and self.dbc is not None:
-            raise ValueError("can.sync: what `dbc` describes is told nothing, and samples by its own clock")
+            raise ValueError("can.sync: not possible with `dbc`: such a sensor samples by its own clock")
         if self.delay_ms is not None and self.log is not None:
             raise ValueError("delay_ms: the times of a log have been corrected when it was recorded")
         return self

@@ -11,29 +11,29 @@ from monitor.text.notices import NoticeKind, check_template
 
 
 class NotifySettings(Section):
-    """Whom to tell, and of what: each has one of `webhook`, `command` and `mqtt`."""
+    """Target of notices. Each has one of `webhook`, `command` and `mqtt`."""
 
     webhook: Annotated[SecretStr | None, Field(examples=["https://chat.example.org/hooks/abc"])] = None
-    """of each `[[notify]]`: URL that receives a JSON POST; give exactly one of `webhook`, `command`, `mqtt`"""
+    """URL that receives a JSON POST. Each `[[notify]]` has exactly one of `webhook`, `command`, `mqtt`."""
     command: Annotated[
         Annotated[tuple[SecretStr, ...], Field(min_length=1)] | None,
         Field(examples=[["mail", "-s", "modalwatch", "ada@example.org"]]),
     ] = None
-    """program and its arguments, as a list; the text on its input"""
+    """Program and its arguments, as a list; it gets the text on its standard input."""
     mqtt: Annotated[SecretStr | None, Field(examples=["mqtt://broker.example.org/site/alarms"])] = None
-    """`mqtt://HOST:PORT/TOPIC`, `mqtts://` with TLS; needs `modalwatch[fleet]`"""
+    """`mqtt://HOST:PORT/TOPIC`, or `mqtts://` with TLS. Requires `modalwatch[fleet]`."""
     headers: Mapping[str, SecretStr] = {}
-    """of the webhook's request"""
+    """Headers of the webhook's request."""
     on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
-    """events that are sent; `acknowledged` may be added (service.md)"""
+    """Events that are sent; `acknowledged` may be added (service.md)."""
     template: Annotated[str | None, Field(examples=["{{ notice.site }}: {{ notice.text }}"])] = None
-    """jinja2 text of `notices`; the program's own unless given"""
+    """jinja2 template with `notices`. Default: the built-in text."""
     per_hour: Annotated[int, Field(ge=1)] = 12
-    """messages; what comes beyond that is told together, later; an alarm never waits"""
+    """Maximum number of messages per hour. Further notices are sent together later. Alarms are never delayed."""
     heartbeat_minutes: Annotated[Positive | None, Field(examples=[5.0])] = None
-    """a sign of life this often, only while data flow"""
+    """Interval of a message that confirms operation, sent only while data arrive [min]."""
     timeout_seconds: Positive = 10.0
-    """of a delivery"""
+    """Time limit of a delivery [s]."""
 
     if TYPE_CHECKING:  # plain strings become secrets
 

@@ -18,39 +18,39 @@ _MOST_WINDOWS = 100_000  # two years of windows of 10 minutes
 
 
 class RecorderSettings(Section):
-    """Place of the log, and the part of it that is kept."""
+    """Folder of the logs, and retention."""
 
     folder: str = "log"
-    """where logs go"""
+    """Folder of the logs."""
     chunk_seconds: Annotated[float, Field(gt=0, le=0.5)] = 0.05
-    """of wall time that what came may wait to be written: a kill loses at most that and the last 0.2 s of blocks"""
+    """Maximum time before received data are written [s]. A kill loses this much and the last 0.2 s of blocks."""
     rotate_mb: Positive = 512.0
-    """size of a log file at which the next one is begun [MB = 10^6 bytes]"""
+    """Size of a log file at which the next file begins [MB = 10^6 bytes]."""
     rotate_minutes: Positive = 60.0
-    """of data in a log file at which the next one is begun"""
+    """Duration of a log file after which the next file begins [min]."""
     keep_days: Annotated[Positive | None, Field(examples=[365.0])] = None
-    """of recording that are kept, a pause or a set clock counting as a tenth of them at most; all unless given"""
+    """Recording that is kept [d]. Pauses and clock changes count as at most a tenth of it. Default: all."""
     keep_gb: Annotated[Positive | None, Field(examples=[500.0])] = None
-    """of all log files that runs have recorded in the folder; beyond it the oldest are deleted"""
+    """Total size of the recorded log files [GB]; beyond it the oldest are deleted. Default: no limit."""
     min_free_gb: Annotated[float, Field(ge=0)] = 1.0
-    """room left on the disk: the oldest log files are deleted for it, never the newest; 0 for none, until it is full"""
+    """Free disk space [GB]: the oldest log files are deleted for it, never the newest. 0: none."""
     view_rate: Annotated[float, Field(ge=0)] = 50.0
-    """scans a second of each device that are written for stock viewers too (rerun, Foxglove) [Hz]; 0 for none"""
+    """Rate of the preview of each device for rerun and Foxglove, in the same log [scans per second]. 0: none."""
 
 
 class AnalysisSettings(Section):
     """Windows and their analysis."""
 
     window_seconds: Annotated[float, Field(ge=1, le=1e6)] = 600.0
-    """length of a window"""
+    """Length of a window [s]."""
     overlap: Annotated[float, Field(ge=0, le=0.95)] = 0.0
-    """share of a window that the next one repeats"""
+    """Overlap of successive windows, as a share of the window."""
     band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
-    """[low, high] in Hz; chosen from rate and window unless given"""
+    """Frequency band [low, high] of the modes [Hz]. Default: chosen from rate and window."""
     baseline_windows: Annotated[int | None, Field(ge=5, le=_MOST_WINDOWS, examples=[24])] = None
-    """number of baseline windows; default: 24, extended automatically if the baseline is too short"""
+    """Number of baseline windows. Default: 24, extended automatically if the baseline is too short."""
     baseline_windows_max: Annotated[int, Field(ge=5, le=_MOST_WINDOWS)] = 144
-    """at which learning ends in any case; ignored with `baseline_windows`"""
+    """Largest number of baseline windows; ignored with `baseline_windows`."""
 
     @property
     def first_windows(self) -> int:
@@ -71,27 +71,27 @@ class AlarmSettings(Section):
     """Rules of the alarm."""
 
     false_alarms_per_year: Annotated[float, Field(gt=0, le=1000)] = 1.0
-    """that all detectors together may give; sets their limits"""
+    """Expected false alarms per year of all detectors together; determines their limits."""
     hold_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
-    """windows in a row over the limit that raise the alarm"""
+    """Number of consecutive windows above the limit that raise the alarm."""
     clear_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
-    """calm windows in a row that clear it"""
+    """Number of consecutive calm windows that clear the alarm."""
     clear_ratio: Annotated[float, Field(gt=0, le=1)] = 0.8
-    """a window is calm when its novelty is under this share of the limit"""
+    """A window is calm if its novelty is below this share of the limit."""
     latch: bool = False
-    """whether an alarm stands until it is acknowledged, though the windows be calm"""
+    """Whether an alarm stays active until it is acknowledged, even if the windows are calm."""
     cooldown_minutes: Annotated[float, Field(ge=0)] = 60.0
-    """an alarm raised again within this time continues the previous alarm"""
+    """An alarm raised again within this time continues the previous alarm [min]."""
     flapping_changes: Annotated[int, Field(ge=3)] = 6
-    """alarms raised and cleared within `flapping_hours`, from which on they wake nobody"""
+    """Number of alarms raised and cleared within `flapping_hours` from which on no notices are sent."""
     flapping_hours: Annotated[float, Field(ge=0, le=1e6)] = 24.0
-    """see `flapping_changes`"""
+    """See `flapping_changes` [h]."""
     trend: Literal["forgive", "report", "notify"] = "report"
-    """slow trends of the frequencies: `forgive`, `report` in log, status and report, or `notify` people as well"""
+    """Slow trends of the frequencies: `forgive`, `report` in log, status page and report, or `notify` as well."""
     self_test_days: Annotated[float, Field(ge=0)] = 7.0
-    """between tests whether a mass would raise the alarm; 0 for none"""
+    """Interval of the tests whether a simulated mass would raise the alarm [d]. 0: none."""
     self_test_percent: Positive = 2.0
-    """that mass, of the structure's [%]"""
+    """Simulated mass of the self-test, relative to that of the structure [%]."""
 
     @property
     def rules(self) -> AlarmRules:
@@ -108,16 +108,16 @@ class AlarmSettings(Section):
 
 
 class TemperatureSettings(Section):
-    """A thermometer beside those of the devices; leave the section out for none. It has `csv` or `mqtt`."""
+    """Thermometer of the site, in addition to those of the devices. Leave the section out for none."""
 
     csv: Annotated[str | None, Field(examples=["weather.csv"])] = None
-    """file that another program writes a line a reading to, relative to SITE.toml; has this or `mqtt` (service.md)"""
+    """CSV file, one reading per line, relative to SITE.toml. Give exactly one of `csv`, `mqtt` (service.md)."""
     mqtt: Annotated[SecretStr | None, Field(examples=["mqtt://broker.example.org/site/air"])] = None
-    """`mqtt://HOST:PORT/TOPIC`, `mqtts://` with TLS; needs `modalwatch[fleet]`"""
+    """`mqtt://HOST:PORT/TOPIC`, or `mqtts://` with TLS. Requires `modalwatch[fleet]`."""
     column: str = "temperature"
-    """of the file, or of the JSON object that is said on the topic [degC]"""
+    """Column of the file, or field of the JSON object of the topic [degC]."""
     stale_minutes: Positive = 60.0
-    """age of the last reading from which on the devices' own thermometers go on for it"""
+    """Age of the last reading after which the thermometers of the devices are used instead [min]."""
 
     if TYPE_CHECKING:  # plain strings become secrets
 
@@ -144,9 +144,9 @@ class HistorySettings(Section):
     """Database of results over years."""
 
     url: Annotated[SecretStr | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
-    """`postgresql://USER@HOST/NAME`; a SQLite file in the state folder unless given"""
+    """`postgresql://USER@HOST/NAME`. Default: a SQLite file in the state folder."""
     keep_events: Annotated[int, Field(ge=1)] = 100_000
-    """newest events of each kind that are kept, such as gaps; alarms, windows and modes all are"""
+    """Number of events kept per kind, such as gaps; alarms, windows and modes are all kept."""
 
     @field_validator("url")
     @classmethod
@@ -166,43 +166,43 @@ def _address(host: str) -> str:
 
 
 class WebSettings(Section):
-    """Health, metrics and a status page; leave the section out for none."""
+    """Server of status page, health and metrics. Leave the section out for none."""
 
     bind: Annotated[str, AfterValidator(_address)] = "127.0.0.1"
-    """address to serve on (service.md); without a `[web]` section nothing is served"""
+    """Address of the server (service.md). Without a `[web]` section there is no server."""
     port: Annotated[int, Field(ge=1, le=65535)] = 8765
-    """its port"""
+    """Port of the server."""
     token_file: Annotated[str | None, Field(examples=["web_token"])] = None
-    """file with the token, relative to SITE.toml; `web_token` in the state folder unless given"""
+    """File with the token, relative to SITE.toml. Default: `web_token` in the state folder."""
 
 
 class ViewerSettings(Section):
-    """The live view, served on 127.0.0.1; leave the section out for none."""
+    """Live view, served on 127.0.0.1. Leave the section out for none."""
 
     port: Annotated[int, Field(ge=1, le=65534)] = 9876
-    """of the live results; signals on the next one; without a `[viewer]` section nothing is served"""
+    """Port of the live results; signals use the next one. Without a `[viewer]` section there is no live view."""
     memory_mb: Annotated[int, Field(ge=4)] = 256
-    """results kept for viewers that come late; the oldest go first"""
+    """Memory for results shown to viewers that connect later [MB]. The oldest are dropped first."""
 
 
 class ClockSettings(Section):
-    """The time scale of an emulated rig or of logs that are played; leave it out for real devices."""
+    """Time scale of an emulated rig or of replayed logs. Leave the section out for real devices."""
 
     speed: Positive = 1.0
-    """of an emulated rig, or of logs that are played: seconds of data a second; leave `[clock]` out for real devices"""
+    """Seconds of data per second, for an emulated rig or replayed logs. Leave `[clock]` out for real devices."""
     origin_wall: Annotated[int | None, Field(examples=[1_767_225_600_000_000_000])] = None
-    """of an emulated rig: wall time [ns UTC] at which ..."""
+    """Wall time of an emulated rig [ns UTC] that corresponds to `origin`. Default: the start."""
     origin: Annotated[int | None, Field(examples=[1_767_225_600_000_000_000])] = None
-    """... data time was this [ns UTC]; both are the start unless given"""
+    """Data time at `origin_wall` [ns UTC]. Default: the start."""
 
 
 class Settings(Section):
     """Devices and their connections, and the settings of the monitor."""
 
     structure: Annotated[str, Field(examples=["t_structure.toml"])]
-    """structure file"""
+    """Structure file."""
     state: str = "state"
-    """folder for what outlives a run"""
+    """Folder of the data that survive a restart."""
     device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1, max_length=1000)]
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()

@@ -17,11 +17,11 @@ from monitor.settings.section import Section
 _WIDTH = 110
 _HEAD = """\
 #:schema ./site.schema.json
-# Settings of a site: every one of them, with its default. A line that begins with a # and no space is a setting that
-# is not given; what it says is an example. Write the schema that editors use beside this file:
+# All settings of a site, with their defaults. A line that begins with # and no space is a setting that is not given,
+# with an example. Write the schema for editors next to this file:
 #     modalwatch settings --schema > site.schema.json
-# A variable of the environment, MODALWATCH_ANALYSIS__WINDOW_SECONDS=300, stands above this file, and above
-# both `--set analysis.window_seconds=300` on the command line. What may be a secret is shown as **********.
+# An environment variable, MODALWATCH_ANALYSIS__WINDOW_SECONDS=300, overrides this file; `--set
+# analysis.window_seconds=300` on the command line overrides both. Possible secrets are shown as **********.
 """
 
 

@@ -14,7 +14,7 @@ def change_said(change: Change, result: WindowResult) -> str:
     score = result.novelty
     figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
     if change.kind == "latched":
-        return f"calm again, but the alarm stands until it is acknowledged: {figures}"
+        return f"below the limit again, but the alarm stays active until it is acknowledged: {figures}"
     if change.kind in ("flapping", "steady"):
         return _FLAPPING[change.kind]
     if change.state == "alarm":
@@ -40,7 +40,7 @@ def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
 def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
     """Say where a watch goes on after a restart, with an alarm that stands `since` [ns UTC] if there is one."""
     stands = f"; the alarm of {utc(since)} stands" if since is not None else ""
-    return f"watching goes on, by the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
+    return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
 
 
 def accepted_said(change: AcceptedShift) -> str:
@@ -50,7 +50,9 @@ def accepted_said(change: AcceptedShift) -> str:
     moved = ", ".join(_moved(change, mode) for mode in shown)
     by = f" by {change.by}" if change.by else ""
     learnt = f"the reference from now on, learnt from {change.n_windows} windows"
-    gone = f"; {_modes(hidden)} not seen, and not watched until seen in most windows again" if hidden else ""
+    gone = (
+        f"; {_modes(hidden)} not identified, and not monitored until identified in most windows again" if hidden else ""
+    )
     return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{gone}"
 
 
@@ -58,7 +60,9 @@ def seen_again_said(before: AcceptedShift, now: AcceptedShift) -> str:
     """Say which modes that an accepted change hid are watched again, and what they had moved by."""
     again = sorted(set(_hidden(before)) - set(_hidden(now)))
     moved = ", ".join(_moved(now, mode) for mode in again)
-    return f"{_modes(again)} watched again, not seen since {now.cause!r} was accepted: frequency moved by {moved}"
+    return (
+        f"{_modes(again)} monitored again, not identified since {now.cause!r} was accepted: frequency moved by {moved}"
+    )
 
 
 def _hidden(change: AcceptedShift) -> list[int]:
@@ -82,7 +86,7 @@ def undone_said(change: AcceptedShift, said: Mapping[str, Any]) -> str:
 
 
 _FLAPPING = {
-    "flapping": "the alarm is raised and cleared again and again: until it is steady, nobody is told of that any more",
+    "flapping": "the alarm is raised and cleared repeatedly: no further notices until it is steady",
     "steady": "the alarm has become steady",
 }
 
@@ -90,4 +94,4 @@ _FLAPPING = {
 def _where(result: WindowResult) -> str:
     found = [change_text(result.diagnosis)] if result.diagnosis else []
     found += [increment_text(result.increments)] if result.increments else []
-    return f": {'; '.join(found)}" if found else "; where, the next windows will tell"
+    return f": {'; '.join(found)}" if found else "; location not yet known"

@@ -53,7 +53,7 @@ def fault_text(own: ChannelHealth) -> str:
     """Say what is wrong with a channel, nothing if that is sure to nobody or does not matter."""
     found = []
     if abs(own.gain) < max(_NOTHING, _SURE * own.gain_std):
-        return "says nothing"
+        return "no signal"
     if own.gain < -_SURE * own.gain_std:
         found.append("polarity turned")
     if abs(abs(own.gain) - 1) > max(_GAIN, _SURE * own.gain_std):

@@ -14,11 +14,11 @@ def unsure_text(found: Sequence[Unsure]) -> str:
     known = [one.temperature for one in found if math.isfinite(one.temperature)]
     where = f"at {_between(min(known), max(known))} degC" if known else ""
     if worst.outside:
-        where += f", which the baseline had not seen ({_between(worst.coldest, worst.warmest)} degC),"
+        where += f", outside the range of the baseline ({_between(worst.coldest, worst.warmest)} degC),"
     silent = max((one.silent_hours for one in found if one.silent_hours is not None), default=None)
     if silent is not None:
         where += f"{' and ' if where else ''}without a temperature reading for up to {silent:.1f} h,"
-    told = f"of changes of all frequencies alike only those of more than {worst.least_percent:.2g} % could be told"
+    told = f"of changes of all frequencies alike only those of more than {worst.least_percent:.2g} % is detectable"
     return f"{where} {told}".lstrip()
 
 

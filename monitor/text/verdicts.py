@@ -15,7 +15,7 @@ _MASSES = frozenset({"added_mass", "distributed_mass"})
 VERDICTS = {
     "nothing_to_explain": "Nothing to explain: the data agree with the model.",
     "explained": "Explained",
-    "ambiguous": "Explained, but the data cannot tell some causes apart",
+    "ambiguous": "Explained, but the data cannot distinguish some causes",
     "unexplained": "The data disagree with the model in a way that no cause known here explains.",
 }
 
@@ -68,7 +68,7 @@ def headline(story: RunResults, diagnosis: Diagnosis | None) -> str:
     if state == "alarm":
         return f"The structure has changed: {_what(story, diagnosis)}.{_when(story)}"
     if state == "watch":
-        return "One window is over the limit; the next ones will tell whether the structure has changed."
+        return "One window is above the limit. The next windows decide whether the structure has changed."
     unsure = unsure_now(story)
     if change := story.closed_by:
         since = sum(window.end > story.accepted_at(change) for window in story.watched)
@@ -111,4 +111,4 @@ def _when(story: RunResults) -> str:
     between = changed_between(story)
     if between is None:
         return ""
-    return f" First seen between {utc(between[0])[:-4]} and {utc(between[1], date=False)} UTC."
+    return f" First detected between {utc(between[0])[:-4]} and {utc(between[1], date=False)} UTC."

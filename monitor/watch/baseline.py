@@ -143,7 +143,7 @@ def learn_baseline(
     estimates = list(lateness.estimates)
     seed, often, tracks = choose_tracks(estimates)
     if len(often) < 3:
-        raise PairingError(f"only {len(often)} modes are seen in 70 % of the windows, at least 3 are needed")
+        raise PairingError(f"only {len(often)} modes in 70 % of the windows, at least 3 are needed")
     reference = learn_reference(structure, estimates, tracks, lateness.delays)
     chosen = reference.calibration.tracks
     kept = often[chosen]
@@ -171,8 +171,9 @@ def learn_changed(
     if len(watched) < 3:
         seen = f"only mode {', '.join(map(str, watched + 1))}" if len(watched) else "none"
         raise PairingError(
-            f"{seen} of {tracker.reference.n_modes} is seen since the change, at least 3 are needed to watch by: "
-            "are the sensors well? The alarm stands until they are seen again; it can be acknowledged"
+            f"{seen} of {tracker.reference.n_modes} identified since the change, at least 3 are needed for "
+            "monitoring: check the sensors. The alarm stays active until they are identified again; "
+            "it can be acknowledged"
         )
     estimates = [window.in_time for window in windows]
     tracks = [tracker.assign(estimate)[watched] for estimate in estimates]

@@ -1,4 +1,4 @@
-"""The commissioning drill: a known mass is hung on, and what the watch says of it is held against the truth.
+"""The commissioning drill: a known mass is hung on, and answer of the monitor of it is held against the truth.
 
 The same mass scales the modes: output-only modes have no scale, the shift that a known mass makes of each frequency
 gives it.
@@ -202,16 +202,14 @@ def _watch(
     """Return what is watched by, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
         n, of = len(memory.baseline), memory.target
-        raise ProofError(f"the baseline is being learnt, {n} of {of} windows: hang the mass on once it is")
+        raise ProofError(f"the baseline is being learnt, {n} of {of} windows: attach the mass once it is")
     minutes = settings.step_seconds * (1 + settings.alarm.hold_windows) / 60
     if not memory.out:
-        again = (
-            f"hang the mass on, and look again after {minutes:.3g} min; one that has hung for longer is not seen there"
-        )
-        raise ProofError(f"no change is seen: {again}")
+        again = f"attach the mass, and repeat after {minutes:.3g} min; a mass that was attached earlier is not detected"
+        raise ProofError(f"no change detected: {again}")
     pure = [w for w in memory.out if w.start >= memory.out[0].end]
     if not pure or memory.alarm.state != "alarm":
-        raise ProofError(f"a change is seen, but too little of it yet: look again after {minutes:.3g} min")
+        raise ProofError(f"a change is detected, but in too few windows: repeat after {minutes:.3g} min")
     return learn_watch(structure, memory.baseline, devices, settings, memory.detector, memory.accepted), pure
 
 

@@ -138,7 +138,7 @@ class Judge:
             yield self._reference(watch, time)
             text = resumed_said(len(watch.baseline), watch.learnt, since)
         else:
-            text = f"learning goes on: {len(self._baseline)} of {self._target} windows"
+            text = f"learning continues: {len(self._baseline)} of {self._target} windows"
         last = max(0, self.n_windows - 1)
         yield AlarmResult(time=time, state=alarm.state, text=text, window=last, kind="resumed", quiet=True, since=since)
 
@@ -237,7 +237,7 @@ class Judge:
         pure, wanted = self._pure(), self._wanted
         if wanted is not None and self._alarm.state != "alarm":
             self._wanted = None
-            yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change is gone")
+            yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change has disappeared")
             return
         if wanted is None or len(pure) < LEAST_WINDOWS:
             return

@@ -28,7 +28,7 @@ class WindowQuality:
         if self.rms_variation > _MOST_VARIATION:
             said.append(f"the vibration varies: rms of the blocks ± {self.rms_variation:.0%}")
         if self.cycles < _FEW_CYCLES:
-            said.append(f"{self.cycles:.0f} periods of the lowest mode: take longer windows for its damping")
+            said.append(f"{self.cycles:.0f} periods of the lowest mode: use longer windows for its damping")
         return tuple(said)
 
 

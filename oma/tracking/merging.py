@@ -56,7 +56,7 @@ def merge(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> Moda
     InputError
         If a set-up lacks a reference or two of them share another channel.
     NoCommonModes
-        If no mode is seen in all set-ups.
+        If no mode is identified in all set-ups.
     """
     _check(estimates, references)
     matched = match_setups(estimates, references)

@@ -76,7 +76,7 @@ def test_killed_monitor_watches_on_at_once(tmp_path: Path) -> None:
         second.send_signal(signal.SIGTERM)
         out, err = second.communicate(timeout=60)
     assert (second.returncode, err) == (0, ""), out
-    assert "watching goes on, by the baseline of 5 windows" in out
+    assert "monitoring continues with the baseline of 5 windows" in out
     assert [w.start for w in now.baseline] == [w.start for w in memory.baseline]
 
     log = max((tmp_path / "log").glob("*.mcap"))

@@ -202,7 +202,7 @@ def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Tr
     """Try a thermometer and a tone, where the factor on all frequencies may be a temperature's or a clock's."""
     found = []
     for name, text in (
-        ("temperature", "A thermometer beside both records"),
+        ("temperature", "A thermometer during both records"),
         ("sampling_clock", "A tone of known frequency in both records"),
     ):
         reading = np.zeros((len(open_ones), 1))

@@ -84,7 +84,7 @@ _WORN = (
     "Stiffness has changed along most of several members: corrosion, another material or other sections, of which a "
     "loss of stiffness alone is a part. Measure the members' sections, and correct the structure file."
 )
-_NOTHING = "None: the data are what the reference says."
+_NOTHING = "None: the data agree with the reference."
 _UNSTEADY = "The frequencies drift between windows. Record again while the structure is stationary."
 
 

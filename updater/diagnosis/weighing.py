@@ -109,7 +109,7 @@ class Candidate:
 
 
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:
-    """Return the likeliest first; those that nothing tells apart as they stand, whatever rounding makes of them."""
+    """Return the likeliest first; those that nothing distinguishes as they stand, whatever rounding makes of them."""
     order = sorted(range(len(found)), key=lambda k: -found[k].log_evidence)
     steps = np.diff([-found[k].log_evidence for k in order], prepend=-np.inf) > _EQUAL
     group = dict(zip(order, np.cumsum(steps).tolist(), strict=True))

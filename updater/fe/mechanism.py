@@ -35,7 +35,7 @@ class FreeMotion:
         """Return sentences; `at` names a node."""
         said = [f"all of it is free {', '.join(self.whole)}"] if self.whole else []
         if len(self.whole) == len(_WAYS):
-            said.append("what hangs free needs the soft springs that it hangs on, as a support's stiffness")
+            said.append("a freely suspended structure needs its soft springs as the stiffness of a support")
         if self.node is not None:
             said.append(f"free to {'turn' if self.turns_only else 'move'} by itself: {at(self.node)}")
         return said

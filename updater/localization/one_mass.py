@@ -185,7 +185,7 @@ def open_question(structure: Structure, change: MassChange) -> str:
         f"{a.member} at {a.distance:.3f} m with {1e3 * a.mass:.0f} g ({100 * a.probability:.0f} %)"
         for a in change.alternatives
     )
-    return f"{which}: cannot tell; {places}"
+    return f"{which}: not distinguishable; {places}"
 
 
 def _mirrored(structure: Structure, one: Alternative, other: Alternative) -> bool:

@@ -65,13 +65,13 @@ def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
     Raises
     ------
     IdentificationError
-        If no mode is seen in `LEAST_PRESENCE` of the windows.
+        If no mode is identified in `LEAST_PRESENCE` of the windows.
     """
     if len(estimates) == 1:
         return FusedModes(estimate=estimates[0], n=np.ones(estimates[0].n_modes, np.intp), scatter=None)
     tracks = _all_tracks(estimates) if estimates else [np.empty(0, np.intp)]
     if not len(tracks[0]):
-        raise IdentificationError(f"no mode is seen in {LEAST_PRESENCE:.0%} of the {len(estimates)} windows")
+        raise IdentificationError(f"no mode is identified in {LEAST_PRESENCE:.0%} of the {len(estimates)} windows")
     stacked = stack_tracks(estimates, tracks)
     scatter = learn_scatter(stacked) if len(estimates) > 2 else None
     frequency_factor = max(1.0, scatter.frequency_factor) if scatter else 1.0

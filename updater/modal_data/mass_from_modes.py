@@ -49,7 +49,7 @@ def mass_of_modes(shape: FloatArray, covariance: FloatArray) -> ModalMass:
             f"modes: expected as many as channels, each with its covariance; found {shape.shape}, {covariance.shape}"
         )
     if np.linalg.cond(shape) > _SINGULAR:
-        raise ModalDataError("two of the modes have the same shape at the channels: they say nothing of the mass")
+        raise ModalDataError("two of the modes have the same shape at the channels: they do not determine the mass")
     inverse = np.linalg.inv(shape)  # B^-T: columns are modes
     value = inverse @ inverse.T
     # dM = -(M dB B^-1 + its transpose); by one component c of one mode m: M[:, c] (B^-1)[m, :]

@@ -102,6 +102,6 @@ def check_unit(frequency: FloatArray, shape: FloatArray, known_frequency: FloatA
     unit = max(_UNITS, key=lambda name: partners(_UNITS[name]))
     if partners(_UNITS[unit]) >= max(3, 2 * partners(1.0)):
         raise ModalDataError(
-            f"frequencies: expected hertz, found {np.round(frequency, 2).tolist()}, which answer to "
+            f"frequencies: expected hertz, found {np.round(frequency, 2).tolist()}, which are paired with "
             f"{np.round(known_frequency[:12], 2).tolist()} Hz if they are in {unit}"
         )

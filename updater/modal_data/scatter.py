@@ -58,7 +58,7 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
     z = (modes.log_frequency - mean_over_windows(modes.log_frequency)) / stated
     freedom = int(np.maximum(np.isfinite(z).sum(0) - 1, 0).sum())
     if not freedom:
-        raise ModalDataError("baseline: expected a mode seen in at least two windows, found none")
+        raise ModalDataError("baseline: expected a mode identified in at least two windows, found none")
     factor = float(np.sqrt(np.nansum(z**2) / freedom))
     shape_factor, shape_overdispersion = _spread_of_shapes(modes.shape, modes.shape_std)
     phase_factor, phase_overdispersion = _spread_of_shapes(modes.imaginary, modes.shape_std)

@@ -19,7 +19,7 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
     ValueError
         If a set-up lacks a reference, or two of them share another channel.
     NoCommonModes
-        If no mode is seen in all set-ups.
+        If no mode is identified in all set-ups.
     """
     windows = [part for part, _ in parts]
     estimates = tuple(fused.estimate for _, fused in parts)

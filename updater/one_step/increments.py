@@ -159,6 +159,6 @@ def seen_tracks(reference: Reference, paired: IndexArray, event: ModalMean) -> I
     shaped = np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1) & event.shape.any(1)
     tracks = np.flatnonzero(shaped & (paired >= 0))
     if not len(tracks):
-        raise PairingError("no measured mode answers to one of the reference's")
+        raise PairingError("no measured mode is paired with one of the reference")
     check_event(reference.baseline.only(tracks), event.only(tracks))
     return tracks

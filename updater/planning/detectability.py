@@ -234,8 +234,8 @@ def _outlook(
     seen = told_apart(model, modes, record)
     if len(seen) < 3 or len(model.structure.sensor) < 2:
         raise ModelError(
-            f"{model.structure.name}: to locate anything, expected two sensors or more that see three modes up to "
-            f"{record.highest:g} Hz, found {len(model.structure.sensor)} that see {len(seen)}"
+            f"{model.structure.name}: to locate a mass, expected at least two sensors that measure three modes up to "
+            f"{record.highest:g} Hz, found {len(model.structure.sensor)} that measure {len(seen)}"
         )
     reference = expected_reference(model, modes, seen, record)
     if places is None:

@@ -155,9 +155,9 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     n_nominal = int((answers >= 0).sum())
     if n_nominal < 3:
         raise PairingError(
-            f"only {n_nominal} of the modes at {np.round(frequency, 2).tolist()} Hz answer to one of "
-            f"the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: is it the right structure, are the channels "
-            "mapped rightly?"
+            f"only {n_nominal} of the modes at {np.round(frequency, 2).tolist()} Hz are paired with one "
+            f"of the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: check the structure and the "
+            "channel map"
         )
     knobs, alike = (
         model_parameters_of(structure),

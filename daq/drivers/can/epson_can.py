@@ -105,7 +105,7 @@ class EpsonCan:
         before, end = member.hub.syncs.number, time.monotonic() + _SYNC_SECONDS
         while member.hub.syncs.number == before:
             if time.monotonic() > end:
-                raise ValueError("it does, but no SYNC comes")
+                raise ValueError("it answers, but no SYNC is received")
             time.sleep(0.01)
 
     def read(self) -> Scans:
@@ -138,7 +138,7 @@ class EpsonCan:
         try:
             thermometer.ask_if_due()
         except _ERRORS as error:
-            raise DeviceLost(str(self._address), f"cannot be asked for its temperature: {error}") from error
+            raise DeviceLost(str(self._address), f"its temperature cannot be read: {error}") from error
 
     def _chunks(self, member: Member) -> list[DeviceFrames]:
         """Wait for frames and return those that are numbered by one start of SYNC."""
@@ -163,7 +163,7 @@ class EpsonCan:
     def _missing_sync(self, heartbeat: HeartbeatConsumer) -> str:
         """Return that there is no SYNC, if so; empty if there is, or it needs none."""
         silent = self._address.sync and heartbeat.alive and heartbeat.silence > _SYNC_SECONDS
-        return "it lives, but no SYNC comes: who produces it is gone" if silent else ""
+        return "the device is alive, but no SYNC is received: its producer has failed" if silent else ""
 
     def close(self) -> None:
         """Stop the device if it still listens, and leave the bus."""

@@ -65,9 +65,9 @@ class HeartbeatConsumer:
         while self._said:
             state = self._said.popleft()
             if state == _BOOT_UP:
-                return "it has started anew: its settings are gone"
+                return "it has restarted: its settings are lost"
             if self._running and state != _OPERATIONAL:
-                return f"its heartbeat says {NMT_STATES.get(state, state)}, expected OPERATIONAL"
+                return f"state of its heartbeat: {NMT_STATES.get(state, state)}, expected OPERATIONAL"
             self._running |= state == _OPERATIONAL  # one that was under way when it was told to start may say otherwise
         quiet = time.monotonic() - max(self._heard, self._scanned)
         return f"neither heartbeat nor scan for {PATIENCE:g} s" if quiet > PATIENCE else ""
@@ -80,4 +80,6 @@ class HeartbeatConsumer:
         news, self._told = late and not self._told, late
         if not news:
             return ""
-        return f"no heartbeat for {_FULL_SECONDS:g} s though scans come: the bus is full, or another master is on it"
+        return (
+            f"no heartbeat for {_FULL_SECONDS:g} s although scans arrive: the bus is overloaded, or has another master"
+        )

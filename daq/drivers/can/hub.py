@@ -87,7 +87,7 @@ class Member:
         except queue.Empty:
             pass
         if not chunks and self.hub.failure is not None:
-            raise DeviceLost(str(self.place), f"the bus is gone: {self.hub.failure}")
+            raise DeviceLost(str(self.place), f"the bus is not available: {self.hub.failure}")
         return chunks
 
     def gather(self, seconds: float) -> None:
@@ -222,8 +222,8 @@ def join_bus(place: CanPlace, identifiers: frozenset[int], sync: SyncPart | None
 def _conflict(sync: SyncPart, other: SyncPart) -> str:
     """Return why two devices cannot have these parts in one SYNC, empty if they can."""
     if sync.rate != other.rate:
-        return f"SYNC: expected one rate on a bus, found {sync.rate:g} Hz beside {other.rate:g} Hz"
-    return "SYNC: expected one producer on a bus, found a second beside" if sync.produces and other.produces else ""
+        return f"SYNC: expected one rate on a bus, found {sync.rate:g} Hz with {other.rate:g} Hz"
+    return "SYNC: expected one producer per bus, found a second one with" if sync.produces and other.produces else ""
 
 
 def leave_bus(member: Member) -> None:

@@ -68,7 +68,7 @@ def find_nodes(bus: CanPlace) -> list[Found]:
                 found.append(Found(driver="epson-can", place=address, identity=identity))
         return found
     except (can.CanError, OSError) as error:
-        raise DriverError(f"{bus.interface}:{bus.channel}", f"nodes cannot be asked: {error}") from error
+        raise DriverError(f"{bus.interface}:{bus.channel}", f"nodes cannot be queried: {error}") from error
     finally:
         leave_bus(member)
 

@@ -104,7 +104,7 @@ class ModalwatchNode:
         end = time.monotonic() + _SCANS_SECONDS + 8 / self._rate
         while len(scans.counter) < 5:
             if time.monotonic() > end:
-                raise ValueError("says who it is, but sends no scans")
+                raise ValueError("identifies itself, but sends no scans")
             scans = node.joined(scans, self._decoder.feed(port.read()))
         step, us = np.diff(scans.counter).astype(float), np.diff(scans.time).astype(float)
         found = 1e6 * float(np.median(step / np.maximum(us, 1.0)))

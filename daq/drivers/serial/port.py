@@ -56,7 +56,7 @@ class SerialPort:
         try:
             return self._bites.read(READ_SECONDS)
         except PORT_ERRORS as error:
-            raise DeviceLost(self._path, f"the port is gone: {error}") from error
+            raise DeviceLost(self._path, f"the port is not available: {error}") from error
 
     @property
     def age(self) -> int:

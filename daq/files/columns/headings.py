@@ -139,11 +139,11 @@ def _factor(path: Path, signal: Signal, velocity: bool) -> float:
     if unit in known or not unit:
         return known.get(unit, 1.0)
     if unit in _VELOCITIES:
-        raise DataError(path, f"column {signal.column!r} holds velocities: say so by --velocity {signal.channel}")
+        raise DataError(path, f"column {signal.column!r} has velocities: give --velocity {signal.channel}")
     raise DataError(
         path,
         f"column {signal.column!r}: expected the unit {', '.join(known)}, found {signal.unit!r}: "
-        "say by --unit and --scale what its numbers are, or by --column which columns to take",
+        "give the unit of its numbers by --unit and --scale, or the columns by --column",
     )
 
 
@@ -159,11 +159,11 @@ def unit_remark(signals: Iterable[Signal], velocities: Collection[str], by_hand:
     stated: dict[str, list[str]] = {}
     for signal in signals:
         usual = "m/s" if signal.channel in velocities else "m/s2"
-        stated.setdefault(signal.unit or f"{usual}, for want of a unit", []).append(signal.channel)
+        stated.setdefault(signal.unit or f"{usual}, without a unit", []).append(signal.channel)
     if not any(signal.unit for signal in signals):
         doubtful = [signal.channel for signal in signals if by_hand is None and _ENDED.fullmatch(signal.channel)]
-        return f"{', '.join(doubtful)} in m/s2: if a name ends in its unit say --unit" if doubtful else ""
+        return f"{', '.join(doubtful)} in m/s2: if a name ends in its unit give --unit" if doubtful else ""
     said = "; ".join(f"{', '.join(channels)} in {unit}" for unit, channels in stated.items())
     if by_hand is not None:
-        return f"columns say: {said}; what --unit and --scale say goes before it, {by_hand:.6g} m/s2 a unit"
-    return f"as the columns say: {said}"
+        return f"units of the columns: {said}; overridden by --unit and --scale, {by_hand:.6g} m/s2 a unit"
+    return f"from the columns: {said}"

@@ -51,7 +51,7 @@ def _celsius(path: Path, name: str, values: FloatArray) -> FloatArray:
         raise DataError(
             path,
             f"column {name!r}: expected temperatures of {_COLDEST:g} to {_HOTTEST:g} degC, found {wrong[0]:g}: "
-            "another unit stands after the name, as in `temperature [K]`",
+            "write another unit after the name, as in `temperature [K]`",
         )
     return found
 

@@ -116,7 +116,7 @@ def _ask(path: Path, name: str, t: FloatArray) -> None:
     raise DataError(
         path,
         f"column {name!r}: times in seconds would make {rates['s']:.3g} Hz, which no log of a structure has: "
-        f"say their unit by --time-unit, as {' or '.join(usual) or ', '.join(TIME_UNITS)}; s if it is right",
+        f"give their unit by --time-unit, as {' or '.join(usual) or ', '.join(TIME_UNITS)}; s if it is right",
     )
 
 
@@ -124,7 +124,7 @@ def time_remark(name: str, given: str | None) -> str | None:
     """Say in which unit times were taken, None where they are in seconds and nothing else was said."""
     said = header_unit(name)
     if given is not None and said not in (None, given):
-        return f"times of {name!r} are taken in {given}, as --time-unit says, not in {said}"
+        return f"times of {name!r} are taken in {given}, by --time-unit, not in {said}"
     unit = given or said or "s"
     return f"times of {name!r} are in {unit}" if unit != "s" else None
 

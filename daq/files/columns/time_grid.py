@@ -46,7 +46,7 @@ def even_grid(t: FloatArray) -> Grid:
         If a time does not increase, or is off the grid by more than `TOLERANCE` of a period.
     """
     if len(t) < 2:
-        raise UnevenError(0, "at least two times are needed to know the rate")
+        raise UnevenError(0, "at least two times are needed for the rate")
     good = np.abs(t) < _LATEST
     if not good.all():
         raise UnevenError(int(np.argmin(good)), "the time is missing, or no number of seconds")

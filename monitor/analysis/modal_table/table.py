@@ -162,7 +162,7 @@ def _refuse_doubled(path: Path | str, estimate: ModalEstimate, line: list[int]) 
     found = doubles(mean_modes(stack_tracks([estimate], [np.arange(estimate.n_modes)])))
     if len(found):
         again, frequency = line[found[0]], estimate.frequency[found[0]]
-        raise LogError(path, f"line {again}: the mode at {frequency:.5g} Hz stands in the table twice")
+        raise LogError(path, f"line {again}: the mode at {frequency:.5g} Hz is in the table twice")
 
 
 def _or(found: ComplexArray | None, usual: FloatArray) -> FloatArray:

@@ -202,8 +202,7 @@ def _say_extended(path: str, *, fitted: bool) -> None:
     console.print(f"extended model: {path}", soft_wrap=True, markup=False)
     if fitted:
         console.print(
-            "  beside what was found it holds what was fitted to the reference logs: the stiffness of its materials, "
-            "feet and joints",
+            "  it also has the parameters fitted to the reference logs: stiffness of materials, feet and joints",
             style="dim",
         )
 
@@ -224,7 +223,7 @@ def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out:
     what = f"with its own parameters fitted the file's frequencies are off by {after} %, not by {before} %"
     if out is None:
         return f"{what}: --out DIR writes that model"
-    path = out / "structure_nearer.toml"
+    path = out / "structure_recalibrated.toml"
     given = structure_path.read_text(encoding="utf-8")
     text = dump_structure(found.nearer.structure, given, note="fitted by modalwatch diagnose")
     head = (
@@ -234,7 +233,7 @@ def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out:
         path.write_text(head + text, encoding="utf-8")
     except OSError as error:
         raise ArgumentError("--out", f"{path}: cannot be written: {error.strerror}") from error
-    return f"nearer model: {path}\n  {what}; ask again with it"
+    return f"recalibrated model: {path}\n  {what}; diagnose again with it"
 
 
 def _named(paths: Sequence[Path]) -> str:

@@ -132,7 +132,7 @@ def say_modes(logs: Sequence[AnyLog], found: Findings, *, setups: bool) -> None:
 def _marks(found: Findings) -> Iterator[str]:
     """Yield the meaning of the marks in the table, and delays of channels."""
     if found.may_be_tone.any():
-        yield "? may be a tone of a machine: the record is too short to tell it from a lightly damped mode"
+        yield "? possibly the tone of a machine: the record is too short to distinguish it from a lightly damped mode"
     if found.may_be_alias.any():
         yield (
             f"~ above {ALIAS_FREE:g} of the rate: may be an alias of vibration above half the rate; left out by "

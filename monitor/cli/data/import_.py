@@ -59,12 +59,12 @@ class ImportOptions:
 def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
     """Write the log; say what is in it."""
     if len(data) > 1 and options.start is not None:
-        raise ArgumentError("--start", f"not of {len(data)} files, which say by dates when each begins")
+        raise ArgumentError("--start", f"not of {len(data)} files, each with its start date")
     parts = _read(data, options)
     with ExitStack() as undone:
         if options.new_site is not None:
             if options.structure is None or options.site is not None:
-                raise ArgumentError("--new-site", "expected --structure beside it, and no --site")
+                raise ArgumentError("--new-site", "expected --structure with it, and no --site")
             recorded = [part.recording for part in parts]
             undone.enter_context(new_site(options.new_site, options.structure, out, recorded))
         recordings, notes = _write(data[0], out, options, parts)
@@ -91,7 +91,7 @@ def _write(
         recordings = [_for_site(data, recording, site, path) for recording in recordings]
         attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
         if site.settings.temperature is not None and any(np.isfinite(one.temperature) for one in recordings):
-            notes.append(f"[temperature] of {path} goes before the log's temperatures; leave it out there")
+            notes.append(f"[temperature] of {path} overrides the log's temperatures; remove it there")
         if options.new_site is not None:
             notes += learning_notes(site.settings, sum(recording.duration for recording in recordings), path)
     write_recordings(out, recordings, attachments, [part.temperature for part in parts])
@@ -180,7 +180,7 @@ def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recor
     names = {channel.name for channel in recording.channels}
     for channel in site.settings.channels:
         if channel.name not in names:
-            raise DataError(data, f"has no column {channel.name!r}, which {path} asks for")
+            raise DataError(data, f"has no column {channel.name!r}, which {path} requires")
     for device in site.settings.device:
         if abs(recording.rate / device.rate - 1) > _RATE_TOLERANCE:
             raise DataError(

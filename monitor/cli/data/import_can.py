@@ -25,7 +25,7 @@ def import_can_command(data: Sequence[Path], out: Path, options: ImportOptions) 
     if len(data) > 1:
         raise ArgumentError("DATA", f"expected one file of CAN traffic, found {len(data)}: {data[0]}, {data[1]}")
     if options.velocities or options.unit is not None:
-        raise ArgumentError("--velocity" if options.velocities else "--unit", "not of a CAN log: its DBC file says")
+        raise ArgumentError("--velocity" if options.velocities else "--unit", "not for a CAN log: its DBC file has it")
     if options.new_site is not None:
         raise ArgumentError("--new-site", "not of a CAN log, whose sensors [device.dbc] describes: give --site")
     sensors, channels, attachments = _of_site(options.site) if options.site else _of_options(options)

@@ -41,7 +41,9 @@ def repair_command(path: Path) -> int:
     if state.whole:
         console.print(f"{escape(str(path))}: whole, {state.n_messages} messages; not touched", soft_wrap=True)
     else:
-        console.print(f"{escape(str(path))}: mended, {state.n_messages} messages kept; it was {state}", soft_wrap=True)
+        console.print(
+            f"{escape(str(path))}: repaired, {state.n_messages} messages kept; it was {state}", soft_wrap=True
+        )
     return DONE
 
 

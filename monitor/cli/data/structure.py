@@ -30,7 +30,7 @@ from updater.structure import odd_units
 
 console = Terminal()
 _USUAL_RATE = 1000.0  # Hz
-_ELSE = "of another recorder --highest says how far, or --channels SITE.toml or a log of it"
+_ELSE = "for another recorder give --highest, or --channels SITE.toml or a log of it"
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
 
@@ -169,7 +169,9 @@ def _say(sight: Sight, planned: Plan | None) -> None:
         f"{sight.model.total_mass():.3f} kg; {members}, {sight.model.n_dofs} degrees of freedom, "
         f"{len(structure.sensor)} sensors"
     )
-    console.print(f"seen: largest motion at a sensor over the largest anywhere; alike: MAC at the sensors over {ALIKE}")
+    console.print(
+        f"measured: largest motion at a sensor over the largest anywhere; alike: MAC at the sensors above {ALIKE}"
+    )
     for words in clearer_words(sight):
         console.print(escape(words))
     if sight.outlook is None:

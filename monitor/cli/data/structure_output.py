@@ -27,7 +27,7 @@ def modes_table(sight: Sight) -> Table:
     """Return the modes and what the sensors see of each."""
     structure = sight.model.structure
     table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
-    for name in ("mode", "frequency [Hz]", "seen by sensors", "best sensor", "looks to them like"):
+    for name in ("mode", "frequency [Hz]", "measured by sensors", "best sensor", "looks to them like"):
         table.add_column(name, justify="right", no_wrap=True)
     for k, frequency in enumerate(sight.modes.frequency):
         best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
@@ -40,9 +40,9 @@ def modes_table(sight: Sight) -> Table:
 def clearer_words(sight: Sight) -> Iterator[str]:
     """Say which modes stay unseen or alike, and the sensor that mends most of that."""
     if sight.unseen:
-        yield f"no sensor sees {_modes(sight.unseen)}"
+        yield f"no sensor measures {_modes(sight.unseen)}"
     if sight.pairs_alike:
-        yield "cannot be told apart by shape: " + _pairs(sight.pairs_alike)
+        yield "not distinguishable by shape: " + _pairs(sight.pairs_alike)
     better = clearer(sight)
     if better is None:
         return
@@ -50,7 +50,7 @@ def clearer_words(sight: Sight) -> Iterator[str]:
     shown = sorted(set(sight.unseen) - set(then.unseen))
     told = sorted(set(sight.pairs_alike) - set(then.pairs_alike))
     gains = [f"shows {_modes(shown)}"] if shown else []
-    gains += ["tells apart " + _pairs(told)] if told else []
+    gains += ["distinguishes " + _pairs(told)] if told else []
     then_alike = sorted(set(then.pairs_alike) - set(sight.pairs_alike))
     if gains and then_alike:
         gains.append("which leaves alike " + _pairs(then_alike))
@@ -98,7 +98,7 @@ def body_table(sight: Sight, outlook: DetectabilityStudy) -> Table:
     )
     table = Table(box=SIMPLE_HEAD, title=title)
     table.add_column("member")
-    for name in ("weakest seen", "at, m", "half of it sees", f"{mass_words(mass)} located to ±"):
+    for name in ("smallest detectable", "at, m", "half of it detects", f"{mass_words(mass)} located to ±"):
         table.add_column(name, justify="right")
     table.add_column("blind, m")
     place, _ = outlook.bound(mass)
@@ -167,7 +167,7 @@ def _needed(sensors: SensorSet) -> list[str]:
 
 
 def as_json(sight: Sight, planned: Plan | None) -> dict[str, Any]:
-    """Return all figures; null where no sensor sees a mode or no mass is enough."""
+    """Return all figures; null where no sensor measures a mode or no mass is enough."""
     n = len(sight.modes.frequency)
     return {
         "name": sight.model.structure.name,

@@ -49,7 +49,7 @@ def demo_command(out: Path, seed: int | None, *, speed: float, plan: Plan) -> in
     console.print(
         "Six emulated Epson accelerometers: four serial, two CAN. Sometime, somewhere, the rig will add a body;"
     )
-    console.print("nobody tells the monitor when, where or how heavy.\n")
+    console.print("the monitor has no information on time, place or mass.\n")
     _clear(out)
     scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
     (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")

@@ -50,7 +50,7 @@ def reveal(
     }
     (out / "answer.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
     said = [change_text(w.diagnosis) for w in windows if w.diagnosis]
-    console.print(_table(summary, answer, said[-1] if said else "nothing said"))
+    console.print(_table(summary, answer, said[-1] if said else "no answer"))
     verdict = "[bold green]found[/]" if right else "[bold red]MISSED[/]" if answer is None else "[bold red]WRONG[/]"
     console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {rig['sent']}\n")
     _write_pictures(out, report)
@@ -59,7 +59,7 @@ def reveal(
 
 
 def _table(summary: dict[str, Any], answer: MassAnswer | None, said: str) -> Table:
-    table = Table("", "truth", "the monitor's answer", "off by", title="What the rig did, and what the monitor said")
+    table = Table("", "truth", "the monitor's answer", "off by", title="Truth of the rig, and answer of the monitor")
     truth = summary["truth"]
     if answer is None:
         table.add_row("body added", f"{1000 * truth['mass']:.0f} g", said, "")

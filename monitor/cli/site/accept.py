@@ -55,7 +55,7 @@ def _standing(site: Site, alarm: str | None) -> AlarmRow:
     except HistoryError as error:
         raise ArgumentError("ALARM", f"no alarm is known: {error}") from error
     if found is None:
-        raise ArgumentError("ALARM", "no alarm stands")
+        raise ArgumentError("ALARM", "no alarm is active")
     if alarm is not None and not utc(found.raised).startswith(alarm):
-        raise ArgumentError("ALARM", f"expected the one that stands, {utc(found.raised)}, found {alarm!r}")
+        raise ArgumentError("ALARM", f"expected the active one, {utc(found.raised)}, found {alarm!r}")
     return found

@@ -51,7 +51,7 @@ def check_command(path: Path, given: Sequence[str] = ()) -> int:
         console.print(f"[yellow]{escape(NO_THERMOMETER)}[/]", soft_wrap=True)
     for problem in problems:
         console.print(f"[yellow]{escape(problem)}[/]")
-    console.print("all devices answer" if not problems else "the devices answer, but see above")
+    console.print("all devices answer" if not problems else "the devices answer; see the problems above")
     well = _say_around(site)
     return DONE if well and not problems else NEEDS_A_PERSON
 

@@ -58,7 +58,7 @@ def _window_line(window: WindowResult) -> str:
     if window.novelty:
         text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
     if window.faults:
-        text += f"; not heard: {', '.join(window.faults)}"
+        text += f"; no data: {', '.join(window.faults)}"
     if window.sensors:
         text += f"; {health_text(window.sensors)}"
     return f"{text}, {change_text(window.diagnosis)}" if window.diagnosis else text

@@ -82,15 +82,15 @@ def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]],
     for name in ("port", "system's name", "what", "who answers"):
         table.add_column(name, overflow="fold")
     for port in ports:
-        answer = seen.get(port.path, "not asked")
-        who = answer.who if isinstance(answer, PortAnswer) else answer or "nobody that is known"
+        answer = seen.get(port.path, "not queried")
+        who = answer.who if isinstance(answer, PortAnswer) else answer or "no known device"
         if isinstance(answer, PortAnswer):
             nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
             who += "".join(f"\nnode {_node(d)}: {_name_of(d)}" for d in nodes)
         system = port.device if port.by_id else ""
         table.add_row(*(escape(text) for text in (port.path, system, port.description or "serial port", who)))
     for interface, channel in adapters:
-        table.add_row(escape(channel), "", escape(f"CAN, interface {interface}"), "not asked")
+        table.add_row(escape(channel), "", escape(f"CAN, interface {interface}"), "not queried")
     if not ports and not adapters:
         table.add_row("none", "", "", "")
     return table
@@ -143,7 +143,7 @@ def _as_json(
         answer = seen.get(port.path)
         if isinstance(answer, PortAnswer):
             return {"who": answer.who, "devices": [asdict(device) for device in answer.devices]}
-        return {"who": None, "devices": [], "why": answer if port.path in seen else "not asked"}
+        return {"who": None, "devices": [], "why": answer if port.path in seen else "not queried"}
 
     return {
         "ports": [asdict(port) | answer_of(port) for port in ports],

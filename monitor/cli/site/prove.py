@@ -82,7 +82,7 @@ def _say(proof: Proof) -> None:
     console.print(f"{proof.n_windows} windows, {utc(proof.start)} to {utc(proof.end)}; ", end="")
     console.print(f"the alarm was raised {utc(proof.raised)}" if proof.raised is not None else "")
     table = Table(box=SIMPLE_HEAD)
-    for name in ("", "what the watch says", ""):
+    for name in ("", "answer of the monitor", ""):
         table.add_column(name)
     for check in proof.checks:
         table.add_row(check.what, escape(check.said), "[green]ok[/]" if check.passed else "[bold red]FAILED[/]")

@@ -110,7 +110,7 @@ def acknowledge_command(path: Path, by: str, note: str) -> int:
     """Leave word for the monitor of a site that a person knows of its alarm."""
     site = load_site(path)
     found = standing_if_known(site)
-    known = f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history knows of no alarm that stands"
+    known = f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history has no active alarm"
     console.print(escape(known), soft_wrap=True)
     tell(site, Acknowledgement(by=by, note=note))
     return DONE

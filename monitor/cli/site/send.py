@@ -30,7 +30,7 @@ def tell(site: Site, said: Said) -> None:
         why = error.strerror or str(error)
         raise ArgumentError("state", f"{site.state}: {why}: expected a user who may write there") from error
     if not _runs(site):
-        console.print("no monitor runs here now: it takes it when it starts", soft_wrap=True)
+        console.print("no monitor is running: the command is executed at the next start", soft_wrap=True)
         return
     end = time.monotonic() + _WAIT
     while path.exists() and time.monotonic() < end:

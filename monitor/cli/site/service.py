@@ -56,7 +56,7 @@ def install_command(path: Path, *, of_user: bool, only_print: bool, run_as: str 
     echo(f"written: {unit.path}")
     echo(f"to start it now and at every boot: {command} daemon-reload && {command} enable --now {unit.path.name}")
     if of_user:
-        echo("to have it run while nobody is logged in: loginctl enable-linger")
+        echo("to keep it running while no user is logged in: loginctl enable-linger")
     return DONE
 
 
@@ -121,7 +121,7 @@ def health_command(path: Path) -> int:
 def _asked(site: Site) -> list[str]:
     web = site.settings.web
     if web is None:
-        raise ArgumentError("health", f"{site.path} has no [web] section to ask by")
+        raise ArgumentError("health", f"{site.path} has no [web] section, which `health` requires")
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(web.bind, web.bind)
     token = read_token(site.source.token_path(web.token_file))
     answer = httpx.get(

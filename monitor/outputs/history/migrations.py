@@ -49,7 +49,7 @@ def migrate(connection: Connection, url: str) -> int:
     """
     before = version_of(connection)
     if before > NEWEST:
-        raise HistoryError(url, f"is of schema version {before}, this program knows up to {NEWEST}: use a later one")
+        raise HistoryError(url, f"is of schema version {before}, this program supports up to {NEWEST}: use a later one")
     for version, step in enumerate(STEPS[before:], before + 1):
         step(connection)
         connection.execute(schema.versions.insert().values(version=version))

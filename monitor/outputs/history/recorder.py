@@ -202,7 +202,7 @@ class HistoryRecorder:
         finally:
             self._asked = None
         if self._given_up:
-            raise HistoryError(shown_url(self._url), "it came too late")  # so that the spool stays as it is
+            raise HistoryError(shown_url(self._url), "it arrived too late")  # so that the spool stays as it is
 
     def _opened(self) -> bool:
         """Open a database that is to take over rows of another one before it takes anything else; tell whether it is.

@@ -15,8 +15,8 @@ def mend_logs(folder: Path) -> Iterator[str]:
         try:
             if not has_end(path):
                 state = repair_log(path)
-                yield f"{path}: mended, {state.n_messages} messages kept"
+                yield f"{path}: repaired, {state.n_messages} messages kept"
         except LogError as error:
             yield str(error)
         except Exception as error:  # noqa: BLE001 - a file that somebody left there must not stop a start
-            yield one_line(f"{path}: cannot be mended: {type(error).__name__}: {error}")
+            yield one_line(f"{path}: cannot be repaired: {type(error).__name__}: {error}")

@@ -85,4 +85,4 @@ class SignsOfLife:
             return f"no data for {self.data:.0f} s"
         if self.disk > _FLOW_SECONDS:
             return f"the log has not been written for {self.disk:.0f} s"
-        return "the disk takes nothing, and memory is full" if self.losing else None
+        return "the disk is not writable, and the memory buffer is full" if self.losing else None

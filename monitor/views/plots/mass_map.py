@@ -98,7 +98,7 @@ def _weakest(
         blind = sight.weakest[here] > top
         axes.plot(x[here], np.where(blind, np.nan, sight.weakest[here]), color=_LINE, linewidth=_width(outlook, 1.8))
         axes.plot(x[here], np.where(blind, limits[1], np.nan), color=_BLIND, linewidth=4, solid_capstyle="butt")
-    axes.set(yscale="log", ylim=(0.8 * limits[0], 1.15 * limits[1]), ylabel="weakest mass seen")
+    axes.set(yscale="log", ylim=(0.8 * limits[0], 1.15 * limits[1]), ylabel="smallest detectable mass")
     axes.yaxis.set_major_locator(LogLocator(subs=_SUBS))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
     record = outlook.record

@@ -79,5 +79,5 @@ def _draw_mode(axes: Axes3D, sight: Sight, k: int) -> None:
     lines(axes, nodes, spans, _STILL, 1.0)
     lines(axes, nodes + SWAY * size(sight.model) * sight.motion[k], spans, _MEMBER, 2.0)
     colour = "black" if sight.is_seen(k) else _BODY
-    note = "" if sight.is_seen(k) else "\nno sensor sees it"
+    note = "" if sight.is_seen(k) else "\nnot measured by any sensor"
     axes.set_title(f"{k + 1}: {sight.modes.frequency[k]:.2f} Hz{note}", fontsize=10, color=colour, pad=-4)

@@ -56,7 +56,7 @@ def _mode(mode: ModeComparison) -> dict[str, str]:
         row["off"] = number_text(mode.off_percent, mode.std_percent)
         row["sigmas"] = f"{mode.off_percent / mode.std_percent:+.1f}"
     if mode.measured is None:
-        row["measured"] = "not seen"
+        row["measured"] = "not identified"
     elif mode.simulated is None:
         row["simulated"] = "none"
     if not mode.compared:
@@ -89,7 +89,7 @@ def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> lis
         text = beside.balance_text(reference, found.balance, reading)
         if text:
             odds = f" (log evidence {abs(found.balance.log_odds):.0f} over the other reading)" * (len(readings) == 1)
-            title = f"Forces left over, read {name}{odds}: {text}"
+            title = f"Residual forces, read {name}{odds}: {text}"
             drawn = picture(partial(beside.balance_figure, reference, found.balance, reading), title)
             parts.append({"picture": drawn, "text": title + "."})
     return parts

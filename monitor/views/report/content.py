@@ -112,7 +112,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
     if detectable := last_detectable(story):
         facts.append(("Smallest detectable change", detectable))
     if unsure := unsure_ever(story):
-        facts.append(("What could be told", unsure))
+        facts.append(("Detectable change", unsure))
     if trend := standing_trend(story):
         facts.append(("Slow trend", trend))
     alarms = [a for a in story.alarms if a.raised]
@@ -196,7 +196,7 @@ def _mode(
     row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
     mode = find_mode(last, number) if last else None
     if mode is None or last is None:
-        return row | {"now": "not seen"}
+        return row | {"now": "not identified"}
     row |= {"now": number_text(mode.frequency, mode.frequency_std)}
     row |= {"damping": number_text(100 * mode.damping, 100 * mode.damping_std)}
     if mode.shift_percent is not None and mode.shift_std_percent is not None:
@@ -273,7 +273,7 @@ def _fit(number: int, mode: ModeFit) -> dict[str, str]:
     measured = "" if frequency.measured is None else number_text(frequency.measured, frequency.std or 0.0)
     return {
         "number": str(number),
-        "measured": measured or "not seen",
+        "measured": measured or "not identified",
         "before": optional(frequency.before, ".3f"),
         "after": optional(frequency.after, ".3f"),
         "mac_before": optional(mac_pair.before, ".4f"),

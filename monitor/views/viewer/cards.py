@@ -38,7 +38,7 @@ def window_card(window: WindowResult, story: RunResults) -> str:
     if window.answer:
         parts.append(_answer(window.answer))
     elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
-        parts.append("**The structure has changed.** Where, the next windows will tell.")
+        parts.append("**The structure has changed.** Location not yet known.")
     if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):
         parts.append(diagnosis_text(window.diagnosis))
     if window.problem:
@@ -79,7 +79,7 @@ def _table(window: WindowResult, story: RunResults) -> str:
 
 def _row(number: int, mode: ModeResult | None) -> str:
     if mode is None:
-        return f"| **{number}** | not seen | | | | | |"
+        return f"| **{number}** | not identified | | | | | |"
     return f"| **{number}** | {_frequency(mode)} | {_shift(mode)} |"
 
 
@@ -99,7 +99,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
     parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
     for cause in diagnosis.causes:
         aliases = ", ".join(plain(name) for name in cause.cannot_be_told_from)
-        doubt = f" Cannot be told from {aliases}." if aliases else ""
+        doubt = f" Cannot be distinguished from {aliases}." if aliases else ""
         parts.append(f"**{cause_text(cause)}** (probability {share_text(cause.probability)}).{doubt}")
     if diagnosis.gain:
         error = diagnosis.gain.frequency_error_percent
@@ -121,7 +121,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
 
 def modes_card(reference: ReferenceResult) -> str:
     """Return measured modes beside those of the structure file."""
-    lines = [f"Baseline of {reference.n_windows} windows; model: as the structure file says, before calibration.", ""]
+    lines = [f"Baseline of {reference.n_windows} windows; model: structure file before calibration.", ""]
     lines += ["| mode | measured Hz | ± | ζ % | model Hz | off % | MAC |", "|---:|---:|---:|---:|---:|---:|---:|"]
     for m in reference.modes:
         off = 100 * (m.model_frequency / m.frequency - 1)

@@ -201,7 +201,7 @@ def test_the_unit_of_velocities_is_heeded(tmp_path: Path) -> None:
     path.write_text("\n".join(["v [mm/s],a", *rows]))
     found = read_data(path, rate=100.0, velocities=["v"]).data[100:-100, 0]
     np.testing.assert_allclose(found, 0.02 * np.cos(20 * t[100:-100]), atol=1e-4)
-    with pytest.raises(DataError, match=r"column 'v \[mm/s\]' holds velocities: say so by --velocity v$"):
+    with pytest.raises(DataError, match=r"column 'v \[mm/s\]' has velocities: give --velocity v$"):
         read_data(path, rate=100.0)
     path.write_text("\n".join(["v [g],a", *rows]))
     with pytest.raises(DataError, match=r"column 'v \[g\]': expected the unit m/s, cm/s, mm/s, um/s, found 'g'"):
@@ -491,7 +491,7 @@ TABLES = {
     "milliseconds": (
         "t,a\n0,1\n10,1\n20,1\n",
         r"column 't': times in seconds would make 0.1 Hz, which no log of a structure has: "
-        r"say their unit by --time-unit, as ms \(100 Hz\); s if it is right",
+        r"give their unit by --time-unit, as ms \(100 Hz\); s if it is right",
     ),
     "since 1970": (
         "t,a\n1767225600000,1\n1767225600004,1\n1767225600008,1\n",
@@ -574,7 +574,7 @@ def test_names_that_end_as_if_in_a_unit_are_told(tmp_path: Path) -> None:
     path.write_text("t,ax_g,deck y_mg,z,temperature_C\n0,1,1,1,20\n1,2,2,2,20\n")
     found = read_measured(path, DataOptions())
     assert [c.name for c in found.recording.channels] == ["ax_g", "deck y_mg", "z"]
-    assert found.remarks[0] == "ax_g, deck y_mg in m/s2: if a name ends in its unit say --unit"
+    assert found.remarks[0] == "ax_g, deck y_mg in m/s2: if a name ends in its unit give --unit"
     assert len(read_measured(path, DataOptions(factor=9.8)).remarks) == 1
 
 

@@ -265,7 +265,7 @@ def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatc
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(LogError, match=r"full\.mcap: cannot be mended: No space left on device"):
+    with pytest.raises(LogError, match=r"full\.mcap: cannot be repaired: No space left on device"):
         repair_log(path)
     assert path.read_bytes() == content
     assert list(path.parent.glob(".*")) == []
@@ -284,7 +284,7 @@ def test_a_disk_that_fills_amid_the_end_leaves_the_log_as_it_was(tmp_path: Path)
         path.write_bytes(content)
         resource.setrlimit(resource.RLIMIT_FSIZE, (len(content) + room, hard))
         try:
-            with pytest.raises(LogError, match=r"log\.mcap: cannot be mended: File too large"):
+            with pytest.raises(LogError, match=r"log\.mcap: cannot be repaired: File too large"):
                 repair_log(path)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -300,7 +300,7 @@ def test_a_log_that_is_being_written_is_left_alone(whole: Path) -> None:
         writer.write(item)
     writer.flush()
     content = path.read_bytes()
-    with pytest.raises(LogError, match=r"open\.mcap: is being written: it cannot be mended now"):
+    with pytest.raises(LogError, match=r"open\.mcap: is being written: it cannot be repaired now"):
         repair_log(path)
     assert path.read_bytes() == content
     assert not has_end(path)

@@ -47,7 +47,7 @@ def test_the_oldest_go_until_the_rest_is_small_enough_and_nothing_else(tmp_path:
     gone = []
     while surplus := guard.surplus():
         assert surplus.size == surplus.path.stat().st_size
-        assert surplus.why.startswith("the logs take ")
+        assert surplus.why.startswith("the logs use ")
         surplus.path.unlink()
         gone.append(surplus.path)
     assert gone == older

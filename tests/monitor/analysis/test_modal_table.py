@@ -122,7 +122,7 @@ def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
     said = " ".join(done.out.split())
     assert "no cause known here explains" in said
     assert "its own parameters fitted the file's frequencies are off by" in said
-    nearer = tmp_path / "out" / "structure_nearer.toml"
+    nearer = tmp_path / "out" / "structure_recalibrated.toml"
     assert nearer.name in said
     found = load_structure(nearer)
     assert found.material["steel"].youngs_modulus < 230e9
@@ -178,7 +178,7 @@ def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tm
         ),
         (
             "frequency,beam_mid_x,beam_mid_y,beam_left_z\n10,1,0,0\n11,0,1,0\n38,0,0,1\n10,1,0,0\n",
-            ": the mode at 10 Hz stands in the table twice",
+            ": the mode at 10 Hz is in the table twice",
         ),
     ],
 )

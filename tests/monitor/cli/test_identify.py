@@ -166,7 +166,7 @@ def test_windows_that_scatter_more_than_they_state_are_believed_less(scatter: fl
 
 
 def test_a_mode_that_few_windows_show_is_none(ambient: Recording) -> None:
-    with pytest.raises(IdentificationError, match="no mode is seen in 70% of the 2 windows"):
+    with pytest.raises(IdentificationError, match="no mode is identified in 70% of the 2 windows"):
         fuse([*constant(10.0, 0.0, 1), *constant(20.0, 0.0, 1)])
     with pytest.raises(IdentificationError, match="of the 0 windows"):
         fuse([])

@@ -72,7 +72,7 @@ def test_times_that_are_no_seconds(modalwatch: Commands, table: Path, tmp_path: 
     assert done.out.splitlines()[1] == "times of 'Time (ms)' are in ms"
     assert imported(tmp_path / "headed.mcap").rate == 100.0
     done = modalwatch("import", table, "-o", tmp_path / "asked.mcap", "--time-unit", "s")
-    assert done.out.splitlines()[1] == "times of 'Time (ms)' are taken in s, as --time-unit says, not in ms"
+    assert done.out.splitlines()[1] == "times of 'Time (ms)' are taken in s, by --time-unit, not in ms"
     assert ", 3000 s at 0.1 Hz," in done.out
 
 
@@ -82,11 +82,11 @@ def test_units_in_the_header(modalwatch: Commands, table: Path, tmp_path: Path) 
     table.write_text(text.replace("beam_left_y,beam_left_z", "beam_left_y [g],beam_left_z (mm/s^2)"))
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--structure", tmp_path / "t_structure.toml")
     assert (done.code, done.err) == (0, "")
-    assert done.out.splitlines()[1] == "as the columns say: beam_left_y in g; beam_left_z in mm/s^2"
+    assert done.out.splitlines()[1] == "from the columns: beam_left_y in g; beam_left_z in mm/s^2"
     np.testing.assert_allclose(imported(tmp_path / "log.mcap").data, [9.80665, 1e-3] * values, rtol=0, atol=1e-7)
     done = modalwatch("import", table, "-o", tmp_path / "hand.mcap", "--unit", "mg", "--scale", "2")
     assert done.out.splitlines()[1] == (
-        "columns say: beam_left_y in g; beam_left_z in mm/s^2; what --unit and --scale say goes before it, "
+        "units of the columns: beam_left_y in g; beam_left_z in mm/s^2; overridden by --unit and --scale, "
         "0.0196133 m/s2 a unit"
     )
     np.testing.assert_allclose(imported(tmp_path / "hand.mcap").data, 0.0196133 * values, rtol=0, atol=1e-9)
@@ -186,7 +186,7 @@ def test_who_has_imported_without_a_site_is_told_what_to_type(
     assert modalwatch("import", table, "-o", log).code == 0
     assert_refused(modalwatch("replay", log), f"log.mcap: has no settings attached: give --site; {typed}")
     assert_refused(
-        modalwatch("replay", log, "--site", site), "holds device 'import'; the settings know beam_left;", typed
+        modalwatch("replay", log, "--site", site), "holds device 'import'; the settings have beam_left;", typed
     )
     played = SITE.replace("epson-uart", "replay").replace(
         'port = "/dev/none"', f'log = {{file = "{log}", device = "X"}}'
@@ -220,7 +220,7 @@ def test_a_file_without_a_site_gets_one_and_is_watched(modalwatch: Commands, tmp
     structure.write_text(t_structure_toml(), encoding="utf-8")
     site = tmp_path / "sites" / "site.toml"
     asked = ("import", table, "-o", log, "--new-site", site)
-    assert_refused(modalwatch(*asked), "--new-site: expected --structure beside it, and no --site")
+    assert_refused(modalwatch(*asked), "--new-site: expected --structure with it, and no --site")
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml: cannot be written: No such file")
     site.parent.mkdir()
     log.write_text("precious")
@@ -293,7 +293,7 @@ def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
 
     McapWriter(tmp_path / "log.mcap", {}).close()
     for read in (log_recordings, load_recordings):
-        with pytest.raises(LogError, match="does not say which channel is which sensor"):
+        with pytest.raises(LogError, match="has no channel map: the sensors of its channels are unknown"):
             list(read(tmp_path / "log.mcap"))
     McapWriter(tmp_path / "bad.mcap", {"channels.json": "[1]"}).close()
     with pytest.raises(LogError, match=r"channels\.json: expected channels and on_grid, found '\[1\]'"):

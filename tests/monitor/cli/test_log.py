@@ -75,7 +75,7 @@ def test_a_start_mends_what_a_kill_left(log: Path) -> None:
     writer.close()
     assert said == [
         f"{log}: mended, 6 messages kept",
-        f"{log.parent}/open.mcap: is being written: it cannot be mended now",
+        f"{log.parent}/open.mcap: is being written: it cannot be repaired now",
         f"{log.parent}/rest.mcap: is not an MCAP log",
     ]
     assert inspect_log(log).whole

@@ -145,7 +145,7 @@ def test_the_sensor_that_shows_what_is_unseen_is_named(modalwatch: Commands, tmp
     done = modalwatch("structure", path, "--modes", 4)
     assert done.code == 0, done.err
     # the bar is softer about y, so that modes 1 and 3 move in y
-    assert "no sensor sees modes 1, 3" in " ".join(done.out.split())
+    assert "no sensor measures modes 1, 3" in " ".join(done.out.split())
     assert "a sensor at (1, 0, 0) along y shows modes 1, 3, which leaves alike 1 and 3" in " ".join(done.out.split())
 
 

@@ -32,7 +32,7 @@ def log(path: Path, *devices: str, site: str = SITE) -> Path:
 
 def test_a_device_that_the_settings_do_not_know(tmp_path: Path) -> None:
     path = log(tmp_path / "log.mcap", "beam_left", "stranger")
-    with pytest.raises(LogError, match=r"log\.mcap: holds device 'stranger'; the settings know beam_left"):
+    with pytest.raises(LogError, match=r"log\.mcap: holds device 'stranger'; the settings have beam_left"):
         replay(path, None, lambda _: None)
 
 

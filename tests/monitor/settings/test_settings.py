@@ -70,7 +70,7 @@ def test_channels_keep_device_and_axis() -> None:
         (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
         (WITH_DBC.replace(', channel = "/dev/ttyACM0"', ', channel = "/dev/ttyACM0", node = 1'), "`dbc`, found both"),
         (WITH_DBC.replace("dbc = {", "# "), "device.0: expected one of `can.node` and `dbc`, found none"),
-        (GOOD + DBC.splitlines()[2], "device.0: expected `can` beside `dbc`, found `port`"),
+        (GOOD + DBC.splitlines()[2], "device.0: expected `can` with `dbc`, found `port`"),
         (WITH_DBC.replace(', z = "accZ"', ""), "channels: axis z is none of `dbc.signals`, x, y"),
         (WITH_DBC.replace('x = "accX", ', ""), "signals: expected those of x, of x and y, or of x, y and z"),
         (WITH_DBC.replace("counter", "countr"), "device.0.dbc.countr: no such setting, did you mean 'counter'?"),

@@ -78,8 +78,8 @@ def test_report_does_not_say_that_nothing_has_changed_where_that_cannot_be_known
     unsure = [w.novelty.unsure for w in judged(results) if w.novelty and w.novelty.unsure]
     least = max(one.least_percent for one in unsure)  # the past, which was colder, is less and less of it
     assert said(BASELINE + 7) == (
-        "No large change: in the last 3 of 7 windows, at 21.5 degC, which the baseline had not seen (10.1 to "
-        f"11.2 degC), of changes of all frequencies alike only those of more than {least:.2g} % could be told."
+        "No large change: in the last 3 of 7 windows, at 21.5 degC, outside the range of the baseline (10.1 to "
+        f"11.2 degC), of changes of all frequencies alike only those of more than {least:.2g} % is detectable."
     )
 
 

@@ -138,7 +138,9 @@ def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypa
     assert [mode.id for mode in reference.modes] == left
     [booked] = reference.accepted
     assert [i + 1 for i, shift in enumerate(booked.shift_percent) if shift is None] == [3, 5]
-    assert accepted.text.endswith("; modes 3, 5 not seen, and not watched until seen in most windows again")
+    assert accepted.text.endswith(
+        "; modes 3, 5 not identified, and not monitored until identified in most windows again"
+    )
 
     assert max(levels(run(pipeline, played.windows(5)))) < 1
     restored = played.pipeline(parse_memory(memory_text(pipeline.memory)))
@@ -154,7 +156,9 @@ def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypa
     assert isinstance(reference, ReferenceResult)
     assert isinstance(again, AlarmResult)
     assert (again.kind, again.state, again.quiet) == ("seen_again", "normal", True)
-    assert again.text.startswith("mode 3 watched again, not seen since 'pump, 250 g' was accepted: frequency moved by ")
+    assert again.text.startswith(
+        "mode 3 monitored again, not identified since 'pump, 250 g' was accepted: frequency moved by "
+    )
     assert [mode.id for mode in reference.modes] == sorted([*left, 3])
     [booked] = reference.accepted
     moved, std = booked.shift_percent[2], booked.shift_std_percent[2]
@@ -266,7 +270,7 @@ def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Pat
     done = modalwatch("accept", site, "2001-09-09 01:46", "--as", "pump, 150 g", "--by", "Ada")
     assert (done.code, done.err) == (0, "")
     assert "ALARM: 198 g" in done.out
-    assert "no monitor runs here now: it takes it when it starts" in done.out
+    assert "no monitor is running: the command is executed at the next start" in done.out
     assert list(Inbox(state).taken()) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump, 150 g", "alarm": 10**18})]
     assert modalwatch("accept", site, "--undo", "--by", "Bob").code == 0
     assert [topic for topic, _ in Inbox(state).taken()] == [TOPIC_UNDO]
@@ -278,4 +282,4 @@ def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Pat
     with Reader(url) as reader:
         [alarm] = reader.alarms(Span(start=0, end=2**62))
     assert (alarm.cleared, alarm.lasted, alarm.text) == (10**18 + minute, 60.0, text)
-    assert "ALARM: no alarm stands" in modalwatch("accept", site, "--as", "pump").err
+    assert "ALARM: no alarm is active" in modalwatch("accept", site, "--as", "pump").err

@@ -19,15 +19,15 @@ def test_what_cannot_be_proven_yet_is_said(monkeypatch: pytest.MonkeyPatch) -> N
     played = Played(31, monkeypatch)
     pipeline = played.pipeline()
     run(pipeline, played.windows(3))
-    with pytest.raises(ProofError, match=f"3 of {BASELINE} windows: hang the mass on once it is"):
+    with pytest.raises(ProofError, match=f"3 of {BASELINE} windows: attach the mass once it is"):
         gather(pipeline.memory, played.structure, played.settings)
     run(pipeline, played.windows(BASELINE))
-    with pytest.raises(ProofError, match="no change is seen: hang the mass on, and look again after 30 min; one that"):
+    with pytest.raises(ProofError, match="no change detected: attach the mass, and repeat after 30 min; one that"):
         gather(pipeline.memory, played.structure, played.settings)
     without_answers(monkeypatch)
     played.put(Body(at=AT, mass=MASS))
     run(pipeline, played.windows(1))
-    with pytest.raises(ProofError, match="a change is seen, but too little of it yet: look again after 30 min"):
+    with pytest.raises(ProofError, match="a change is detected, but in too few windows: repeat after 30 min"):
         gather(pipeline.memory, played.structure, played.settings)
 
 

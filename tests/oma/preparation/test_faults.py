@@ -102,7 +102,7 @@ def test_the_quality_of_a_window_is_told() -> None:
     assert found.quality.complete == 1.0
     assert found.quality.cycles == pytest.approx(60 * 2.0, rel=0.02)
     assert found.quality.remarks == (
-        f"{found.quality.cycles:.0f} periods of the lowest mode: take longer windows for its damping",
+        f"{found.quality.cycles:.0f} periods of the lowest mode: use longer windows for its damping",
     )
     growing = replace(window(), data=window().data * np.linspace(0.05, 1, 6000)[:, None] ** 2)
     assert any("varies" in remark for remark in identify_all(growing).quality.remarks)

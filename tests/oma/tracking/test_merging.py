@@ -134,7 +134,7 @@ def test_what_does_not_fit_together_is_refused() -> None:
         merge([first, second], ("mass_8",))
     with pytest.raises(ValueError, match="expected two set-ups and a reference, found 1 and 2"):
         merge([first], REFERENCES)
-    with pytest.raises(NoCommonModes, match=r"none of the modes \(2, 3\) is seen in all 2 set-ups"):
+    with pytest.raises(NoCommonModes, match=r"none of the modes \(2, 3\) is identified in all 2 set-ups"):
         merge([only(first, [0, 1]), only(second, [2, 3, 4])], REFERENCES)
 
 

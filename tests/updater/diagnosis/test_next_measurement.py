@@ -69,7 +69,7 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
 def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
     reference, _, event = learnt(503)
     said = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
-    assert "A thermometer beside both records" in said
+    assert "A thermometer during both records" in said
     assert "A tone of known frequency in both records" in said
     assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", said), said
 

@@ -15,7 +15,7 @@ from updater.errors import MechanismError
 from updater.fe.mechanism import free_motion
 from updater.structure import Support
 
-HANGS = "what hangs free needs the soft springs that it hangs on, as a support's stiffness"
+HANGS = "a freely suspended structure needs its soft springs as the stiffness of a support"
 EVERY_WAY = "along x, along y, along z, about x, about y, about z"
 
 

@@ -154,7 +154,7 @@ def test_frequencies_alone_leave_left_and_right_open() -> None:
     assert right == pytest.approx(0.7, abs=0.06)
     assert sum(a.probability for a in change.alternatives) > 0.9
     assert all(abs(a.mass - 0.2) < 4 * a.mass_std for a in change.alternatives)
-    assert open_question(t_frame(), change).startswith("left or right: cannot tell; crossbeam at ")
+    assert open_question(t_frame(), change).startswith("left or right: not distinguishable; crossbeam at ")
     told = locate_mass(reference, event)
     assert told.told
     assert open_question(t_frame(), told) == ""

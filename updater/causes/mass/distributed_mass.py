@@ -45,7 +45,7 @@ class DistributedMass(Spread):
     mass: FloatArray
     own: FloatArray  #: (n_members,) mass of each member over its length [kg/m]
     name: str = "distributed_mass"
-    advice: str = "Inspect this part of the member for loads that lie or hang on it."
+    advice: str = "Inspect this part of the member for loads on it or attached to it."
 
     @property
     def _total(self) -> float:

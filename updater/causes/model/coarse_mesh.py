@@ -36,7 +36,7 @@ class MeshError(Discrete):
     flexibility: FloatArray  #: (n_modes, n_modes) of the finer mesh over that of the coarse one [s2]
     name: str = "mesh_error"
     place_free: bool = True
-    advice: str = "Give the members more elements and ask again: it costs nothing."
+    advice: str = "Give the members more elements and diagnose again."
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the finer mesh's flexibility."""

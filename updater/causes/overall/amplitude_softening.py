@@ -58,7 +58,7 @@ class AmplitudeSoftening(Discrete):
     log_trend: float  #: log likelihood of the windows' slopes over that without the cause
     name: str = "amplitude_softening"
     place_free: bool = True
-    advice: str = "Record at several levels of excitation; tighten what is bolted, and see whether the slope is gone."
+    advice: str = "Record at several levels of excitation. Tighten the bolts and check whether the slope disappears."
 
     def _told(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return flexibilities (..., n_axes) and own slopes (..., n) a rms, of parameters (..., n_axes + n + 2)."""

@@ -32,7 +32,7 @@ class DampingChange(Discrete):
     chosen: FloatArray  #: (n_alternatives, n) 1 for the modes that each alternative changes
     name: str = "damping_change"
     place_free: bool = True
-    advice: str = "Look for what rubs or has come loose; record again at another amplitude and in other weather."
+    advice: str = "Look for rubbing or loose parts. Record again at another amplitude and in other weather."
 
     @property
     def log_prior(self) -> FloatArray:

@@ -31,7 +31,7 @@ class SamplingClock(CommonFactor):
 
     log_tones: float  #: log likelihood of the tones, if it is the clock, over that if it is not
     name: str = "sampling_clock"
-    advice: str = "Record a tone of known frequency (mains, a tuning fork) beside the next log."
+    advice: str = "Record a tone of known frequency (mains, a tuning fork) during the next log."
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return what the tones say."""

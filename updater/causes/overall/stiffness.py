@@ -23,8 +23,8 @@ class GlobalStiffness(OwnFactor):
 
     name: str = "global_stiffness"
     advice: str = (
-        "Record temperature, and a tone of known frequency, beside the next log; a known mass clamped on "
-        "tells stiffness from density."
+        "Record temperature and a tone of known frequency during the next log. A known added mass distinguishes "
+        "stiffness from density."
     )
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:

@@ -25,7 +25,7 @@ class SensorDead(Chain):
     hears: FloatArray  #: (n_alternatives, n_channels) 0 for the channels of each that are compared
     without_signal: bool  #: whether they are those that identification left out without a signal
     name: str = "sensor_dead"
-    advice: str = "Tap beside the sensor: if its channel does not answer, look at the cable, then change the sensor."
+    advice: str = "Tap next to the sensor. If its channel does not respond, check the cable, then replace the sensor."
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return channels that read nothing."""

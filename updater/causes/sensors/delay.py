@@ -30,7 +30,7 @@ class SensorDelay(Chain):
     late: FloatArray  #: (n_alternatives, n_channels) 1 for the channels of each
     begin: FloatArray  #: (n_alternatives, 1) the best of many delays [s]
     name: str = "sensor_delay"
-    advice: str = "Tap beside the sensor and one of another device at once: the two channels must start together."
+    advice: str = "Tap between the sensor and a sensor of another device: both channels must respond at the same time."
 
     @property
     def start(self) -> FloatArray:

@@ -74,7 +74,7 @@ class SensorSwap(Chain):
 
     order: IndexArray  #: (n, n_channels) which channel each one really is
     name: str = "sensor_swap"
-    advice: str = "Follow the two cables; tap beside either sensor and see which channel answers."
+    advice: str = "Follow the two cables. Tap next to each sensor and check which channel responds."
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return permutations, with their delays."""

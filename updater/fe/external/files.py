@@ -207,7 +207,7 @@ def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, 
             raise StructureError(path, f"{what}: expected {', '.join(_COLUMNS)} ({', '.join(AXES)})") from error
         own = numbers.setdefault(node, [-1] * 6)
         if own[axis] >= 0 or places.setdefault(node, place) != place:
-            raise StructureError(path, f"{what}: node {node} has {AXES[axis]} already, or stands somewhere else")
+            raise StructureError(path, f"{what}: node {node} has {AXES[axis]} already, or is somewhere else")
         own[axis] = row
     return np.array([*places.values()], float).reshape(-1, 3), np.array([*numbers.values()], np.int32).reshape(-1, 6)
 

@@ -91,7 +91,7 @@ class Guard:
         if not (looks and self._open) and not secrets.compare_digest(_given(request).encode(), self._token.encode()):
             ask = {"WWW-Authenticate": 'Basic realm="modalwatch: any name, the token as password"'}
             return PlainTextResponse(
-                "this takes the token: web_token in the state folder, or web.token_file\n", 401, headers=ask
+                "this requires the token: web_token in the state folder, or web.token_file\n", 401, headers=ask
             )
         if not looks and "x-modalwatch" not in request.headers:  # which no page elsewhere can set
             return PlainTextResponse("expected the header X-Modalwatch\n", 403)

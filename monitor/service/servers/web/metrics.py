@@ -29,7 +29,12 @@ def metrics(vitals: dict[str, Any] | None) -> bytes:
 def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     now = time.time()
     _gauge(registry, "start_time_seconds", "Start of the monitor", vitals["started"])
-    _gauge(registry, "vitals_age_seconds", "Since the monitor last said how it is", now - vitals["time"])
+    _gauge(
+        registry,
+        "vitals_age_seconds",
+        "Time since the monitor last wrote its status, in seconds.",
+        now - vitals["time"],
+    )
     _gauge(
         registry, "window_age_seconds", "Since a window was last analysed", now - vitals["time"] + vitals["window_age"]
     )

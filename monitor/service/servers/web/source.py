@@ -102,7 +102,7 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
         return ["no monitor has run here yet"]
     now = time.time()
     if (age := now - vitals["time"]) > _STALE_SECONDS:
-        return [f"the monitor has not said anything for {age:.0f} s"]
+        return [f"no status of the monitor for {age:.0f} s"]
     found = [problem for name, device in vitals["devices"].items() for problem in _device_problems(name, device)]
     if vitals["window_overdue"]:
         late, step = vitals["window_age"], vitals["step_seconds"]

@@ -22,7 +22,7 @@ _ENVIRONMENT = Environment(
     loader=PackageLoader("monitor.service.servers.web"), undefined=StrictUndefined, autoescape=True
 )
 _SILENT = 3.0  # s
-_NO_PAST = "the history says nothing yet"
+_NO_PAST = "the history is empty"
 _SAID = {
     "learning": "Learning the baseline",
     "normal": "Normal",
@@ -50,7 +50,7 @@ def _content(source: Source) -> dict[str, Any]:
         "name": source.name,
         "state": state,
         "colour": "watch" if unsure else state,
-        "said": _SAID[state] + (", as far as can be told" if unsure else ""),
+        "said": _SAID[state] + (" (estimated)" if unsure else ""),
         "unsure": unsure,
         "trend": _trend(vitals) if vitals else "",
         "detectable": _detectable(vitals) if vitals else "",

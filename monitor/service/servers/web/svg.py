@@ -45,7 +45,7 @@ def course_svg(values: Sequence[float], limit: float | None = None, height: floa
         _line(np.column_stack([x, y]), "course"),
         f'<circle class="now" cx="{x[-1]:.1f}" cy="{y[-1]:.1f}" r="3"/>',
     ]
-    return _svg(parts, _WIDTH, height, "course over the last windows")
+    return _svg(parts, _WIDTH, height, "last windows")
 
 
 def _line(points: FloatArray, kind: str) -> str:

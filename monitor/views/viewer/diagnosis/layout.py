@@ -51,7 +51,7 @@ def reading_name(balance: BalanceResult | None) -> str:
         return "Structure"
     values, name = (balance.added, "mass on top") if balance.log_odds > 0 else (balance.loss, "stiffness lacking")
     largest = max((abs(v) for v in values if v is not None), default=0.0)
-    return f"Forces left over as {name}: red, up to {100 * largest:.1f} %; blue: the contrary"
+    return f"Residual forces as {name}: red, up to {100 * largest:.1f} %; blue: the contrary"
 
 
 def _modes(found: DiscrepancyResult) -> rrb.Horizontal:

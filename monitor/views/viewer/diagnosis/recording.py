@@ -62,7 +62,7 @@ def modes_card(found: DiscrepancyResult) -> str:
         off = "" if m.off_percent is None else f"{m.off_percent:+.3f}"
         sigmas = "" if m.off_percent is None or not m.std_percent else f"{m.off_percent / m.std_percent:+.1f}"
         simulated = "none" if m.simulated is None else f"{m.simulated:.3f}"
-        measured = "not seen" if m.measured is None else f"{m.measured:.3f}"
+        measured = "not identified" if m.measured is None else f"{m.measured:.3f}"
         mac = "" if m.mac is None else f"{m.mac:.4f}"
         after = "" if m.off_percent_after is None else f"{m.off_percent_after:+.3f}"
         lines.append(f"| {simulated} | {measured} | {off} | {sigmas} | {mac} | {after} |")

@@ -71,14 +71,14 @@ def test_state_it_was_in_before_it_was_started_is_no_trouble_and_later_is(heard:
     heard.says(OPERATIONAL)
     assert consumer.trouble() == ""
     heard.says(PRE_OPERATIONAL)
-    assert consumer.trouble() == "its heartbeat says PRE-OPERATIONAL, expected OPERATIONAL"
+    assert consumer.trouble() == "state of its heartbeat: PRE-OPERATIONAL, expected OPERATIONAL"
 
 
 def test_boot_up_is_trouble_at_once_even_between_two_looks(heard: Heard) -> None:
     consumer = HeartbeatConsumer(heard.node)
     for state in (OPERATIONAL, BOOT_UP, PRE_OPERATIONAL):
         heard.says(state)
-    assert consumer.trouble() == "it has started anew: its settings are gone"
+    assert consumer.trouble() == "it has restarted: its settings are lost"
 
 
 def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(heard: Heard) -> None:
@@ -163,7 +163,7 @@ def test_power_dip_and_emergency_are_told_at_once_and_hanging_by_the_heartbeat(m
         _, said = seconds_until(items, "device_warning", lambda: node.fail(0x8110))
         assert said == "emergency 0x8110: Monitoring (register 0x01, data 0000000000)"
         seconds, why = seconds_until(items, "device_lost", node.power_cycle)
-        assert why.endswith("node 3: it has started anew: its settings are gone")
+        assert why.endswith("node 3: it has restarted: its settings are lost")
         assert seconds < 1.0  # 0.1 s of a read, and a busy host; silence would take two
         wait_for(lambda: isinstance(items[-1], Event) and items[-1].topic == "/event/device_back")
         items.clear()

@@ -151,7 +151,7 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
         with pytest.raises(DriverError, match=r"node 5: SYNC: expected one rate on a bus, found 500 Hz beside 1000"):
             make_driver("epson-can", second, 500.0).open()
     why = {event.payload["device"]: event.payload["why"] for event in events(items, "device_lost")}
-    assert why["d2"].endswith("node 2: it lives, but no SYNC comes: who produces it is gone")
+    assert why["d2"].endswith("node 2: the device is alive, but no SYNC is received: its producer has failed")
     one, other = by_index(items[n:], "d1"), by_index(items[n:], "d2")
     common = sorted(one.keys() & other.keys())
     assert common

@@ -141,7 +141,9 @@ def test_history_of_a_later_program_is_refused(url: str) -> None:
         connection.execute(schema.versions.insert().values(version=NEWEST + 1))
     engine.dispose()
     for opened in (HistoryStore, Reader):
-        with pytest.raises(HistoryError, match=f"is of schema version {NEWEST + 1}, this program knows up to {NEWEST}"):
+        with pytest.raises(
+            HistoryError, match=f"is of schema version {NEWEST + 1}, this program supports up to {NEWEST}"
+        ):
             opened(url)
 
 

@@ -147,8 +147,8 @@ def test_page_says_what_could_be_told_where_the_law_is_unsure(source: Source) ->
     novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "unsure": unsure}
     window = {"index": 30, "phase": "watching", "novelty": novelty}
     page = Client(changed(source, state="normal", window=window)).get("/").text
-    assert "Normal, as far as can be told" in page
-    assert "at 21.5 degC of changes of all frequencies alike only those of more than 0.93 % could be told" in page
+    assert "Normal (estimated)" in page
+    assert "at 21.5 degC of changes of all frequencies alike only those of more than 0.93 % is detectable" in page
     sure = window | {"novelty": novelty | {"unsure": None}}
     assert "could be told" not in Client(changed(source, state="normal", window=sure)).get("/").text
 
@@ -175,9 +175,9 @@ def test_page_says_how_far_learning_has_come(source: Source) -> None:
 
 def test_history_that_is_down_is_not_said_to_be_empty(source: Source) -> None:
     (source.state / "history.sqlite").unlink()
-    assert "the history says nothing yet" in Client(source).get("/").text
+    assert "the history is empty" in Client(source).get("/").text
     text = Client(changed(source, history="it is gone")).get("/").text
-    assert ("history: it is gone" in text, "says nothing yet" in text) == (True, False)
+    assert ("history: it is gone" in text, "the history is empty" in text) == (True, False)
 
 
 def test_windows_of_a_clock_that_ran_ahead_are_not_the_last(source: Source) -> None:

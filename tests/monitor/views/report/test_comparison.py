@@ -39,7 +39,7 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
     for words in (
         "-3.70 ± 0.10",
         "-37.0",
-        "not seen",
+        "not identified",
         "71.500",
         "beam_left_z lies farthest",
         "8.0 times what noise",

@@ -103,7 +103,15 @@ def test_increments_and_diagnosis_are_told(page: Page) -> None:
     z = [f.z for f in increments.flagged if f.direction == "y"]
     assert f"<td>y</td><td>{len(z)}</td><td>{max(z, key=abs):+.1f}</td>" in page.text
     assert "consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m" in page.words
-    for words in ("that were not used", "1.920", "0.040", "-812.0", "not seen", "extended/t_structure.toml", "-41.3"):
+    for words in (
+        "that were not used",
+        "1.920",
+        "0.040",
+        "-812.0",
+        "not identified",
+        "extended/t_structure.toml",
+        "-41.3",
+    ):
         assert words in page.words, words
 
 
@@ -141,7 +149,7 @@ CASES = {
     ),
     "watch": (
         WHOLE | {"windows": WHOLE["windows"][:13], "alarms": WHOLE["alarms"][:2]},
-        "One window is over the limit; the next ones will tell whether the structure has changed.",
+        "One window is above the limit. The next windows decide whether the structure has changed.",
     ),
     "no answer": (
         WHOLE | {"windows": [w.model_copy(update={"answer": None}) for w in WHOLE["windows"]]},
@@ -221,7 +229,7 @@ def test_a_mode_that_a_window_did_not_show_leaves_its_cells_empty(window: int, t
     watched = WHOLE["windows"][-3:]
     watched[window] = watched[window].model_copy(update={"modes": watched[window].modes[1:]})
     page = page_of(WHOLE | {"windows": watched}, tmp_path)
-    assert ("not seen" in page.words) == (window == -1)
+    assert ("not identified" in page.words) == (window == -1)
     row = re.search(r"<tr><td>1</td>.*?</tr>", page.text, re.DOTALL)
     assert row
     assert "<td></td>" in row.group(0)

@@ -122,7 +122,7 @@ def test_card_stands_at_the_end_of_each_window_with_the_verdict_first(rrd: Rrd) 
     assert verdicts[first_alarm - 1] == "# Watch: over the limit"
     assert set(verdicts[first_alarm:]) == {"# ALARM since 00:09:20"}
     assert "channel mid is flat" in cards[first_alarm - 2][0]
-    assert "| **2** | not seen |" in cards[N_LEARNING + 1][0]
+    assert "| **2** | not identified |" in cards[N_LEARNING + 1][0]
     assert "added on the crossbeam" in cards[-1][0]
 
 
