@@ -174,7 +174,7 @@ def _say(log: AnyLog, info: LogInfo) -> None:
     if not info.state.whole:
         for path in files_of(log):
             if not inspect_log(path).whole:
-                console.print(f"mend it: modalwatch repair {escape(str(path))}", soft_wrap=True)
+                console.print(f"repair it: modalwatch repair {escape(str(path))}", soft_wrap=True)
 
 
 def _utc(time: int) -> str:

@@ -189,7 +189,9 @@ def test_columns_with_units_are_chosen_by_either_name(tmp_path: Path) -> None:
         assert [c.name for c in read_data(path, columns=columns).channels] == names
     with pytest.raises(DataError, match=r"expected different columns, found a, a \[g\]"):
         read_data(path, columns={"a": "x", "a [g]": "y"})
-    with pytest.raises(DataError, match=r"column 'c \(left\)': expected the unit m/s2, .*, found 'left': say by"):
+    with pytest.raises(
+        DataError, match=r"column 'c \(left\)': expected the unit m/s2, .*, found 'left': give the unit"
+    ):
         read_data(path)
     whole = ["a", "b", "c (left)", "c (right)"]
     assert [c.name for c in read_data(path, factor=1.0).channels] == whole

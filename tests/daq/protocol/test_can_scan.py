@@ -187,7 +187,7 @@ def test_what_is_missing_is_said(layouts: dict[str, ScanLayout]) -> None:
     assert what_is_missing(layout, frames[frames.ids != 17]) == "no frame of B (0x11) came"
     short = replace(frames, dlc=np.where(frames.ids == 18, 3, frames.dlc).astype(np.uint8))
     assert what_is_missing(layout, short) == "C (0x12): expected 8 bytes, found 3"
-    assert what_is_missing(layout, frames).endswith("the counter stands still, or they are not sent as A, B, C")
+    assert what_is_missing(layout, frames).endswith("the counter does not change, or they are not sent as A, B, C")
 
 
 @pytest.mark.parametrize("name", COUNTERS)

@@ -22,7 +22,7 @@ def test_a_record_of_three_windows_is_cut_into_three() -> None:
 @pytest.mark.parametrize(("n_logs", "windows"), [(1, 3), (2, 2)])
 def test_one_that_is_too_short_says_which_windows_it_holds(n_logs: int, windows: int) -> None:
     shortest = 140 * windows / FIRST
-    with pytest.raises(ValueError, match=f"--window {int(shortest / windows)} takes shorter ones"):
+    with pytest.raises(ValueError, match=f"--window {int(shortest / windows)} allows shorter ones"):
         window_seconds(FRAME, shortest, n_logs)
 
 

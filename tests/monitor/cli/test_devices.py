@@ -101,7 +101,7 @@ def test_ports_of_the_machine_are_listed_and_only_usb_ones_are_asked(
     done = modalwatch("devices", "--bitrate", 500_000)
     assert done.code == 0
     assert asked == ["/dev/serial/by-id/usb-A 500000"]
-    for text in ("/dev/ttyUSB0", "FT232R", "no known device", "not asked", "can0", "interface socketcan"):
+    for text in ("/dev/ttyUSB0", "FT232R", "no known device", "not queried", "can0", "interface socketcan"):
         assert text in done.out
     asked.clear()
     assert modalwatch("devices", "--no-probe").code == 0

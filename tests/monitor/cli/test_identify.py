@@ -206,7 +206,7 @@ def test_what_cannot_be_identified_is_said(modalwatch: Commands, log: Path, tmp_
     for arguments, says in (
         ((short,), (short, "recording of 1.25 s is too short: at least ")),
         ((dead,), (dead, "1 usable channels, 2 needed (b: constant)")),
-        ((white,), (white, "no resonance stands out")),
+        ((white,), (white, "no resonance is visible")),
         ((none,), (none, "cannot be read: No such file")),
         ((log, white), (white, f"expected the channels of {log}; only one of the two has a, b, mass_1")),
         ((log, "--method", "fdb"), ("--method: expected one of ssi-data, ", ", fsdd, found 'fdb'")),

@@ -59,7 +59,7 @@ def test_info_counts(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
 def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> None:
     done = modalwatch("repair", log)
     assert done.code == 0, done.err
-    assert f"{log}: mended, 6 messages kept; it was cut, 100 bytes of an unfinished chunk" in done.out
+    assert f"{log}: repaired, 6 messages kept; it was cut, 100 bytes of an unfinished chunk" in done.out
     content = log.read_bytes()
     assert f"{log}: whole, 6 messages; not touched" in modalwatch("repair", log).out
     assert log.read_bytes() == content
@@ -74,7 +74,7 @@ def test_a_start_mends_what_a_kill_left(log: Path) -> None:
     said = list(mend_logs(log.parent))
     writer.close()
     assert said == [
-        f"{log}: mended, 6 messages kept",
+        f"{log}: repaired, 6 messages kept",
         f"{log.parent}/open.mcap: is being written: it cannot be repaired now",
         f"{log.parent}/rest.mcap: is not an MCAP log",
     ]

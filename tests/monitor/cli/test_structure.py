@@ -157,7 +157,7 @@ def test_a_structure_without_sensors(modalwatch: Commands, tmp_path: Path) -> No
     assert (found["channels"], set(found["seen"])) == ([], {0.0})
     assert found["auto_mac"][0][0] is None
     assert found["body"] is None
-    assert "expected two sensors or more that see three modes" in " ".join(done.out.split())
+    assert "expected at least two sensors that measure three modes" in " ".join(done.out.split())
     assert (tmp_path / "x.png").stat().st_size > 10_000
 
 
@@ -178,7 +178,7 @@ def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> N
         ((good, "--target", "50g", "--within", "5g"), ("--within: expected a length in m or mm",)),
         ((good, "--record", 0), ("--record: expected a positive number, found 0",)),
         ((good, "--damping", 2), ("--damping: expected a ratio",)),
-        ((good, "--target", "50g"), (good, "expected two sensors or more that see three modes")),
+        ((good, "--target", "50g"), (good, "expected at least two sensors that measure three modes")),
         ((good, "--json", tmp_path / "none" / "x.json"), ("--json: ", tmp_path / "none" / "x.json", "cannot be wri")),
     ):
         assert_refused(modalwatch("structure", *arguments), *says)

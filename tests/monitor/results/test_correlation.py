@@ -132,7 +132,7 @@ def test_forces_that_a_sensor_leaves_over_are_not_drawn_on_the_structure(
     only = answers.diagnosis().model_copy(update={"causes": (gain,)})
     shown = discrepancy_result(reference, measured, DiagnosisResult(only, None))
     assert shown.balance is None
-    assert "come from the sensors" in shown.note
+    assert "caused by the sensors" in shown.note
 
 
 def observation(temperature: FloatArray, rms: FloatArray, change: FloatArray) -> Observation:

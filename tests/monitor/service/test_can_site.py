@@ -97,7 +97,7 @@ def test_one_sync_has_one_rate_and_what_a_dbc_file_describes_has_none() -> None:
     with pytest.raises(SettingsError, match=r"node 2 and slcan:PORT node 1 on one SYNC: expected one `delay_ms`"):
         parse_settings("rate = 500\ndelay_ms = 3".join(synced.rsplit("rate = 500", 1)), "s")
     dbc = 'dbc = {file = "i.dbc", signals = {x = "X", y = "Y", z = "Z"}, counter = "C"}\n'
-    with pytest.raises(SettingsError, match=r"device.0: .*can.sync: what `dbc` describes is told nothing"):
+    with pytest.raises(SettingsError, match=r"device.0: .*can.sync: not possible with `dbc`"):
         parse_settings(SITE.replace("node = 1}", 'sync = "consumer"}\n' + dbc), "s")
 
 

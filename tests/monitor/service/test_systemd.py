@@ -51,7 +51,7 @@ def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
     [
         (SignsOfLife(data=11.0, disk=0.1, losing=False), "no data for 11 s"),
         (SignsOfLife(data=0.1, disk=12.0, losing=False), "the log has not been written for 12 s"),
-        (SignsOfLife(data=0.1, disk=0.1, losing=True), "memory is full"),
+        (SignsOfLife(data=0.1, disk=0.1, losing=True), "memory buffer is full"),
     ],
 )
 def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfLife, says: str) -> None:

@@ -191,7 +191,7 @@ def test_change_that_leaves_too_few_modes_is_not_accepted(
     [refused] = accept(pipeline)
     assert refused.payload()["kind"] == "refused"
     text = refused.payload()["text"]
-    assert text.startswith("'pump, 250 g' cannot be accepted: only mode 7, 8 of 8 is seen since the change")
+    assert text.startswith("'pump, 250 g' cannot be accepted: only mode 7, 8 of 8 identified since the change")
 
 
 def test_acceptance_waits_for_windows(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -214,7 +214,7 @@ def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) 
     played.put(None)
     said = [r for r in run(pipeline, played.windows(2)) if isinstance(r, AlarmResult)]
     assert [r.kind for r in said] == ["state", "refused"]
-    assert "the change is gone" in said[-1].text
+    assert "the change has disappeared" in said[-1].text
     assert accept(pipeline)[0].payload()["text"] == "not accepted: no alarm is active"
     [refused] = pipeline.push(Event(topic=TOPIC_UNDO, time=9, payload={}))
     assert refused.payload()["text"] == "nothing is undone: no change has been accepted"

@@ -22,7 +22,7 @@ def test_what_cannot_be_proven_yet_is_said(monkeypatch: pytest.MonkeyPatch) -> N
     with pytest.raises(ProofError, match=f"3 of {BASELINE} windows: attach the mass once it is"):
         gather(pipeline.memory, played.structure, played.settings)
     run(pipeline, played.windows(BASELINE))
-    with pytest.raises(ProofError, match="no change detected: attach the mass, and repeat after 30 min; one that"):
+    with pytest.raises(ProofError, match="no change detected: attach the mass, and repeat after 30 min; a mass that"):
         gather(pipeline.memory, played.structure, played.settings)
     without_answers(monkeypatch)
     played.put(Body(at=AT, mass=MASS))

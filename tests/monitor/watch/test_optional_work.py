@@ -47,7 +47,7 @@ def broken(*_: object) -> None:
     ("parts", "left"),
     [
         (("explain_windows",), {"increments"}),
-        (("compare_windows", "locate_and_sharpen", "increment_result"), {"diagnosis"}),
+        (("compare_windows", "locate_mass_with_forecast", "increment_result"), {"diagnosis"}),
     ],
 )
 def test_parts_of_the_answer_that_fail_cost_only_themselves(

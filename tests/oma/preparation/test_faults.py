@@ -115,7 +115,7 @@ def test_the_quality_of_a_window_is_told() -> None:
         (np.zeros((6000, 3)), "0 usable channels, 2 needed .*constant"),
         (np.full((6000, 3), np.nan), "0 usable channels, 2 needed .*0% of the samples"),
         (np.full((6000, 3), np.inf), "0 usable channels, 2 needed .*0% of the samples"),
-        (np.random.default_rng(0).standard_normal((6000, 1)), "no resonance stands out"),
+        (np.random.default_rng(0).standard_normal((6000, 1)), "no resonance is visible"),
         (np.full((6000, 1), 9.81), r"0 usable channels, 1 needed \(c0: constant\)"),
         (np.random.default_rng(0).standard_normal((6000, 2)) * [1.0, 0.0], "1 usable channels, 2 needed"),
         (

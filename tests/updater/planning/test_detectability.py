@@ -176,7 +176,9 @@ def test_a_target_as_heavy_as_the_structure_is_refused() -> None:
 @pytest.mark.parametrize("sensors", [0, 1])
 def test_too_few_sensors_are_refused_by_name(sensors: int) -> None:
     few = t_frame().model_copy(update={"sensor": t_frame().sensor[:sensors]})
-    with pytest.raises(ModelError, match=f"expected two sensors or more that see three modes .* found {sensors} that"):
+    with pytest.raises(
+        ModelError, match=f"expected at least two sensors that measure three modes .* found {sensors} that"
+    ):
         study_detectability(few, MINUTE)
 
 

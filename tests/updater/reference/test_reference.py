@@ -85,7 +85,7 @@ def test_another_structure_is_refused() -> None:
     random = np.random.default_rng(1)
     channels = t_frame().channels
     strange = [as_estimate([1.0, 2.0, 3.0], random.standard_normal((3, 12)), channels=channels) for _ in range(3)]
-    with pytest.raises(PairingError, match="right structure"):
+    with pytest.raises(PairingError, match="check the structure"):
         learn_reference(t_frame(), strange, unmoved(3, 3))
 
 

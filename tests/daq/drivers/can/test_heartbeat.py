@@ -104,7 +104,7 @@ def test_missing_heartbeat_is_told_once_each_time(heard: Heard) -> None:
             heard.says(OPERATIONAL)
         told.append(consumer.warning())
     assert [k for k, text in enumerate(told) if text] == [2, 8]
-    assert told[2].startswith("no heartbeat for 2 s though scans come: the bus is full")
+    assert told[2].startswith("no heartbeat for 2 s although scans arrive: the bus is overloaded")
 
 
 @contextmanager

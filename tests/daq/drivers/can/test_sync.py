@@ -146,7 +146,7 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
         n = len(items)
         wait_for(lambda: len(items) > n + 4)
         second = CanAddress(interface="slcan", channel=adapter.port, node=5, sync="producer")
-        with pytest.raises(DriverError, match=r"node 5: SYNC: expected one producer on a bus, found .* node 1$"):
+        with pytest.raises(DriverError, match=r"node 5: SYNC: expected one producer per bus, found .* node 1$"):
             make_driver("epson-can", second, RATE).open()
         with pytest.raises(DriverError, match=r"node 5: SYNC: expected one rate on a bus, found 500 Hz beside 1000"):
             make_driver("epson-can", second, 500.0).open()

@@ -52,7 +52,7 @@ def test_page_renews_itself_and_tells_the_monitor_by_its_button(tab: Tab, tmp_pa
     tab.call("Network.setExtraHTTPHeaders", headers={"Authorization": f"Basic {token}"})
     (tmp_path / "inbox").write_text("no folder")
     tab.value(f"{BUTTON}.click()")
-    tab.until(f"{BUTTON}.textContent.startsWith('Refused: the state folder takes nothing')")
+    tab.until(f"{BUTTON}.textContent.startsWith('Refused: the state folder is not writable')")
     renewal(tab)
     assert tab.value(f"{BUTTON}.textContent").startswith("Refused")  # what is put in anew says it too
     (tmp_path / "inbox").unlink()

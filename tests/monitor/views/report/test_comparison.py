@@ -75,7 +75,7 @@ def test_only_the_reading_of_forces_that_is_clearly_better_is_shown(
     log_odds: float, readings: list[str], tmp_path: Path
 ) -> None:
     page = page_of(shown(log_odds), tmp_path)
-    found = [text for text in page.pictures if text.startswith("Forces left over")]
+    found = [text for text in page.pictures if text.startswith("Residual forces")]
     assert [text.split("read as ")[1].split()[0] for text in found] == readings
     x, y, z = NODES[7]
     assert all(f"+12.0 ± 0.2 % at ({x:.3f}, {y:.3f}, {z:.3f}) m" in text for text in found)

@@ -127,7 +127,7 @@ def test_what_the_diagnosis_rests_on_is_shown(tmp_path: Path) -> None:
     last = WHOLE["windows"][-1].model_copy(update=found)
     page = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], last]}, tmp_path)
     assert "Measured and simulated modes" in page.words
-    assert any(text.startswith("Forces left over") for text in page.pictures)
+    assert any(text.startswith("Residual forces") for text in page.pictures)
 
 
 def test_lost_data_are_told(page: Page) -> None:
