@@ -222,8 +222,8 @@ def join_bus(place: CanPlace, identifiers: frozenset[int], sync: SyncPart | None
 def _conflict(sync: SyncPart, other: SyncPart) -> str:
     """Return why two devices cannot have these parts in one SYNC, empty if they can."""
     if sync.rate != other.rate:
-        return f"SYNC: expected one rate on a bus, found {sync.rate:g} Hz with {other.rate:g} Hz"
-    return "SYNC: expected one producer per bus, found a second one with" if sync.produces and other.produces else ""
+        return f"SYNC: expected one rate on a bus, found {sync.rate:g} Hz and {other.rate:g} Hz"
+    return "SYNC: expected one producer per bus, found a second one" if sync.produces and other.produces else ""
 
 
 def leave_bus(member: Member) -> None:

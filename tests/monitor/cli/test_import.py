@@ -293,7 +293,7 @@ def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
 
     McapWriter(tmp_path / "log.mcap", {}).close()
     for read in (log_recordings, load_recordings):
-        with pytest.raises(LogError, match="has no channel map(: the sensors| and no settings: the sensors)"):
+        with pytest.raises(LogError, match=r"has no channel map(: the sensors| and no settings: the sensors)"):
             list(read(tmp_path / "log.mcap"))
     McapWriter(tmp_path / "bad.mcap", {"channels.json": "[1]"}).close()
     with pytest.raises(LogError, match=r"channels\.json: expected channels and on_grid, found '\[1\]'"):

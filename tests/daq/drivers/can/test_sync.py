@@ -148,7 +148,7 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
         second = CanAddress(interface="slcan", channel=adapter.port, node=5, sync="producer")
         with pytest.raises(DriverError, match=r"node 5: SYNC: expected one producer per bus, found .* node 1$"):
             make_driver("epson-can", second, RATE).open()
-        with pytest.raises(DriverError, match=r"node 5: SYNC: expected one rate on a bus, found 500 Hz beside 1000"):
+        with pytest.raises(DriverError, match=r"node 5: SYNC: expected one rate on a bus, found 500 Hz and 1000"):
             make_driver("epson-can", second, 500.0).open()
     why = {event.payload["device"]: event.payload["why"] for event in events(items, "device_lost")}
     assert why["d2"].endswith("node 2: the device is alive, but no SYNC is received: its producer has failed")
