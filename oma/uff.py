@@ -1,4 +1,4 @@
-"""Modes as a universal file, which other modal software reads: dataset 55, and 15 and 82 where places are known.
+"""Modes as a universal file: dataset 55, and 15 and 82 with known positions.
 
 References
 ----------

@@ -1,1 +1,1 @@
-"""Ports, time-outs, reconnects: what stands between a protocol and blocks."""
+"""Drivers of devices: ports, time-outs, reconnection, and blocks from scans."""

@@ -1,4 +1,4 @@
-"""Drivers by name; nothing is imported until asked for."""
+"""Drivers by name; a driver is imported when it is used."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

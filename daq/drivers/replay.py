@@ -1,4 +1,4 @@
-"""A recorded log as devices: what they sent, when they sent it, once more and in real time or at any speed."""
+"""Recorded logs played as devices, in real time or at any speed."""
 
 import threading
 import time

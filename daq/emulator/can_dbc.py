@@ -1,4 +1,4 @@
-"""A sensor on an emulated CAN bus that sends what a DBC file describes, by itself and to nobody in particular."""
+"""Emulated sensor on a CAN bus that sends unprompted, described by a DBC file."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""SYNC on an emulated CAN bus: who sends it, and the order in which frames get through after it."""
+"""SYNC on an emulated CAN bus: its producer, and the order of the frames after it."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Velocities to accelerations: what a laser or a geophone measures, made comparable with accelerometers."""
+"""Differentiation of velocities to accelerations."""
 
 from collections.abc import Collection
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""MAT files. scipy.io takes 23 MB: who records for years, and never meets such a file, is spared it until then."""
+"""MAT files. scipy.io (23 MB) is imported only when such a file is read."""
 
 import os
 from collections.abc import Mapping

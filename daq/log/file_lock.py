@@ -1,4 +1,4 @@
-"""A lock on an open file, so that nobody mends a log that somebody still writes; gone with the process."""
+"""Lock on an open file against repair by another process; released with the process."""
 
 import sys
 from typing import IO

@@ -1,4 +1,4 @@
-"""Names of log files, and which files of a folder belong together."""
+"""Names of log files, and the files of one run."""
 
 import itertools
 import time

@@ -1,4 +1,4 @@
-"""Recording goes on when the disk fails: what it did not take is kept, told, and written once it takes more."""
+"""Log writer that survives disk failures: buffers, reports, and writes the buffer on recovery."""
 
 import contextlib
 import errno

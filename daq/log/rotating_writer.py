@@ -1,4 +1,4 @@
-"""The log of a run in files of bounded size: what one file no longer takes, the next one begins with."""
+"""Log writer with files of bounded size and duration."""
 
 import contextlib
 import math

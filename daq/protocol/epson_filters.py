@@ -1,4 +1,4 @@
-"""The filters of Epson's accelerometers, M-A352 and M-A552 alike: which one fits a rate, and how late it is.
+"""Filters of Epson's M-A352 and M-A552: choice by sampling rate, group delay.
 
 FILTER_CTRL, or object 61A1h:1, chooses one of ten low-passes with 64, 128 or 512 taps (Kaiser window, linear phase): a
 scan tells the motion of half their length before. Which fits a rate is what the vendor's driver chooses.

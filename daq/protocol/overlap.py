@@ -1,4 +1,4 @@
-"""Frames of one length that are found in a stream by what they look like."""
+"""Search for frames of fixed length in a byte stream."""
 
 import numpy as np
 import numpy.typing as npt

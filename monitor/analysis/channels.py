@@ -1,4 +1,4 @@
-"""A structure's sensors beside the channels that are really measured."""
+"""Comparison of a structure's sensors with the measured channels."""
 
 from dataclasses import dataclass
 from pathlib import Path

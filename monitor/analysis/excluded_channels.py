@@ -1,4 +1,4 @@
-"""Channels of logs that no window gives shapes of, and how that is said."""
+"""Channels without shapes in any window, grouped by reason."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Bodies at known places: the file of records in which they stand at different places, read and evaluated.
+"""File of records with bodies at known places: reading and evaluation.
 
 The file (TOML) names a structure file without the bodies, the bodies, and per record their places and the natural
 frequencies before and after the change. Example and keys: docs/updater.md, "Bodies at known places".

@@ -1,4 +1,4 @@
-"""Selection of the causes, channels, modes and model parameters that take part in a diagnosis."""
+"""Selection of causes, channels, modes and model parameters for a diagnosis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

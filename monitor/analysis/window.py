@@ -1,4 +1,4 @@
-"""A window once it is identified: what is kept of it, small enough to outlive a restart."""
+"""Identified window, reduced to what is saved over a restart."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Options of commands that take a range of time."""
+"""Options for a range of time."""
 
 from typing import Annotated
 

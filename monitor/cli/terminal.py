@@ -1,4 +1,4 @@
-"""Output on the terminal, in which control characters of names and texts from files are shown as escapes."""
+"""Output on the terminal, with control characters of names and texts shown as escapes."""
 
 from typing import Any
 

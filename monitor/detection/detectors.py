@@ -1,4 +1,4 @@
-"""Three detectors over one law: a jump in single windows, and two averages for what is small and stays.
+"""Three detectors over one law: jumps of single windows, and two averages for small lasting changes.
 
 References
 ----------

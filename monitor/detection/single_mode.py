@@ -1,4 +1,4 @@
-"""Windows in which one mode alone is inconsistent: a wrong pole for some windows, or a change that moves one mode.
+"""Windows in which one mode alone is inconsistent: a temporary wrong pole, or a change of one mode.
 
 A wrong pole often stays for several windows, so that a few windows in a row do not distinguish the two. How long such
 runs last is learnt from those that have ended: the number of windows to wait follows from the stated false alarm rate.

@@ -1,4 +1,4 @@
-"""Measured beside simulated, as it stands in logs and in discrepancy.json: plain values for report and viewer."""
+"""Comparison of measured and simulated modes as plain values: in logs and in discrepancy.json."""
 
 from pydantic import BaseModel, ConfigDict
 

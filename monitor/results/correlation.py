@@ -1,4 +1,4 @@
-"""Measured set beside simulated, before and after the causes are written into the model."""
+"""Comparison of measured and simulated modes, with and without the diagnosed causes."""
 
 from collections.abc import Mapping
 from dataclasses import replace

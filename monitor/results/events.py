@@ -1,4 +1,4 @@
-"""Results as the events that stand for them in the log, and back."""
+"""Results as events of the log, and back."""
 
 from daq import Event
 from monitor.results.windows import (

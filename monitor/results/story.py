@@ -1,4 +1,4 @@
-"""The results of one run, with the questions that several drawings ask of them."""
+"""Results of one run, with queries for views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

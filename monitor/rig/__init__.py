@@ -1,4 +1,4 @@
-"""The virtual rig: a true structure, emulated devices and a timeline. It knows nothing of the analysis."""
+"""The virtual rig: a true structure, emulated devices and a timeline; independent of the analysis."""
 
 from monitor.rig.device_model import DeviceSource, make_sources
 from monitor.rig.player import Place, PlayReport, play

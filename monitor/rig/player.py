@@ -1,4 +1,4 @@
-"""A scenario played on emulated devices: a world that moves, ptys that stream, a timeline of what happens."""
+"""Player of a scenario on emulated devices: true structure, streaming ptys, timeline of events."""
 
 import threading
 import time

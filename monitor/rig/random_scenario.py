@@ -1,4 +1,4 @@
-"""Scenarios drawn from a seed, so that nobody knows beforehand what the monitor will face."""
+"""Random scenarios from a seed."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Logs with their analyses, each of which gives way to the next while what is measured goes on."""
+"""Pairs of log and analysis, replaced without loss of data."""
 
 import math
 import tempfile

@@ -1,4 +1,4 @@
-"""Processes of the monitor's own: what they hear of signals, and when they end."""
+"""Child processes: signals, memory, environment, and their end with the parent."""
 
 import ctypes
 import gc

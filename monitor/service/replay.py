@@ -1,4 +1,4 @@
-"""The same loop over a log, as fast as it goes."""
+"""Replay of a log through the monitoring loop."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence

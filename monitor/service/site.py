@@ -1,4 +1,4 @@
-"""A site: its settings, and the texts they come from."""
+"""Site: settings and the texts they come from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

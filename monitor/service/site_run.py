@@ -1,4 +1,4 @@
-"""A site that is watched: its parts, and how each gives way to another while the rest goes on."""
+"""Run of a site: starts its components and replaces them on reload."""
 
 import gc
 import shutil

@@ -1,4 +1,4 @@
-"""Analysis in a process of its own, so that it never takes a sample's time from acquisition."""
+"""Analysis process, separate from acquisition."""
 
 import multiprocessing
 import os

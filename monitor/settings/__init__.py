@@ -1,4 +1,4 @@
-"""SITE.toml: what is connected where, and how it is watched; read, overridden, and written with all that it means."""
+"""SITE.toml: schema, reading, overrides, template."""
 
 from monitor.settings.attached import attachable, parse_attached
 from monitor.settings.device import AXES, DeviceSettings

@@ -1,4 +1,4 @@
-"""SITE.toml as it is attached to logs and shown in reports: what a replay needs, and nothing that may be a secret."""
+"""Settings as attached to logs and shown in reports: what a replay needs, without secrets."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""[[device]]: what is connected where."""
+"""[[device]]: connection of a device."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self

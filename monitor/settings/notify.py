@@ -1,4 +1,4 @@
-"""[[notify]]: whom to tell, and of what."""
+"""[[notify]]: target of notices."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Self

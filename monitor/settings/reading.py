@@ -1,4 +1,4 @@
-"""SITE.toml read and checked, with one line that names file and key for what is wrong."""
+"""Reading and checking of SITE.toml; errors name file and key."""
 
 import difflib
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Secrets in settings: addresses, headers and arguments without them, and texts in which known ones are masked.
+"""Masking of secrets in addresses, headers, arguments and texts.
 
 Host names are no secrets: name servers and TLS handshakes carry them in the clear.
 """

@@ -1,4 +1,4 @@
-"""Settings written out with what each of them means; and the JSON Schema by which editors complete and check them."""
+"""Commented template of all settings, and their JSON Schema."""
 
 import json
 import textwrap

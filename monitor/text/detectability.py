@@ -1,4 +1,4 @@
-"""The smallest detectable change in words, and the consequence of having no thermometer."""
+"""Texts on the smallest detectable change, and on a missing thermometer."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Events in words: the fields that their payload has, in its order."""
+"""Texts of events: the fields of their payload in order."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Quantities in words: numbers with their deviations, times, durations, masses, stretches of members."""
+"""Texts of quantities: numbers with deviations, times, durations, masses, stretches of members."""
 
 import math
 

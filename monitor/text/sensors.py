@@ -1,4 +1,4 @@
-"""Health of the sensors as it is logged, and said: gain, polarity and delay of every channel."""
+"""Texts on sensor health: gain, polarity and delay of every channel."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Texts for conditions under which the law is uncertain, so that "nothing has changed" would claim too much."""
+"""Texts on conditions under which the temperature law is uncertain."""
 
 import math
 from collections.abc import Sequence

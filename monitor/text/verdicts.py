@@ -1,4 +1,4 @@
-"""Verdicts and headlines in words."""
+"""Texts of verdicts and headlines."""
 
 from monitor.results.story import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult

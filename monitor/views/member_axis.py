@@ -1,4 +1,4 @@
-"""The posterior along the members, laid one after another on a line: what every picture of it shares."""
+"""Members laid end to end on one axis, for curves along them."""
 
 from collections.abc import Iterable, Iterator
 

@@ -1,4 +1,4 @@
-"""A run as its log tells it: the results, the end of the signals, and how whole the data are."""
+"""Run read from its log for views: results, last signals, completeness of the data."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""A change that somebody accepts becomes the reference; what is known of temperature and scatter is kept."""
+"""Acceptance of a change as the new reference; temperature law and scatter are kept."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""A change that somebody has accepted: its name, what was found, and what the reference is learnt from since."""
+"""Accepted change: provenance, frequency shifts, and the windows of the new reference."""
 
 from dataclasses import dataclass
 

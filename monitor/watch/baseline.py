@@ -1,4 +1,4 @@
-"""From the windows of a baseline to what a watch needs."""
+"""Baseline: reference and detector learned from its windows."""
 
 import math
 from collections.abc import Mapping, Sequence

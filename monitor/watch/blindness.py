@@ -1,4 +1,4 @@
-"""Channels that windows give no shapes of, though the site has them: a sensor that died says so by nothing else."""
+"""Windows without a usable result, and channels without data in successive windows."""
 
 import math
 from collections.abc import Mapping

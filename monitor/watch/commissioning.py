@@ -1,4 +1,4 @@
-"""The commissioning drill: a known mass is hung on, and answer of the monitor of it is held against the truth.
+"""Commissioning with a known mass: comparison of the answer with mass and position.
 
 The same mass scales the modes: output-only modes have no scale, the shift that a known mass makes of each frequency
 gives it.

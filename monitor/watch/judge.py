@@ -1,4 +1,4 @@
-"""From modes to answers: a baseline, then a verdict on each window, an alarm, and what people make of it."""
+"""Sequence of the monitoring loop: baseline, score of each window, alarm, commands of operators."""
 
 from collections.abc import Iterator
 from dataclasses import replace

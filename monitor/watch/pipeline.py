@@ -1,4 +1,4 @@
-"""From blocks to answers: a deterministic function of what the log holds, the same live and in replay."""
+"""From blocks to results: a deterministic function of the log, the same live and in replay."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Would an alarm come if it had to? A mass is put into copies of the newest windows, and the copies are judged.
+"""Self-test: probability that a simulated mass raises the alarm.
 
 Nothing of it reaches the watch itself: the test judges by copies of the detectors and of the alarm.
 """

@@ -1,4 +1,4 @@
-"""Poles and shapes of matrix fractions, and what each block of time moves the poles by, to first order.
+"""Poles of matrix fractions, and the influence of each block of time on them, to first order.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Shapes of matrix fractions, and what each block of time moves them by, to first order.
+"""Shapes of matrix fractions, and the influence of each block of time on them, to first order.
 
 References
 ----------

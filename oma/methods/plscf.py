@@ -1,4 +1,4 @@
-"""Poly-reference least squares complex frequency from half spectra, and what each block of time moves its poles by.
+"""Poly-reference least squares complex frequency from half spectra, with the influence of each block of time.
 
 References
 ----------

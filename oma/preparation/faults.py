@@ -1,4 +1,4 @@
-"""Faults of channels, detected in their signals alone: each kind by what no vibration does.
+"""Channel faults, detected in the signals alone: each by a property that no vibration has.
 
 A structure does not stand still to the last digit, does not turn back at one and the same value again and again, does
 not move one sensor for one sample while the others rest, does not move two sensors alike to a thousandth, and does not

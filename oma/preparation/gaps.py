@@ -1,4 +1,4 @@
-"""Short gaps filled with what the signals around them and the other channels make most likely.
+"""Filling of short gaps by the most probable samples, from the signals around them and the other channels.
 
 Where samples are lost here and there on each channel for itself, hardly a row is complete: of eight channels that lack
 a fifth each, one row in six. A vector autoregression says what a lost sample was, up to its noise: the values that make

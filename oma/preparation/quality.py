@@ -1,4 +1,4 @@
-"""Quality of a window for identification: reasons for which an engineer would repeat the measurement."""
+"""Quality of a window for identification: reasons to repeat the measurement."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Automatic selection: which groups of stable poles are modes.
+"""Automatic selection of modes among groups of stable poles.
 
 References
 ----------

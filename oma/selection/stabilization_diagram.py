@@ -1,4 +1,4 @@
-"""Poles of all model orders, and which of them repeat from one order to the next.
+"""Poles of all model orders, and those that repeat from one order to the next.
 
 References
 ----------

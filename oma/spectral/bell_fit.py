@@ -1,4 +1,4 @@
-"""The bell that a resonance draws in a spectrum, seen through the windows of the spectrum's segments.
+"""Spectral bell of a resonance, smoothed by the windows of the spectrum's segments.
 
 A segment's window smears a bell that is narrow beside a line: read off as it stands, damping comes out too large. Here
 the model is given the same window as the data (`SpectralSums.window`), so that nothing is left to correct.

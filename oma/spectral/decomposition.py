@@ -1,4 +1,4 @@
-"""The singular value decomposition of a spectral matrix, line by line, and what blocks of time do to it.
+"""Singular value decomposition of a spectral matrix per line, and the influence of blocks of time.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""Devices that are late: told from the phases of cross spectra, and put right before modes are sought.
+"""Alignment of devices: delays from the phases of cross spectra, removed before identification.
 
 Shapes of lightly damped modes are real: two channels move together or against each other. So twice the phase of their
 cross spectrum is zero wherever a mode carries it, whatever the sign of the shape, and a device that is late by tau

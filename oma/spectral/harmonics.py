@@ -1,4 +1,4 @@
-"""Tones of machines and mains, told from lightly damped modes.
+"""Tones of machines and mains, distinguished from lightly damped modes.
 
 Three properties distinguish a tone from the narrow-band Gaussian noise that random forces make of a resonance:
 

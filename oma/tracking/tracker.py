@@ -1,4 +1,4 @@
-"""One identity a mode, for years: which mode of an estimate is which mode of the reference.
+"""Assignment of the modes of an estimate to those of a fixed reference.
 
 References
 ----------

@@ -1,4 +1,4 @@
-"""The structure file taken at its word, as a reference for what it gets wrong about measured modes.
+"""Reference made from the structure file alone, for errors of the file against measured modes.
 
 Where it is far off - by more than 5 % in the median frequency - the model is moved first: its parameters are fitted to
 the measured frequencies, then to shapes too, with modes paired anew, until it rests. What the file says stays what is

@@ -1,4 +1,4 @@
-"""One cause beside others whose alternatives are chosen already: all parameters are fitted together."""
+"""One free cause fitted jointly with causes whose alternatives are fixed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

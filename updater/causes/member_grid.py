@@ -1,4 +1,4 @@
-"""Members cut into cells, over which what a mode does is summed: a stretch's share is the difference of two sums."""
+"""Cumulative sums of modal quantities over cells of members: a stretch is the difference of two sums."""
 
 from dataclasses import dataclass
 

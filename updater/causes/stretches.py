@@ -1,4 +1,4 @@
-"""Stretches of members as alternatives: any middle, any of several lengths; common to what is spread over one."""
+"""Stretches of members as alternatives: any middle, any of several lengths."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self, TypeVar

@@ -1,4 +1,4 @@
-"""The parameters with which a model is extended: those that agree with the frequencies as closely as noise allows.
+"""Parameters of the extended model: refitted to the frequencies within noise.
 
 What decides between causes allows for what the reference gets wrong about a change. The next record has the very same
 error: parameters that take it up foresee that record better, though they are no nearer to what was done.

@@ -1,4 +1,4 @@
-"""The answer of a diagnosis, as other programs read it (docs/updater.md, `modalwatch diagnose --json`)."""
+"""JSON schema of a diagnosis (docs/updater.md, `modalwatch diagnose --json`)."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""A structure as stiffness and mass matrices, with what is needed to read and load it at any point."""
+"""Finite element model: stiffness and mass matrices, interpolation and loads at any point."""
 
 from collections import defaultdict
 from collections.abc import Iterator

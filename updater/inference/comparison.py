@@ -1,4 +1,4 @@
-"""Measurement against baseline: the data by which every hypothesis is judged.
+"""Comparison of an event with the baseline: the data of every hypothesis.
 
 Ratios to the baseline, log frequencies and shapes, so that what the model gets wrong about the structure as it was
 cancels to first order.

@@ -1,4 +1,4 @@
-"""An event set beside the baseline, block by block of data."""
+"""Construction of the comparison of an event with the baseline, block by block of data."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Two blocks of a comparison beside frequencies and shapes: imaginary parts of shapes, and damping."""
+"""Imaginary parts of shapes and damping as blocks of a comparison."""
 
 from typing import Any
 

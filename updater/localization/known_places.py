@@ -1,4 +1,4 @@
-"""Bodies that came or went at known places, identified from several records in which they stand at other places.
+"""Bodies removed or added at known places, identified from several records with different places.
 
 Each record is a comparison with its own reference. What a candidate does is known but for its mass, so that sets of
 candidates are compared by their evidence. Deviations between records are of three kinds. Stated noise is independent.

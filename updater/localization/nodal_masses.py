@@ -1,4 +1,4 @@
-"""The paper's alternative asked the paper's question: a mass at every node, by the iterative sensitivity method.
+"""Mass at every node by the iterative sensitivity method, the paper's alternative to one step.
 
 Same data and covariances as the localization's, but no hypothesis of one body: as many parameters as nodes, more than
 data, so that the prior decides how the mass is spread. Its strength is the one of most evidence (MacKay 1992).

@@ -1,4 +1,4 @@
-"""Scans for several masses at once, which act to first order in them: where fits of sets of them begin."""
+"""Starting points for fits of several masses: scans to first order."""
 
 import itertools
 from dataclasses import replace

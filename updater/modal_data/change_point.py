@@ -1,4 +1,4 @@
-"""Change-point test for the windows of one baseline: a step that lasts, or one that comes and goes.
+"""Change-point test for the windows of one baseline: a lasting step, or one that reverses.
 
 Log frequencies of undisturbed windows are a constant, the effect of temperature, a slow movement and an independent
 error. The slow movement is an Ornstein-Uhlenbeck process whose variance and time constant are fitted. Temperature acts

@@ -1,4 +1,4 @@
-"""Time delays of devices, told from the phases of the modes.
+"""Time delays of devices from the phases of the modes.
 
 Shapes of lightly damped modes are real, so a phase that grows with frequency and is common to all channels of a device
 is a delay of that device's clock, which arrival times cannot show. A device's delay is a constant (its filter, its

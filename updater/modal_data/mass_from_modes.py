@@ -1,4 +1,4 @@
-"""Mass from mass-normalised modes alone: what frequency responses with a measured force say without any model.
+"""Total mass from mass-normalised modes, without a model.
 
 Modes B of a mass matrix satisfy B^T M B = I. Measured at as many channels as there are modes they can be inverted,
 M = (B B^T)^-1: eq. 7 of the one-step update with every mode replaced. It is the mass as the channels feel it, exact

@@ -1,4 +1,4 @@
-"""The reference as the one-step update sees it: masses in particles, so that a diagonal entry is a node's mass.
+"""Reference with lumped masses for the one-step update: a diagonal entry is the mass of a node.
 
 The particle-lumped mass has no rotary inertia, so M is singular. The modes of (M, K) with inertia are those of the
 statically condensed structure, exactly, with the rotations recovered: over all of them M^-1 = sum b b^T (eq. 3) at

@@ -1,4 +1,4 @@
-"""The stiffness twin of the mass update: mass known, stiffness changed (eq. 8), flexibility increments.
+"""One-step update of the stiffness with known mass (eq. 8): flexibility increments.
 
 Each equation has its counterpart. The measured modes are scaled by the mass that is known (eq. 12) instead of eq. 13,
 expanded in the modes they replace and orthonormalised, so that M_u = M exactly. Eq. 8 then adds to the flexibility

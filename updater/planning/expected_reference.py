@@ -1,4 +1,4 @@
-"""A structure file taken at its word, as the reference of a rig of which nothing has been measured yet."""
+"""Expected reference of a planned rig, from the structure file alone."""
 
 import numpy as np
 

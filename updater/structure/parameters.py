@@ -1,4 +1,4 @@
-"""Physical parameters of a structure that may be fitted, with what is known of them: its knobs."""
+"""Physical parameters of a structure that may be fitted, with their priors."""
 
 from collections import Counter
 from collections.abc import Sequence

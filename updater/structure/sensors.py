@@ -1,4 +1,4 @@
-"""Sensors as they were mounted, and what is known to be wrong with what their channels say."""
+"""Sensors as mounted, and known corrections of their channels."""
 
 from functools import lru_cache
 from typing import Literal, Self

@@ -1,4 +1,4 @@
-"""Figures of a structure file that are legal, but look as if they stood in other units than SI."""
+"""Check of a structure file for values that are legal but probably in other units than SI."""
 
 import math
 

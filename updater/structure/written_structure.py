@@ -1,4 +1,4 @@
-"""A structure as it is written to a file: without springs and welds that change nothing, rounded to what is known."""
+"""Structure as written to a file: without springs and welds that have no effect, rounded to the known digits."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar

@@ -1,4 +1,4 @@
-"""A reference as it is once the causes that act on the structure are written in: what sensors are then judged by."""
+"""Reference with the diagnosed structural causes applied; sensor health is evaluated against it."""
 
 from dataclasses import replace
 

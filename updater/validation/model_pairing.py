@@ -1,4 +1,4 @@
-"""The modes of a structure's model that answer to measured ones."""
+"""Pairing of a structure's model modes with measured modes."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Each sensor's signal predicted from the others through simulated modes, against what it measured.
+"""Virtual sensors: each signal predicted from the others through simulated modes.
 
 About every resonance the signals are modelled as S = sum_k q_k |H_k|^2 phi_k phi_k^T + N: modes phi_k with the measured
 frequencies and damping, forced by white noise of density q_k, and noise N. The best linear prediction of a sensor by

@@ -1,4 +1,4 @@
-"""Any sensor on a CAN bus that sends by itself what a DBC file describes."""
+"""Driver of sensors on a CAN bus that send unprompted, described by a DBC file."""
 
 import time
 from collections.abc import Sequence

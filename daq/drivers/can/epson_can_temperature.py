@@ -1,4 +1,4 @@
-"""The temperature of an M-A552, asked for now and then while it samples; nobody waits for the answer.
+"""Temperature of an M-A552, requested at intervals while it samples, without waiting for the reply.
 
 It could send it with every scan (TPDO4), which four nodes at 1000 Hz leave no room for on a bus.
 """

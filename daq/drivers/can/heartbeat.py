@@ -1,4 +1,4 @@
-"""A CANopen node's heartbeat and emergencies, as its master hears them (CiA 301, sections 7.2.8.3 and 7.2.7).
+"""Heartbeat and emergencies of a CANopen node, on the master's side (CiA 301, 7.2.8.3 and 7.2.7).
 
 What a heartbeat tells that missing scans do not: at once, that a node has started anew or left its operational state;
 and of one whose scans are missing, whether it lives.

@@ -1,4 +1,4 @@
-"""Bytes off a port in few large reads: what a read costs is being woken, hardly what it brings."""
+"""Reads from a port in few large pieces: the cost of a read is the wake-up, not the number of bytes."""
 
 import math
 import os

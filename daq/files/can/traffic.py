@@ -1,4 +1,4 @@
-"""CAN traffic that another program has recorded, to a log: what sensors of a DBC file said in it.
+"""Import of CAN traffic recorded by other programs, for sensors described by a DBC file.
 
 python-can reads the files (candump's .log, Vector's .asc and .blf, PCAN's .trc). Frames go the way that live ones go:
 the same decoder, the same blocks, gaps by the counter; the file's time stamps are the arrivals.

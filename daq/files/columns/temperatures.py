@@ -1,4 +1,4 @@
-"""Temperatures that a file of measurements holds beside its signals."""
+"""Temperatures in files of measurements."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Sampling times of a table: are they even, at what rate, and where is something missing."""
+"""Sampling grid of a table: rate, missing samples, uneven times."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Are the indexes behind a log's chunks those that their messages ask for? Asked of many chunks at once.
+"""Check of the indexes behind a log's chunks against their messages, for many chunks at once.
 
 Each entry must point at a message of its channel and time, and what stands between the messages that entries point at
 must be definitions: then each message is indexed, once.

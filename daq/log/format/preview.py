@@ -1,4 +1,4 @@
-"""Signals as stock viewers plot them, beside the archive: a message a scan, at a rate that a screen can show.
+"""Preview messages for stock viewers: one message per scan, at a reduced rate.
 
 A device's scans go through a low-pass of linear phase and every so many is kept, so that nothing aliases and nothing
 moves in time. What is missing stays missing: the filter begins anew behind a gap, half its length later.

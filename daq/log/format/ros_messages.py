@@ -1,4 +1,4 @@
-"""Scans as messages of ROS 2, which stock viewers plot: three axes as sensor_msgs/Imu, others as arrays.
+"""Scans as ROS 2 messages for stock viewers: three axes as sensor_msgs/Imu, others as arrays.
 
 Messages are in CDR (OMG, Common Object Request Broker Architecture 3.0, chapter 15), little-endian: values stand at
 multiples of their size, counted behind the four bytes that say so. All messages of a device have the same layout, so

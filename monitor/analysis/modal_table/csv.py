@@ -1,4 +1,4 @@
-"""A table of modes as people write it: units in the header, decimal commas, comments, what Excel leaves at the ends."""
+"""Tolerant CSV reader for tables of modes: units, decimal commas, comments, spreadsheet artefacts."""
 
 import csv
 import re

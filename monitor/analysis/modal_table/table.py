@@ -1,4 +1,4 @@
-"""Modes from elsewhere: a CSV table, one mode a row, or what `modalwatch identify --json` writes; one file a record.
+"""Tables of modes from other programs: CSV, or the JSON of `modalwatch identify`; one file per record.
 
 Columns of a table: `frequency` [Hz]; if known `damping` [-], `frequency_std` [Hz], a column a channel with the shape's
 component and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, alike in every row. What else a

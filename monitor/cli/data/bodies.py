@@ -1,4 +1,4 @@
-"""`bodies`: identification of the bodies at known places that were taken off or added."""
+"""`bodies`: bodies removed or added at known places."""
 
 from collections.abc import Sequence
 from pathlib import Path

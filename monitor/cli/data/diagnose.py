@@ -1,4 +1,4 @@
-"""`diagnose`: what has changed since the reference logs, or what the structure file gets wrong about logs."""
+"""`diagnose`: changes since the reference logs, or errors of the structure file."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence

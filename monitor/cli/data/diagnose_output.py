@@ -1,4 +1,4 @@
-"""A diagnosis in the terminal: the verdict first, then what it rests on."""
+"""Output of a diagnosis in the terminal: verdict, then evidence."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""A site for a file of measurements: its channels as devices, which `replay` watches and `run` plays."""
+"""SITE.toml for a file of measurements: its channels as devices, for `replay` and `run`."""
 
 import os
 from collections.abc import Iterator, Sequence

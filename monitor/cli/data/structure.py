@@ -1,4 +1,4 @@
-"""`structure`: what a structure file says, drawn, with what its sensors can see."""
+"""`structure`: picture of a structure file, and what its sensors detect."""
 
 import re
 from dataclasses import dataclass

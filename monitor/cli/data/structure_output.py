@@ -1,4 +1,4 @@
-"""Tables and sentences of what sensors see, for the terminal."""
+"""Output of `structure`: tables, sentences and JSON."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any

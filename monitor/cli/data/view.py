@@ -1,4 +1,4 @@
-"""`report` and `view`: pictures of what stands in a log, and of what a running monitor sees."""
+"""`report` and `view`: report and rerun recording of a log or a running monitor."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""`demo`: a rig nobody knows, watched as any site is, and the truth beside the answer."""
+"""`demo`: a virtual rig and its monitor; the answer is compared with the truth."""
 
 import json
 import secrets

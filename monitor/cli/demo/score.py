@@ -1,4 +1,4 @@
-"""The truth beside the answer."""
+"""Comparison of the answer with the truth."""
 
 import json
 from pathlib import Path

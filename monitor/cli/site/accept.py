@@ -1,4 +1,4 @@
-"""`accept`: what raised an alarm is the new normal."""
+"""`accept`: acceptance of an alarmed change as the new reference."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""`check`: what `run` would do, and whether the devices are there."""
+"""`check`: settings, devices and rates before a run."""
 
 import shutil
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""`devices`: what is connected, and the settings for it, ready to paste."""
+"""`devices`: connected devices, with settings to paste."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""`history`: what was found over months and years, as tables, CSV, JSON and a picture."""
+"""`history`: results over months and years as tables, CSV, JSON and a picture."""
 
 import csv
 import json

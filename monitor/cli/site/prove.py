@@ -1,4 +1,4 @@
-"""`prove`: hang a known mass on, and the watch says whether it has found it."""
+"""`prove`: commissioning of a site with a known mass."""
 
 import itertools
 from collections.abc import Sequence

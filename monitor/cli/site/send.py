@@ -1,4 +1,4 @@
-"""Words that commands leave for a running monitor, and whether it has taken them."""
+"""Commands sent to a running monitor, and their execution."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""`settings`: all settings with what they mean, and the schema that editors use."""
+"""`settings`: all settings with their meaning, and their JSON Schema."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Databases by their addresses: none that is gone, locked or mute is waited for without an end."""
+"""Database engines by address, with bounded waiting times."""
 
 from collections.abc import Iterator
 from itertools import chain

@@ -1,4 +1,4 @@
-"""Writer of logged items to the database, in a thread of its own; what the database does not take waits on disk."""
+"""Writer of logged items to the database in its own thread, with a spool on disk."""
 
 import json
 import queue

@@ -1,4 +1,4 @@
-"""A new SQLite file in the place of one that is damaged, moved or deleted, and what can be read of that one."""
+"""Replacement of a damaged, moved or deleted SQLite file, with all readable rows."""
 
 import sqlite3
 import time

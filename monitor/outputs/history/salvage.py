@@ -1,4 +1,4 @@
-"""Rows of a damaged SQLite file put into a new one: all that can be read, whatever lies between."""
+"""Copy of all readable rows of a damaged SQLite file to a new one."""
 
 import json
 import sqlite3

@@ -1,4 +1,4 @@
-"""The history's SQLite file: whether it is still the one that was opened, and whole; what to do where it is not."""
+"""State of the history's SQLite file: identity and integrity."""
 
 import sqlite3
 import time

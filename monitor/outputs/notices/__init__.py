@@ -1,4 +1,4 @@
-"""Notices by webhook, command and MQTT; what cannot be delivered is kept on disk."""
+"""Notices by webhook, command and MQTT, kept on disk until delivered."""
 
 from monitor.outputs.notices.delivery import NoticeSender
 from monitor.outputs.notices.filter import NoticeFilter

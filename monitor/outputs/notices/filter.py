@@ -1,4 +1,4 @@
-"""Choice of logged items that are news to a person: a pure function of what came before."""
+"""Choice of the logged items that are sent as notices: a pure function of the items before."""
 
 from daq import Block, Event, Item
 from monitor.results.events import event_result

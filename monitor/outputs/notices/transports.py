@@ -1,4 +1,4 @@
-"""The ways a notice goes out; each either delivers or raises `NoticeError`."""
+"""Transports of notices; each either delivers or raises `NoticeError`."""
 
 import contextlib
 import json

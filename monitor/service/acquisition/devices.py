@@ -1,4 +1,4 @@
-"""Devices of a site, each read in a thread of its own; some give way to others while the rest goes on."""
+"""Devices of a site, one thread each; single devices can be replaced."""
 
 import time
 from collections.abc import Callable, Iterable, Mapping

@@ -1,4 +1,4 @@
-"""A device looked at for a moment: who it is, and what it sends."""
+"""Short test of a device: identity and sampling rate."""
 
 import time
 from collections.abc import Callable

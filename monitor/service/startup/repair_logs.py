@@ -1,4 +1,4 @@
-"""Logs that a kill or a power cut left without their end, mended at the next start."""
+"""Repair of unfinished logs at the start."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Axes in which a frame is drawn in three dimensions, all directions to the same scale."""
+"""Three-dimensional axes with equal scales."""
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator

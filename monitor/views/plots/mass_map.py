@@ -1,4 +1,4 @@
-"""The weakest mass that a rig sees, place by place: on the structure and along its members."""
+"""Map of the smallest detectable mass on the structure and along its members."""
 
 from collections.abc import Iterator
 

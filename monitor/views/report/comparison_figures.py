@@ -1,4 +1,4 @@
-"""Measured beside simulated: modes, sensors, forces left over on the structure, and predicted signals."""
+"""Figures of measured and simulated modes, sensors, residual forces and virtual sensors."""
 
 import numpy as np
 from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-"""The structure on paper: a parallel projection of its members, and what is drawn over it."""
+"""Figure of the structure in parallel projection."""
 
 from itertools import pairwise
 

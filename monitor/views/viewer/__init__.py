@@ -1,4 +1,4 @@
-"""The viewer's file (.rrd): results in, laid-out recording out. The only place that knows rerun."""
+"""Recordings for the rerun viewer (.rrd). Only this package imports rerun."""
 
 from pathlib import Path
 

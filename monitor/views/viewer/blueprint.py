@@ -1,4 +1,4 @@
-"""The single views: what each shows and from where."""
+"""Layout of the views; views without content are left out."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Results and signals as they come, served to any viewer that asks."""
+"""Live results and signals, served to any viewer."""
 
 import os
 from collections import deque

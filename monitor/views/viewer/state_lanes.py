@@ -1,4 +1,4 @@
-"""Lanes of states, and the events in words."""
+"""Lanes of states, and the texts of events."""
 
 import textwrap
 from collections.abc import Iterator

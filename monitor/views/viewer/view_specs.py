@@ -1,4 +1,4 @@
-"""The single views: what each shows and from where."""
+"""Definitions of the single views."""
 
 import math
 from collections.abc import Sequence

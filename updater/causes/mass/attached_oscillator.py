@@ -1,4 +1,4 @@
-"""Something that hangs on the structure by a spring of its own: a loose part, an appendage, a damper.
+"""Oscillator attached to the structure: a loose part, an appendage, a damper.
 
 It brings a mode that was not there. With z its motion beside the structure's along its direction d, times the root of
 its mass, the modes' mass matrix grows by m Phi^T Phi and is bordered by m^1/2 Phi^T d, the flexibility by

@@ -1,4 +1,4 @@
-"""Mass spread over a stretch of a member, or gone from it: snow, water, a cable, ice.
+"""Mass distributed over a stretch of a member, or removed from it: snow, water, a cable, ice.
 
 Modal mass I + m / e int (Phi^T Phi + g r^2 Theta^T Theta) dx over the stretch of length e: Phi the modes'
 displacements, Theta their rotations in the member's axes, r the section's radii of gyration; g is 1 if it lies as the

@@ -1,4 +1,4 @@
-"""One factor on the density of all members; what is clamped on keeps its mass."""
+"""One factor on the density of all members; attached bodies keep their mass."""
 
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Gain, polarity and exchanged channels: faults of single channels, which shapes show and frequencies do not."""
+"""Gain, polarity and exchange of channels: faults visible in shapes, not in frequencies."""
 
 import itertools
 from dataclasses import dataclass, replace

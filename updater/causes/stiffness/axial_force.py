@@ -1,4 +1,4 @@
-"""A member's axial force that is not what it was: a cable's tension, a column's load, heat between two abutments.
+"""Change of a member's axial force: cable tension, load of a column, heat between two abutments.
 
 A force N more adds N G to the modal stiffness, G = Phi^T K_g Phi of the member's geometric stiffness: in the basis W
 of Lambda^-1/2 G Lambda^-1/2 = V w V^T the flexibility Lambda^-1/2 V (1 + N w)^-1 V^T Lambda^-1/2. At N = -1 / max(w)

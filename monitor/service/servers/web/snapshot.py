@@ -1,4 +1,4 @@
-"""Answers that are computed once for all who ask within a second."""
+"""Answers computed once per second for all clients."""
 
 import asyncio
 import math

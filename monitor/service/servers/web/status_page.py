@@ -1,4 +1,4 @@
-"""The status page: what changes is rendered here and put into the page each two seconds."""
+"""Status page: the changing part, rendered every two seconds."""
 
 import json
 import math

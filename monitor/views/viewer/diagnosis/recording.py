@@ -1,4 +1,4 @@
-"""A diagnosis in the viewer: where forces are left over and the causes are, modes and sensors side by side, signals."""
+"""Diagnosis in the viewer: residual forces and causes on the structure, modes, sensors, signals."""
 
 from itertools import pairwise
 from pathlib import Path
