@@ -27,6 +27,9 @@ from updater import (
     stack_tracks,
     t_structure_toml,
 )
+from updater.causes.composite import JointHypothesis, SelectedCause
+from updater.causes.sensors.orientation import propose_sensor_orientation
+from updater.inference import compare
 
 TRACK = np.arange(8)
 CHANNELS = t_frame().channels
@@ -62,6 +65,14 @@ class Rig:
     def explained(self, event: ModalMean, faults: dict[str, ChannelFault] | None = None) -> DiagnosisResult:
         known = Circumstances(devices=DEVICES, faults=faults or {})
         return diagnose(self.reference, event, circumstances=known)
+
+
+def test_a_fault_is_not_combined_with_itself_on_the_same_channels() -> None:
+    rig = Rig(221)
+    data = compare(rig.reference, rig.event())
+    cause = propose_sensor_orientation(rig.reference, data)
+    joint = JointHypothesis(cause, (SelectedCause(cause, 3, np.zeros(3)),))
+    assert np.flatnonzero(np.isneginf(joint.log_prior)).tolist() == [3]
 
 
 def only(*channels: str) -> FloatArray:

@@ -6,6 +6,7 @@ known to a degree or two, which the baseline has in its shapes: of what it reads
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from daq import FloatArray, IndexArray
 from updater.causes.sensors.channel_fault import Chain, groups_of
-from updater.inference import Comparison, Effect, no_effect
+from updater.inference import Comparison, Effect, evaluate, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure, sensor_axes
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
+_TRIED = 0.3  # rad: angles from which a fit may start, of both signs
 _ASKEW = 0.02  # rad: what any sensor is
 _ALONG = 1e-3  # of a direction's part across an axis, under which turning about it shows nothing
 _TURNS = ("about_x", "about_y", "about_z")
@@ -42,6 +44,23 @@ class SensorOrientation(Chain):
     advice: str = (
         "Hold a square and a level to the sensor; at rest, gravity shows how far an axis is from the vertical."
     )
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """Start of each alternative: no turn, or a turn about one axis in the direction that fits better.
+
+        The cosine of an angle has no sign: from no turn a fit may end in the minimum of the other sign.
+        """
+        none, rows = np.zeros(self.lower.shape), np.arange(len(self.lower))
+        turns = [sign * _TRIED * np.eye(3)[axis] for axis in (0, 1) for sign in (1, -1)]
+        starts = np.stack([none, *(none + turn for turn in turns)])
+        cost = [evaluate(self.comparison, self, each, rows).cost for each in starts]
+        return np.asarray(starts[np.argmin(cost, axis=0), rows])
+
+    @property
+    def idle(self) -> FloatArray:
+        """No turn."""
+        return np.zeros(self.lower.shape)
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return what each channel reads of its own direction and of those across it."""
