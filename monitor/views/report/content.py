@@ -95,17 +95,17 @@ def last_answer(story: RunResults) -> MassAnswer | None:
 
 def _facts(run: Run) -> list[tuple[str, str]]:
     story = run.story
-    facts = [("Watched", f"{utc(story.start)} to {utc(story.end)}")]
+    facts = [("Monitored", f"{utc(story.start)} to {utc(story.end)}")]
     if isinstance(run.log, LogExcerpt):
         facts.append(("Range", f"{run.log.text} of the log"))
     facts.append(("Windows", _windows(run)))
     answer = last_answer(story)
     if answer:
-        facts.append(("Where and how much", mass_text(answer)))
+        facts.append(("Position and size", mass_text(answer)))
         sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
-        facts.append(("How sure", f"{sure}; {fit_text(answer)}"))
+        facts.append(("Probability", f"{sure}; {fit_text(answer)}"))
         if answer.outlook:
-            facts.append(("Outlook", answer.outlook))
+            facts.append(("Forecast", answer.outlook))
     judged = [w.novelty for w in story.watched if w.novelty]
     if judged:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
@@ -119,7 +119,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
     for change in story.accepted:
         said = accepted_text(change, story.accepted_at(change))
-        facts.append(("Accepted", f"{said}; found was: {change.found}"))
+        facts.append(("Accepted", f"{said}; diagnosis: {change.found}"))
     return facts
 
 
@@ -127,10 +127,10 @@ def _windows(run: Run) -> str:
     """Return the number of windows that are reported; of a range, apart from those that the baseline is learnt from."""
     learning, watched = len(run.story.learning), len(run.story.watched)
     if not isinstance(run.log, LogExcerpt):
-        return f"{learning} to learn the baseline, {watched} watched"
+        return f"{learning} baseline, {watched} monitored"
     reference = run.story.reference
-    baseline = f"; the baseline is learnt from {reference.n_windows} windows of the log" if reference else ""
-    return f"{learning + watched} in the range, {learning} of them before the baseline was learnt{baseline}"
+    baseline = f"; the baseline has {reference.n_windows} windows of the log" if reference else ""
+    return f"{learning + watched} in the range, {learning} of them before the end of the baseline{baseline}"
 
 
 def _pictures(story: RunResults) -> dict[str, Picture | None]:

@@ -148,7 +148,7 @@ def test_the_report_of_a_range_counts_its_windows_apart_from_the_baseline(run: P
     facts = dict(run_content(load_run(run, time_range("5", "15.5")), None)["facts"])
     assert facts["Range"] == "5 to 15.5 s of the log"
     assert facts["Windows"] == (
-        "10 in the range, 5 of them before the baseline was learnt; the baseline is learnt from 10 windows of the log"
+        "10 in the range, 5 of them before the end of the baseline; the baseline has 10 windows of the log"
     )
     assert dict(run_content(load_run(run), None)["facts"])["Windows"] == "10 to learn the baseline, 50 watched"
 

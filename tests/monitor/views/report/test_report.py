@@ -194,7 +194,7 @@ def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
     page = page_of(accepted_run(change), tmp_path)
     said = f"as 'antenna <5 kg>' by Ada, {utc(change.time + 10**9)}"
     assert f"A change was accepted {said}; nothing has changed in 2 windows since." in page.words
-    assert f"{said}; found was: 302 g added" in page.words
+    assert f"{said}; diagnosis: 302 g added" in page.words
     again = [made.alarm(WHOLE["windows"][-2], "alarm", "again"), made.alarm(WHOLE["windows"][-1], "normal", "gone")]
     assert verdict(made.story(accepted_run(change, *again)), None).startswith("Back to normal after an alarm")
 
@@ -255,7 +255,7 @@ def test_outlook_stands_on_the_page_where_there_is_one(tmp_path: Path) -> None:
     told = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": said})})
     found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], told]}, tmp_path)
     assert said in found.words
-    assert "Outlook" not in page_of(WHOLE, tmp_path).words
+    assert "Forecast" not in page_of(WHOLE, tmp_path).words
 
 
 def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
