@@ -150,7 +150,7 @@ def test_the_report_of_a_range_counts_its_windows_apart_from_the_baseline(run: P
     assert facts["Windows"] == (
         "10 in the range, 5 of them before the end of the baseline; the baseline has 10 windows of the log"
     )
-    assert dict(run_content(load_run(run), None)["facts"])["Windows"] == "10 to learn the baseline, 50 watched"
+    assert dict(run_content(load_run(run), None)["facts"])["Windows"] == "10 baseline, 50 monitored"
 
 
 def test_a_range_without_a_whole_window_is_refused(tmp_path: Path) -> None:
