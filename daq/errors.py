@@ -22,7 +22,7 @@ class DaqError(Exception):
 
 
 class DriverError(DaqError):
-    """A device that does not answer as its protocol says; names the port."""
+    """A device does not follow its protocol; names the port."""
 
     def __init__(self, port: str, message: str) -> None:
         super().__init__(f"{port}: {message}")
@@ -54,7 +54,7 @@ class DataError(DaqError):
 
 
 class DbcError(DaqError):
-    """A DBC file that does not describe what is asked of it."""
+    """A DBC file lacks a required signal or message."""
 
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")

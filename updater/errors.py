@@ -38,7 +38,7 @@ class MechanismError(ModelError):
 
 
 class PairingError(UpdaterError):
-    """Too few measured modes answer to modes of the model."""
+    """Too few measured modes are paired with modes of the model."""
 
 
 class ModalDataError(UpdaterError, ValueError):

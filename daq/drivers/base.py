@@ -21,7 +21,7 @@ class Scans:
 
 
 class Driver(Protocol):
-    """One kind of device: what hardware asks for, and nothing else.
+    """Interface of one kind of device, with hardware access only.
 
     One that filters has `delay` as well: how long after the motion a scan is that its filter lets through [s].
     """

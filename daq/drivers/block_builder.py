@@ -29,7 +29,7 @@ class BlockBuilder:
         self._clock = ""  # that is shared, if one is: then counters are indices
 
     def restart(self, now: int) -> None:
-        """Note that the device counts anew, after `flush`; indices go on where the host's or the shared clock says."""
+        """Note that the counter has restarted, after `flush`; indices continue by the host's or the shared clock."""
         if self._anchor is not None and not self._clock:
             elapsed = round((now - self._anchor[1]) * 1e-9 * self._rate)
             self._next = max(self._next, self._anchor[0] + elapsed) + 1
@@ -67,7 +67,7 @@ class BlockBuilder:
             yield from self.flush(now)
 
     def _change_clock(self, clock: str, first: int, now: int) -> Iterator[Block]:
-        """Go on by a clock that devices share; it is another one where their sampling began anew."""
+        """Continue by a shared clock, which is another one after a restart of sampling."""
         yield from self.flush(now)
         if self._clock:
             self._flags |= Flag.RESTARTED
@@ -84,7 +84,7 @@ class BlockBuilder:
         return self._anchor[0] + round((now - self._anchor[1]) * 1e-9 * self._rate)
 
     def _index(self, counter: IntArray | IndexArray, expected: int) -> IndexArray:
-        """Return indices: without a gap as the counter says, however late; beyond one nearest to the expected."""
+        """Return indices: by the counter without a gap, whatever the delay; after a gap nearest to the expected one."""
         raw = counter.astype(np.intp) + self._offset
         if self._clock:
             return raw

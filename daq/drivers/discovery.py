@@ -65,7 +65,7 @@ def can_adapters() -> list[tuple[str, str]]:
 
 
 def search_port(path: str, bitrate: int = 1_000_000) -> PortAnswer | None:
-    """Ask at a serial port for every kind of device that can be asked; None if none answers.
+    """Query a serial port for every known kind of device; None if none answers.
 
     Each kind is asked in its own words, which the others take for noise. A device that was sampling may stop.
 

@@ -8,7 +8,7 @@ _TOLERANCE = 0.05  # of the rate: far more than a clock is off
 
 
 class RateCheck:
-    """Tells, once, that a device does not send at the rate that is expected of it.
+    """Reports once that a device does not send at the expected rate.
 
     One that cannot be told its rate, or does as it likes, would shift all frequencies by as much.
 

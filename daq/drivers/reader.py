@@ -17,7 +17,7 @@ _RETRY_SECONDS = 0.1
 
 
 class DeviceReader(SupervisedThread):
-    """Reads one device for as long as asked, and takes it back by itself when it was lost.
+    """Reader of one device until it is stopped, with automatic reconnection.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ def _own(name: str, place: Place) -> Any:  # noqa: ANN401 - a class of any drive
 
 
 def _plugged_in(entry: EntryPoint) -> Any:  # noqa: ANN401 - a class of any driver
-    """Return what an entry point names; `Driver` says what its objects must have."""
+    """Return the class of an entry point; `Driver` lists its required members."""
     try:
         found = entry.load()
     except (ImportError, AttributeError) as error:

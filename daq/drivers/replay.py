@@ -58,7 +58,7 @@ class ReplayedDevice:
         self._open = False
 
     def open(self) -> dict[str, Any]:
-        """Start the log, if no device of it has been started; else go on where it is."""
+        """Start the log with its first device; for further devices continue at its position."""
         try:
             block = self._start()
         except (LogError, ValueError) as error:
@@ -127,7 +127,7 @@ class ReplayedDevice:
         )
 
     def close(self) -> None:
-        """Read no more; the log goes on."""
+        """Stop reading; the log continues."""
         self._open = False
 
 

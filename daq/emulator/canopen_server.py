@@ -45,7 +45,7 @@ class SdoServer:
         self._entries[place] = Entry(value.to_bytes(len(entry.value), "little"), entry.accepts)
 
     def answer(self, request: bytes) -> bytes | None:
-        """Return the answer to a request of eight bytes, None if it asks for none."""
+        """Return the reply to a request of eight bytes, None if it requires none."""
         if len(request) != 8:
             return None
         command = request[0] & 0xE0

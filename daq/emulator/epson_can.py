@@ -21,7 +21,7 @@ _NMT, _EMERGENCY, _SDO_REQUEST, _SDO_ANSWER, _HEARTBEAT = 0x000, 0x080, 0x600, 0
 
 
 class EmulatedEpsonCan:
-    """One node: boots, answers NMT and SDO, sends heartbeats if asked to, and scans while operational.
+    """One node: boots, answers NMT and SDO, sends heartbeats if configured, and scans while operational.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ class EmulatedEpsonCan:
         self._objects.set(epson.TEMPERATURE, temperature_raw(temperature) % 2**32)
 
     def power_cycle(self) -> None:
-        """Lose power for a moment: it boots, and says so, without what it was told."""
+        """Lose power for a moment: the node boots with its default settings and sends its boot message."""
         self._stand_still()
         self._hung, self._state = False, _PRE_OPERATIONAL
         self._objects = SdoServer(dict(self._reset_objects), self._written)
@@ -131,7 +131,7 @@ class EmulatedEpsonCan:
         self._producer.stop()
 
     def fail(self, code: int, register: int = 0x01) -> None:
-        """Send an emergency (CiA 301, section 7.2.7), and go on."""
+        """Send an emergency (CiA 301, section 7.2.7), and continue."""
         self._unsaid.append((_EMERGENCY + self.node, code.to_bytes(2, "little") + bytes([register]) + bytes(5)))
 
     def _written(self, place: Place) -> None:
@@ -146,7 +146,7 @@ class EmulatedEpsonCan:
             self._next_beat = self._clock.now() if self._objects[epson.HEARTBEAT] else None
 
     def beats(self) -> list[Frame]:
-        """Return what it says by itself: the heartbeat if it is due, emergencies."""
+        """Return unprompted frames: the heartbeat if it is due, emergencies."""
         if self._dead:
             return []
         said, self._unsaid = self._unsaid, []
@@ -204,7 +204,7 @@ class EmulatedEpsonCan:
         return max(0, math.floor(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
 
     def _n_heard(self, syncs: Syncs) -> int:
-        """Return how many scans SYNC frames make due: one each; the source is told when the first of them is."""
+        """Return the number of scans due by SYNC frames, one each; the source gets the time of the first."""
         if not syncs.n or self._state != _OPERATIONAL or self._hung:
             return 0
         if syncs.since != self._train:

@@ -28,7 +28,7 @@ class LineSpell:
 
 @dataclass(frozen=True, kw_only=True)
 class LineFaults:
-    """Faults of one line; those of bytes and frames hit what is sampled, answers to the host come through."""
+    """Faults of one line; faults of bytes and frames affect samples, not replies to the host."""
 
     flipped: float = 0.0  #: share of bytes with one wrong bit
     lost: float = 0.0  #: share of bytes that never arrive
@@ -77,7 +77,7 @@ class FaultyLine:
         return self._faults.baud
 
     def noise(self, n: int) -> bytes:
-        """Return what is heard at another baud rate."""
+        """Return the bytes received at another baud rate."""
         return self._random.bytes(n)
 
     def happening(self, scan: int, rate: float) -> What | None:

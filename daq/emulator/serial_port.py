@@ -53,7 +53,7 @@ class SerialEmulator(ABC):
 
     @abstractmethod
     def hear(self, data: bytes) -> None:
-        """Take what the host says."""
+        """Process bytes from the host."""
 
     @abstractmethod
     def encode(self, counts: IntArray, first: int) -> bytes:

@@ -56,7 +56,7 @@ class EmulatedBusNode(Protocol):
         ...
 
     def beats(self) -> list[Frame]:
-        """Return what it says by itself: a heartbeat that is due, emergencies."""
+        """Return unprompted frames: a heartbeat that is due, emergencies."""
         ...
 
     def syncs(self) -> Syncs:

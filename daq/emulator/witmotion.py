@@ -53,7 +53,7 @@ class EmulatedWitmotion(SerialEmulator):
                 self.start(self._settings.rate, self._settings.delay)
 
     def encode(self, counts: IntArray, first: int) -> bytes:
-        """Return the packets of scans (n, 3), each of all types that it was told to send."""
+        """Return the packets of scans (n, 3), each of all configured types."""
         del first  # they are not numbered
         parts = [
             np.frombuffer(wit.encode_packets(kind, words), np.uint8).reshape(-1, wit.PACKET_SIZE)

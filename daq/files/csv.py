@@ -102,7 +102,7 @@ def _content_of(path: Path) -> Iterator[Iterator[Line]]:
 
 
 def _content(path: Path, lines: Iterable[str]) -> Iterator[Line]:
-    """Yield the lines that say something; what is no UTF-8 is taken for Latin-1, as spreadsheets write ° and ²."""
+    """Yield the lines with content; text that is not UTF-8 is read as Latin-1, as spreadsheets write ° and ²."""
     for number, line in enumerate(lines, 1):
         text = (line if line.isascii() else line.translate(_LATIN)).strip(" \r\n")
         if "\0" in text or (not text.isascii() and _NO_TEXT.search(text)):
@@ -145,7 +145,7 @@ def _with_dates(path: Path, layout: _Layout, times: str, days: str | None, piece
 
 
 def _layout(path: Path, line: Line | None, wanted: Collection[str] | None) -> _Layout:
-    """Return what the header says."""
+    """Return the content of the header."""
     if line is None:
         raise DataError(path, "is empty: expected a line with the columns' names, then numbers")
     number, text = line

@@ -191,7 +191,7 @@ class _Columns:
 
 
 def _what(path: Path, names: Sequence[str], options: DataOptions) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
-    """Return what to read of the columns beside that of times: signals, and columns of temperatures."""
+    """Return the columns to read in addition to the times: signals and temperatures."""
     warm = temperatures_of(path, [name for name in names if name not in (options.columns or ())], options.temperature)
     others = temperatures_of(path, names, None) if options.columns is None else ()
     signals = signals_of(path, [name for name in names if name not in (*warm, *others)], options.columns)
@@ -255,7 +255,7 @@ def _arrays(path: Path, options: DataOptions) -> _Columns:
 
 
 def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:
-    """Return the rate that is given or stands in the file."""
+    """Return the rate that is given or in the file."""
     rate = given if given is not None else found
     if rate is None:
         raise DataError(path, otherwise)

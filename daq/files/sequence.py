@@ -81,7 +81,7 @@ def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
 
 
 def _alike(path: Path, found: Recording, model_path: Path, model: Recording) -> Recording:
-    """Return a recording with its channels in the order of the model's; the fewer samples, the less its rate says."""
+    """Return a recording with its channels in the model's order; its rate counts by its number of samples."""
     names, wanted = ([channel.name for channel in one.channels] for one in (found, model))
     if sorted(names) != sorted(wanted):
         other = sorted(set(names) ^ set(wanted))

@@ -125,7 +125,7 @@ def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
 
 
 def _datasets(path: Path) -> list[tuple[int, Dataset]]:
-    """Return the datasets that pyuff knows, with their numbers."""
+    """Return the datasets that pyuff supports, with their numbers."""
     try:
         path.open("rb").close()
     except OSError as error:

@@ -96,7 +96,7 @@ class McapWriter:
             raise LogError(path, f"cannot be written: {error.strerror}") from error
 
     def _begin(self, attachments: Mapping[str, str], part: Part | None) -> None:
-        """Write what stands in front of the first item."""
+        """Write the records before the first item."""
         self._writer.start(profile=PROFILE, library="modalwatch")
         self._channels: dict[str, int] = {}
         self._written: dict[str, int] = {}
@@ -209,7 +209,7 @@ class _AppendedFile(io.FileIO):
 
 
 def _path_of(number: int) -> str | None:
-    """Return where an open file is now, as far as the system says that."""
+    """Return the present path of an open file, if the system provides it."""
     try:
         return os.readlink(f"/proc/self/fd/{number}")
     except OSError:
@@ -383,7 +383,7 @@ def read_attachments(log: AnyLog) -> dict[str, str]:
 
 
 def read_part(path: Path) -> Part | None:
-    """Return which file of which run a log is, None if it stands for itself; errors as for `read_log`."""
+    """Return the run and number of a log file, None for a single file; errors as for `read_log`."""
     for record in _records(path):
         if isinstance(record, Metadata) and record.name == PART:
             try:

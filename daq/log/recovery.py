@@ -176,7 +176,7 @@ class PlainLog:
             raise NotPlainError(f"record {opcode} in a chunk is in no index")
 
     def end(self) -> bytes:
-        """Return what stands behind the last chunk of a finished log, as the stock writer writes it."""
+        """Return the records after the last chunk of a finished log, as the stock writer writes them."""
         data_end = RecordBuilder()
         DataEnd(0).write(data_end)
         head = _content(data_end)

@@ -37,7 +37,7 @@ class LogState:
 
     @property
     def whole(self) -> bool:
-        """Tell whether nothing needs to be mended."""
+        """Return whether no repair is needed."""
         return self.finished and not self.lost_chunks
 
     def __add__(self, other: "LogState") -> "LogState":
@@ -50,7 +50,7 @@ class LogState:
         )
 
     def __str__(self) -> str:
-        """Say it in a few words."""
+        """Return a short text."""
         if self.whole:
             return "whole"
         chunks = f"{self.lost_chunks} chunks damaged" if self.lost_chunks else ""
@@ -90,7 +90,7 @@ def inspect_log(path: Path) -> LogState:
 
 
 def repair_log(path: Path) -> LogState:
-    """Mend a log in place: every whole chunk kept, the summary rebuilt, so that stock readers open it.
+    """Repair a log in place: keep every complete chunk and rebuild the summary for stock readers.
 
     A log that is whole is not touched. One that only lacks its end gets it. Of any other, what is sound is copied to a
     new file beside it, which takes its place at the end. A log that another process still writes is refused.
@@ -299,6 +299,6 @@ def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:
 
 
 def _schema(survey: _Survey, channel: Channel) -> tuple[str, str, bytes]:
-    """Return name, encoding and text of a channel's schema; ours if the chunk is lost in which it stood."""
+    """Return name, encoding and text of a channel's schema; ours if its chunk is lost."""
     schema = survey.schemas.get(channel.schema_id)
     return (schema.name, schema.encoding, schema.data) if schema else SCHEMAS[channel.message_encoding]

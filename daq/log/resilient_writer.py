@@ -145,7 +145,7 @@ class ResilientWriter:
         self._say("log_file_lost", said)
 
     def _tidy(self) -> None:
-        """Delete what is too much, each only after its event is on the disk; say when that is not enough."""
+        """Delete expired files, each after its event is on the disk; report if that is not enough."""
         while not self._stopped and (surplus := self._guard.surplus()):
             self._delete(surplus)
         low = self._guard.short
@@ -164,7 +164,7 @@ class ResilientWriter:
         surplus.path.unlink(missing_ok=True)
 
     def _stop(self, error: Exception) -> None:
-        """Leave the open file as it was after its last flush; go on at once if room can be made."""
+        """Leave the open file as after its last flush; continue at once if space can be freed."""
         self._recorder.abandon()
         self._cut = self._recorder.paths[-1]
         self._stopped = str(error) if isinstance(error, OSError | LogError) else error_text(error)

@@ -36,7 +36,7 @@ class ExpiredFile:
 
 
 class DiskGuard:
-    """Says which recorded file of a folder goes next.
+    """Choice of the next recorded file to delete.
 
     Parameters
     ----------
@@ -131,6 +131,6 @@ def _part(path: Path) -> Part | None:
 
 
 def _is_open(path: Path) -> bool:
-    """Tell whether somebody writes to a file."""
+    """Return whether a process writes to a file."""
     with path.open("rb") as file:
         return not lock(file)

@@ -98,7 +98,7 @@ class RotatingWriter:
         self._full = large and self._holds > 0
 
     def begin_next(self) -> None:
-        """Begin a new file beside the open one, which is neither finished nor closed here.
+        """Begin a new file in addition to the open one, which is neither finished nor closed here.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class RotatingWriter:
 
 
 def _finish(writer: McapWriter) -> None:
-    """Finish a file; one whose summary finds no room stays as it was after its last flush, to be mended."""
+    """Finish a file; without space for its summary it stays as after its last flush, for repair."""
     try:
         writer.close()
     except OSError:

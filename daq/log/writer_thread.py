@@ -143,7 +143,7 @@ class WriterThread:
                 self.turned = self._flushed
 
     def _turn_to(self, switch: _Switch) -> None:
-        """Finish the log and go on with another."""
+        """Finish the log and continue with another."""
         self._guarded(self._writer.close)
         switch.then()
         self._writer, self.failure = switch.writer, None

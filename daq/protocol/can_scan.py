@@ -226,7 +226,7 @@ def _as_many(sent: npt.NDArray[np.bool_], counters: IndexArray, step: IndexArray
 
 
 def what_is_missing(layout: ScanLayout, frames: CanFrames) -> str:
-    """Say why frames that were heard for a while hold no scan: what a person should look for."""
+    """Return the reason why received frames form no scan."""
     for message in layout.messages:
         own = frames[frames.ids == message.identifier]
         name = f"{message.name} ({message.identifier & NUMBER:#x})"

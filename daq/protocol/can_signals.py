@@ -91,7 +91,7 @@ class CanSignal:
         return np.asarray(self.raw(data).astype(float) * self.factor + self.offset)
 
     def put(self, data: Bytes, raw: npt.NDArray[Any]) -> None:
-        """Write numbers (n,) into frames' data (n, 8), over what stands there; more bits than it has are cut off."""
+        """Write numbers (n,) into frames' data (n, 8), replacing its bits; surplus bits are cut off."""
         if self.is_float:
             unsigned, kind = _FLOATS[self.length]
             bits = raw.astype(kind).view(unsigned).astype(np.uint64)

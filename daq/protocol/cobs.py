@@ -35,7 +35,7 @@ def seal(content: Bytes) -> bytes:
 
 
 def unseal(segments: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]]:
-    """Return contents (n, m) without CRC of what stood between zeros (n, m + 3), and which of them (n,) are intact."""
+    """Return contents (n, m) without CRC of frames (n, m + 3), and which of them (n,) are intact."""
     whole, good = unstuffed(segments)
     content, stated = whole[:, :-CRC_SIZE], np.ascontiguousarray(whole[:, -CRC_SIZE:]).view("<u2")[:, 0]
     return content, np.asarray(good & (crc16(content) == stated))

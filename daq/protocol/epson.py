@@ -52,7 +52,7 @@ def read_register(address: int) -> bytes:
 
 
 def register_reply(address: int, value: int) -> bytes:
-    """Return the answer to `read_register`."""
+    """Return the reply to `read_register`."""
     return bytes([address, value >> 8 & 0xFF, value & 0xFF, DELIMITER])
 
 

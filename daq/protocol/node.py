@@ -85,7 +85,7 @@ def encode_scans(scans: NodeScans) -> bytes:
 
 
 def encode_hello(hello: Hello) -> bytes:
-    """Return the frame that says who a node is."""
+    """Return the hello frame of a node."""
     frame = np.zeros(1, _HELLO)
     axes, rate = sum(1 << axis for axis in hello.axes), round(1000 * hello.rate)
     frame[0] = (HELLO, hello.version, hello.product.encode(), hello.serial.encode(), axes, hello.scale, rate)

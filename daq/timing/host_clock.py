@@ -19,7 +19,7 @@ class HostClock(Protocol):
 
 
 class SystemClock:
-    """The wall clock as it was when it was asked last what it is: from then on it goes evenly, set or not.
+    """The wall clock as of the last reading; from then on it runs evenly, whether it is set or not.
 
     Scans are told the time by their arrivals: a clock that is set by hours amid them would cut them apart, or have them
     arrive before they were sent. NTP's small corrections are in it all the same; only steps are not.
@@ -39,13 +39,13 @@ class SystemClock:
         return time.time_ns() - self.now()
 
     def follow(self) -> None:
-        """Go on from what the wall clock says now."""
+        """Continue from the present wall clock."""
         self._ahead = time.time_ns() - time.monotonic_ns()
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScaledClock:
-    """A clock that runs faster than the wall's, by one scale told to emulator and monitor alike."""
+    """A clock faster than the wall clock, by one scale shared by emulator and monitor."""
 
     speed: float  #: seconds of data a second of wall time
     origin_wall: int  #: wall time [ns UTC] at which ...

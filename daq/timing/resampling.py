@@ -272,7 +272,7 @@ class Assembler:
         return (min if self._on_grid else max)(device.first_time for device in devices)
 
     def _cut(self, start: int, n: int) -> Iterator[Recording]:
-        """Yield a window of `n` samples, if there is one, and go on to the next."""
+        """Yield a window of `n` samples, if there is one, and advance to the next."""
         signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
         there = np.any([np.isfinite(signal).any(1) for signal in signals.values()], axis=0)
         unused = _unused(there) if self._by_record else n * (not there.any())

@@ -31,7 +31,7 @@ class LevelIdentifier(Protocol):
 
 
 class Method(Protocol):
-    """A way of identification with its options; what `identify` is told to use."""
+    """Identification method with its options, for `identify`."""
 
     name: ClassVar[str]  #: as on the command line
     __dataclass_fields__: ClassVar[dict[str, Any]]

@@ -33,7 +33,7 @@ class EFDD(FDD):
     name: ClassVar[str] = "efdd"
 
     def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
-        """Return what the transform of the bell says."""
+        """Return frequency and damping from the transform of the bell."""
         lines = _domain(parts, one)
         spectrum, moves = parts.filtered(one.filter, lines), parts.moved(one.filter, lines)
         pole = _poles(parts, one, lines, np.vstack((spectrum, spectrum + moves, spectrum - moves)))

@@ -83,7 +83,7 @@ class FDD:
         return SpectralLevel(self, len(channels), level)
 
     def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
-        """Return what the peak of the singular value says.
+        """Return frequency and damping from the peak of the singular value.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ def _vertex(three: FloatArray) -> float:
 
 
 def read_bell(parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
-    """Return what the bell that was fitted to a resonance's enhanced spectrum says; arguments as for `FDD.read`."""
+    """Return the mode from the bell fitted to a resonance's enhanced spectrum; arguments as for `FDD.read`."""
     moves = parts.moved(one.filter, one.lines) @ one.influence.T
     frequency_moves, damping_moves = pole_moves(one.pole, moves[:, 1] + 1j * moves[:, 0])
     shape, shape_moves = parts.moved_vectors(one.lines, residue_weight(parts, one, others), one.shape)
@@ -221,7 +221,7 @@ class SpectralLevel:
 
 
 def _diagram(found: Sequence[SpectralResonance], n_channels: int) -> Stabilization:
-    """Return resonances as poles; the number of the singular value stands for the order."""
+    """Return resonances as poles; the number of the singular value is the order."""
     n = len(found)
     return Stabilization(
         frequency=np.array([one.frequency for one in found]),

@@ -21,5 +21,5 @@ class FSDD(FDD):
     name: ClassVar[str] = "fsdd"
 
     def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
-        """Return what the bell says."""
+        """Return frequency and damping from the bell."""
         return read_bell(parts, one, others)

@@ -25,7 +25,7 @@ class Cleaned:
 
 
 def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
-    """Give up channels that carry no signal of the structure, mend what can be mended, and say so.
+    """Leave out channels without a signal of the structure, repair the others, and report it.
 
     Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
     of the recording is complete; gaps of a few samples are filled before (`oma.preparation.gaps`).
@@ -87,7 +87,7 @@ def _incomplete(data: FloatArray, columns: Sequence[int], min_complete: float) -
 
 
 def channel_faults(recording: Recording) -> dict[str, ChannelFault]:
-    """Return the faults of channels: of those that are left out, and of those that are mended.
+    """Return the faults of channels that are left out, and of channels that are repaired.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def channel_faults(recording: Recording) -> dict[str, ChannelFault]:
 
 
 def usable(recording: Recording) -> Recording:
-    """Return the recording without the channels that carry no signal, mended.
+    """Return the repaired recording without the channels that have no signal.
 
     Raises
     ------

@@ -188,7 +188,7 @@ def _wanders(signal: FloatArray) -> bool:
 
 
 def _copies(data: FloatArray) -> Iterator[tuple[int, int]]:
-    """Yield channels that are another one over again, and which: both, for which of them is wrong cannot be told."""
+    """Yield channels with identical samples, and their copies: both, because the wrong one is unknown."""
     steps = np.diff(data, axis=0)
     steps = np.where(np.isfinite(steps), steps, 0.0)
     size = np.linalg.norm(steps, axis=0)

@@ -69,7 +69,7 @@ def groups(
 
 
 def _cut(tree: FloatArray, order: npt.NDArray[np.intp], cut: float) -> list[npt.NDArray[np.intp]]:
-    """Cut a tree of linkages; what stands side by side in most orders stays apart however near it is."""
+    """Cut a tree of linkages; poles that are separate in most orders stay apart, however near."""
     found: dict[int, list[npt.NDArray[np.intp]]] = {i: [np.array([i])] for i in range(len(order))}
     for i, (left, right, distance, _) in enumerate(tree.tolist()):
         parts = found.pop(int(left)) + found.pop(int(right))

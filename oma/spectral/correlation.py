@@ -206,5 +206,5 @@ def _cross_spectra(values: FloatArray, length: int, n_lags: int, references: Ind
 
 
 def _lags(spectrum: ComplexArray, length: int, n_lags: int) -> FloatArray:
-    """Return sums at lags: a piece starts n_lags - 1 samples after its history, so late stands lag zero."""
+    """Return sums at lags: a piece starts n_lags - 1 samples after its history, which is lag zero."""
     return np.asarray(np.roll(fft.irfft(spectrum, length, axis=0), n_lags - 1, axis=0)[:n_lags])

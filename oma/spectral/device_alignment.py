@@ -84,7 +84,7 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
 
 
 def aligned(recording: Recording, delays: Mapping[str, float]) -> Recording:
-    """Return a recording without its devices' delays [s]; NaN where a shift left nothing to say.
+    """Return a recording without its devices' delays [s]; NaN where a shift leaves no sample.
 
     Parameters
     ----------

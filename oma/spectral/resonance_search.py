@@ -173,7 +173,7 @@ def _fitted(
 def _bell(
     parts: Decomposition, pole: complex, stopped: ComplexArray, others: list[complex]
 ) -> tuple[BellFit, slice] | None:
-    """Fit the bell of a filtered spectrum on the lines that it covers, which it tells itself."""
+    """Fit the bell of a filtered spectrum on the lines that it covers, found iteratively."""
     result, lines = None, parts.around(pole)
     for _ in range(_WIDTHS_TRIED):
         fit = fit_bell(parts.filtered(stopped, lines), pole, parts.windowed(lines), _near(parts, others, lines))
@@ -238,7 +238,7 @@ def _twin(a: SpectralResonance, b: SpectralResonance, limits: Selection) -> bool
 def _refined(
     parts: Decomposition, found: list[SpectralResonance], duration: float, limits: Selection
 ) -> list[SpectralResonance]:
-    """Return the resonances with shapes from all their lines, close ones told apart, fitted again."""
+    """Return the resonances with shapes from all their lines, close ones separated, fitted again."""
     shaped = [replace(one, shape=_shape(parts, one, found)) for one in found]
     result: list[SpectralResonance] = []
     for one in sorted(shaped, key=lambda r: -r.gain):

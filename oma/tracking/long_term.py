@@ -41,7 +41,7 @@ class FollowedModes:
 
 @dataclass(frozen=True, kw_only=True)
 class LongTermTracker:
-    """Says which mode of a window is which of those before, and follows them."""
+    """Assigns modes of a window to tracks, and lets the tracks follow them."""
 
     common_drift: float = 4e-3  #: of all log frequencies together, standard deviation after an hour (temperature) [-]
     own_drift: float = 2e-3  #: of each by itself, after an hour [-]
@@ -193,7 +193,7 @@ def _agreement(tracks: Tracks, estimate: ModalEstimate) -> tuple[FloatArray, Flo
 
 
 def _doubtful(cost: FloatArray, possible: BoolArray, place: IndexArray) -> BoolArray:
-    """Tell which tracks could exchange their modes with another, or take one left over, at hardly more cost."""
+    """Return the tracks that could exchange modes, or take an unassigned one, at little more cost."""
     rows = np.flatnonzero(place >= 0)
     doubtful = np.zeros(len(place), np.bool_)
     for i in rows:

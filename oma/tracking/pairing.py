@@ -67,7 +67,7 @@ def mac_of_moving(shape: FloatArray, model_shape: FloatArray) -> FloatArray:
 def pair_modes(
     frequency: FloatArray, shape: FloatArray, model_frequency: FloatArray, model_shape: FloatArray
 ) -> IndexArray:
-    """Return for each measured mode the model mode that answers to it, one to one; -1 where none does.
+    """Return for each measured mode the paired model mode, one to one; -1 if there is none.
 
     The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors. A pair with a
     MAC under 0.5 or frequencies more than 30 % apart is none, and nothing answers to what no channel sees.

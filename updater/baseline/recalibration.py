@@ -63,7 +63,7 @@ class Recalibrated:
 
 
 def is_far(calibration: Calibration, measured: ModalMean) -> bool:
-    """Return whether a structure file is far off, by the median frequency of its paired modes."""
+    """Return whether a structure file is inconsistent, by the median frequency error of its paired modes."""
     off = measured.log_frequency[calibration.tracks] - np.log(calibration.nominal_frequency)
     return bool(np.median(np.abs(off)) >= FAR)
 

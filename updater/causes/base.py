@@ -13,11 +13,11 @@ from updater.structure import Structure
 
 
 class Cause(Hypotheses, Protocol):
-    """Alternatives of one named cause, which knows how to say what was found and to write it into a structure."""
+    """Alternatives of one named cause, with its parameters as values and its extension of a structure."""
 
     @property
     def name(self) -> str:
-        """As it stands in a diagnosis."""
+        """Name in a diagnosis."""
         ...
 
     @property

@@ -31,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 
 class Catalogue(Mapping[str, Propose[Cause]]):
-    """Our own causes, and after them those that are installed, which are looked for when first asked for.
+    """Built-in causes, followed by installed ones, which are loaded at first use.
 
     Parameters
     ----------

@@ -73,7 +73,7 @@ class JointHypothesis(Generic[C]):
         return found
 
     def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
-        """Return what those that are chosen say."""
+        """Return the compliance increments of the chosen causes."""
         found: dict[int, tuple[FloatArray, FloatArray]] = {}
         at = len(self.free.prior_std)
         for c in self.chosen:

@@ -42,7 +42,7 @@ class Kinds:
     whole: bool = False  #: whether all of a member is a length, where it is not much longer than the longest that fits
 
     def span(self, kind: int) -> float:
-        """Return how far the lengths reach that a kind stands for, of their logarithm."""
+        """Return the range of the logarithm of lengths that a kind represents."""
         sizes = self.about[kind]
         return float(np.log(RATIO * max(max(sizes), 1) / max(min(sizes), 1)))
 
@@ -216,7 +216,7 @@ class Stretches:
         return found
 
     def _lengths(self, count: int, kind: int, fitted: float) -> dict[int, int]:
-        """Return the lengths of a kind with that kind, and those of others beside the one that was fitted with theirs.
+        """Return the lengths of a kind, and those of other kinds next to the fitted one.
 
         A fit may come to a length between two kinds.
         """
@@ -272,7 +272,7 @@ class Stretches:
         return [np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in found]
 
     def averaged(self, fit: "Fit[Any]", value: FloatArray, std: FloatArray) -> tuple[float, float]:
-        """Return mean and standard deviation over the most probable place of what alternatives say (n,), (n,)."""
+        """Return mean and standard deviation of values (n,), (n,) over the most probable place."""
         share = self.likely(fit)
         mean = float(share @ value)
         return mean, float(np.sqrt(share @ (std**2 + (value - mean) ** 2)))

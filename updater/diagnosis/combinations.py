@@ -129,7 +129,7 @@ class Compositions:
     weighing: EvidenceComparison
 
     def promising(self, seeds: Sequence[Candidate]) -> list[PredictedCandidate]:
-        """Foresee to first order what each cause would gain beside each of the seeds, the best first.
+        """Predict to first order the gain of each cause in addition to each of the seeds, the best first.
 
         What brings a mode that nobody sees is none of them: it explains too much of others' misfit.
         """
@@ -162,11 +162,11 @@ class Compositions:
 
     @cached_property
     def _same_factor(self) -> list[Cause]:
-        """Makers of a factor on all frequencies that nothing tells apart; the first one stands for all."""
+        """Makers of indistinguishable factors on all frequencies; the first one represents all."""
         return [c for c in self.weighing.causes.values() if isinstance(c, CommonFactor) and not c.informed]
 
     def _said_already(self, seed: Candidate, cause: Cause) -> bool:
-        """Tell whether a cause is a factor on all frequencies that another one stands for, or the seed has one.
+        """Return whether a cause is a factor on all frequencies that is represented already.
 
         A file that is off may be so in all its stiffness: that is one, and it is off once.
         """
@@ -253,7 +253,7 @@ class Compositions:
         return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
 
     def _worth_fitting(self, promises: Sequence[PredictedCandidate]) -> list[PredictedCandidate]:
-        """Return the promises that may come true better than the best: first order errs by a share of what it says.
+        """Return the predictions that may exceed the best one within the error of first order.
 
         And that of common causes alone, where the best has rare ones.
         """
@@ -264,7 +264,7 @@ class Compositions:
         return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
 
     def _at_rest(self, fitted: Candidate | None) -> Candidate | None:
-        """Fit again, each cause beside the others where these have come to, while that is better."""
+        """Refit each cause with the others at their present values while the fit improves."""
         if fitted is None:
             return None
         for _ in range(_TURNS):
@@ -306,7 +306,7 @@ class Compositions:
         return found
 
     def settled(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
-        """Return causes fitted in turn, all alternatives of each beside the best of the others, the last one first.
+        """Return causes fitted in turn, all alternatives of each with the best of the others, the last one first.
 
         None where a fit fails.
         """

@@ -35,7 +35,7 @@ _WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer pl
 def named_causes(
     data: Comparison, found: "list[Candidate]", sure: float
 ) -> tuple[tuple[Cause, ...], bool, "list[Candidate]"]:
-    """Return the causes that hold the posterior's share `sure`, whether it is one that stands alone, and all left open.
+    """Return the causes with the posterior share `sure`, whether it is a single one, and all left open.
 
     Candidates that the data cannot separate are one set: its best member stands for it with the probability of all.
     One cause at two places is two candidates, unless one place holds that share by itself.
@@ -82,7 +82,7 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
 
 
 def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
-    """Tell whether two candidates are a foot or a joint and a stretch beside it, all else alike.
+    """Return whether two candidates differ only by a foot or joint and a stretch next to it.
 
     Nobody knows how a foot or a joint is made: what tells one from a stretch beside it is how the model joins them.
     """
@@ -137,7 +137,7 @@ def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
 
 
 def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
-    """Return the foot's or the joint's stiffness where a stretch is beside one, which the model may not make so."""
+    """Return the stiffness of a foot or joint next to a stretch, which the model may not represent."""
     cause = part.hypotheses
     where = cause.where(part)
     if cause.name != "local_stiffness" or not isinstance(cause, Placed) or not where or where.position is None:
@@ -322,7 +322,7 @@ def oddest(data: Comparison, chosen: Sequence[SelectedCause]) -> str:
 
 
 def as_written(cause: Cause, structure: Structure) -> Cause:
-    """Return a foot's or a joint's stiffness as it stands in a structure in which another cause moved it too.
+    """Return the stiffness of a foot or joint in a structure in which another cause changed it too.
 
     Flexibilities add, so that the deviation of a stiffness goes with its square; other causes are returned as they are.
     """

@@ -90,7 +90,7 @@ _UNSTEADY = "The frequencies drift between windows. Record again while the struc
 
 @dataclass(frozen=True, eq=False)
 class RecalibratedModel:
-    """A structure file that is far off with its parameters fitted, which explains not all that was measured."""
+    """An inconsistent structure file with fitted parameters, which does not explain all measurements."""
 
     structure: Structure
     gained: Gained
@@ -264,7 +264,7 @@ def _one_sided(search: EvidenceComparison, singles: list[Candidate]) -> tuple[Ev
 
 
 def _one_sided_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
-    """Let it go apart in the best of several causes together that has one, or beside another, if that is likelier."""
+    """Allow a factor per axis in the best combination with a stretch, or with another, if more probable."""
     if not found or search.instead:
         return search, found
     apart = _let_apart(search)
@@ -323,7 +323,7 @@ def _nothing(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
 
 
 def _beside_the_file(weighing: EvidenceComparison, singles: list[Candidate]) -> list[Candidate]:
-    """Return causes beside a file that is a little off in many places, where that is asked, however well one fits.
+    """Return causes in addition to a file with small errors in many places, however well one cause fits.
 
     Files are: what is looked for beside them is else taken for what acts like it and a little like them.
     """
@@ -455,7 +455,7 @@ def _as_good(one: Candidate, other: Candidate) -> bool:
 
 
 def _hidden(found: Candidate) -> bool:
-    """Tell whether it has an oscillator whose mode nobody sees: that takes up what is another's beside a mere body."""
+    """Return whether it has an oscillator with an unmeasured mode, which may absorb other effects."""
     return any(hides(c.cause) for c in found.chosen)
 
 
@@ -479,7 +479,7 @@ def _failed(case: _Case) -> tuple[Failed, ...]:
 
 
 def _nearer(case: _Case) -> RecalibratedModel:
-    """Return a file that is far off with its parameters as they fit best alone."""
+    """Return an inconsistent file with its best-fitting parameters alone."""
     (chosen,) = case.singles[0].chosen
     written = chosen.cause.extend(case.reference.file.calibration.structure, chosen.row, chosen.theta)
     return RecalibratedModel(written, _gained(case, [chosen], written))

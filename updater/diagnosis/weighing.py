@@ -149,7 +149,7 @@ class EvidenceComparison:
         return {name: cause for name, cause in found.items() if cause is not None}
 
     def label(self, name: str) -> str:
-        """Return the name of a cause, marked where another maker stands in the place of the catalogue's."""
+        """Return the name of a cause, marked if its maker is not that of the catalogue."""
         return f"{name} (another form)" if name in self.instead else name
 
     @cached_property

@@ -51,7 +51,7 @@ class _Basis:
         return block @ (turn[:, kept] / length), length[:, None] * turn[:, kept].T
 
     def next_block(self, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the same, beside the basis again: small vectors made long are not orthogonal to it to rounding."""
+        """Return the same, orthogonalised again: scaled-up small vectors are not orthogonal to rounding."""
         block, root = self.normalised(rest)
         block, again = self.normalised(self.beside(block)[1])
         return block, again @ root

@@ -152,7 +152,7 @@ class Element:
 
 
 def local_axes(direction: FloatArray, local_y: Vector | None = None) -> FloatArray:
-    """Return (3, 3), rows = local x, y, z; local y is horizontal, or global y for a vertical member, unless given."""
+    """Return (3, 3), rows = local x, y, z; by default local y is horizontal, or global y for a vertical member."""
     x = direction / np.linalg.norm(direction)
     if local_y is None:
         vertical = abs(x[2]) > 1 - 1e-9

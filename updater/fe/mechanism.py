@@ -64,7 +64,7 @@ def free_motion(nodes: FloatArray, dofs: IntArray, stiffness: sparse.csc_array) 
 
 
 def _told(whole: tuple[str, ...], moved: FloatArray, dofs: IntArray, size: float) -> FreeMotion:
-    """Say where parts move, `moved` (n_dofs, k)."""
+    """Describe the moving parts, `moved` (n_dofs, k)."""
     length = np.append(np.sqrt((moved**2).sum(1)), 0.0)[dofs] * ([1.0] * 3 + [size] * 3)  # the last is what is held
     shift, turn = length[:, :3].max(1), length[:, 3:].max(1)
     amplitude = shift if shift.max() > _ALIKE * turn.max() else turn
@@ -103,7 +103,7 @@ def _null(unit: sparse.csc_array) -> FloatArray:
 
 
 def _without(vectors: FloatArray, others: FloatArray) -> FloatArray:
-    """Return what is left of orthonormal vectors (n, k) beside the span of others (n, r)."""
+    """Return the part of orthonormal vectors (n, k) outside the span of others (n, r)."""
     if not others.shape[1]:
         return vectors
     basis = np.linalg.qr(others)[0]

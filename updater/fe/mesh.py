@@ -61,7 +61,7 @@ class Mesh:
         self.spans += [(a, b, member) for a, b in itertools.pairwise(line)]
 
     def _stations(self, member: Member) -> FloatArray:
-        """Nodes of one member, also wherever another member ends on it, a joint or support stands, a segment ends."""
+        """Nodes of one member, including ends of other members, joints, supports and ends of segments."""
         even = np.linspace(0, member.length, member.elements + 1)
         axis = np.subtract(member.end, member.start) / member.length
         near = self._tree.query_ball_point(member.point(member.length / 2), member.length / 2 + 2 * _MISS)

@@ -53,7 +53,7 @@ class AtNode:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Model:
-    """Stiffness, mass and the table that says which row is which node and direction."""
+    """Stiffness, mass and the table of nodes and directions of the rows."""
 
     structure: Structure
     nodes: FloatArray  #: (n_nodes, 3) [m]

@@ -19,7 +19,7 @@ class Ambient:
 
 
 class AmbientResponse:
-    """Accelerations of a structure, in as many modes as asked for.
+    """Accelerations of a structure in a given number of modes.
 
     Forces are held constant over a sample (zero-order hold), for which the recursion of each mode,
     z' = exp(lambda dt) z + (exp(lambda dt) - 1)/lambda f, is exact. The model may be changed while it
@@ -52,7 +52,7 @@ class AmbientResponse:
         self._pole = -self._damping * omega + 1j * omega * np.sqrt(1 - self._damping**2)
 
     def change(self, model: Model) -> None:
-        """Go on with another model on the same mesh from the present displacements and velocities."""
+        """Continue with another model on the same mesh from the present displacements and velocities."""
         q, dq = self._displacement_velocity(self._state)
         x, dx = self._modes.shape @ q, self._modes.shape @ dq
         self._adopt(model)

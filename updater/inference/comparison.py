@@ -138,7 +138,7 @@ class Comparison:
 
     @property
     def heard_at_channels(self) -> FloatArray:
-        """The reference's modes (n_channels, n_modes) as the channels say them, whose faults the baseline has seen."""
+        """The reference's modes (n_channels, n_modes) at the channels, with the baseline's faults."""
         heard = self.at_channels.copy()
         length = np.linalg.norm(heard[:, self.paired], axis=0)
         sign = np.where((self.base * self.model_base).sum(1) < 0, -1.0, 1.0)

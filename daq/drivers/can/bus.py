@@ -24,7 +24,7 @@ _MOST_MESSAGES = 1000  # taken of a bus at once
 
 
 class SlcanBus(can.BusABC):
-    """A bus behind an adapter on a serial port, which nobody else may open meanwhile.
+    """CAN bus behind an adapter on a serial port, opened exclusively.
 
     Parameters
     ----------

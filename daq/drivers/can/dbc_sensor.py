@@ -21,7 +21,7 @@ _LEAST_SECONDS, _SCANS = 1.0, 10  # of silence until a device counts as absent: 
 
 
 class CanDbc:
-    """Driver of one sensor. It is told nothing: it must send by itself, at the rate that the settings say.
+    """Driver of one sensor that sends unprompted, at the rate of the settings.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class CanDbc:
         self._decoder = ScanDecoder(self._layout)
 
     def open(self) -> dict[str, Any]:
-        """Join the bus and listen until a scan comes: such a sensor cannot be asked who it is."""
+        """Join the bus and wait for a scan; such a sensor cannot be identified."""
         self._member = join_bus(self._address, self._layout.all_identifiers)
         self._decoder = ScanDecoder(self._layout)
         try:
@@ -86,7 +86,7 @@ class CanDbc:
         )
 
     def close(self) -> None:
-        """Leave the bus; the sensor goes on sending."""
+        """Leave the bus; the sensor continues to send."""
         member, self._member = self._member, None
         if member is not None:
             leave_bus(member)

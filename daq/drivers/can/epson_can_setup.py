@@ -34,7 +34,7 @@ def configure(node: canopen.RemoteNode, address: CanAddress, rate: int) -> None:
 
 
 def _apply(node: canopen.RemoteNode, period: int, number: int) -> None:
-    """Make the device take what it was told, and wait until it answers again."""
+    """Apply the settings of the device, and wait until it answers again."""
     _write(node, epson.APPLY, epson.APPLY_NOW, 1)
     end, patience = time.monotonic() + _APPLY_SECONDS, node.sdo.RESPONSE_TIMEOUT
     node.sdo.RESPONSE_TIMEOUT = _ASK_SECONDS  # what is asked while it is deaf is never answered
@@ -63,7 +63,7 @@ def end_sync(network: canopen.Network, number: int) -> None:
 
 
 def identify(node: canopen.RemoteNode) -> dict[str, Any]:
-    """Ask a node who it is; a `canopen.SdoError` if it does not say."""
+    """Read the identity of a node; `canopen.SdoError` if it does not answer."""
     return {
         "product": _text(node, epson.DEVICE_NAME),
         "hardware": _text(node, epson.HARDWARE),

@@ -54,7 +54,7 @@ class Thermometer:
         self.celsius = float(epson.temperature_celsius(int.from_bytes(value, "little", signed=True)))
 
     def close(self) -> None:
-        """Hear no more of it."""
+        """Stop receiving its frames."""
         self._network.unsubscribe(self._node.sdo.tx_cobid, self._hear)
 
 

@@ -18,7 +18,7 @@ _FULL_SECONDS = 2.0  # without a heartbeat, though scans come, until that is tol
 
 
 class HeartbeatConsumer:
-    """Heartbeats of one node, from the time at which it was told to become operational.
+    """Heartbeats of one node, from the time at which it was set operational.
 
     Frames come in the bus's thread, questions in the driver's.
 
@@ -73,7 +73,7 @@ class HeartbeatConsumer:
         return f"neither heartbeat nor scan for {PATIENCE:g} s" if quiet > PATIENCE else ""
 
     def warning(self) -> str:
-        """Return what is to be told of the node though its scans come, empty if nothing is; each once."""
+        """Return a warning about a node that still sends scans, each once; empty if there is none."""
         if self._warnings:
             return self._warnings.popleft()
         late = time.monotonic() - self._heard > _FULL_SECONDS

@@ -32,7 +32,7 @@ def search(path: str, bitrate: int) -> PortAnswer | None:
 
 
 def _adapter(path: str) -> str | None:
-    """Return what an SLCAN adapter says of its version, None if there is none."""
+    """Return the version of an SLCAN adapter, None if there is no adapter."""
     try:
         with serial.Serial(path, 115_200, timeout=0.05, write_timeout=1.0, exclusive=True) as line:
             line.reset_input_buffer()
@@ -74,7 +74,7 @@ def find_nodes(bus: CanPlace) -> list[Found]:
 
 
 def _node_identity(node: canopen.RemoteNode) -> dict[str, Any] | None:
-    """Return who a node is, None if it does not say."""
+    """Return the identity of a node, None if it does not answer."""
     try:
         return identify(node)
     except SdoError:

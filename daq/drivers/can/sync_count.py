@@ -16,7 +16,7 @@ _OFF_READS = 5  # reads one after another whose scans do not fit their SYNC
 
 
 class SyncCount:
-    """Numbers of the SYNC frames of one bus, for as long as the process lives.
+    """Numbers of the SYNC frames of one bus during the life of the process.
 
     Where they began anew - another host's side of the bus, another start of the producer, a pause - `clock` gets
     another name, and numbers go on as the host's clock says.
@@ -65,7 +65,7 @@ class SyncCount:
         return np.full(len(passed), self._number, np.intp)
 
     def _go_on(self, n: int, arrived: int, rate: float) -> None:
-        """Begin anew if `n` SYNC that have arrived now do not go on where the last one was."""
+        """Restart the numbers if `n` new SYNC frames do not continue the previous ones."""
         if self._first is None:
             self._starts, self._restart = self._starts + 1, False
             return
@@ -92,7 +92,7 @@ class SyncedCounter:
         self._off_reads = 0
 
     def numbers(self, counter: IntArray, syncs: IndexArray) -> IndexArray:
-        """Return numbers (n,) from counter (n,) and the last SYNC heard before each scan (n,).
+        """Return numbers (n,) from counter (n,) and the last SYNC received before each scan (n,).
 
         Raises
         ------

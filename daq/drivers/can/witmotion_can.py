@@ -21,7 +21,7 @@ _ANSWER_SECONDS = 1.0  # at ten scans a second ten of them
 
 
 class WitmotionCan:
-    """Driver of one device, which is told to send accelerations only.
+    """Driver of one device, configured to send accelerations only.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class WitmotionCan:
         self._number = 0  # of the next scan
 
     def open(self) -> dict[str, Any]:
-        """Join the bus, set content, rate and filter, and listen until a scan comes: it cannot be asked who it is."""
+        """Join the bus, set content, rate and filter, and wait for a scan; the device cannot be identified."""
         self._member = member = join_bus(self._address, frozenset({self._address.node}))
         try:
             for command in wit.settings(self._rate):
@@ -87,7 +87,7 @@ class WitmotionCan:
         )
 
     def close(self) -> None:
-        """Leave the bus; the device goes on sending."""
+        """Leave the bus; the device continues to send."""
         member, self._member = self._member, None
         if member is not None:
             leave_bus(member)

@@ -47,7 +47,7 @@ class ModalwatchNode:
         self._believer = FrameValidator(rate)
 
     def open(self) -> dict[str, Any]:
-        """Open the port, ask for scans, hear who answers and what it counts in."""
+        """Open the port, request scans, and read identity and scale."""
         try:
             port = self._port = SerialPort(self._path, BAUD)
             hello = self._start(port)
@@ -73,7 +73,7 @@ class ModalwatchNode:
         return hello
 
     def identify(self) -> node.Hello:
-        """Ask who answers, and free the port; a node that was sampling goes on."""
+        """Identify the node and free the port; a sampling node continues."""
         try:
             port = SerialPort(self._path, BAUD)
             try:
@@ -85,7 +85,7 @@ class ModalwatchNode:
             raise DriverError(self._path, f"no node answers: {error}") from error
 
     def _wait_for_hello(self, port: SerialPort) -> node.Hello:
-        """Wait for who was asked; ask again, as what is said at power-on may have spoiled the first answer."""
+        """Wait for the hello; repeat the request, because output at power-on may have damaged the first reply."""
         asked = time.monotonic()
         end = asked + _HELLO_SECONDS
         while self._decoder.hello is None:
@@ -99,7 +99,7 @@ class ModalwatchNode:
         return self._decoder.hello
 
     def _check_clock(self, port: SerialPort) -> None:
-        """Compare the rate that a node has by its own clock: else its scans could not be told from false ones."""
+        """Check the rate by the node's own clock, on which the check of scans depends."""
         scans = node.NO_SCANS
         end = time.monotonic() + _SCANS_SECONDS + 8 / self._rate
         while len(scans.counter) < 5:
@@ -155,7 +155,7 @@ def search(path: str, _: int) -> PortAnswer | None:
 
 
 class FrameValidator:
-    """Tells scans from frames that damage made and the CRC let pass, once in 2^16.
+    """Distinguishes scans from damaged frames with a valid CRC (one in 2^16).
 
     Counter and clock of a node go on together. A scan is believed if it agrees with the one before or the one after;
     the last of a read that does not agree with the one before waits for the next read.

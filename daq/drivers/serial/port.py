@@ -21,7 +21,7 @@ _LEAST_RATE = 500.0  # bytes/s: a device that sends less is heard scan by scan
 
 
 class SerialPort:
-    """An open serial port that nobody else may open meanwhile.
+    """An open serial port, opened exclusively.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class SerialPort:
         self._line.reset_input_buffer()
 
     def close(self, farewell: bytes = b"") -> None:
-        """Say a last word to who still listens, and free the port."""
+        """Send last bytes if the device still receives, and free the port."""
         try:
             if farewell:
                 self._line.write(farewell)

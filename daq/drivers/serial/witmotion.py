@@ -21,7 +21,7 @@ _BITS_A_BYTE = 10
 
 
 class Witmotion:
-    """Driver of one device, which is told to send accelerations only.
+    """Driver of one device, configured to send accelerations only.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class Witmotion:
         )
 
     def close(self) -> None:
-        """Free the port; the device goes on sending."""
+        """Free the port; the device continues to send."""
         port, self._port = self._port, None
         if port is not None:
             port.close()
@@ -112,7 +112,7 @@ def listen(path: str) -> tuple[SerialPort, int]:
 
 
 def search(path: str, _: int) -> PortAnswer | None:
-    """Listen for a device at a port; it is asked nothing."""
+    """Listen for a device at a port without sending."""
     try:
         port, baud = listen(path)
     except (*PORT_ERRORS, DeviceLost, ValueError):

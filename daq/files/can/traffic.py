@@ -85,7 +85,7 @@ def import_can_log(
     *,
     start: int | None = None,
 ) -> tuple[ImportedSensor, ...]:
-    """Write what sensors said in a file of CAN traffic to a new log.
+    """Write the scans of sensors in a file of CAN traffic to a new log.
 
     Parameters
     ----------

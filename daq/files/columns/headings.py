@@ -35,7 +35,7 @@ class Signal:
 
 
 def parted(name: str) -> tuple[str, str]:
-    """Return a column's name without its unit, and the unit that stands after it in brackets; "" if none does."""
+    """Return a column's name without its unit, and the unit after it in brackets; "" if there is none."""
     found = _BRACKETED.fullmatch(name.strip())
     return (found["name"], found["square"] or found["round"]) if found and found["name"] else (name, "")
 
@@ -54,7 +54,7 @@ def plain(unit: str) -> str:
 def signals_of(
     path: Path, names: Sequence[str], columns: Mapping[str, str] | None, *, united: bool = True
 ) -> tuple[Signal, ...]:
-    """Return the signals that are asked for, in the order of the file.
+    """Return the requested signals in the order of the file.
 
     Parameters
     ----------
@@ -92,12 +92,12 @@ def _bare(names: Sequence[str]) -> dict[str, str]:
 
 
 def _column(wanted: str, bare: Mapping[str, str]) -> str:
-    """Return the column that is meant, or what was said if there is none."""
+    """Return the matching column, or the given text if there is none."""
     return wanted if wanted in bare else next((name for name, short in bare.items() if short == wanted), wanted)
 
 
 def temperatures_of(path: Path, names: Sequence[str], asked: str | None) -> tuple[str, ...]:
-    """Return the columns that hold temperatures: whose unit says so, or that are called ``temperature..`` or ``temp``.
+    """Return the columns of temperatures: by their unit, or by the names ``temperature..`` and ``temp``.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def _factor(path: Path, signal: Signal, velocity: bool) -> float:
 
 
 def unit_remark(signals: Iterable[Signal], velocities: Collection[str], by_hand: float | None) -> str:
-    """Say in which units columns were taken; nothing where none states one.
+    """Return a remark on the units of the columns; nothing if no column states one.
 
     Parameters
     ----------

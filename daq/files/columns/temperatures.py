@@ -40,7 +40,7 @@ def mean_temperature(path: Path, names: Sequence[str], values: FloatArray, rate:
 
 
 def _celsius(path: Path, name: str, values: FloatArray) -> FloatArray:
-    """Return temperatures [degC] of a column, whose name says their unit if it is another."""
+    """Return temperatures [degC] of a column; another unit is part of its name."""
     unit = parted(name)[1]
     worth, zero = TEMPERATURES.get(plain(unit), (0.0, 0.0)) if unit else (1.0, 0.0)
     if not worth:
@@ -76,7 +76,7 @@ def known_mean(values: FloatArray) -> float:
 
 
 def temperature_remark(names: Sequence[str], temperature: FloatArray) -> str:
-    """Say which columns were taken as temperatures, and what they hold; "" where there are none."""
+    """Return a remark on the columns used as temperatures; "" if there are none."""
     if not names:
         return ""
     what = ", ".join(repr(name) for name in names)

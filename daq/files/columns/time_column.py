@@ -70,7 +70,7 @@ def date_column(names: Sequence[str], first: Sequence[str], time: str | None) ->
 
 
 def header_unit(name: str) -> str | None:
-    """Return the unit that a column of times says to be in, None if it says none that is known."""
+    """Return the unit in the name of a column of times, None if it has no known unit."""
     return _WORDS.get(_parted(name)[1].lower())
 
 
@@ -121,7 +121,7 @@ def _ask(path: Path, name: str, t: FloatArray) -> None:
 
 
 def time_remark(name: str, given: str | None) -> str | None:
-    """Say in which unit times were taken, None where they are in seconds and nothing else was said."""
+    """Return a remark on the unit of times, None if they are in seconds by default."""
     said = header_unit(name)
     if given is not None and said not in (None, given):
         return f"times of {name!r} are taken in {given}, by --time-unit, not in {said}"
@@ -130,12 +130,12 @@ def time_remark(name: str, given: str | None) -> str | None:
 
 
 def date_remark(name: str, began: int) -> str:
-    """Say that times were taken from dates, and when the first was [ns UTC]."""
+    """Return a remark that times were read from dates, with the first one [ns UTC]."""
     first = datetime.fromtimestamp(began // 10**6 / 1000, UTC).isoformat(timespec="milliseconds")
     return f"times of {name!r} are dates, UTC where they state no zone: the first is {first}"
 
 
 def no_times(names: Collection[str], asked: str | None) -> str:
-    """Say that there is no such column, and what to do."""
+    """Return the error for a missing column of times."""
     what = "of times, as 't' or 'time [ms]'" if asked is None else f"{asked!r} of times"
     return f"has no column {what}, but {', '.join(names):.100}: give --time NAME or --rate"

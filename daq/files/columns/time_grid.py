@@ -78,6 +78,6 @@ def _fit(t: FloatArray, index: IndexArray, trusted: BoolArray | None = None) -> 
 
 
 def _nice(rate: float, n: int) -> float:
-    """Return the roundest rate that a record of `n` periods cannot be told from."""
+    """Return the roundest rate that is consistent with a record of `n` periods."""
     rounded = (float(f"{rate:.{digits}g}") for digits in range(1, 10))
     return next((nice for nice in rounded if abs(nice / rate - 1) < min(_NICE / n, _NICE_SHARE)), rate)

@@ -15,7 +15,7 @@ _LIST = "_Writer__chunk_indices"  # the stock writer's own name for its list, of
 
 
 class ChunkIndexes:
-    """Stands in for the stock writer's list: it appends to it, and at the end has each of its items write itself."""
+    """Replacement of the stock writer's list of chunk indexes, kept as packed bytes."""
 
     def __init__(self) -> None:
         self._built = RecordBuilder()

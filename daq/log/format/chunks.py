@@ -15,7 +15,7 @@ MAX_CHUNK = 32 << 20  #: bytes of an uncompressed chunk: the writers begin a new
 
 
 class WholeReads:
-    """A file whose reads return all bytes asked for or fail, and never more than the file has.
+    """A file whose reads return all requested bytes or fail, within the size of the file.
 
     The stock reader takes a half record for a whole one, and asks for memory as a damaged length says.
     """

@@ -50,7 +50,7 @@ class IndexedChunks:
             yield from self.look()
 
     def look(self) -> Iterator[bytes]:
-        """Look at all chunks that have not been looked at; yield what stands between messages. Errors as `add`."""
+        """Check all chunks that were not checked yet; yield the records between messages. Errors as `add`."""
         raw = b"".join(self._chunks)
         entries = np.frombuffer(b"".join(self._entries), _ENTRY)
         channel, origin, n = np.array(self._of_entries, np.int64).reshape(-1, 3).T
@@ -70,7 +70,7 @@ class IndexedChunks:
 
 
 def _between(raw: bytes, starts: _Places, stops: _Places) -> Iterator[bytes]:
-    """Yield what stands before, between and behind messages."""
+    """Yield the records before, between and after messages."""
     begins, ends = np.append(0, stops), np.append(starts, len(raw))
     if (begins > ends).any():
         raise ValueError("two entries of an index point at one message")

@@ -61,7 +61,7 @@ def encode_scans(device: str, times: IndexArray, scans: FloatArray) -> list[byte
 
 
 def _imu(device: str, times: IndexArray, scans: FloatArray) -> npt.NDArray[np.void]:
-    """Return messages without orientation and rate of turn: a covariance of -1 says that they are not known."""
+    """Return messages without orientation and angular rate, marked unknown by a covariance of -1."""
     frame = device.encode() + b"\0"
     padding = -(12 + len(frame)) % 8
     kind = np.dtype(

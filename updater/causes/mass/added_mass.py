@@ -88,7 +88,7 @@ class AddedMass:
 
     @property
     def idle(self) -> FloatArray:
-        """Without mass, hardly beside the axis."""
+        """No mass, close to the axis."""
         return self.start * [0.0, 1.0, 1.0, 1.0]
 
     @property

@@ -105,7 +105,7 @@ class AttachedOscillator:
         )
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what a mass of any order makes of the evidence, and that the new mode is somebody's or is not seen."""
+        """Return the log evidence of a mass of any order, with the new mode explained or not measured."""
         mass = self._magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
         if self.new is None:
             return np.asarray(mass + np.log(_UNSEEN))

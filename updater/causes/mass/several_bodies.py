@@ -39,7 +39,7 @@ class Bodies:
         return int(self.member.shape[1])
 
     def beside(self, free: AddedMass) -> JointHypothesis[AddedMass]:
-        """Return one mass at any position beside the one alternative there is; all parameters are fitted together."""
+        """Return one mass at any position with the single alternative; all parameters are fitted jointly."""
         return JointHypothesis(
             free, (SelectedCause(cast(Cause, self), 0, self.start[0]),)
         )  # a fit asks nothing that it cannot say
@@ -62,7 +62,7 @@ class Bodies:
 
     @property
     def log_prior(self) -> FloatArray:
-        """The bodies have no order: each set of places stands for all orders of it."""
+        """Prior of unordered bodies: each set of places represents all its orders."""
         return np.full(len(self.member), float(np.log(np.arange(1, self.n_bodies + 1)).sum()))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:

@@ -45,7 +45,7 @@ _TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModelParameters(Discrete):
-    """One alternative: all parameters, over what the file says of them."""
+    """One alternative: all parameters relative to the file."""
 
     comparison: Comparison
     filed: Structure  #: as in the file
@@ -168,7 +168,7 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
 
 
 def _prior(knob: ModelParameter, wider: float) -> float:
-    """Return the standard deviation of a parameter about what the file says, of one that is far off a wider one."""
+    """Return the standard deviation of a parameter about the file's value, wider for an inconsistent file."""
     if knob.kind == "stiffness":
         return wider * _STIFFNESS_STD
     rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS

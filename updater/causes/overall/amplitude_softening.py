@@ -70,7 +70,7 @@ class AmplitudeSoftening(Discrete):
         return np.asarray(self.trend.excess * (1 + _CURVED * theta[..., -1]))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return what the event's mean level does beside the baseline's; modes not compared go with the mean."""
+        """Return the effect of the event's mean level relative to the baseline's; other modes follow the mean."""
         data, level = self.comparison, self._level(theta)[:, None]
         flexible, own = self._told(theta)
         every = np.tile(own.mean(1, keepdims=True), len(data.frequency))
@@ -86,7 +86,7 @@ class AmplitudeSoftening(Discrete):
         )
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what the windows say."""
+        """Return the log evidence of the windows."""
         del covariance
         return np.full(len(theta), self.log_trend)
 

@@ -64,7 +64,7 @@ class CommonFactor(Discrete):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OwnFactor(CommonFactor):
-    """A factor on what is the structure's own: what it stands on is not."""
+    """Factor on the structure itself, without the ground."""
 
     ground: FloatArray  #: (n_modes + n_stress, same) compliance of the springs to the ground
 
@@ -90,7 +90,7 @@ def ground_compliance(reference: Reference) -> FloatArray:
 
 
 def stiffened(structure: Structure, factor: float, *, ground: bool = True) -> Structure:
-    """Return a structure with all its materials and springs so much stiffer, those to the ground only if asked."""
+    """Return a structure with stiffer materials and springs, those to the ground only on request."""
     material = {
         name: m.model_copy(
             update={"youngs_modulus": m.youngs_modulus * factor, "shear_modulus": m.shear_modulus * factor}
@@ -113,5 +113,5 @@ def stiffened(structure: Structure, factor: float, *, ground: bool = True) -> St
 
 
 def standard_score() -> dict[str, Any]:
-    """Return the fields of one alternative with one parameter of standard normal prior, and no drift beside it."""
+    """Return the fields of one alternative with one standard normal parameter and no uniform shift."""
     return {"prior_std": np.ones(1), "lower": np.full((1, 1), -np.inf), "drifting": False}

@@ -34,7 +34,7 @@ class SamplingClock(CommonFactor):
     advice: str = "Record a tone of known frequency (mains, a tuning fork) during the next log."
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what the tones say."""
+        """Return the log evidence of the tones."""
         del covariance
         return np.full(len(theta), self.log_tones)
 
@@ -53,7 +53,7 @@ class SamplingClock(CommonFactor):
 
 
 def propose_sampling_clock(reference: Reference, comparison: Comparison) -> SamplingClock:
-    """Return the one alternative, told by the tones where there are some."""
+    """Return the single alternative, determined by tones if there are any."""
     del reference
     tones = comparison.circumstances.tones
     centre, spread, log_tones = 0.0, COMMON_FACTOR_STD, 0.0

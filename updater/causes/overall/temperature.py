@@ -63,7 +63,7 @@ class Temperature(OwnFactor):
 
 
 def propose_temperature(reference: Reference, comparison: Comparison) -> Temperature:
-    """Return the one alternative, told by the thermometers where there are some."""
+    """Return the single alternative, determined by thermometers if there are any."""
     known = comparison.circumstances
     centre, spread = 0.0, COMMON_FACTOR_STD
     if np.isfinite(known.warmer):

@@ -82,6 +82,6 @@ def exchanged(structure: Structure, first: str, second: str) -> Structure:
 
 
 def _with(structure: Structure, corrections: dict[str, Correction]) -> Structure:
-    """Return the structure with corrections, those left out that say nothing."""
+    """Return the structure with corrections, without neutral ones."""
     kept = {name: c for name, c in corrections.items() if c != Correction()}
     return structure.model_copy(update={"sensors": kept})

@@ -20,7 +20,7 @@ _LOG_ODDS = float(np.log(1e6))  # that a channel which works has a signal in som
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorDead(Chain):
-    """Channels that say nothing, together; there is no parameter."""
+    """Channels without a signal, jointly; there is no parameter."""
 
     hears: FloatArray  #: (n_alternatives, n_channels) 0 for the channels of each that are compared
     without_signal: bool  #: whether they are those that identification left out without a signal
