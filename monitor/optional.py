@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class OptionalWork:
-    """Diagnosis, self-tests, health of the sensors: where one fails, that is said, and the watch goes on without it.
+    """Optional work: diagnosis, self-tests, sensor health. A failure is reported, and monitoring continues.
 
     The process of the analysis would end with it before the window's result is told, and again with the next window,
     as long as whatever it is stands: nobody would ever hear of the alarm.

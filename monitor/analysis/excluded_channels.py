@@ -25,7 +25,7 @@ def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict
 
 
 def _copied(fault: str, names: Mapping[str, str]) -> str | None:
-    """Return the channel that a fault says is another one over again."""
+    """Return the channel with identical samples that a fault names."""
     said = fault.removeprefix(SAME_AS) if fault.startswith(SAME_AS) else ""
     return next((name for name in names if said == name or said.startswith(f"{name} (in ")), None)
 
@@ -40,7 +40,7 @@ def by_reason(given_up: Mapping[str, str]) -> list[tuple[tuple[str, ...], str]]:
 
 
 def left_out_texts(given_up: Mapping[str, str]) -> list[str]:
-    """Say which channels are left out, and why."""
+    """Return texts on the channels that are left out, with the reasons."""
     return [_text(names, why) for names, why in by_reason(given_up)]
 
 

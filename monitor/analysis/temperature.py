@@ -15,7 +15,7 @@ _FORGET = 0.05  # share of a window in the difference to the devices' thermomete
 
 
 def reading(time: int, celsius: float, source: str) -> Event:
-    """Return a reading as it stands in the log."""
+    """Return a reading as it is in the log."""
     return Event(topic=TOPIC_TEMPERATURE, time=time, payload={"celsius": celsius, "source": source})
 
 
@@ -34,12 +34,12 @@ class SiteTemperature:
         self.offset = offset  #: of it against the devices' mean, averaged over the last windows [K]
 
     def take(self, event: Event) -> None:
-        """Take what stands in the log."""
+        """Process an item of the log."""
         if event.topic == TOPIC_TEMPERATURE:
             self._readings.append((event.time, float(event.payload.get("celsius", "nan"))))
 
     def of(self, recording: Recording) -> float:
-        """Return the temperature of a window [degC], NaN where nothing tells it; windows in their order.
+        """Return the temperature of a window [degC], NaN if it is unknown; windows in their order.
 
         The mean of the readings within the window; without one, the last before it that is not stale.
         """

@@ -6,7 +6,7 @@ DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1
 
 
 def explain(error: Exception, *, debug: bool) -> int:
-    """Say what went wrong in one line; return the exit code. What nobody foresaw is raised again to debug it."""
+    """Print an error in one line and return the exit code; unforeseen errors are raised again for debugging."""
     from daq import DaqError, one_line
     from monitor.errors import MonitorError, StartError
     from oma import OmaError

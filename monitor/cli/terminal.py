@@ -16,7 +16,7 @@ class Terminal(Console):
         super().__init__(highlight=False)
 
     def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - as rich has them
-        """Return the text that a string with markup stands for."""
+        """Return the text of a string with markup."""
         return super().render_str(printable(text), **options)
 
 

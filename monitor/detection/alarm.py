@@ -94,7 +94,7 @@ class Alarm:
         return after._look_for_flapping(time, changes)
 
     def acknowledge(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
-        """Return the condition once a person has said that they know; nothing changes where there is no alarm."""
+        """Return the condition after an acknowledgement; no change without an alarm."""
         if self.condition == "alarm":
             return replace(self, condition="acknowledged"), (Change(kind="acknowledged", state="alarm"),)
         if self.condition == "latched":

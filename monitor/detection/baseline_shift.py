@@ -41,7 +41,7 @@ def shift_of(watched: LawState, judged: Sequence[ScoredWindows]) -> Shift:
 
 
 def shifted(watched: LawState, shift: Shift, *, back: bool = False) -> LawState:
-    """Return a watch whose law predicts the changed frequencies, what it knows of temperature and scatter kept.
+    """Return a state whose law predicts the changed frequencies, with temperature and scatter kept.
 
     The shift is known as well as its deviations say; that much less is known of the law's constant. A mode that is not
     seen is expected where it was. Averages begin anew.

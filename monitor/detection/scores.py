@@ -31,7 +31,7 @@ def normal_score(t: FloatArray, freedom: FloatArray) -> FloatArray:
 
 
 def alone(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return what each mode deviates by beside what the others make likely, over that's standard deviation.
+    """Return each mode's deviation from its prediction by the others, over the standard deviation.
 
     Where all modes move by much together a wrong value of one is small for that mode, and large for how it lies to the
     others. Arguments are those of `distance`; returned are (..., n_tracks), NaN where a mode is missing.

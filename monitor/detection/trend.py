@@ -64,7 +64,7 @@ class Trend:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TrendWatch:
-    """The trend that stands, and the one that was last reported."""
+    """The present trend, and the one last reported."""
 
     week: int = -1  #: in which it was last estimated
     present: Trend | None = None  #: significant one

@@ -12,7 +12,7 @@ class _Part(BaseModel):
 
 
 class ModeComparison(_Part):
-    """A mode, measured beside simulated; None where one of the two is missing."""
+    """A mode, measured and simulated; None if one of the two is missing."""
 
     simulated: float | None  #: frequency without the causes [Hz]
     measured: float | None  #: [Hz]

@@ -53,7 +53,7 @@ def discrepancy_result(
     *,
     shaped: bool = True,
 ) -> DiscrepancyResult:
-    """Return what is measured beside what is simulated.
+    """Return the comparison of measured and simulated values.
 
     Parameters
     ----------

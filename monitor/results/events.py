@@ -26,13 +26,13 @@ _TYPES: dict[str, type[Result]] = {
 
 
 def result_event(result: Result) -> Event:
-    """Return a result as the event that stands for it in the log."""
+    """Return a result as an event of the log."""
     time_ns = result.end if isinstance(result, WindowResult) else result.time
     topic = next(topic for topic, kind in _TYPES.items() if isinstance(result, kind))
     return Event(topic=topic, time=time_ns, payload=result.payload())
 
 
 def event_result(event: Event) -> Result | None:
-    """Return the result that an event of the log stands for, None if it is none."""
+    """Return the result in an event of the log, None if there is none."""
     kind = _TYPES.get(event.topic)
     return kind.model_validate(event.payload) if kind else None

@@ -64,7 +64,7 @@ class RunResults:
 
     @cached_property
     def answers(self) -> list[tuple[WindowResult, MassAnswer]]:
-        """Windows that locate a mass, with what they say."""
+        """Windows that locate a mass, with their answers."""
         return [(w, w.answer) for w in self.windows if w.answer]
 
     @property

@@ -145,7 +145,7 @@ class ProfilePoint(_Result):
 
 
 class OtherPlace(_Result):
-    """Another place where the mass may be, for all that the data say."""
+    """Another possible place of the mass."""
 
     member: str
     position: Vector  #: on the member's axis [m]
@@ -302,7 +302,7 @@ class SelfTestResult(_Result):
 
     @property
     def text(self) -> str:
-        """Say it in a line."""
+        """Return a text of one line."""
         said = "passed" if self.passed else "FAILED"
         seen = f"{self.detected} of {self.places} places"
         return f"self-test {said}: {1000 * self.mass:.0f} g would raise the alarm at {seen}"

@@ -72,14 +72,14 @@ def _joints(structure: Structure, flexibility: Vector, unit: float) -> tuple[Joi
 
 
 def passes(member: Member, point: Vector) -> bool:
-    """Say whether a point lies on a member."""
+    """Return whether a point is on a member."""
     a, b = np.subtract(point, member.start), np.subtract(member.end, member.start)
     along = float(np.clip(a @ b / (b @ b), 0, 1))
     return bool(np.linalg.norm(a - along * b) < 1e-6)
 
 
 class World:
-    """The motion at all devices, simulated only as far as somebody asks for it.
+    """The motion at all devices, simulated as far as it is requested.
 
     The same scenario and the same times of its events give the same motion to the last bit, in whatever pieces it is
     asked for. Memory is bounded: motion older than a few seconds is forgotten.

@@ -102,7 +102,7 @@ def run(
 
 
 def _reload(running: SiteRun, reread: Callable[[], Site | None], manager: ServiceManager) -> None:
-    """Go on with new settings if there are any; those that cannot be used, whatever they raise, are refused."""
+    """Continue with new settings if there are any; invalid ones are refused, whatever error they raise."""
     try:
         site = reread()
     except Exception as error:  # noqa: BLE001 - a file may raise anything; the watch goes on with the settings it has

@@ -200,7 +200,7 @@ class LogAndAnalysis:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End everything that still goes on."""
+        """End everything that is still running."""
         self._undo.close()
 
     def put(self, item: Item) -> None:

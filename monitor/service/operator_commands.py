@@ -33,7 +33,7 @@ class OperatorCommand(BaseModel):
 
 
 class Acknowledgement(OperatorCommand):
-    """A person knows of the alarm."""
+    """Acknowledgement of the alarm."""
 
     kind: Literal["acknowledge"] = "acknowledge"
     note: Words = ""

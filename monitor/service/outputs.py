@@ -63,14 +63,14 @@ class Outputs:
             FAILURES.attempt("viewer", self._live.show, item)
 
     def said(self) -> Iterator[Said]:
-        """Yield what befell them since the last time; what died is served again after a while."""
+        """Yield events since the last call; failed servers are restarted after a while."""
         yield from self._history.said()
         for courier in self._couriers:
             yield from courier.said()
         yield from self._tend()
 
     def _tend(self) -> Iterator[Said]:
-        """Say once what is not served any more, and why; serve it again a minute later."""
+        """Report once which server has failed and why; restart it a minute later."""
         now = time.monotonic()
         for name, problem, again in (
             ("viewer", self._live.problem if self._live else None, self.show_again),

@@ -30,7 +30,7 @@ _STEP, _STEP_AGAIN = 2 * 10**9, 600.0  # ns by which a clock is set, from which 
 
 
 class SiteRun:
-    """Readers and writer in threads, analysis in a process, and what is told of it.
+    """Run of a site: readers and writer in threads, analysis in a process, outputs.
 
     All methods but `_take` are for one thread.
 
@@ -85,7 +85,7 @@ class SiteRun:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End everything that still goes on."""
+        """End everything that is still running."""
         self._devices.stop()
         self._undo.close()
 
@@ -138,7 +138,7 @@ class SiteRun:
         return SignsOfLife(data=self.vitals.silence, disk=disk, losing=self.logs.losing)
 
     def reload(self, site: Site) -> None:
-        """Go on with other settings: only what they change starts anew.
+        """Continue with other settings: only affected parts are restarted.
 
         What may be refused is tried before anything is changed. A part that fails all the same is named in the event,
         and costs no other part its change.
@@ -178,7 +178,7 @@ class SiteRun:
         self.logs.say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing", **failures})
 
     def refuse(self, why: str) -> None:
-        """Say that new settings cannot be used."""
+        """Report that new settings are invalid."""
         self.logs.say("reload_refused", {"why": why})
 
     def _renew_devices(self, old: Site, changed: Sequence[str], drivers: Drivers) -> None:

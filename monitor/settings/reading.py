@@ -45,7 +45,7 @@ def parse_settings(
 
 
 def _check_devices(settings: Settings, path: Path | str) -> None:
-    """Refuse devices that cannot be told apart, or disagree about their bus."""
+    """Refuse devices that are not distinguishable, or differ in the settings of their bus."""
     names = [device.name for device in settings.device] + [channel.name for channel in settings.channels]
     for repeated in sorted({name for name in names if names.count(name) > 1}):
         raise SettingsError(path, f"device: the name {repeated!r} is given twice")

@@ -27,7 +27,7 @@ def change_said(change: Change, result: WindowResult) -> str:
 
 
 def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
-    """Say what a person who knows of the alarm changed; they may have left name and note."""
+    """Return the text of an acknowledgement, with name and note."""
     if change.kind in ("flapping", "steady"):
         return _FLAPPING[change.kind]
     by, note = (str(said.get(name) or "") for name in ("by", "note"))
@@ -38,13 +38,13 @@ def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
 
 
 def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
-    """Say where a watch goes on after a restart, with an alarm that stands `since` [ns UTC] if there is one."""
+    """Return the text of a restart, with an alarm active `since` [ns UTC] if there is one."""
     stands = f"; the alarm of {utc(since)} stands" if since is not None else ""
     return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
 
 
 def accepted_said(change: AcceptedShift) -> str:
-    """Say what has become the reference, and what the courses of the modes jump by."""
+    """Return the text of an acceptance, with the frequency shifts."""
     shown = [mode for mode, shift in enumerate(change.shift_percent) if shift is not None]
     hidden = _hidden(change)
     moved = ", ".join(_moved(change, mode) for mode in shown)
@@ -57,7 +57,7 @@ def accepted_said(change: AcceptedShift) -> str:
 
 
 def seen_again_said(before: AcceptedShift, now: AcceptedShift) -> str:
-    """Say which modes that an accepted change hid are watched again, and what they had moved by."""
+    """Return the text on modes that are monitored again after an acceptance, with their shifts."""
     again = sorted(set(_hidden(before)) - set(_hidden(now)))
     moved = ", ".join(_moved(now, mode) for mode in again)
     return (
@@ -79,7 +79,7 @@ def _modes(tracks: list[int]) -> str:
 
 
 def undone_said(change: AcceptedShift, said: Mapping[str, Any]) -> str:
-    """Say what is no longer accepted; a person may have left name and note."""
+    """Return the text of an undone acceptance, with name and note."""
     by, note = (str(said.get(name) or "") for name in ("by", "note"))
     who, why = f" by {by}" if by else "", f": {note}" if note else ""
     return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"

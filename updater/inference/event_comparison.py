@@ -33,7 +33,7 @@ def compare(
     circumstances: Circumstances = NOTHING_KNOWN,
     model_error: float = MODEL_ERROR,
 ) -> Comparison:
-    """Set an event beside the baseline.
+    """Compare an event with the baseline.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def compare(
 def _filed_modes(
     reference: Reference, tracks: IndexArray, channels: tuple[str, ...], base: ModalMean
 ) -> NominalModes | None:
-    """Return what a structure file that is far off has in the place of the modes compared; None where it is not."""
+    """Return the modes of an inconsistent structure file for the compared modes; None if it is consistent."""
     if reference.filed is None:
         return None
     there = reference.filed.reference
@@ -102,7 +102,7 @@ def _filed_modes(
 
 
 def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float) -> dict[str, Any]:
-    """Return what a comparison says of log frequencies.
+    """Return the data of log frequencies.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _shapes_of(
     circumstances: Circumstances,
     foreign: FloatArray,
 ) -> dict[str, Any]:
-    """Return what a comparison says of the shapes' real parts.
+    """Return the data of the shapes' real parts.
 
     Components that err together are so much less data: each is believed less, all together as much as they are worth.
 

@@ -156,7 +156,7 @@ def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:
 
 
 def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
-    """Fit every alternative by Gauss-Newton, all at once; if asked, those between the best ones afterwards."""
+    """Fit every alternative by Gauss-Newton, all at once; on request, refined alternatives afterwards."""
     found = _fit(comparison, hypotheses)
     closer = hypotheses.finer(found.log_density, found.theta) if refine else None
     return found if closer is None else _fit(comparison, closer, _HOPELESS)

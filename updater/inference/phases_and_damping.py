@@ -19,7 +19,7 @@ _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and wea
 def lags_of(
     base: ModalMean, event: ModalMean, sign: FloatArray, scatter: Scatter, foreign: FloatArray, devices: FloatArray
 ) -> dict[str, Any]:
-    """Return what a comparison says of the shapes' imaginary parts.
+    """Return the data of the shapes' imaginary parts.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def without_mode(whitener: FloatArray, mode: int, n_channels: int) -> FloatArray
 
 
 def dampings_of(base: ModalMean, event: ModalMean, mixed: FloatArray) -> dict[str, Any]:
-    """Return what a comparison says of damping.
+    """Return the data of damping.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ class Effect:
         return Effect(**chosen)
 
     def then(self, other: "Effect") -> "Effect":
-        """Return both together; what the other says of the channels acts on what this one makes of them."""
+        """Return both together; the other's effect on the channels acts after this one."""
         n = other.lag.shape[1]
         own = other.chain[:, :, :n]
         chain = own @ self.chain
@@ -130,7 +130,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
 
 @dataclass(frozen=True, eq=False)
 class Changed:
-    """The changed structure's modes, those that answer to the compared ones first among equals."""
+    """The changed structure's modes, with those paired with the compared ones."""
 
     value: FloatArray  #: (n_alternatives, n_all) 1/omega'^2, n_all = n_modes + n_own [s2]
     vector: FloatArray  #: (n_alternatives, n_all, n_all) in the reference's modes, columns mass-normalised

@@ -221,7 +221,7 @@ def _most_real(doubled: ComplexArray, frequency: FloatArray, late: FloatArray) -
 def _said(
     frequency: FloatArray, column: IndexArray, weight: FloatArray, residual: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what each mode says of the devices' delays, its own phase left free: information, and pull from the fit.
+    """Return each mode's information on the devices' delays with its own phase free, and its pull.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def _alike(modes: ModalMean) -> list[tuple[int, int]]:
 
 
 def check_unit(frequency: FloatArray, shape: FloatArray, known_frequency: FloatArray, known_shape: FloatArray) -> None:
-    """Refuse frequencies of which clearly more answer to known ones if they are taken to be in another unit.
+    """Refuse frequencies of which clearly more are paired with known ones in another unit.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones of two
 
 
 def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequence[str]) -> tuple[Windows, FusedModes]:
-    """Merge what was found in each set-up; a set-up stands in the place of a window.
+    """Merge the results of set-ups; a set-up takes the place of a window.
 
     Raises
     ------

@@ -244,7 +244,7 @@ def _outlook(
 
 
 def heaviest(outlook: DetectabilityStudy) -> float:
-    """Return the mass [kg] beyond which nobody would call it a weak one: where only that shows the rig is blind."""
+    """Return the mass [kg] above which a place counts as blind."""
     return _HEAVY * outlook.reference.calibration.model.total_mass()
 
 

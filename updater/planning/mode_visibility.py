@@ -120,7 +120,7 @@ def _auto_mac(at_sensors: FloatArray, largest: FloatArray) -> FloatArray:
 
 
 def clearer(sight: Sight) -> tuple[Sensor, Sight] | None:
-    """Return the one sensor more that shows most unseen modes and tells most pairs apart, and what is seen with it.
+    """Return the additional sensor that measures most unmeasured modes and distinguishes most pairs.
 
     None if there is nothing to mend, or no one sensor that mends any of it.
     """

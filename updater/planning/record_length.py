@@ -164,7 +164,7 @@ class LocalizationSimulation:
         return frequency, np.sqrt(2) * (by_mode + blur) + by_model
 
     def _answers(self, signature: FloatArray, measured: FloatArray) -> FloatArray:
-        """Return the place that each record's posterior says (n_draws, 3).
+        """Return the place of each record's posterior (n_draws, 3).
 
         Parameters
         ----------

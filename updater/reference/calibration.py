@@ -64,7 +64,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Calibration:
-    """A structure whose model answers to measured frequencies as well as its parameters can."""
+    """Structure with its model calibrated to measured frequencies."""
 
     structure: Structure
     nominal: Structure  #: before calibration, as the file has it
@@ -196,7 +196,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
 
 
 def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
-    """Return the share (n_tracks,) of each shape that is of the model's modes about the one that answers to it.
+    """Return the share (n_tracks,) of each shape that is spanned by model modes near the paired one.
 
     Close modes turn into each other by what no model knows; 0 where none answers.
     """
@@ -209,7 +209,7 @@ def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray
 
 
 def _likeness(measured: ModalMean, answers: IndexArray, seen: FloatArray) -> FloatArray:
-    """Return the MAC (n_tracks,) of each mode with the one of the model that answers to it; 0 where none does."""
+    """Return the MAC (n_tracks,) of each mode with its paired model mode; 0 if there is none."""
     cross = (measured.shape * seen[answers]).sum(1) ** 2
     return np.asarray(np.where(answers >= 0, cross / (seen[answers] ** 2).sum(1), 0.0))
 
@@ -270,7 +270,7 @@ class _Misfit:
         return model, Modes(frequency=modes.frequency[partner], shape=modes.shape[:, partner]), partner
 
     def partners(self, x: FloatArray) -> IndexArray:
-        """Return the model mode (n_tracks,) that answers to each measured one."""
+        """Return the model mode (n_tracks,) paired with each measured one."""
         return self._solved(*x)[2]
 
     def residual(self, x: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from updater.reference.reference import NominalModel, Reference
 
 
 def match_nominal_modes(reference: Reference, filed: NominalModel, channels: tuple[str, ...]) -> IndexArray:
-    """Return which of the file's modes answers to each of the nearer model's (n_modes,): all are assigned at once.
+    """Return the file's mode paired with each mode of the recalibrated model (n_modes,), all assigned at once.
 
     Parameters
     ----------

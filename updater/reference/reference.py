@@ -86,7 +86,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NominalModel:
-    """Structure file that is so far off that causes are sought about a model nearer to the measurement.
+    """Inconsistent structure file, for which causes are sought about a recalibrated model.
 
     Modes pair wrongly there, and what little causes do to them is not what they do to the structure's.
     """
@@ -107,6 +107,6 @@ def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalM
 
 
 def pair_baseline(model: Model, modes: Modes, baseline: ModalMean) -> IndexArray:
-    """Return for each track the mode of a model that answers to it (n_tracks,), -1 where none does."""
+    """Return for each track the paired mode of a model (n_tracks,), -1 if there is none."""
     seen = (channel_rows(model, baseline.channels) @ modes.shape).T
     return pair_modes(np.exp(baseline.log_frequency), baseline.shape, modes.frequency, seen)

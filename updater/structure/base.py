@@ -52,5 +52,5 @@ def meant(word: str, known: Collection[str]) -> str:
 
 
 def not_known(word: str, known: Collection[str]) -> str:
-    """Say that a key is none, which one may have been meant, and which there are."""
+    """Return the error for an unknown key, with the nearest key and all keys."""
     return f"not a known key{meant(word, known)}; known here are {', '.join(known)}"

@@ -102,7 +102,7 @@ class Member(Entry):
         return np.asarray(self.start) + share * np.subtract(self.end, self.start)
 
     def passes(self, point: Vector) -> bool:
-        """Say whether a point [m] lies on the member, to 0.1 mm."""
+        """Return whether a point [m] is on the member, to 0.1 mm."""
         along = np.subtract(self.end, self.start) / self.length
         distance = float(np.clip(np.subtract(point, self.start) @ along, 0, self.length))
         return bool(np.linalg.norm(self.point(distance) - point) < ON_MEMBER)
@@ -240,7 +240,7 @@ class Entries(Entry):
 
     @property
     def speaking(self) -> tuple[str, ...]:
-        """Names of the channels that say something: those whose gain is not 0."""
+        """Names of the channels with a gain other than 0."""
         return tuple(sensor.channel for sensor in self.heard if sensor.gain)
 
     @property

@@ -54,7 +54,7 @@ class ModelParameter:
 
     @property
     def quantity(self) -> str:
-        """Physical quantity that the parameter stands for."""
+        """Physical quantity of the parameter."""
         if self.kind == "stiffness":
             return "Young's modulus" if self.target else "stiffness"
         if self.kind == "weld":
@@ -129,7 +129,7 @@ def check_updating(structure: Structure) -> None:
 
 
 def _matches(structure: Structure, knob: ModelParameter, pattern: str) -> bool:
-    """Return whether a pattern names a parameter; a member's name stands for its material's."""
+    """Return whether a pattern matches a parameter; a member's name matches its material's parameters."""
     keys = [knob.key]
     if knob.kind == "stiffness":
         keys += [f"{member.name}.E" for member in structure.member if member.material == knob.target]

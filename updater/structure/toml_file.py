@@ -86,7 +86,7 @@ def _wrong(error: ValidationError, content: dict[str, Any]) -> str:
 
 
 def _known_keys(location: tuple[int | str, ...]) -> list[str]:
-    """Return the keys that may stand beside the one at a location."""
+    """Return the keys that are allowed next to the one at a location."""
     kind = str(location[0]) if len(location) > 1 else ""
     fields = _ENTRIES.get(kind, Structure).model_fields.items()
     return sorted([field.alias or name for name, field in fields] + _STAND_FOR_OTHERS.get(kind, []))

@@ -32,7 +32,7 @@ _REWEIGHTED = 30  # times
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorHealth:
-    """Of each channel, against the baseline and beside most others."""
+    """Of each channel, relative to the baseline and to most others."""
 
     channels: tuple[str, ...]
     gain: FloatArray  #: (n_channels,) over what it was; negative: its polarity is turned [-]

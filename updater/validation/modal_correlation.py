@@ -29,7 +29,7 @@ _SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less th
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModalCorrelation:
-    """Measured modes beside simulated ones; -1 and NaN where a partner is missing."""
+    """Measured modes compared with simulated ones; -1 and NaN without a partner."""
 
     channels: tuple[str, ...]
     simulated: FloatArray  #: (n_simulated,) frequencies [Hz]
@@ -45,7 +45,7 @@ class ModalCorrelation:
 
     @property
     def extra(self) -> IndexArray:
-        """Measured modes that no simulated one answers to."""
+        """Measured modes without a simulated partner."""
         return np.setdiff1d(np.arange(len(self.measured)), self.partner)
 
     @property
@@ -55,7 +55,7 @@ class ModalCorrelation:
 
 
 def correlate_modes(simulated: ModalMean, measured: ModalMean) -> ModalCorrelation:
-    """Set measured modes beside simulated ones.
+    """Compare measured modes with simulated ones.
 
     Parameters
     ----------

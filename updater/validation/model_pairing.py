@@ -17,7 +17,7 @@ _SPARE = 10  # modes of the model beyond as many as are measured
 
 @dataclass(frozen=True, eq=False)
 class ModelPartner:
-    """The model's mode that answers to a measured one."""
+    """The model's mode paired with a measured one."""
 
     frequency: float  #: [Hz]
     mac: float  #: [-]
@@ -25,7 +25,7 @@ class ModelPartner:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ModelModes:
-    """A model's modes at the channels, beside measured ones."""
+    """A model's modes at the channels, compared with measured ones."""
 
     structure: Structure
     frequency: FloatArray  #: (n,) of those that the channels see [Hz]
@@ -41,13 +41,13 @@ class ModelModes:
         return self.frequency[wanted], self.shape[wanted]
 
     def partner(self, mode: int) -> ModelPartner | None:
-        """Return what answers to a measured mode."""
+        """Return the partner of a measured mode."""
         k = int(self.pairs[mode])
         return None if k < 0 else ModelPartner(float(self.frequency[k]), float(self.mac[mode, k]))
 
 
 def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
-    """Set a structure's model beside measured modes.
+    """Compare a structure's model with measured modes.
 
     Raises
     ------

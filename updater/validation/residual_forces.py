@@ -55,7 +55,7 @@ class ForceBalance:
 
 
 def force_balance(reference: Reference, event: ModalMean) -> ForceBalance:
-    """Return what the residual forces of measured modes say of each node of the reference's model.
+    """Return mass or stiffness errors of the reference's model per node, from residual forces.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ _MOST_DAMPING = 0.3  # [-]: what is over it are per cent
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A table's columns (n_modes,), and the line that each row stood on."""
+    """A table's columns (n_modes,), and the line of each row."""
 
     values: dict[str, ComplexArray]
     line: list[int]

@@ -304,7 +304,7 @@ def _recordings(
 
 
 def _channel_notes(structure: Structure, logs: Logs) -> list[str]:
-    """Say which channels logs have and the structure does not know, or the reference has and they do not."""
+    """Report channels that are in the logs but not in the structure, or only in the reference."""
     current, reference = _channels_of(logs.current), _channels_of(logs.reference)
     notes = []
     if strange := [name for name in current if name not in structure.speaking]:
@@ -322,7 +322,7 @@ def _channels_of(paths: Sequence[Path]) -> list[str]:
 
 
 def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str:
-    """Return comments that say what an extended model was made of, and from what."""
+    """Return comments on the origin of an extended model."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
     lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in found.diagnosis.causes]
@@ -340,7 +340,7 @@ def _names(paths: Sequence[Path]) -> str:
 def _write(
     found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
 ) -> Diagnosis:
-    """Write what is asked for; return the diagnosis with the path of the extended model in it."""
+    """Write the requested files; return the diagnosis with the path of the extended model."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
     try:
         if out:

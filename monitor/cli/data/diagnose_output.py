@@ -109,7 +109,7 @@ def _or(value: float | None, form: str, missing: str = "-") -> str:
 
 
 def _sensor(found: DiscrepancyResult) -> str:
-    """Name the sensor that lies farthest from the simulated shapes, if it stands out of the noise."""
+    """Return the sensor farthest from the simulated shapes, if significant."""
     worst = max(found.sensors, key=lambda s: s.residual / max(s.noise, 1e-12), default=None)
     if worst is None or worst.residual < _STANDS_OUT * worst.noise:
         return ""

@@ -42,7 +42,7 @@ class Options:
 def identify_command(
     paths: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None, out: Path | None = None
 ) -> int:
-    """Print the modes; write them as JSON, draw them and fill a folder where asked."""
+    """Print the modes; write JSON, pictures and a folder on request."""
     if options.method not in METHODS:
         raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
     if options.band is not None and not 0 < options.band[0] < options.band[1]:
@@ -124,7 +124,7 @@ def _fill(
     model: ModelModes | None,
     content: dict[str, Any],
 ) -> None:
-    """Write everything into a folder, and say what."""
+    """Write all files into a folder, and print their names."""
     from monitor.views.plots.identification_folder import (  # matplotlib: only where pictures are asked for
         Results,
         write_folder,
@@ -202,7 +202,7 @@ def _recordings(logs: Sequence[AnyLog], window: float | None) -> Iterator[Record
 
 
 def _model(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
-    """Return the modes of the given or attached structure beside the measured ones; None if there is no structure."""
+    """Return the structure's modes paired with the measured ones; None without a structure."""
     structure = load_structure(path) if path else _attached_structure(log)
     if structure is None:
         return None

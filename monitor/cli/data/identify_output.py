@@ -25,7 +25,7 @@ LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Findings:
-    """Modes of windows, and what is to be said of them."""
+    """Modes of windows, with remarks."""
 
     windows: Windows
     fused: FusedModes

@@ -57,7 +57,7 @@ class ImportOptions:
 
 
 def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
-    """Write the log; say what is in it."""
+    """Write the log and print a summary."""
     if len(data) > 1 and options.start is not None:
         raise ArgumentError("--start", f"not of {len(data)} files, each with its start date")
     parts = _read(data, options)
@@ -99,7 +99,7 @@ def _write(
 
 
 def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], new_site: Path | None) -> None:
-    """Say what was written, and as what it was taken."""
+    """Print what was written, and how it was interpreted."""
     gaps = [gap for recording in recordings for gap in recording.gaps]
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
     console.print(
@@ -119,7 +119,7 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
 
 
 def _sequence(recordings: Sequence[Recording]) -> str:
-    """Say what lies between recordings that follow each other."""
+    """Print the pauses between successive recordings."""
     pauses = [(after.start - before.end) * 1e-9 for before, after in pairwise(recordings)]
     real = [pause for pause in pauses if pause > 0.5 / recordings[0].rate]
     longest = f", the longest {max(real):.6g} s" if real else ""
@@ -193,7 +193,7 @@ def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recor
 
 
 def level(recordings: Sequence[Recording]) -> str:
-    """Say how much the channels move about their means: a wrong unit shows in that."""
+    """Print the RMS of the channels about their means, which reveals a wrong unit."""
     columns = (np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(recordings[0].channels)))
     rms = [np.nanstd(column) for column in columns if np.isfinite(column).any()]
     return f", rms {min(rms):.2g} to {max(rms):.2g} m/s2" if rms else ""

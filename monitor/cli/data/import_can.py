@@ -21,7 +21,7 @@ console = Terminal()
 
 
 def import_can_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
-    """Write the log; say what was found of each sensor."""
+    """Write the log and print a summary of each sensor."""
     if len(data) > 1:
         raise ArgumentError("DATA", f"expected one file of CAN traffic, found {len(data)}: {data[0]}, {data[1]}")
     if options.velocities or options.unit is not None:

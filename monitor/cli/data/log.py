@@ -36,7 +36,7 @@ console = Terminal()
 
 
 def repair_command(path: Path) -> int:
-    """Mend a log; say what it was worth."""
+    """Repair a log and print what was kept."""
     state = repair_log(path)
     if state.whole:
         console.print(f"{escape(str(path))}: whole, {state.n_messages} messages; not touched", soft_wrap=True)
@@ -48,7 +48,7 @@ def repair_command(path: Path) -> int:
 
 
 def info_command(paths: Sequence[Path], json_path: Path | None) -> int:
-    """Say what is in a log."""
+    """Print a summary of a log."""
     log = one_log(paths)
     info = log_info(log)
     _say(log, info)

@@ -68,7 +68,7 @@ def _devices(path: Path, log: Path, recording: Recording) -> Iterator[DeviceSett
 
 
 def _from(site: Path, file: Path) -> str:
-    """Return a path as the site's file says it."""
+    """Return a path as written in the site's file."""
     return Path(os.path.relpath(file.resolve(), site.resolve().parent)).as_posix()
 
 
@@ -89,7 +89,7 @@ def window_of(recordings: Sequence[Recording]) -> float:
 
 
 def learning_notes(settings: Settings, seconds: float, site: Path) -> Iterator[str]:
-    """Say what windows suit a logger that pauses, and if a record [s] is too short to learn from."""
+    """Return notes on suitable windows for a logger that pauses, and on too short a record [s]."""
     window = settings.analysis.window_seconds
     if window != AnalysisSettings().window_seconds:
         yield f"the logger pauses: window_seconds = {window:g} in {site}, so that its records hold whole windows"

@@ -68,7 +68,7 @@ class Asked:
         return Record(seconds=self.seconds, damping=self.damping, highest=highest)
 
     def wanted(self) -> Target | None:
-        """Return what is to be found, None if nothing is asked for.
+        """Return the target mass, None if there is none.
 
         Raises
         ------
@@ -101,7 +101,7 @@ def measured(option: str, text: str, kind: str) -> float:
 
 
 def structure_command(path: Path, asked: Asked, *, json_path: Path | None, picture: Path | None) -> int:
-    """Draw the structure, list its modes, and say what its sensors see; 1 if sensors and channels do not match."""
+    """Draw the structure, list modes and detectability; return 1 if sensors and channels do not match."""
     structure, target = load_structure(path), asked.wanted()
     check = check_channels(structure, asked.channels) if asked.channels else None
     record = asked.record(check.highest if check else PASS * _USUAL_RATE)

@@ -38,7 +38,7 @@ def modes_table(sight: Sight) -> Table:
 
 
 def clearer_words(sight: Sight) -> Iterator[str]:
-    """Say which modes stay unseen or alike, and the sensor that mends most of that."""
+    """Return texts on unmeasured and similar modes, and on the best additional sensor."""
     if sight.unseen:
         yield f"no sensor measures {_modes(sight.unseen)}"
     if sight.pairs_alike:
@@ -59,7 +59,7 @@ def clearer_words(sight: Sight) -> Iterator[str]:
 
 
 def channel_words(structure: Structure, check: ChannelCheck | None) -> Iterator[str]:
-    """Say which sensors measure the same, and which sensors and channels have no counterpart."""
+    """Return texts on duplicate sensors, and on sensors and channels without a counterpart."""
     for one, other in twins(structure):
         yield f"{one} and {other} measure the same motion"
     if check is None:
@@ -125,7 +125,7 @@ def _ends(order: IndexArray) -> IndexArray:
 
 
 def helper_words(sight: Sight) -> str:
-    """Say where one more sensor would help most."""
+    """Return a text on the best additional sensor."""
     if sight.helper is None or sight.outlook is None:
         return ""
     before = mean_position_std(sight.outlook, sight.typical_mass)

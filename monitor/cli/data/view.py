@@ -21,7 +21,7 @@ _CONNECT_SECONDS = 2.0
 
 
 def report_command(path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange = WHOLE) -> int:
-    """Write the report of a log, or of the newest one in a folder; by default beside it, one page per range."""
+    """Write the report of a log, or of the newest one in a folder; by default next to it, one page per range."""
     found = load_diagnosis(diagnosis) if diagnosis else None
     run = load_run(path, within, say_range)
     page = out or _default_page(path, run.log)
@@ -32,7 +32,7 @@ def report_command(path: Path, out: Path | None, diagnosis: Path | None, within:
 
 
 def _default_page(path: Path, log: AnyLog) -> Path:
-    """Return the page beside a log or in a folder, such as `run.html`; `run_60-150s.html` of a range."""
+    """Return the page next to a log or in a folder, such as `run.html`; `run_60-150s.html` of a range."""
     whole = path / "report.html" if path.is_dir() else path.with_suffix(".html")
     if not isinstance(log, LogExcerpt):
         return whole
@@ -40,7 +40,7 @@ def _default_page(path: Path, log: AnyLog) -> Path:
 
 
 def view_command(target: str, out: Path | None, *, show: bool, within: TimeRange = WHOLE) -> int:
-    """Open the viewer on a log's recording, made anew, or on a live server; say how where it cannot be opened here."""
+    """Open the viewer on a log's new recording or on a live server; print instructions if impossible."""
     if "://" in target:
         if not within.whole:
             raise ArgumentError(", ".join(within.options), f"expected a log, found the address of a monitor: {target}")
@@ -104,7 +104,7 @@ def _answers(host: str, port: int) -> bool:
 
 
 def _open(sources: list[str]) -> None:
-    """Open the viewer and leave it open; without a display say how to see it elsewhere."""
+    """Open the viewer and leave it open; without a display print instructions."""
     viewer = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
     command = [viewer or "rerun", *sources]
     if viewer is None or not _has_display():

@@ -101,7 +101,7 @@ def _site(ready: dict[str, Any], plan: Plan) -> str:
 
 
 def _place(place: str | dict[str, Any]) -> list[str]:
-    """Return driver and place of a device as the rig says it."""
+    """Return driver and place of a device of the rig."""
     if isinstance(place, str):
         return ['driver = "epson-uart"', f'port = "{place}"']
     fields = ", ".join(f"{key} = {json.dumps(value)}" for key, value in place.items() if value is not None)

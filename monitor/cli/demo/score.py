@@ -20,7 +20,7 @@ _RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: what the demo calls found
 def reveal(
     console: Console, out: Path, scenario: Scenario, found: list[Result], report: RunReport, rig: dict[str, Any]
 ) -> int:
-    """Lay the truth beside the answer, write the files and say what to look at next."""
+    """Compare the answer with the truth, write the files and print the next steps."""
     windows = [r for r in found if isinstance(r, WindowResult)]
     answers = [w.answer for w in windows if w.answer]
     alarms = [r for r in found if isinstance(r, AlarmResult) and r.state == "alarm"]

@@ -17,7 +17,7 @@ console = Terminal()
 
 
 def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
-    """Leave word for the monitor of a site that the alarm that stands is the new normal.
+    """Send the acceptance of the active alarm to the monitor of a site.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def undo_command(path: Path, by: str, note: str) -> int:
 
 
 def _standing(site: Site, alarm: str | None) -> AlarmRow:
-    """Return the alarm that stands, if it is the one that is meant.
+    """Return the active alarm, if it is the given one.
 
     Raises
     ------

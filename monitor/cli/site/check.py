@@ -26,7 +26,7 @@ console = Terminal()
 
 
 def check_command(path: Path, given: Sequence[str] = ()) -> int:
-    """Say what would run; 1 if a device, or what else is needed, is not as it should be.
+    """Print the plan of a run; return 1 if a device or another requirement is not met.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def _has_thermometer(found: Probe | str) -> bool:
 
 
 def _say_around(site: Site) -> bool:
-    """Say how all is that a run needs beside devices; tell whether it is well."""
+    """Print the requirements of a run besides devices; return whether all are met."""
     well = True
     for found in look_around(site):
         said = f"{found.what + ':':<13}{found.said}"
@@ -107,7 +107,7 @@ def _table(site: Site, found: dict[str, Probe | str]) -> Table:
 
 
 def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
-    """Say what is not as it should be with a device that answers."""
+    """Return problems of a device that answers."""
     if isinstance(found, str):
         return []
     problems = []

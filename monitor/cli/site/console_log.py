@@ -65,7 +65,7 @@ def _window_line(window: WindowResult) -> str:
 
 
 class Journal:
-    """Says what stands in the log, but for the signals.
+    """Console lines of everything in the log except signals.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ class Journal:
         self._say(level, f"{what} {said}".rstrip(), fields)
 
     def _unsaid(self, kind: tuple[str, str]) -> int | None:
-        """Return how many of a kind were not said before this one; None if this one is not to be said either."""
+        """Return the number of omitted lines of a kind before this one; None if this one is omitted too."""
         since, lines = self._minute.get(kind, (-_MINUTE, 0))
         over = time.monotonic() - since >= _MINUTE
         self._minute[kind] = (time.monotonic(), 1) if over else (since, lines + 1)

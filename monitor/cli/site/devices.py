@@ -35,7 +35,7 @@ class Asked:
 
 
 def devices_command(asked: Asked, json_path: Path | None) -> int:
-    """Say what is connected; of ports that are named every one must answer.
+    """Print connected devices; every given port must answer.
 
     Raises
     ------

@@ -36,7 +36,7 @@ class Outputs:
 
 
 def history_command(target: str, days: float | None, outputs: Outputs) -> int:
-    """Say what a site's history holds of the last days until now, or of all time."""
+    """Print a site's history of the last days, or of all time."""
     with Reader(target_url(target)) as reader:
         found = look(reader, None if days is None else _last(days))
     _say(found)
@@ -116,7 +116,7 @@ def _say(found: Found) -> None:
 
 
 def _self_tests(tests: list[EventRow]) -> str:
-    """Say in a line whether an alarm would have come when that was tried."""
+    """Return a line on the self-tests."""
     if not tests:
         return "self-tests: none"
     said = [json.loads(test.json) for test in tests]

@@ -26,7 +26,7 @@ console = Terminal()
 
 
 def prove_command(path: Path, mass: float, at: str, logs: Sequence[Path], json: Path | None) -> int:
-    """Say whether a mass that hangs on was found; 1 if not.
+    """Report whether an attached mass was found; return 1 if not.
 
     Parameters
     ----------

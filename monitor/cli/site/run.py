@@ -40,7 +40,7 @@ def say(result: Result) -> None:
 
 
 def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False) -> int:
-    """Watch a site until told to stop.
+    """Monitor a site until it is stopped.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
 
 
 def _tell_page(site: Site) -> None:
-    """Say where the pages are."""
+    """Print the address of the pages."""
     web = site.settings.web
     if web:
         console.print(
@@ -95,7 +95,7 @@ def _tell_page(site: Site) -> None:
 
 
 def _reread(hangup: Event, read_again: Callable[[], Site]) -> Site | None:
-    """Return the settings as they are now, if a signal has asked for that."""
+    """Return the present settings, if a signal has requested a reload."""
     if not hangup.is_set():
         return None
     hangup.clear()
@@ -103,11 +103,11 @@ def _reread(hangup: Event, read_again: Callable[[], Site]) -> Site | None:
 
 
 def _nothing(_: Result) -> None:
-    """Results are said as they stand in the log."""
+    """Results are printed as they are in the log."""
 
 
 def acknowledge_command(path: Path, by: str, note: str) -> int:
-    """Leave word for the monitor of a site that a person knows of its alarm."""
+    """Send the acknowledgement of its alarm to the monitor of a site."""
     site = load_site(path)
     found = standing_if_known(site)
     known = f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history has no active alarm"
@@ -117,13 +117,13 @@ def acknowledge_command(path: Path, by: str, note: str) -> int:
 
 
 def tell_live(console: Console, live: LiveView) -> None:
-    """Say where to look, or why one cannot."""
+    """Print the address of the live view, or the reason why there is none."""
     if live.text:
         console.print(live.text, soft_wrap=True, markup=False)
 
 
 def tell_live_end(console: Console, live: LiveView) -> None:
-    """Say what the live view missed."""
+    """Print the data that the live view dropped."""
     if live.served and (live.dropped or live.problem):
         console.print(
             f"live view: {live.dropped} items not shown; {live.problem or 'ok'}", soft_wrap=True, markup=False
@@ -183,7 +183,7 @@ def replay_command(
 
 
 def _nothing_watched(report: ReplayReport) -> str:
-    """Say why no window was judged; nothing if one was."""
+    """Return the reason why no window was scored; nothing if one was."""
     windows = [result for result in report.found if isinstance(result, WindowResult)]
     if not windows:
         return (

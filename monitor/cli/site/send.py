@@ -17,7 +17,7 @@ _WAIT, _LOOK = 3.0, 0.1  # s: until it has taken a word; between looks
 
 
 def tell(site: Site, said: Said) -> None:
-    """Leave a word, and say whether the monitor of a site has taken it.
+    """Send a command, and print whether the monitor of a site has executed it.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def _runs(site: Site) -> bool:
 
 
 def standing(site: Site) -> AlarmRow | None:
-    """Return the alarm that stands, as far as the history knows.
+    """Return the active alarm of the history.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def standing(site: Site) -> AlarmRow | None:
 
 
 def standing_if_known(site: Site) -> AlarmRow | None:
-    """Return the same, None too where the history cannot be asked."""
+    """Return the same, None also if the history is not available."""
     try:
         return standing(site)
     except HistoryError:

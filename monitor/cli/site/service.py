@@ -20,7 +20,7 @@ _SECONDS = 5.0  # to wait for an answer
 
 
 def install_command(path: Path, *, of_user: bool, only_print: bool, run_as: str | None = None) -> int:
-    """Write the systemd unit of a site, or print it, and say what starts it.
+    """Write or print the systemd unit of a site, and print the commands that start it.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def install_command(path: Path, *, of_user: bool, only_print: bool, run_as: str 
 
 @dataclass(frozen=True)
 class _User:
-    """A user as whom a service runs."""
+    """User of a service."""
 
     name: str
     uid: int
@@ -70,7 +70,7 @@ class _User:
 
 
 def _user(site: Site, given: str | None) -> _User:
-    """Return as whom the system's unit runs: a given user, or the owner of the site's folder.
+    """Return the user of the system's unit: a given one, or the owner of the site's folder.
 
     Raises
     ------

@@ -28,12 +28,12 @@ _DRIVERS = {"postgresql": "postgresql+psycopg"}
 
 
 def database_url(url: SecretStr | None, state: Path) -> str:
-    """Return where the history is: what the settings say, or a SQLite file in the state folder."""
+    """Return the address of the history: from the settings, or a SQLite file in the state folder."""
     return revealed(url) or f"sqlite:///{state / 'history.sqlite'}"
 
 
 def open_engine(url: str) -> Engine:
-    """Return an engine that nothing is asked of yet.
+    """Return an engine without a connection.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def shown_url(url: str) -> str:
 
 
 def said(error: Exception, place: URL) -> str:
-    """Return what a database says in one line, without the secrets of its address."""
+    """Return an error of a database in one line, without the secrets of its address."""
     lines = str(getattr(error, "orig", None) or error).splitlines()
     if not lines:
         return type(error).__name__

@@ -155,13 +155,13 @@ class Reader:
         return [row[0] for row in self._rows(select(table.c.mode).distinct().order_by(table.c.mode))]
 
     def trend(self, mode: int, span: Span, every: Every | None = None) -> list[TrendPoint]:
-        """Return a mode's course over a span; by the day over more than two weeks unless told otherwise."""
+        """Return a mode over a span of time; per day over more than two weeks by default."""
         if (every or span.every) == "day":
             return [TrendPoint(**row._mapping) for row in self._rows(daily_trend_query(mode, span))]
         return [TrendPoint(**row._mapping) for row in self._rows(trend_query(mode, span))]
 
     def alarms(self, span: Span) -> list[AlarmRow]:
-        """Return the alarms that stood at any time of a span."""
+        """Return the alarms that were active at any time of a span."""
         table = schema.alarms
         open_still = table.c.cleared.is_(None) | (table.c.cleared >= span.start)
         found = select(table).where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
@@ -213,13 +213,13 @@ class Reader:
 
 
 def windows_query(span: Span) -> Select[*tuple[Any, ...]]:
-    """Return what asks for windows, the newest first."""
+    """Return the query for windows, the newest first."""
     table = schema.windows
     return select(table).where(table.c.end.between(span.start, span.end)).order_by(table.c.end.desc())
 
 
 def trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return what asks for a mode's course, window by window."""
+    """Return the query for a mode over time, per window."""
     table = schema.modes
     frequency = table.c.frequency
     columns = (frequency.label("lowest"), frequency.label("highest"), table.c.damping, table.c.shift_percent)
@@ -228,7 +228,7 @@ def trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
 
 
 def daily_trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return what asks for a mode's course, day by day."""
+    """Return the query for a mode over time, per day."""
     table, (first, last) = schema.mode_days, span.days
     noon = (cast(table.c.day, BigInteger) * schema.DAY + schema.DAY // 2).label("time")
     columns = (c for c in table.columns if c.name != "day")
@@ -236,7 +236,7 @@ def daily_trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
 
 
 def events_query(span: Span, topic: str | None = None) -> Select[*tuple[Any, ...]]:
-    """Return what asks for events, or those of one kind, the newest first."""
+    """Return the query for events, or those of one kind, the newest first."""
     table = schema.events
     found = select(table).where(table.c.time.between(span.start, span.end)).order_by(table.c.time.desc())
     return found if topic is None else found.where(table.c.topic == topic)

@@ -72,7 +72,7 @@ class HistoryRecorder:
         return f"{shown_url(self._url)}: no answer for {mute:.0f} s" if mute > _MUTE else self._failed
 
     def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of what befell the database since the last time."""
+        """Yield topic and payload of events of the database since the last call."""
         if problem := self.problem:
             self._say_down(problem)
         while not self._said.empty():

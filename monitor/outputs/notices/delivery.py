@@ -23,7 +23,7 @@ _OTHERS = ("trouble", "trend")  # kinds of notices that are no change of an alar
 
 
 class NoticeSender:
-    """Tells one target; a delivery of one lane never waits for one of the other.
+    """Delivers notices to one target; the deliveries of its lanes never wait for each other.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class NoticeSender:
         self._data_seen = -math.inf
 
     def go_on_from(self, before: "NoticeSender") -> None:
-        """Take over from another one, which is ending: what it has told is no news any more."""
+        """Take over from another one that is ending: its notices are not sent again."""
         self._news = before._news
         for lane, former in zip(self._lanes, before._lanes, strict=True):
             lane.wait_for(former)
@@ -63,7 +63,7 @@ class NoticeSender:
             (self.others if notice.kind in _OTHERS else self.alarms).put(notice)
 
     def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of what befell the deliveries since the last time."""
+        """Yield topic and payload of events of the deliveries since the last call."""
         while not self._said.empty():
             yield self._said.get()
 

@@ -32,7 +32,7 @@ _ROUTINE = (
 
 
 class NoticeFilter:
-    """Tells news from what was known.
+    """Filter of the items that are news.
 
     An alarm is told when it is raised, and again only when its diagnosis names other causes or another member.
     """

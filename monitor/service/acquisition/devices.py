@@ -113,7 +113,7 @@ class Devices:
         return stopped
 
     def resume(self, drivers: Drivers, before: Mapping[str, DeviceReader]) -> None:
-        """Start devices anew while others go on; one that does not answer counts as lost and is waited for.
+        """Restart devices while others continue; one that does not answer counts as lost.
 
         Parameters
         ----------

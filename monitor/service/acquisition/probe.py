@@ -30,7 +30,7 @@ class Probe:
     rms: FloatArray  #: (n_axes,) about the mean [m/s2]
 
     def rate_is(self, expected: float) -> bool:
-        """Tell whether the rate seen is the one that was asked for."""
+        """Return whether the measured rate is the configured one."""
         return abs(self.rate / expected - 1) < _RATE_TOLERANCE
 
 

@@ -111,7 +111,7 @@ class LiveView:
         self._process = None
 
     def show_last(self) -> None:
-        """Say that nothing comes any more."""
+        """Show that no more data arrive."""
         try:
             self._inbox.put_nowait(None)
         except queue.Full:

@@ -6,7 +6,7 @@ BYTES_A_SCAN = 4.4, 9.2  # of three axes in a log: a sensor at rest, and 10 mg r
 
 
 def disk_plan(settings: Settings, free: float) -> str:
-    """Say what a day of recording takes, how many days there is room for, and what happens then.
+    """Return a text on disk use per day, days until the disk is full, and the consequence.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ _PROCESS = "running"  #: file of a state folder with the number of the process t
 
 @contextmanager
 def only_one(state: Path) -> Iterator[None]:
-    """Be the only monitor of a state folder for as long as the context lasts, and the process lives.
+    """Hold the lock of a state folder during the context, as its only monitor.
 
     The folder itself is locked, so that no deleted file lets a second monitor start. A folder that cannot be opened is
     reported elsewhere, and is no reason not to watch.

@@ -71,7 +71,7 @@ def _history(site: Site) -> Finding:
 
 
 def _notify(target: NotifySettings) -> str:
-    """Say whether a target could be reached; nothing is sent."""
+    """Check that a target can be reached; nothing is sent."""
     if target.command:
         found = shutil.which(revealed(target.command[0]))
         if found is None:
@@ -89,7 +89,7 @@ def _notify(target: NotifySettings) -> str:
 
 
 def _temperature(settings: TemperatureSettings) -> str:
-    """Say whether a thermometer can be read."""
+    """Check that a thermometer can be read."""
     if settings.mqtt:
         return _notify(NotifySettings(mqtt=settings.mqtt))
     return last_reading(settings)
@@ -104,7 +104,7 @@ def _port(host: str, port: int) -> str:
 
 
 def _disk(site: Site) -> str:
-    """Say whether logs and state can be written."""
+    """Check that logs and state can be written."""
     for folder in (site.folder / site.settings.recorder.folder, site.state):
         there = next(p for p in (folder, *folder.absolute().parents) if p.exists())
         if not os.access(there, os.W_OK | os.X_OK):
@@ -116,7 +116,7 @@ def _disk(site: Site) -> str:
 
 
 def _clock(logs: Path) -> str:
-    """Say whether the host's clock is kept right, and not behind what was recorded already."""
+    """Check that the host's clock is synchronised, and not behind recorded data."""
     newest = max((path.stat().st_mtime for path in logs.glob("*.mcap")), default=0.0)
     if newest > time.time() + _AHEAD:
         raise ValueError(f"{newest - time.time():.0f} s behind the newest log: it has run backwards")

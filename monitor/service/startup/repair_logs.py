@@ -7,7 +7,7 @@ from daq import LogError, has_end, one_line, repair_log
 
 
 def mend_logs(folder: Path) -> Iterator[str]:
-    """Mend the logs of a folder that have no end; yield what was done, or why it could not be, in words.
+    """Repair the unfinished logs of a folder; yield a text for each.
 
     A log that is still being written, or is past mending, is left as it is.
     """

@@ -15,7 +15,7 @@ _FLOW_SECONDS = 10.0  # without data, or without the log being written, after wh
 
 
 class ServiceManager:
-    """The service manager that started this process; says nothing where there is none.
+    """Messages to the service manager that started this process; none without one.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ class ServiceManager:
         self._due = 0.0
 
     def ready(self) -> None:
-        """Say that everything has started, or has started anew after `reloading`."""
+        """Report that everything has started, or restarted after `reloading`."""
         self._say("READY=1")
 
     def reloading(self) -> None:
-        """Say that settings are being read again."""
+        """Report that settings are being read again."""
         self._say(f"RELOADING=1\nMONOTONIC_USEC={time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000}")
 
     def stopping(self) -> None:
@@ -44,11 +44,11 @@ class ServiceManager:
         self._say("STOPPING=1")
 
     def status(self, text: str) -> None:
-        """Say in one line how it is: `systemctl status` shows it."""
+        """Send a status line, which `systemctl status` shows."""
         self._say(f"STATUS={text.splitlines()[0] if text else ''}")
 
     def feed(self, signs: "SignsOfLife") -> None:
-        """Feed the watchdog, a few times its period, unless something that should move stands still."""
+        """Report to the watchdog a few times per period, unless a part has stopped."""
         now = time.monotonic()
         if self._every is None or now < self._due or signs.standing:
             return

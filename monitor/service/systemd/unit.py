@@ -64,7 +64,7 @@ class Unit:
     text: str
 
     def write(self) -> None:
-        """Write it; never over a file of somebody else's.
+        """Write it; never over a file of other origin.
 
         Raises
         ------

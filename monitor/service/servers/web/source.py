@@ -55,7 +55,7 @@ class Source:
         return found if isinstance(found, dict) and "blind" in found else None
 
     def past(self) -> Past | None:
-        """Return what the history holds of the last windows; None where it cannot be asked, or holds none.
+        """Return the last windows of the history; None if it is not available or empty.
 
         What lies ahead of the monitor's last window is of a clock that ran ahead: it is not the last.
         """
@@ -97,7 +97,7 @@ def _places(diagnosis: Diagnosis) -> list[tuple[float, float, float]]:
 
 
 def problems(vitals: dict[str, Any] | None) -> list[str]:
-    """Say what is stale or lost, and why that is known; empty for a monitor that is well."""
+    """Return the problems of a monitor; empty for a healthy one."""
     if vitals is None:
         return ["no monitor has run here yet"]
     now = time.time()
@@ -121,7 +121,7 @@ def problems(vitals: dict[str, Any] | None) -> list[str]:
 
 
 def self_test_said(test: dict[str, Any]) -> str:
-    """Say how the last self-test went, and when that was."""
+    """Return a text on the last self-test."""
     return f"{test['text']} ({utc(test['time'])})"
 
 
