@@ -14,6 +14,7 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from daq.log.format.accel_block_pb2 import AccelBlock
+from daq.log.format.rice import pack
 
 Mutation = Callable[[bytes, Random], bytes]
 BOMB = object()  # an array that is far larger than its archive
@@ -233,7 +234,7 @@ def crafted_mcap(_: bytes, random: Random) -> bytes:
     n, rate = 100, 100.0
     for number in range(random.choice((1, 4, 30))):
         counts = np.round(1e4 * np.random.default_rng(number).standard_normal((3, n))).astype(np.int32)
-        difference = np.diff(counts, axis=1, prepend=0)
+        packed = pack(counts.T)
         block = AccelBlock(
             time=1_767_225_600 * 10**9 + round(number * n / rate * 1e9),
             rate=rate,
@@ -242,7 +243,9 @@ def crafted_mcap(_: bytes, random: Random) -> bytes:
             n_scans=n,
             scale=1e-5,
             temperature=20.0,
-            difference=difference.ravel().tolist(),
+            coding=[64 * order + n_low for order, n_low in zip(packed.order, packed.n_low, strict=True)],
+            start=packed.start,
+            bits=packed.bits,
         )
         if odd and random.random() < 0.5:
             for name, value in fields.items():
@@ -268,7 +271,6 @@ def _block_fields(random: Random) -> dict[str, object]:
         "time": whole,
         "first_index": whole,
         "pair_offset": whole,
-        "pair_time": whole,
         "n_axes": (0, 1, 2, 7, 2**31 - 1),
         "n_scans": (0, 1, 2**31 - 1),
         "flags": (1 << 20, 2**31 - 1, 3),

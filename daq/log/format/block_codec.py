@@ -1,9 +1,9 @@
-"""Blocks as messages of a log, both directions side by side."""
+"""Encoding and decoding of blocks as log messages."""
 
 import numpy as np
 
 from daq.log.format.accel_block_pb2 import AccelBlock
-from daq.log.format.rice import Packed, PackedColumn, pack, unpack, unpack_columns
+from daq.log.format.rice import Packed, pack, unpack
 from daq.types import Block, Flag, IntArray
 
 _MAX_AXES = 10_000
@@ -48,19 +48,18 @@ def decode_block(device: str, data: bytes) -> Block:
     Raises
     ------
     ValueError
-        If its counts are not as many as it says.
+        If a field is out of bounds, or the counts do not fit n_scans and n_axes.
     """
     message = AccelBlock.FromString(data)
     _check(message)
-    old = message.pair_time != 0
     return Block(
         device=device,
         rate=message.rate,
         first_index=message.first_index,
         counts=_counts(message),
         scale=message.scale,
-        pair_index=message.pair_index if old else message.first_index + message.pair_offset,
-        pair_time=message.pair_time if old else message.time + _after(message.pair_offset, message.rate),
+        pair_index=message.first_index + message.pair_offset,
+        pair_time=message.time + _after(message.pair_offset, message.rate),
         temperature=message.temperature,
         flags=Flag(message.flags),
         clock=message.clock,
@@ -74,9 +73,7 @@ def _check(message: AccelBlock) -> None:
         ("scale", message.scale, float(np.finfo(float).tiny), 1e12),
         ("n_axes", message.n_axes, 0, _MAX_AXES),
         ("first_index", message.first_index, -_MAX_INDEX, _MAX_INDEX),
-        ("pair_index", message.pair_index, -_MAX_INDEX, _MAX_INDEX),
         ("pair_offset", message.pair_offset, -_MAX_INDEX, _MAX_INDEX),
-        ("pair_time", message.pair_time, -_MAX_TIME, _MAX_TIME),
         ("time", message.time, -_MAX_TIME, _MAX_TIME),
         ("n_scans / rate", message.n_scans, 0, min(_MAX_SCANS, message.rate * _MAX_SECONDS + 2)),
     )
@@ -86,12 +83,10 @@ def _check(message: AccelBlock) -> None:
 
 
 def _counts(message: AccelBlock) -> IntArray:
-    """Return counts (n_scans, n_axes); old logs keep axes apart, or first differences as they are."""
-    if message.coding:
-        order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True)
-        return unpack(Packed(order, tuple(message.start), n_low, message.bits), message.n_scans)
-    if message.packed:
-        columns = [PackedColumn(a.order, tuple(a.start), a.n_low, a.low, a.high) for a in message.packed]
-        return unpack_columns(columns, message.n_scans)
-    difference = np.array(message.difference, np.int32).reshape(message.n_axes, -1)
-    return np.cumsum(difference.view(np.uint32), axis=1, dtype=np.uint32).view(np.int32).T
+    """Return counts (n_scans, n_axes)."""
+    if not message.n_scans:
+        return np.zeros((0, message.n_axes), np.int32)
+    order, n_low = (part.tolist() for part in np.divmod(np.array(message.coding, int), _CODE))
+    if len(order) != message.n_axes:
+        raise ValueError(f"coding: expected {message.n_axes} axes, found {len(order)}")
+    return unpack(Packed(tuple(order), tuple(message.start), tuple(n_low), message.bits), message.n_scans)

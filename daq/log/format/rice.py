@@ -6,7 +6,7 @@ All arithmetic is modulo 2^32, so that every int32 comes back exactly, whatever 
 
 A residual r is made positive as u = 2 r, or -2 r - 1 if r < 0. Of each axis the `n_low` lower bits of all u stand one
 after those of another, the greatest first; behind those of the last axis each u of each axis has as many zeros as
-u / 2^n_low says, and a one. The bits end in zeros. In logs of before each axis had its bytes for itself.
+u / 2^n_low says, and a one. The bits end in zeros.
 
 References
 ----------
@@ -36,17 +36,6 @@ class Packed:
     start: tuple[int, ...]  #: of each axis the first sample and its differences of lower order; of order 0 its mean
     n_low: tuple[int, ...]  #: bits of each residual that stand apart, of each axis
     bits: bytes
-
-
-@dataclass(frozen=True)
-class PackedColumn:
-    """Samples of one axis, as in old logs: lower bits and the rest in bytes of their own."""
-
-    order: int
-    start: tuple[int, ...]
-    n_low: int
-    low: bytes
-    high: bytes
 
 
 def pack(counts: IntArray) -> Packed:
@@ -132,20 +121,6 @@ def unpack(packed: Packed, n: int) -> IntArray:
         low, rest = low[n_each * n_low :], rest[n_each:]
         columns.append(_summed(residual, order, [next(start) for _ in range(max(1, order))]))
     return np.stack(columns, axis=1)
-
-
-def unpack_columns(columns: list[PackedColumn], n: int) -> IntArray:
-    """Return counts (n, n_axes) of an old log, as `unpack`."""
-    return np.stack([_column(column, n) for column in columns], axis=1)
-
-
-def _column(column: PackedColumn, n: int) -> IntArray:
-    n_low = max(0, n - column.order) * column.n_low
-    low = np.frombuffer(column.low, np.uint8)
-    if len(low) != -(-n_low // 8):
-        raise ValueError(f"packed counts: expected {n_low} bits, found {len(low)} bytes")
-    bits = np.packbits(np.r_[np.unpackbits(low)[:n_low], np.unpackbits(np.frombuffer(column.high, np.uint8))])
-    return unpack(Packed((column.order,), column.start, (column.n_low,), bits.tobytes()), n)[:, 0]
 
 
 def _rest(high: npt.NDArray[np.uint8], n: int) -> _Unsigned:

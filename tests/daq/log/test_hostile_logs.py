@@ -24,6 +24,7 @@ from daq import (
     write_recording,
 )
 from daq.log.format.accel_block_pb2 import AccelBlock
+from daq.log.format.rice import pack
 from monitor.service.startup.repair_logs import mend_logs
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -147,6 +148,7 @@ def test_a_pause_of_years_takes_no_time(tmp_path: Path) -> None:
     writer.add_attachment(0, 0, "channels.json", "", json.dumps(known).encode())
     schema = writer.register_schema("s", "protobuf", b"")
     channel = writer.register_channel("/accel/imu", "protobuf", schema)
+    ramp = pack(np.arange(1, 101, dtype=np.int32)[:, None])
     for number in range(60):
         begin = 10**18 + number * 10**9 + 20 * year * (number >= 30)
         block = AccelBlock(
@@ -154,8 +156,11 @@ def test_a_pause_of_years_takes_no_time(tmp_path: Path) -> None:
             rate=100.0,
             first_index=100 * number + 100 * 20 * 365 * 86400 * (number >= 30),
             n_axes=1,
+            n_scans=100,
             scale=1.0,
-            difference=[1] * 100,
+            coding=[64 * ramp.order[0] + ramp.n_low[0]],
+            start=ramp.start,
+            bits=ramp.bits,
         )
         writer.add_message(channel, begin, block.SerializeToString(), begin)
     writer.finish()  # type: ignore[no-untyped-call]

@@ -67,24 +67,10 @@ def test_every_block_comes_back(counts: IntArray, first: int, pair: int, tempera
     np.testing.assert_equal(found.temperature, temperature)
 
 
-@given(counts_)
-def test_a_block_of_plain_differences_comes_back(counts: IntArray) -> None:
-    difference = np.diff(counts.T.view(np.uint32), axis=1, prepend=np.uint32(0)).view(np.int32)  # as in old logs
-    message = AccelBlock(rate=500.0, scale=1e-3, n_axes=counts.shape[1], difference=difference.ravel().tolist())
-    np.testing.assert_array_equal(decode_block("beam", message.SerializeToString()).counts, counts)
-
-
-def test_a_block_whose_axes_are_packed_apart_comes_back() -> None:
-    """Bytes that were written before axes shared their bits."""
-    i = np.arange(8)
-    old = (
-        "09952d80f451728618110000000000407f4018f0a204200331000000000000d03f3d0000ac4148f7a2045115cd55f5517286185808620a080212"
-        "0300d00f2a01fc62110801120100180322038e36d82a034c6140620d08031206c09a0c64c8012a01f88201056275732031"
-    )
-    found = decode_block("a", bytes.fromhex(old))
-    np.testing.assert_array_equal(found.counts, np.stack([1000 * i, -i * i + 7 * (i % 2), 100_000 + 50 * i * i], 1))
-    assert (found.first_index, found.pair_index, found.pair_time) == (70_000, 70_007, 1_767_225_600_123_456_789)
-    assert (found.rate, found.scale, found.temperature, found.clock) == (500.0, 0.25, 21.5, "bus 1")
+def test_a_block_without_a_coding_for_each_axis_is_refused() -> None:
+    message = AccelBlock(rate=500.0, scale=1e-3, n_axes=3, n_scans=2, coding=[0, 0], start=[1, 1], bits=b"")
+    with pytest.raises(ValueError, match="coding: expected 3 axes, found 2"):
+        decode_block("beam", message.SerializeToString())
 
 
 def test_items_come_back_in_the_order_of_writing(whole: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import example, given
 from hypothesis.extra import numpy as hnp
 
 from daq import IntArray
-from daq.log.format.rice import Packed, PackedColumn, pack, unpack, unpack_columns
+from daq.log.format.rice import Packed, pack, unpack
 
 INT32 = np.iinfo(np.int32)
 
@@ -56,9 +56,6 @@ def test_one_shock_does_not_cost_more_than_plain_numbers() -> None:
 starts_ = st.lists(st.integers(INT32.min, INT32.max), max_size=6).map(tuple)
 axes_ = st.lists(st.integers(0, 5), max_size=3).map(tuple)
 packed_ = st.builds(Packed, axes_, starts_, st.lists(st.integers(0, 40), max_size=3).map(tuple), st.binary(max_size=60))
-columns_ = st.builds(
-    PackedColumn, st.integers(0, 5), starts_, st.integers(0, 40), st.binary(max_size=40), st.binary(max_size=40)
-)
 
 
 def told(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
@@ -73,10 +70,4 @@ def told(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
 @given(packed_, st.integers(0, 80))
 def test_what_is_no_packing_is_told(packed: Packed, n: int) -> None:
     said = told(lambda: unpack(packed, n), (n, len(packed.order)))
-    assert not said or said.startswith("packed counts: expected")
-
-
-@given(st.lists(columns_, min_size=1, max_size=3), st.integers(0, 80))
-def test_what_is_no_packing_of_old_logs_is_told(columns: list[PackedColumn], n: int) -> None:
-    said = told(lambda: unpack_columns(columns, n), (n, len(columns)))
     assert not said or said.startswith("packed counts: expected")

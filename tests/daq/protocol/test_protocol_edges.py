@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daq import IntArray
-from daq.log.format.rice import Packed, PackedColumn, pack, unpack, unpack_columns
+from daq.log.format.rice import Packed, pack, unpack
 from daq.protocol import node
 from daq.protocol import witmotion as wit
 from daq.protocol.can_scan import ScanDecoder, ScanLayout, ScanMessage, encode_scans
@@ -143,17 +143,3 @@ def test_of_differences_that_leave_as_much_the_lower_order_is_taken() -> None:
 def test_packing_of_which_one_axis_is_impossible_is_refused(packed: Packed) -> None:
     with pytest.raises(ValueError, match=r"packed counts: expected \d start values"):
         unpack(packed, 3)
-
-
-@pytest.mark.parametrize("n", [1, 2, 50])
-def test_axes_of_old_logs_come_back(n: int) -> None:
-    """Lower bits and the rest in bytes of their own."""
-    counts = np.rint(np.random.default_rng(3).normal(0.0, 300.0, (n, 2))).astype(np.int32).cumsum(0, dtype=np.int32)
-    columns = []
-    for axis in counts.T:
-        packed = pack(axis[:, None])
-        bits = np.unpackbits(np.frombuffer(packed.bits, np.uint8))
-        n_low = packed.n_low[0] * (n - packed.order[0])
-        low, high = np.packbits(bits[:n_low]).tobytes(), np.packbits(bits[n_low:]).tobytes()
-        columns.append(PackedColumn(packed.order[0], packed.start, packed.n_low[0], low, high))
-    np.testing.assert_array_equal(unpack_columns(columns, n), counts)
