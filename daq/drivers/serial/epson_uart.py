@@ -7,9 +7,9 @@ import numpy as np
 from daq.drivers.addresses import Found, PortAnswer
 from daq.drivers.base import Scans
 from daq.drivers.rates import known_rate
+from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.epson_registers import EpsonRegisters
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
-from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson
 from daq.protocol.epson_filters import FILTERS, group_delay
 
@@ -18,13 +18,13 @@ _REPLY_SECONDS = 1.0
 _SEARCH_SECONDS = 0.3  # that a port is given to answer where nobody knows who is there
 
 
-class EpsonUart:
+class EpsonUart(SerialDriver[epson.BurstDecoder]):
     """Driver of one device.
 
     Parameters
     ----------
     port : path of the serial port
-    rate : scans a second, one of 50, 100, 200, 500, 1000 [Hz]
+    rate : one of 50, 100, 200, 500, 1000 scans per second [Hz]
 
     Raises
     ------
@@ -32,55 +32,38 @@ class EpsonUart:
         If the device has no such rate.
     """
 
+    product = "M-A352"
     scale = epson.SCALE
-    modulus = 1 << 16
 
     def __init__(self, port: str, rate: float) -> None:
-        self._path, self._rate = port, known_rate(rate, epson.RATES, port)
-        self.delay = group_delay(FILTERS[self._rate])  #: of its filter [s]
-        self._port: SerialPort | None = None
+        super().__init__(port)
+        self._rate = known_rate(rate, epson.RATES, port)
+        self.delay = group_delay(FILTERS[self._rate])  #: of the filter [s]
         self._decoder = epson.BurstDecoder()
 
-    def open(self) -> dict[str, Any]:
-        """Open the port, check who answers, set rate, filter and burst format, start sampling."""
-        try:
-            self._port = SerialPort(self._path, BAUD, _REPLY_SECONDS)
-            registers = EpsonRegisters(self._port)
-            identity = registers.identify()
-            registers.configure(self._rate)
-            registers.start()
-        except (*PORT_ERRORS, ValueError) as error:
-            self.close()
-            raise DriverError(self._path, f"no M-A352 answers: {error}") from error
+    def _connect(self) -> SerialPort:
+        return SerialPort(self._path, BAUD, _REPLY_SECONDS)
+
+    def _start(self, port: SerialPort) -> dict[str, Any]:
+        registers = EpsonRegisters(port)
+        identity = registers.identify()
+        registers.configure(self._rate)
+        registers.start()
         self._decoder = epson.BurstDecoder()
         return identity
 
-    def read(self) -> Scans:
-        """Return the scans that have arrived; none if nothing came within 0.1 s."""
-        if self._port is None:
-            raise DeviceLost(self._path, "is not open")
-        before = self._decoder.bad_bytes
-        frames = self._decoder.feed(self._port.read())
+    def _decode(self, data: bytes) -> Scans:
+        frames = self._decoder.feed(data)
         celsius = epson.temperature_celsius(frames.temperature)
         return Scans(
             counts=frames.counts,
             counter=frames.counter.astype(np.int32),
             temperature=float(celsius.mean()) if len(celsius) else float("nan"),
-            bad_bytes=self._decoder.bad_bytes - before,
-            age=self._port.age,
+            bad_bytes=0,
         )
 
-    def close(self) -> None:
-        """Stop sampling if the device still listens, and free the port."""
-        port, self._port = self._port, None
-        if port is None:
-            return
-        try:
-            EpsonRegisters(port).stop()
-        except PORT_ERRORS:
-            pass  # it is gone: nothing to stop
-        finally:
-            port.close()
+    def _stop(self, port: SerialPort) -> None:
+        EpsonRegisters(port).stop()
 
 
 def search(path: str, _: int) -> PortAnswer | None:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from daq.drivers.addresses import Found, PortAnswer
 from daq.drivers.base import Scans
 from daq.drivers.rates import positive_rate
+from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import node
@@ -23,13 +24,13 @@ _CLOCK_SLACK = 2000  # us: what a busy controller stamps late
 _NEIGHBOURS = 10e6  # us: scans further apart are no witness for one another
 
 
-class ModalwatchNode:
+class ModalwatchNode(SerialDriver[node.NodeDecoder]):
     """Driver of one node.
 
     Parameters
     ----------
     port : path of the serial port
-    rate : scans a second [Hz]
+    rate : scans per second [Hz]
 
     Raises
     ------
@@ -37,31 +38,24 @@ class ModalwatchNode:
         If the rate is not positive.
     """
 
-    scale = float("nan")  #: m/s2 a count, as the node says once it is open
-    modulus = 1 << 31  #: of the counter's 32 bits the lower 31, which an int32 holds
+    product = "node"
+    scale = float("nan")  #: [m/s2 per count], reported by the node when it is opened
+    modulus = 1 << 31  #: the lower 31 bits of the counter, which an int32 holds
 
     def __init__(self, port: str, rate: float) -> None:
-        self._path, self._rate = port, positive_rate(rate, port)
-        self._port: SerialPort | None = None
+        super().__init__(port)
+        self._rate = positive_rate(rate, port)
         self._decoder = node.NodeDecoder()
-        self._believer = FrameValidator(rate)
+        self._validator = FrameValidator(rate)
 
-    def open(self) -> dict[str, Any]:
-        """Open the port, request scans, and read identity and scale."""
-        try:
-            port = self._port = SerialPort(self._path, BAUD)
-            hello = self._start(port)
-        except (*PORT_ERRORS, ValueError) as error:
-            self.close()
-            raise DriverError(self._path, f"no node answers: {error}") from error
-        self.scale = hello.scale
-        return {"product": hello.product, "serial": hello.serial, "axes": list(hello.axes), "scale": hello.scale}
+    def _connect(self) -> SerialPort:
+        return SerialPort(self._path, BAUD)
 
-    def _start(self, port: SerialPort) -> node.Hello:
-        """Return the hello of a node that then sends scans at the right rate."""
-        self._decoder, self._believer = node.NodeDecoder(), FrameValidator(self._rate)
+    def _start(self, port: SerialPort) -> dict[str, Any]:
+        """Request scans; check protocol version, scale, rate and clock of the node."""
+        self._decoder, self._validator = node.NodeDecoder(), FrameValidator(self._rate)
         port.discard_input()
-        port.write(b"\0" + node.encode_command(node.START, self._rate))  # the zero ends whatever was begun before
+        port.write(b"\0" + node.encode_command(node.START, self._rate))  # the zero ends an unfinished frame
         hello = self._wait_for_hello(port)
         if hello.version != node.VERSION:
             raise ValueError(f"protocol: expected version {node.VERSION}, found {hello.version}")
@@ -70,7 +64,8 @@ class ModalwatchNode:
         if abs(hello.rate / self._rate - 1) > _RATE_TOLERANCE:
             raise ValueError(f"rate: expected {self._rate:g} Hz, found {hello.rate:g}")
         self._check_clock(port)
-        return hello
+        self.scale = hello.scale
+        return {"product": hello.product, "serial": hello.serial, "axes": list(hello.axes), "scale": hello.scale}
 
     def identify(self) -> node.Hello:
         """Identify the node and free the port; a sampling node continues."""
@@ -110,37 +105,22 @@ class ModalwatchNode:
         found = 1e6 * float(np.median(step / np.maximum(us, 1.0)))
         if abs(found / self._rate - 1) > _CLOCK_TOLERANCE:
             raise ValueError(f"rate: expected {self._rate:g} Hz, found {found:.4g} by the node's own clock")
-        self._believer.consider(scans)
+        self._validator.consider(scans)
 
-    def read(self) -> Scans:
-        """Return the scans that have arrived; none if nothing came within 0.1 s.
-
-        Raises
-        ------
-        DeviceLost
-            If the port is gone, or the node has started anew.
-        """
-        if self._port is None:
-            raise DeviceLost(self._path, "is not open")
-        before = self._decoder.bad_bytes
-        arrived = self._decoder.feed(self._port.read())
-        scans, refused = self._believer.consider(arrived)
-        if self._believer.restarted:
+    def _decode(self, data: bytes) -> Scans:
+        found, refused = self._validator.consider(self._decoder.feed(data))
+        if self._validator.restarted:
             raise DeviceLost(self._path, "the node has started anew")
-        known = scans.temperature[scans.temperature != node.NO_TEMPERATURE]
+        known = found.temperature[found.temperature != node.NO_TEMPERATURE]
         return Scans(
-            counts=scans.counts,
-            counter=(scans.counter % self.modulus).astype(np.int32),
+            counts=found.counts,
+            counter=(found.counter % self.modulus).astype(np.int32),
             temperature=float(known.mean()) / 100 if len(known) else float("nan"),
-            bad_bytes=self._decoder.bad_bytes - before + refused * node.SCAN_SIZE,
-            age=self._port.age,
+            bad_bytes=refused * node.SCAN_SIZE,
         )
 
-    def close(self) -> None:
-        """Stop the node if it still listens, and free the port."""
-        port, self._port = self._port, None
-        if port is not None:
-            port.close(node.encode_command(node.STOP))
+    def _stop(self, port: SerialPort) -> None:
+        port.write(node.encode_command(node.STOP))
 
 
 def search(path: str, _: int) -> PortAnswer | None:

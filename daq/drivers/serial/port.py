@@ -76,12 +76,6 @@ class SerialPort:
         """Throw away what has arrived."""
         self._line.reset_input_buffer()
 
-    def close(self, farewell: bytes = b"") -> None:
-        """Send last bytes if the device still receives, and free the port."""
-        try:
-            if farewell:
-                self._line.write(farewell)
-        except PORT_ERRORS:
-            pass  # it is gone: nobody to tell
-        finally:
-            self._line.close()
+    def close(self) -> None:
+        """Free the port."""
+        self._line.close()

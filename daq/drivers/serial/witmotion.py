@@ -8,8 +8,9 @@ import numpy as np
 from daq.drivers.addresses import Found, PortAnswer
 from daq.drivers.base import Scans
 from daq.drivers.rates import known_rate
+from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
-from daq.errors import DeviceLost, DriverError
+from daq.errors import DeviceLost
 from daq.protocol import witmotion as wit
 
 BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the one that it was told
@@ -20,13 +21,13 @@ _ENOUGH = 2  # packets that make a baud rate the right one
 _BITS_A_BYTE = 10
 
 
-class Witmotion:
+class Witmotion(SerialDriver[wit.WitDecoder]):
     """Driver of one device, configured to send accelerations only.
 
     Parameters
     ----------
     port : path of the serial port
-    rate : scans a second, one of 10, 20, 50, 100, 200 [Hz]
+    rate : one of 10, 20, 50, 100, 200 scans per second [Hz]
 
     Raises
     ------
@@ -34,59 +35,39 @@ class Witmotion:
         If the device has no such rate.
     """
 
+    product = "WT901"
     scale = wit.SCALE
-    modulus = 1 << 16
 
     def __init__(self, port: str, rate: float) -> None:
-        self._path, self._rate = port, known_rate(rate, wit.RATES, port)
-        self.delay = wit.filter_delay(self._rate)  #: of its filter [s]
-        self._port: SerialPort | None = None
-        self._decoder = wit.WitDecoder()
+        super().__init__(port)
+        self._rate = known_rate(rate, wit.RATES, port)
+        self.delay = wit.filter_delay(self._rate)  #: of the filter [s]
+        self._decoder, self._baud = wit.WitDecoder(), 0
 
-    def open(self) -> dict[str, Any]:
-        """Find the baud rate at which it sends, set content, rate and filter."""
-        try:
-            port, baud = listen(self._path)
-        except (*PORT_ERRORS, DeviceLost, ValueError) as error:
-            raise DriverError(self._path, f"no WT901 answers: {error}") from error
-        self._port = port
-        try:
-            self._configure(port, baud)
-        except (*PORT_ERRORS, DeviceLost, ValueError) as error:
-            self.close()
-            raise DriverError(self._path, f"no WT901 answers: {error}") from error
-        return {"product": "WT901", "baud": baud}
+    def _connect(self) -> SerialPort:
+        port, self._baud = listen(self._path)
+        return port
 
-    def _configure(self, port: SerialPort, baud: int) -> None:
-        most = baud // (_BITS_A_BYTE * wit.PACKET_SIZE)
+    def _start(self, port: SerialPort) -> dict[str, Any]:
+        most = self._baud // (_BITS_A_BYTE * wit.PACKET_SIZE)
         if self._rate > most:
-            raise ValueError(f"rate: expected at most {most} Hz at {baud} bit/s, found {self._rate}")
+            raise ValueError(f"rate: expected at most {most} Hz at {self._baud} bit/s, found {self._rate}")
         for command in wit.settings(self._rate):
             port.write(command)
             time.sleep(_COMMAND_SECONDS)
         time.sleep(_SETTLE_SECONDS)
         port.discard_input()
         self._decoder = wit.WitDecoder()
+        return {"product": self.product, "baud": self._baud}
 
-    def read(self) -> Scans:
-        """Return the scans that have arrived; none if nothing came within 0.1 s."""
-        if self._port is None:
-            raise DeviceLost(self._path, "is not open")
-        before = self._decoder.bad_bytes
-        scans = self._decoder.feed(self._port.read())
+    def _decode(self, data: bytes) -> Scans:
+        found = self._decoder.feed(data)
         return Scans(
-            counts=scans.counts,
-            counter=(scans.number % self.modulus).astype(np.int32),
-            temperature=float(scans.temperature.mean()) / 100 if len(scans.temperature) else float("nan"),
-            bad_bytes=self._decoder.bad_bytes - before,
-            age=self._port.age,
+            counts=found.counts,
+            counter=(found.number % self.modulus).astype(np.int32),
+            temperature=float(found.temperature.mean()) / 100 if len(found.temperature) else float("nan"),
+            bad_bytes=0,
         )
-
-    def close(self) -> None:
-        """Free the port; the device continues to send."""
-        port, self._port = self._port, None
-        if port is not None:
-            port.close()
 
 
 def listen(path: str) -> tuple[SerialPort, int]:
