@@ -30,7 +30,7 @@ from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.mcap_log import McapWriter, log_span, read_attachments, read_events, read_log
 from daq.log.naming import as_logs, newest_log
 from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
-from daq.log.recordings import DEVICE_LOST, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
+from daq.log.recordings import DEVICE_FAILED, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
 from daq.log.repair import LogState, has_end, inspect_log, repair_log
 from daq.log.resilient_writer import ResilientWriter
 from daq.log.retention import DiskGuard, Retention
@@ -50,7 +50,7 @@ __all__ = [
     "BEGINNING",
     "CAN_LOGS",
     "CHANNELS",
-    "DEVICE_LOST",
+    "DEVICE_FAILED",
     "END",
     "EPSON_SCALE",
     "FAILURES",

@@ -157,12 +157,12 @@ class Arrivals:
 
 def is_lost(item: Item) -> bool:
     """Tell whether a device was lost."""
-    return isinstance(item, Event) and item.topic == "/event/device_lost"
+    return isinstance(item, Event) and item.topic == "/event/device_failed"
 
 
 def is_back(item: Item) -> bool:
     """Tell whether a device was taken back."""
-    return isinstance(item, Event) and item.topic == "/event/device_back"
+    return isinstance(item, Event) and item.topic == "/event/device_recovered"
 
 
 def is_data(item: Item) -> bool:

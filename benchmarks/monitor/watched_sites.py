@@ -22,7 +22,7 @@ from monitor.detection import (
 )
 from monitor.detection.alarm import Alarm, AlarmRules
 
-RULES = AlarmRules(hold_windows=2, clear_windows=2, clear_ratio=0.8, cooldown=3600 * 10**9)
+RULES = AlarmRules(hold_windows=2, clear_windows=2, clear_below=0.8, cooldown=3600 * 10**9)
 YEAR_SECONDS = 365.25 * 86400
 
 

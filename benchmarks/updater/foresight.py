@@ -1,4 +1,4 @@
-"""Does what `structure --target` foresees come true: on frames of another kind, and with the modes of accelerations.
+"""Predictions of `structure --target-mass` compared with outcomes, on other frames and with modes of accelerations.
 
 Each frame is made by another model than the reference's (10 mm Timoshenko elements, flexible foot and joint, E and
 density off, gains scattered). A body is put anywhere along the members; a record before teaches the reference, one

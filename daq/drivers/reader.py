@@ -97,7 +97,7 @@ class DeviceReader(SupervisedThread):
             except DriverError as error:
                 self._lost = None
                 self._flush()
-                self._sink(self._event("device_lost", {"why": str(error)}))
+                self._sink(self._event("device_failed", {"why": str(error)}))
                 self._close()
                 self._reconnect()
         self._flush()
@@ -163,7 +163,7 @@ class DeviceReader(SupervisedThread):
                 self._blocks.restart(self._moved())
             else:
                 self._know(identity)
-            self._sink(self._event("device_back", identity))
+            self._sink(self._event("device_recovered", identity))
             return
 
     def _event(self, what: str, payload: dict[str, Any]) -> Event:

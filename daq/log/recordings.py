@@ -13,7 +13,7 @@ from daq.log.parts import BEGINNING, AnyLog, LogExcerpt, files_of
 from daq.timing.resampling import NO_DELAYS, Assembler
 from daq.types import Block, Channel, Event, Recording, find_gaps
 
-DEVICE_LOST = "/event/device_lost"
+DEVICE_FAILED = "/event/device_failed"
 HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an imported log
     "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
     "writes one"
@@ -132,7 +132,7 @@ def _cut(
         by_record=by_record,
     )
     for device in missing | absent_devices(log, devices):
-        yield from assembler.push_event(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
+        yield from assembler.push_event(Event(topic=DEVICE_FAILED, time=0, payload={"device": device}))
     try:
         for item in read_log(log):
             if isinstance(item, Event):

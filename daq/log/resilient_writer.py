@@ -27,9 +27,9 @@ class ResilientWriter:
     and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted. Then
     the file that was cut back gets its end, if the disk has room for that.
 
-    Events, in the log and told: /event/log_deleted before a file goes; /event/disk_low and /event/disk_ok where there
-    is nothing that may go; /event/recording_stopped and /event/recording_resumed (with what was lost);
-    /event/log_file_lost where others have moved, deleted or cut the open file (with what was lost).
+    Events: /event/log_deleted before a file is deleted; /event/disk_low and /event/disk_recovered if no file may be
+    deleted; /event/recording_failed and /event/recording_recovered, with the loss; /event/log_file_lost if another
+    program has moved, deleted or truncated the open file, with the loss.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class ResilientWriter:
         low = self._guard.short
         if low != self._low:
             self._low = low
-            self._say("disk_low" if low else "disk_ok", {"free_gb": round(self._guard.free / 1e9, 3)})
+            self._say("disk_low" if low else "disk_recovered", {"free_gb": round(self._guard.free / 1e9, 3)})
 
     def _delete(self, surplus: ExpiredFile) -> None:
         self._say("log_deleted", {"file": surplus.path.name, "bytes": surplus.size, "why": surplus.why})
@@ -168,7 +168,7 @@ class ResilientWriter:
         self._recorder.abandon()
         self._cut = self._recorder.paths[-1]
         self._stopped = str(error) if isinstance(error, OSError | LogError) else error_text(error)
-        self._say("recording_stopped", {"why": self._stopped})
+        self._say("recording_failed", {"why": self._stopped})
         self._resume()
 
     def _resume(self) -> None:
@@ -186,7 +186,7 @@ class ResilientWriter:
         self.lost += self._lost_now
         self._lost_now.clear()
         self._pending.clear()
-        self._say("recording_resumed", {"kept": kept, "lost": lost})
+        self._say("recording_recovered", {"kept": kept, "lost": lost})
         if self._cut and self._cut.exists():
             with contextlib.suppress(LogError):  # else the next start does
                 repair_log(self._cut)

@@ -241,7 +241,7 @@ class Assembler:
     def push_event(self, event: Event) -> Iterator[Recording]:
         """Take an event; a device that is lost no longer holds a window open."""
         device = self._devices.get(event.payload.get("device", ""))
-        if event.topic == "/event/device_lost" and device is not None:
+        if event.topic == "/event/device_failed" and device is not None:
             device.lost = True
             yield from self._complete()
 

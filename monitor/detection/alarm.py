@@ -30,8 +30,8 @@ class AlarmRules:
 
     hold_windows: int = 2  #: windows in a row over the limit that raise it
     clear_windows: int = 2  #: calm windows in a row that clear it
-    clear_ratio: float = 1.0  #: a window is calm under this share of the limit; between the two it decides nothing [-]
-    latch: bool = False  #: whether an alarm stands until it is acknowledged, calm or not
+    clear_below: float = 1.0  #: a window is calm under this share of the limit; between the two it decides nothing [-]
+    latched: bool = False  #: whether an alarm stands until it is acknowledged, calm or not
     cooldown: int = 0  #: an alarm raised again within this time continues the previous alarm [ns]
     flapping_changes: int = 6  #: alarms raised and cleared within `flapping_span` from which on it flaps
     flapping_span: int = 0  #: [ns]
@@ -41,8 +41,8 @@ class AlarmRules:
         for name in ("hold_windows", "clear_windows", "flapping_changes"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected at least 1, found {getattr(self, name)}")
-        if not 0 < self.clear_ratio <= 1:
-            raise ValueError(f"clear_ratio: expected more than 0, at most 1, found {self.clear_ratio}")
+        if not 0 < self.clear_below <= 1:
+            raise ValueError(f"clear_below: expected more than 0, at most 1, found {self.clear_below}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +84,7 @@ class Alarm:
             what lies ahead of it is forgotten, lest an alarm be quiet for as long
         level : its novelty over the limit [-]; not-a-number decides nothing, but breaks every run
         """
-        over, calm = level > 1, level < self.rules.clear_ratio
+        over, calm = level > 1, level < self.rules.clear_below
         if self.condition in ("normal", "watch"):
             after, changes = self._rise(time, over=over, calm=calm)
         elif self.condition == "latched":
@@ -128,7 +128,7 @@ class Alarm:
         run = self.run + 1 if calm else 0
         if run < self.rules.clear_windows:
             return replace(self, run=run), ()
-        if self.rules.latch and self.condition == "alarm":
+        if self.rules.latched and self.condition == "alarm":
             return replace(self, condition="latched", run=0), (Change(kind="latched", state="alarm"),)
         return self._clear(time)
 

@@ -15,7 +15,7 @@ from monitor.results.windows import (
 
 TOPIC_STOPPED = "/event/stopped"  # the last item: everything after it belongs to nobody
 TOPIC_ACKNOWLEDGE = "/event/acknowledge"
-TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undo"
+TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undone"
 TOPIC_REFUSED = "/event/refused"  # a file that says nothing sensible
 _TYPES: dict[str, type[Result]] = {
     TOPIC_WINDOW: WindowResult,

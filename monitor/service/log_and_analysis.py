@@ -244,7 +244,7 @@ class LogAndAnalysis:
         FAILURES.attempt("analysis", old.worker.__exit__)
         self._say_refused()
         for name in self._lost():
-            self.say("device_lost", {"device": name, "why": "it was lost before"})
+            self.say("device_failed", {"device": name, "why": "it was lost before"})
 
     def finish(self) -> None:
         """Let what has arrived be logged, and analysed as far as that goes in a while: service managers do not wait."""
@@ -311,14 +311,14 @@ class LogAndAnalysis:
                 return
 
     def _say_behind(self, waiting: int) -> None:
-        self.say("analysis_behind", {"left_out_s": round(waiting / blocks_a_second(self.site), 1)})
+        self.say("analysis_lagging", {"left_out_s": round(waiting / blocks_a_second(self.site), 1)})
 
     def _say_stopped(self, **why: str) -> None:
         self.say(TOPIC_STOPPED.removeprefix("/event/"), {"dropped": self._log.dropped, **why})
 
     def _say_refused(self) -> None:
         if self._refused:
-            self.say("learning_anew", {"why": self._refused})
+            self.say("baseline_reset", {"why": self._refused})
             self._refused = None
 
     def _remembered(self) -> str:
@@ -366,7 +366,7 @@ class LogAndAnalysis:
         """Go on without an analysis for a while: one that dies at once, again and again, is not to fill the disk."""
         self._worker = None
         self._revive_at = time.monotonic() + self._revive_after
-        self.say("analysis_died", {"why": str(error) or type(error).__name__, "again_in_s": self._revive_after})
+        self.say("analysis_failed", {"why": str(error) or type(error).__name__, "again_in_s": self._revive_after})
         self._revive_after = min(2 * self._revive_after, _REVIVE_LONGEST)
 
     def _take(self, item: Item) -> None:

@@ -78,12 +78,12 @@ class Outputs:
         ):
             if problem and name not in self._dead:
                 self._dead[name] = now + _AGAIN_SECONDS
-                yield f"/event/no_{name}", {"why": problem}
+                yield f"/event/{name}_failed", {"why": problem}
             elif name in self._dead and now >= self._dead[name]:
                 self._dead[name] = now + _AGAIN_SECONDS
                 if again() is None:
                     del self._dead[name]
-                    yield f"/event/{name}_back", {}
+                    yield f"/event/{name}_recovered", {}
 
     def show_again(self) -> str | None:
         """Serve the live view again, without what it has shown; return why that cannot be."""

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from daq import (
     BEGINNING,
-    DEVICE_LOST,
+    DEVICE_FAILED,
     END,
     HOW_TO_PLACE,
     AnyLog,
@@ -187,7 +187,7 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
     stopped = False
     try:
         for device in absent_devices(log, devices):
-            worker.feed(Event(topic=DEVICE_LOST, time=0, payload={"device": device}))
+            worker.feed(Event(topic=DEVICE_FAILED, time=0, payload={"device": device}))
         for item in read_log(log):
             if isinstance(item, Block) and item.device not in devices:
                 why = f"holds device {item.device!r}; the settings have {', '.join(devices)}"

@@ -197,7 +197,7 @@ class SiteRun:
         if not isinstance(clock, SystemClock) or abs(clock.off) < _STEP or time.monotonic() < self._step_due:
             return
         self._step_due = time.monotonic() + _STEP_AGAIN
-        self.logs.say("clock_set", {"by_s": round(clock.off * 1e-9, 1)})
+        self.logs.say("clock_changed", {"by_s": round(clock.off * 1e-9, 1)})
         drivers = site_drivers(self._site.settings.device, clock.speed)
         self._devices.stop()
         clock.follow()

@@ -241,12 +241,14 @@ class MonitorStatus:
             self._self_test = result.payload() | {"text": result.text}
 
     def _happened(self, event: Event) -> None:
-        if event.topic == "/event/analysis_behind":
+        if event.topic == "/event/analysis_lagging":
             self._note(self._overload.take(left_out=True))
         device = self._devices.get(str(event.payload.get("device", "")))
         if device is not None:
             device.gaps += event.topic == "/event/gap"
-            device.lost = event.topic == "/event/device_lost" or (device.lost and event.topic != "/event/device_back")
+            device.lost = event.topic == "/event/device_failed" or (
+                device.lost and event.topic != "/event/device_recovered"
+            )
             if event.topic == "/event/device_open":
                 self._compare(event.payload)
 
@@ -289,9 +291,9 @@ class MonitorStatus:
         faults = {c: why for c, why in window.faults.items() if self._device_of.get(c) not in lost}
         self._unheard = self._unheard.after(window.model_copy(update={"faults": faults}))
         for channels, why in self._unheard.gone:
-            self._said.append(("/event/channel_lost", {"channels": ", ".join(channels), "why": why}))
+            self._said.append(("/event/channel_failed", {"channels": ", ".join(channels), "why": why}))
         if self._unheard.back:
-            self._said.append(("/event/channel_back", {"channels": ", ".join(self._unheard.back)}))
+            self._said.append(("/event/channel_recovered", {"channels": ", ".join(self._unheard.back)}))
 
 
 def last_written(path: Path) -> dict[str, Any]:

@@ -24,11 +24,11 @@ class NotifySettings(Section):
     """`mqtt://HOST:PORT/TOPIC`, or `mqtts://` with TLS. Requires `modalwatch[fleet]`."""
     headers: Mapping[str, SecretStr] = {}
     """Headers of the webhook's request."""
-    on: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
+    events: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
     """Events that are sent; `acknowledged` may be added (service.md)."""
     template: Annotated[str | None, Field(examples=["{{ notice.site }}: {{ notice.text }}"])] = None
     """jinja2 template with `notices`. Default: the built-in text."""
-    per_hour: Annotated[int, Field(ge=1)] = 12
+    max_per_hour: Annotated[int, Field(ge=1)] = 12
     """Maximum number of messages per hour. Further notices are sent together later. Alarms are never delayed."""
     heartbeat_minutes: Annotated[Positive | None, Field(examples=[5.0])] = None
     """Interval of a message that confirms operation, sent only while data arrive [min]."""

@@ -76,9 +76,9 @@ class AlarmSettings(Section):
     """Number of consecutive windows above the limit that raise the alarm."""
     clear_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
     """Number of consecutive calm windows that clear the alarm."""
-    clear_ratio: Annotated[float, Field(gt=0, le=1)] = 0.8
+    clear_below: Annotated[float, Field(gt=0, le=1)] = 0.8
     """A window is calm if its novelty is below this share of the limit."""
-    latch: bool = False
+    latched: bool = False
     """Whether an alarm stays active until it is acknowledged, even if the windows are calm."""
     cooldown_minutes: Annotated[float, Field(ge=0)] = 60.0
     """An alarm raised again within this time continues the previous alarm [min]."""
@@ -99,8 +99,8 @@ class AlarmSettings(Section):
         return AlarmRules(
             hold_windows=self.hold_windows,
             clear_windows=self.clear_windows,
-            clear_ratio=self.clear_ratio,
-            latch=self.latch,
+            clear_below=self.clear_below,
+            latched=self.latched,
             cooldown=round(self.cooldown_minutes * 60e9),
             flapping_changes=self.flapping_changes,
             flapping_span=round(self.flapping_hours * 3600e9),

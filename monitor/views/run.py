@@ -200,7 +200,7 @@ class _Reading:
             quality.gaps += 1
             quality.missing += int(event.payload.get("missing", 0))
             quality.exact &= bool(event.payload.get("exact", False))
-        elif event.topic == "/event/device_lost":
+        elif event.topic == "/event/device_failed":
             quality.lost += 1
 
 

@@ -227,7 +227,7 @@ def crafted_mcap(_: bytes, random: Random) -> bytes:
     schema = writer.register_schema("s", "protobuf", b"")
     topic = writer.register_channel(f"/accel/{device}", "protobuf", schema)
     kind = random.choice(
-        ("gap", "device_lost", "window", "reference", "alarm", "stopped", "diagnosis", "clock", "device", "note")
+        ("gap", "device_failed", "window", "reference", "alarm", "stopped", "diagnosis", "clock", "device", "note")
     )
     events = writer.register_channel(random.choice((f"/event/{kind}", f"/{kind}", f"/result/{kind}")), "json", schema)
     odd, fields = random.random() < 0.7, _block_fields(random)

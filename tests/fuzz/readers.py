@@ -131,8 +131,8 @@ baseline_windows_max = 144
 false_alarms_per_year = 1.0
 hold_windows = 2
 clear_windows = 2
-clear_ratio = 0.8
-latch = false
+clear_below = 0.8
+latched = false
 cooldown_minutes = 60.0
 flapping_changes = 6
 flapping_hours = 24.0
@@ -146,9 +146,9 @@ keep_events = 100000
 [[notify]]
 command = ["true"]
 headers = {X-Site = "frame"}
-on = ["alarm", "trouble"]
+events = ["alarm", "trouble"]
 template = "{{ notice.site }}: {{ notice.text }}"
-per_hour = 12
+max_per_hour = 12
 heartbeat_minutes = 5.0
 timeout_seconds = 10.0
 
@@ -240,7 +240,7 @@ def _guarded(function: Callable[[Path], object], path: Path) -> int:
 
 
 def _structure(path: Path, random: Random) -> int:
-    more = random.choice(((), (), ("--parameters",), ("--target", "50g"), ("--picture", path.parent / "p.png")))
+    more = random.choice(((), (), ("--parameters",), ("--target-mass", "50g"), ("--picture", path.parent / "p.png")))
     return command("structure", path, *more)
 
 

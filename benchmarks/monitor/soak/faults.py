@@ -100,7 +100,7 @@ def _kill(soak: Soak) -> None:
     soak.monitor.wait(10)
 
 
-LOST, BACK = "device_lost", "device_back"
+LOST, BACK = "device_failed", "device_recovered"
 
 
 def _plugged(what: str, device: str, at: float, seconds: float, how: str = "plug") -> Fault:
@@ -126,7 +126,7 @@ def _hostile(kind: str, at: float, device: str) -> tuple[Fault, Fault]:
         soak.webhook(up=False)
         soak.webhook(up=True)
 
-    named = "notice_failed", "notice_back"
+    named = "notice_failed", "notice_recovered"
     fault = Fault(what=f"webhook: {kind}", at=at, seconds=12, begin=begin, end=end, named=named)
     return fault, _plugged(f"unplugged, webhook: {kind}", device, at + 1, 3)
 
@@ -176,7 +176,7 @@ FAULTS = (
         seconds=10,
         begin=lambda soak: _limit(soak, 2000),
         end=lambda soak: _limit(soak, resource.RLIM_INFINITY),
-        named=("recording_stopped", "recording_resumed"),
+        named=("recording_failed", "recording_recovered"),
     ),
     Fault(
         what="database locked",
@@ -184,7 +184,7 @@ FAULTS = (
         seconds=20,
         begin=_LOCK.begin,
         end=_LOCK.end,
-        named=("history_down", "history_back"),
+        named=("history_failed", "history_recovered"),
     ),
     Fault(
         what="log deleted",
@@ -202,14 +202,14 @@ FAULTS = (
         at=256,
         seconds=1,
         begin=_damage_history,
-        named=("history_down", "history_renewed", "history_restored", "history_back"),
+        named=("history_failed", "history_renewed", "history_restored", "history_recovered"),
     ),
     Fault(
         what="history deleted",
         at=306,
         seconds=1,
         begin=_delete_history,
-        named=("history_down", "history_renewed", "history_back"),
+        named=("history_failed", "history_renewed", "history_recovered"),
     ),
     *_hostile("trickle", 336, "col_074"),
     *_hostile("retry", 375, "col_037"),  # its notices may wait a minute
@@ -227,7 +227,7 @@ FAULTS = (
         seconds=25,
         begin=lambda soak: soak.webhook(up=False),
         end=lambda soak: soak.webhook(up=True),
-        named=("notice_failed", "notice_back"),
+        named=("notice_failed", "notice_recovered"),
     ),
     _plugged("unplugged, webhook down", "beam_mid", 275, 5),
     Fault(
@@ -235,7 +235,7 @@ FAULTS = (
         at=320,
         seconds=1,
         begin=lambda soak: soak.child(10, soak.viewer_port).kill(),
-        named=("no_viewer", "viewer_back"),
+        named=("viewer_failed", "viewer_recovered"),
         ends=True,
     ),
     Fault(
@@ -243,7 +243,7 @@ FAULTS = (
         at=330,
         seconds=1,
         begin=lambda soak: soak.child(10, soak.web_port).kill(),
-        named=("no_web", "web_back"),
+        named=("web_failed", "web_recovered"),
         ends=True,
     ),
     Fault(
@@ -251,7 +251,7 @@ FAULTS = (
         at=400,
         seconds=1,
         begin=lambda soak: soak.child(5).kill(),
-        named=("analysis_died",),
+        named=("analysis_failed",),
         ends=True,
     ),
     Fault(

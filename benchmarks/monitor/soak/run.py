@@ -157,7 +157,7 @@ class Soak:
         lines += ["[analysis]", f"window_seconds = {_WINDOW}", f"baseline_windows = {_BASELINE}"]
         lines += ["[web]", f"port = {self.web_port}", "[viewer]", f"port = {self.viewer_port}"]
         lines += [f"memory_mb = {_VIEWER_MB}", "[[notify]]"]
-        lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "per_hour = 1000", "timeout_seconds = 3"]
+        lines += [f'webhook = "http://127.0.0.1:{self._hook_port}/"', "max_per_hour = 1000", "timeout_seconds = 3"]
         for name, (_, axes) in places(self._n).items():
             mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
             lines += ["[[device]]", f'name = "{name}"', 'driver = "epson-uart"', f'port = "{self.folder / name}"']

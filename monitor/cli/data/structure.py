@@ -60,7 +60,7 @@ class Asked:
             Naming the option that makes no sense.
         """
         highest = self.highest if self.highest is not None else heard
-        for name, value in (("--record", self.seconds), ("--damping", self.damping), ("--highest", highest)):
+        for name, value in (("--record-seconds", self.seconds), ("--damping", self.damping), ("--highest", highest)):
             if not value > 0:
                 raise ArgumentError(name, f"expected a positive number, found {value:g}")
         if self.damping >= 1:
@@ -77,8 +77,8 @@ class Asked:
         """
         if self.target is None:
             return None
-        mass = measured("--target", self.target, "mass")
-        return Target(mass=mass, within=measured("--within", self.within, "length"))
+        mass = measured("--target-mass", self.target, "mass")
+        return Target(mass=mass, within=measured("--tolerance", self.within, "length"))
 
 
 def measured(option: str, text: str, kind: str) -> float:

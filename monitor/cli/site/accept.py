@@ -28,7 +28,7 @@ def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
     """
     site = load_site(path)
     if not cause.strip():
-        raise ArgumentError("--as", "expected what the change is, such as 'pump, 150 g'")
+        raise ArgumentError("--reason", "expected what the change is, such as 'pump, 150 g'")
     found = _standing(site, alarm)
     console.print(escape(f"the alarm of {utc(found.raised)}: {found.text}"), soft_wrap=True)
     console.print(escape(f"is to be accepted as {cause!r}"), soft_wrap=True)

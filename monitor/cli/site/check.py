@@ -78,7 +78,7 @@ def _say_plan(site: Site) -> None:
     console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
     console.print(f"baseline:  {_baseline_text(settings)}", soft_wrap=True)
-    acknowledged = ", once acknowledged" if settings.alarm.latch else ""
+    acknowledged = ", once acknowledged" if settings.alarm.latched else ""
     console.print(
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
         f"after {settings.alarm.hold_windows} windows over the limit; "

@@ -23,19 +23,16 @@ from monitor.text.sensors import health_text
 
 _A_MINUTE = 10  # lines of a kind, of one device
 _MINUTE = 60.0  # s
-_ROUTINE = (
-    "_back",
+_ROUTINE = (  # endings of topics of normal operation
+    "_recovered",
+    "_restored",
     "_open",
-    "_resumed",
-    "_ok",
     "_deleted",
     "acknowledge",
     "accept",
-    "undo",
+    "accept_undone",
     "stopped",
     "reloaded",
-    "_restored",
-    "_recovered",
 )
 
 

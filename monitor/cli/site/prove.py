@@ -61,7 +61,7 @@ def _place(at: str) -> tuple[float, float, float]:
     except ValueError:
         values = []
     if len(values) not in (2, 3):
-        raise ArgumentError("--at", f"expected X,Z or X,Y,Z in metres, found {at!r}")
+        raise ArgumentError("--position", f"expected X,Z or X,Y,Z in metres, found {at!r}")
     return values[0], values[1] if len(values) == 3 else 0.0, values[-1]
 
 

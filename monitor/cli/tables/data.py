@@ -159,8 +159,14 @@ def diagnose(
     reference: Annotated[
         list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure before the change. Repeatable.")
     ] = None,
-    holdout: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable.")
+    held_out: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--held-out",
+            "--holdout",
+            metavar="LOG",
+            help="Held-out log: used only to measure the gain. Repeatable.",
+        ),
     ] = None,
     start: From = None,
     stop: To = None,
@@ -202,7 +208,7 @@ def diagnose(
 
     With --reference: what has changed since the reference logs. Without: what the structure file gets wrong.
 
-    --from and --to limit LOG, not the logs of --reference and --holdout. A log that shows both states can be LOG with
+    --from and --to limit LOG, not the logs of --reference and --held-out. A log that shows both states can be LOG with
     --from and --reference with --reference-to.
     """
     from monitor.analysis.time_range import time_range
@@ -212,7 +218,7 @@ def diagnose(
     named = Logs(
         current=logs,
         reference=reference or (),
-        heldout=holdout or (),
+        heldout=held_out or (),
         within=time_range(start, stop),
         reference_within=time_range(reference_start, reference_stop, ("--reference-from", "--reference-to")),
     )
@@ -252,7 +258,9 @@ def structure(
         Path | None,
         typer.Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
     ] = None,
-    record: Annotated[float, typer.Option(metavar="S", help="Seconds measured before and after a change.")] = 600.0,
+    record_seconds: Annotated[
+        float, typer.Option(metavar="S", help="Length of the records before and after a change [s].")
+    ] = 600.0,
     damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
     highest: Annotated[
         float | None,
@@ -260,8 +268,10 @@ def structure(
             metavar="HZ", help="Frequency up to which modes are identified [Hz]. Default: from --channels, else 400."
         ),
     ] = None,
-    target: Annotated[str | None, typer.Option(metavar="MASS", help="Mass that must be located, such as 50g.")] = None,
-    within: Annotated[
+    target_mass: Annotated[
+        str | None, typer.Option(metavar="MASS", help="Mass that must be located, such as 50g.")
+    ] = None,
+    tolerance: Annotated[
         str, typer.Option(metavar="LENGTH", help="Largest error of its position, such as 50mm.")
     ] = "50mm",
     parameters: Annotated[
@@ -276,11 +286,11 @@ def structure(
 
     asked = Asked(
         n_modes=modes,
-        seconds=record,
+        seconds=record_seconds,
         damping=damping,
         highest=highest,
-        target=target,
-        within=within,
+        target=target_mass,
+        within=tolerance,
         channels=channels,
         parameters=parameters,
     )

@@ -115,7 +115,7 @@ def accept(
             metavar="ALARM", help="Time at which the alarm was raised, as in `history`. Default: the active alarm."
         ),
     ] = None,
-    cause: Annotated[str, typer.Option("--as", help="Cause of the change, such as 'pump, 150 g'.")] = "",
+    cause: Annotated[str, typer.Option("--reason", help="Cause of the change, such as 'pump, 150 g'.")] = "",
     by: Annotated[str, typer.Option(help="Name of the person.")] = "",
     undo: Annotated[bool, typer.Option("--undo", help="Undo the last acceptance.")] = False,
     note: Annotated[str, typer.Option(help="Reason for the undo.")] = "",
@@ -130,7 +130,7 @@ def accept(
 def prove(
     site: Annotated[Path, typer.Argument(metavar="SITE.toml")],
     mass: Annotated[float, typer.Option(help="Known mass that is attached now [kg].", min=1e-6)],
-    at: Annotated[str, typer.Option(metavar="X,Z|X,Y,Z", help="Its position on a member [m].")],
+    position: Annotated[str, typer.Option(metavar="X,Y,Z", help="Its position on a member [m]; X,Z of a plane frame.")],
     log: Annotated[
         list[Path] | None,
         typer.Option(metavar="LOG.mcap|DIR", help="Log to use instead of the saved state of the monitor. Repeatable."),
@@ -143,7 +143,7 @@ def prove(
     """
     from monitor.cli.site.prove import prove_command
 
-    raise typer.Exit(prove_command(site, mass, at, log or [], json))
+    raise typer.Exit(prove_command(site, mass, position, log or [], json))
 
 
 @site_app.command()

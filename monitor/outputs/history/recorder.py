@@ -15,7 +15,7 @@ from monitor.outputs.history.renewal import Takeover, renew_file
 from monitor.outputs.history.store import HistoryStore
 from monitor.outputs.spool import Spool
 
-TOPIC_DOWN, TOPIC_BACK = "/event/history_down", "/event/history_back"
+TOPIC_DOWN, TOPIC_BACK = "/event/history_failed", "/event/history_recovered"
 TOPIC_RENEWED, TOPIC_RESTORED = "/event/history_renewed", "/event/history_restored"
 _CHECK = 1.0  # s between looks at whether the file is still the one that was opened
 _RENEW = 10.0  # s between new files: a disk that damages each of them is not to be filled with them

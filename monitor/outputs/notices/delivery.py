@@ -16,7 +16,7 @@ from monitor.settings import NotifySettings
 from monitor.text.notices import Notice
 from monitor.text.quantities import utc
 
-TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_back"
+TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_recovered"
 _RETRY_FIRST = 10.0  # s
 _DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
 _OTHERS = ("trouble", "trend")  # kinds of notices that are no change of an alarm
@@ -38,7 +38,7 @@ class NoticeSender:
         self._target, self._site, self._news = target, site, NoticeFilter(site)
         self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
         self._lock, self._failing = threading.Lock(), False
-        quota = Quota(target.per_hour)
+        quota = Quota(target.max_per_hour)
         common = quota, retry_seconds, self._report
         self.alarms = Lane(make_sender(target), spool, *common)  #: lane of what changes an alarm
         other = spool.with_stem(f"{spool.stem}_other")
@@ -59,7 +59,7 @@ class NoticeSender:
             self._data_seen = time.monotonic()
             return
         notice = self._news.of(item)
-        if notice is not None and notice.kind in self._target.on:
+        if notice is not None and notice.kind in self._target.events:
             (self.others if notice.kind in _OTHERS else self.alarms).put(notice)
 
     def said(self) -> Iterator[tuple[str, dict[str, Any]]]:

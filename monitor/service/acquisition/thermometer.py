@@ -58,7 +58,7 @@ class Thermometer(ABC):
             self.problem = f"no reading for {silent / 60:.0f} min"
         if bool(self.problem) != self._told:
             self._told = bool(self.problem)
-            topic = f"/event/temperature_{'failed' if self.problem else 'back'}"
+            topic = f"/event/temperature_{'failed' if self.problem else 'recovered'}"
             yield Event(topic=topic, time=self._clock.now(), payload={"why": self.problem} if self.problem else {})
 
     @abstractmethod

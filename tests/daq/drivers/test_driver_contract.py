@@ -133,7 +133,7 @@ def check_blocks_until_unplugged(driver: Driver, found: Device, rate: float) -> 
     reader.stop()
     reader.join(10.0)
     lost = next(item for item in items[1:] if isinstance(item, Event))
-    assert lost.topic == "/event/device_lost"
+    assert lost.topic == "/event/device_failed"
     assert re.match(found.where, lost.payload["why"])
     blocks = [item for item in items if isinstance(item, Block)]
     assert {block.scale for block in blocks} == {driver.scale}

@@ -63,7 +63,7 @@ def test_six_devices_at_ten_times_real_time_lose_nothing() -> None:
         dropped = found.end()["dropped"]
     assert dropped == [0] * 6
     assert not events_of(items, "gap")
-    assert not events_of(items, "device_lost")
+    assert not events_of(items, "device_failed")
     for k in range(6):
         blocks = blocks_of(items, f"d{k}")
         assert_continuous(blocks)
@@ -93,11 +93,11 @@ def test_unplugged_device_is_lost_and_the_others_go_on() -> None:
         with reading(found, items):
             wait_for(lambda: len(blocks_of(items, "d1")) >= 2)
             found.unplug(1)
-            wait_for(lambda: bool(events_of(items, "device_lost")))
+            wait_for(lambda: bool(events_of(items, "device_failed")))
             n = len(items)
             wait_for(lambda: len([i for i in items[n:] if isinstance(i, Block)]) >= 6)
         dropped = found.end()["dropped"]
-    (lost,) = events_of(items, "device_lost")
+    (lost,) = events_of(items, "device_failed")
     assert lost["device"] == "d1"
     assert found.ports[1] in lost["why"]
     assert {i.device for i in items[n:] if isinstance(i, Block)} == {"d0", "d2"}

@@ -155,7 +155,7 @@ def test_lost_device_is_taken_back_with_a_new_origin(counter: int) -> None:
     items = played(script, refusals=1)
     blocks = blocks_of(items)
     topics = [item.topic for item in items if isinstance(item, Event) and item.topic != "/event/gap"]
-    assert topics == ["/event/device_open", "/event/device_lost", "/event/device_back"]
+    assert topics == ["/event/device_open", "/event/device_failed", "/event/device_recovered"]
     assert [b.n_scans for b in blocks if b.first_index < 400] == [250, 150]  # the open block is handed on
     after = [b for b in blocks if b.first_index >= 400]
     assert [bool(b.flags & Flag.RESTARTED) for b in after] == [True, False, False]
@@ -178,16 +178,20 @@ def test_driver_that_stumbles_ends_its_device_for_no_longer_than_a_loss() -> Non
     reader.start()
     reader.join(5.0)
     events = [item for item in items if isinstance(item, Event)]
-    assert [event.topic for event in events[:3]] == ["/event/device_open", "/event/device_lost", "/event/device_back"]
+    assert [event.topic for event in events[:3]] == [
+        "/event/device_open",
+        "/event/device_failed",
+        "/event/device_recovered",
+    ]
     assert events[1].payload["why"] == "ValueError: a field that is no number"
     assert sum(len(item.counts) for item in items if isinstance(item, Block)) == 750
 
 
 def test_silent_device_is_lost() -> None:
     items = played([*steady(0, 400), *[(500.0, range(0))] * 5, *steady(0, 500)])
-    (lost,) = events_of(items, "device_lost")
+    (lost,) = events_of(items, "device_failed")
     assert lost["why"] == "beam: silent for 1.7 s"
-    assert len(events_of(items, "device_back")) == 1
+    assert len(events_of(items, "device_recovered")) == 1
 
 
 def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
@@ -195,7 +199,7 @@ def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
     items = played([*steady(0, 400), (0.1, None), *steady(0, 500)], strangers=2)
     (wrong,) = events_of(items, "wrong_device")
     assert wrong["found"] == {"serial": "S2"}
-    assert len(events_of(items, "device_back")) == 1
+    assert len(events_of(items, "device_recovered")) == 1
 
 
 def arriving(n: int, stalls: dict[int, float]) -> list[Step]:

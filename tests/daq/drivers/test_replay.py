@@ -134,7 +134,7 @@ def test_device_that_was_lost_is_lost_again_and_goes_on_where_it_did(tmp_path: P
     log = write_log(tmp_path / "lost.mcap", [at_time("a", 0), at_time("a", 250), *late])
     items = played(log, "a", 1.2)["a"]
     topics = [item.topic.removeprefix("/event/") for item in items if isinstance(item, Event)]
-    assert topics[:4] == ["device_open", "device_lost", "device_back", "gap"]
+    assert topics[:4] == ["device_open", "device_failed", "device_recovered", "gap"]
     first = [make_block("a", k).counts for k in (0, 250, 8_000, 8_250)]
     np.testing.assert_array_equal(counts_of(items), np.concatenate(first))
     blocks = blocks_of(items)

@@ -161,15 +161,15 @@ def test_device_is_taken_back_when_its_link_points_to_a_port_again(tmp_path: Pat
             reader.start()
             time.sleep(0.5)
             link.unlink()
-        wait_for(items, "/event/device_lost")
+        wait_for(items, "/event/device_failed")
         link.symlink_to(after.port)
-        wait_for(items, "/event/device_back")
+        wait_for(items, "/event/device_recovered")
         time.sleep(0.5)
         reader.stop()
         reader.join()
     events = [item for item in items if isinstance(item, Event)]
     assert [e.topic for e in events] == [
-        f"/event/{what}" for what in ("device_open", "device_lost", "device_back", "gap")
+        f"/event/{what}" for what in ("device_open", "device_failed", "device_recovered", "gap")
     ]
     lost, gap = items.index(events[1]), items.index(events[3])
     assert_consecutive(items[1:lost], first=0)

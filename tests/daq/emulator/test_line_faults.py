@@ -126,7 +126,7 @@ def test_what_is_lost_is_counted_to_the_scan_and_told_and_what_comes_twice_is_on
     # The frame after a cut one has no delimiter before it, if frames end with one.
     assert gaps == [(680, 40, True), (1100, 5 + glued, True), (1300, 300, True)]
     assert device.line.missing == 345
-    assert not payloads(items, "device_lost")
+    assert not payloads(items, "device_failed")
     np.testing.assert_array_equal(k, began + index)
     assert np.all(np.diff(index) > 0)
     damaged = [began + block.first_index for block in blocks if block.flags & Flag.BAD_FRAMES]

@@ -109,7 +109,7 @@ def test_a_device_that_is_lost_before_the_range_does_not_delay_it(tmp_path: Path
         if not 5_000 <= first < 20_000:
             writer.write(make_block("b", first))
         if first == 6_000:
-            writer.write(Event(topic="/event/device_lost", time=START + 6 * SECOND, payload={"device": "b"}))
+            writer.write(Event(topic="/event/device_failed", time=START + 6 * SECOND, payload={"device": "b"}))
     writer.close()
     (found,) = load_recordings(excerpt(path, 10, 28), channels=CHANNELS)
     assert abs(found.start - START - 10 * SECOND) < SECOND // 10

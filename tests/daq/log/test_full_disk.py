@@ -83,8 +83,8 @@ def test_recording_goes_on_once_there_is_room_and_nothing_is_lost(tmp_path: Path
     blocks = [item for item in items if isinstance(item, Block)]
     assert contents(blocks) == contents(make_block("a", 250 * k) for k in range(400))
     topics = [item.topic for item in items if isinstance(item, Event)]
-    assert topics[0] == "/event/recording_stopped"
-    assert topics[-1] == "/event/recording_resumed"
+    assert topics[0] == "/event/recording_failed"
+    assert topics[-1] == "/event/recording_recovered"
     assert [topic for topic, _ in said["told"]] == topics  # type: ignore[attr-defined]
     assert all(inspect_log(path).whole for path in out.glob("*.mcap"))
 

@@ -106,7 +106,7 @@ def test_windows_are_those_of_the_assembler(two: Path) -> None:
 
 
 def test_a_device_that_was_lost_and_came_back_leaves_a_gap(tmp_path: Path) -> None:
-    lost = Event(topic="/event/device_lost", time=START + 91 * 10**9, payload={"device": "b"})
+    lost = Event(topic="/event/device_failed", time=START + 91 * 10**9, payload={"device": "b"})
     back = blocks("b", 120.5, 180, restarted=True)
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 180), *blocks("b", 0, 90), lost, *back)
     (found,) = load_recordings(path, channels=CHANNELS)
@@ -119,7 +119,7 @@ def test_a_device_that_was_lost_and_came_back_leaves_a_gap(tmp_path: Path) -> No
 
 
 def test_a_log_that_is_mostly_an_outage_is_not_one_recording(tmp_path: Path) -> None:
-    lost = Event(topic="/event/device_lost", time=START + 31 * 10**9, payload={"device": "a"})
+    lost = Event(topic="/event/device_failed", time=START + 31 * 10**9, payload={"device": "a"})
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 30), lost, *blocks("a", 7200, 7230, restarted=True))
     with pytest.raises(LogError, match=r"log\.mcap: is \d+ times as long as what it holds: give a window"):
         list(load_recordings(path, channels=CHANNELS[:1]))
@@ -128,7 +128,7 @@ def test_a_log_that_is_mostly_an_outage_is_not_one_recording(tmp_path: Path) -> 
 
 
 def test_a_device_that_stays_away_does_not_end_the_recording(tmp_path: Path) -> None:
-    lost = Event(topic="/event/device_lost", time=START + 41 * 10**9, payload={"device": "b"})
+    lost = Event(topic="/event/device_failed", time=START + 41 * 10**9, payload={"device": "b"})
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 100), *blocks("b", 0, 40), lost)
     (found,) = load_recordings(path, channels=CHANNELS)
     assert found.duration == pytest.approx(100, abs=0.3)

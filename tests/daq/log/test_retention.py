@@ -149,7 +149,7 @@ def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_
     assert contents(all_blocks(recorder.paths)) == contents(blocks)
     assert len(recorder.paths) > 3
     topics = [event.topic for event in told]
-    assert topics == ["/event/recording_stopped", "/event/recording_resumed"] * (len(recorder.paths) - 1)
+    assert topics == ["/event/recording_failed", "/event/recording_recovered"] * (len(recorder.paths) - 1)
     assert {event.payload["why"] for event in told[::2]} == {"[Errno 27] File too large"}
     for path in recorder.paths:
         assert inspect_log(path).lost_bytes == 0  # cut back to its last flush

@@ -154,7 +154,7 @@ def test_lost_device_does_not_hold_a_window_open() -> None:
     both = assembler()
     before = assembled(by_arrival(a.blocks(0, 60_000), b.blocks(0, 33_000)), both)
     assert [round((r.start - START) * 1e-9) for r in before] == [0, 10, 20]
-    lost = Event(topic="/event/device_lost", time=START + 60_000_000_000, payload={"device": "b", "why": "gone"})
+    lost = Event(topic="/event/device_failed", time=START + 60_000_000_000, payload={"device": "b", "why": "gone"})
     after = assembled([lost], both)
     assert [round((r.start - START) * 1e-9) for r in after] == [30, 40]
     assert 2_900 < np.isfinite(after[0].data[:, 1]).sum() < 3_100
@@ -167,7 +167,7 @@ def test_lost_device_does_not_hold_a_window_open() -> None:
 def test_device_that_came_back_is_aligned_on_both_sides() -> None:
     a = Device(name="a")
     b, again = Device(name="b", begin=0.4), Device(name="b", begin=35.6131)
-    lost = Event(topic="/event/device_lost", time=START + 33_000_000_000, payload={"device": "b", "why": "gone"})
+    lost = Event(topic="/event/device_failed", time=START + 33_000_000_000, payload={"device": "b", "why": "gone"})
     # its index goes on from the host's guess, 17 scans wrong: the new clock must not depend on that
     second = again.blocks(0, 50_000, origin=35_200 + 17, flags=Flag.RESTARTED)
     items: list[Item] = [*by_arrival(a.blocks(0, 33_000), b.blocks(0, 32_000)), lost]
@@ -198,7 +198,7 @@ def test_fast_device_is_filtered_to_the_slow_ones_rate() -> None:
 def test_replay_of_the_log_repeats_every_digit(tmp_path: Path) -> None:
     a = Device(name="a", ppm=33.0, jitter=2e-3, seed=5)
     b = Device(name="b", ppm=-71.0, begin=1.21, jitter=2e-3, seed=6)
-    lost = Event(topic="/event/device_lost", time=START + 61_000_000_000, payload={"device": "b", "why": "gone"})
+    lost = Event(topic="/event/device_failed", time=START + 61_000_000_000, payload={"device": "b", "why": "gone"})
     items: list[Item] = [*by_arrival(a.blocks(0, 60_000), b.blocks(0, 51_000)), lost, *a.blocks(60_000, 75_000)]
     writer = McapWriter(tmp_path / "log.mcap", {})
     for item in items:

@@ -24,7 +24,7 @@ def blocks(begin: float, seconds: float, *, restarted: bool = False) -> Iterator
 
 
 def lost(seconds: float, device: str = "a") -> Event:
-    return Event(topic="/event/device_lost", time=START + round(seconds * 1e9), payload={"device": device})
+    return Event(topic="/event/device_failed", time=START + round(seconds * 1e9), payload={"device": device})
 
 
 def windows(target: Assembler, *items: Block | Event) -> list[Recording]:

@@ -99,7 +99,7 @@ def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Comma
     (tmp_path / "khz.csv").write_text("\n".join(wrong), encoding="utf-8")
     path = structure(tmp_path)
     assert f"{before}: the mode at" in modalwatch("diagnose", path, now, "--reference", before).err
-    for option in ("--reference", "--holdout"):
+    for option in ("--reference", "--held-out"):
         rest = () if option == "--reference" else ("--reference", with_units)
         said = " ".join(modalwatch("diagnose", path, now, *rest, option, tmp_path / "khz.csv").err.split())
         assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in said

@@ -28,24 +28,24 @@ def said(*items: Event, as_json: bool = False) -> list[str]:
 
 
 def test_lines_for_people() -> None:
-    lines = said(event("device_lost", device="left", why="the port is gone"), change(START, "alarm", "it moved"))
+    lines = said(event("device_failed", device="left", why="the port is gone"), change(START, "alarm", "it moved"))
     assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ", line) for line in lines)
     assert [line.split(" ", 1)[1] for line in lines] == [
-        'device_lost device=left why="the port is gone"',
+        'device_failed device=left why="the port is gone"',
         "  alarm: it moved",
     ]
 
 
 def test_lines_for_programs() -> None:
     lines = said(
-        event("device_back", device="left", serial="E1"),
-        event("device_lost", device="left"),
+        event("device_recovered", device="left", serial="E1"),
+        event("device_failed", device="left"),
         change(START, "alarm", "it moved"),
         as_json=True,
     )
     found = [json.loads(line) for line in lines]
     assert [line["level"] for line in found] == ["info", "warning", "warning"]
-    assert found[0]["fields"] == {"what": "device_back", "at": START, "device": "left", "serial": "E1"}
+    assert found[0]["fields"] == {"what": "device_recovered", "at": START, "device": "left", "serial": "E1"}
     assert found[2] | {"time": ""} == {
         "time": "",
         "level": "warning",

@@ -123,7 +123,9 @@ def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, 
     path, written = tmp_path / "bar.toml", tmp_path / "bar.json"
     path.write_text(cantilever((0.3, "y"), (0.6, "y"), (1.0, "y"), (0.6, "z"), (1.0, "z")))
     # the bar weighs 785 g
-    done = modalwatch("structure", path, "--json", written, "--target", "3g", "--within", "30mm", "--record", 120)
+    done = modalwatch(
+        "structure", path, "--json", written, "--target-mass", "3g", "--tolerance", "30mm", "--record-seconds", 120
+    )
     assert (done.code, done.err) == (0, "")
     target = json.loads(written.read_text())["target"]
     assert (target["mass"], target["within"], target["chance"]) == (0.003, 0.03, 0.95)
@@ -172,13 +174,13 @@ def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> N
         ((bad,), (bad, "sensor s0: [1.5, 0.0, 0.0] lies on no member")),
         ((good, "--out", tmp_path / "none" / "x.png"), ("--out: ", tmp_path / "none" / "x.png", "cannot be written")),
         ((good, "--out", tmp_path / "x.sketch"), ("--out: ", tmp_path / "x.sketch", "cannot be written")),
-        ((good, "--target", "50"), ("--target: expected a mass in kg or g, such as 50g, found '50'",)),
-        ((good, "--target", "50mm"), ("--target: expected a mass",)),
-        ((good, "--target", "1.2.3g"), ("--target: expected a mass",)),
-        ((good, "--target", "50g", "--within", "5g"), ("--within: expected a length in m or mm",)),
-        ((good, "--record", 0), ("--record: expected a positive number, found 0",)),
+        ((good, "--target-mass", "50"), ("--target-mass: expected a mass in kg or g, such as 50g, found '50'",)),
+        ((good, "--target-mass", "50mm"), ("--target-mass: expected a mass",)),
+        ((good, "--target-mass", "1.2.3g"), ("--target-mass: expected a mass",)),
+        ((good, "--target-mass", "50g", "--tolerance", "5g"), ("--tolerance: expected a length in m or mm",)),
+        ((good, "--record-seconds", 0), ("--record-seconds: expected a positive number, found 0",)),
         ((good, "--damping", 2), ("--damping: expected a ratio",)),
-        ((good, "--target", "50g"), (good, "expected at least two sensors that measure three modes")),
+        ((good, "--target-mass", "50g"), (good, "expected at least two sensors that measure three modes")),
         ((good, "--json", tmp_path / "none" / "x.json"), ("--json: ", tmp_path / "none" / "x.json", "cannot be wri")),
     ):
         assert_refused(modalwatch("structure", *arguments), *says)

@@ -14,12 +14,12 @@ OVER, BETWEEN, CALM, UNKNOWN = 1.5, 0.9, 0.2, float("nan")
 RULES = AlarmRules(
     hold_windows=2,
     clear_windows=3,
-    clear_ratio=0.8,
+    clear_below=0.8,
     cooldown=60 * MINUTE,
     flapping_changes=4,
     flapping_span=999 * MINUTE,
 )
-LATCHING = replace(RULES, latch=True)
+LATCHING = replace(RULES, latched=True)
 
 
 def play(rules: AlarmRules, levels: list[float | str], step: int = 10 * MINUTE) -> tuple[Alarm, list[Change]]:
@@ -140,7 +140,7 @@ def test_flapping_is_said_once_then_quiet_then_steady() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("hold_windows", 0), ("clear_windows", 0), ("flapping_changes", 0), ("clear_ratio", 0.0), ("clear_ratio", 1.1)],
+    [("hold_windows", 0), ("clear_windows", 0), ("flapping_changes", 0), ("clear_below", 0.0), ("clear_below", 1.1)],
 )
 def test_rules_that_cannot_be(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"{field}: expected"):
@@ -154,7 +154,9 @@ def test_rules_as_they_are_unless_set() -> None:
     assert play(AlarmRules(), [OVER, 0.999])[0].condition == "normal"
     alarm, said = play(AlarmRules(), [*RAISED, CALM, CALM, OVER, OVER], step=0)
     assert (said[-1], alarm.raised) == (Change(kind="state", state="alarm"), 0)
-    assert AlarmRules() == AlarmRules(hold_windows=2, clear_windows=2, latch=False, flapping_changes=6, flapping_span=0)
+    assert AlarmRules() == AlarmRules(
+        hold_windows=2, clear_windows=2, latched=False, flapping_changes=6, flapping_span=0
+    )
 
 
 def test_window_at_the_share_of_calm_is_not_calm() -> None:

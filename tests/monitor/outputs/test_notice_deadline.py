@@ -17,7 +17,7 @@ from monitor.outputs.notices.deadline import DeadlineRunner
 from monitor.settings import NotifySettings
 from tests.support.monitor.notices import ALARM, NOTICE, Server, until
 
-LOST = Event(topic="/event/device_lost", time=1, payload={"device": "left"})
+LOST = Event(topic="/event/device_failed", time=1, payload={"device": "left"})
 LIMIT, MARGIN = 0.4, 0.6  # s: of a delivery; of a busy machine beside the runner's grace
 
 

@@ -23,7 +23,7 @@ from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import change, run_events
 from tests.support.monitor.notices import ALARM, NOTICE, Server, until
 
-LOST = Event(topic="/event/device_lost", time=1, payload={"device": "left"})
+LOST = Event(topic="/event/device_failed", time=1, payload={"device": "left"})
 LAST: dict[str, Any] = {"extended_model": None, "next_measurement": ""}
 
 
@@ -254,7 +254,7 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
     """Troubles of an earlier run that still wait for the hour make no alarm report a recovery."""
     spool = tmp_path / "n_other.jsonl"
     spool.write_text(json.dumps(asdict(replace(NOTICE, kind="trouble"))) + "\n", encoding="utf-8")
-    with NoticeSender(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
         courier.others.due = time.monotonic() + 60.0
         courier.put(ALARM)
         until(lambda: server.got)
@@ -263,7 +263,7 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
 
 
 def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
-    with NoticeSender(NotifySettings(webhook=server.url, per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
         courier.put(LOST)
         until(lambda: len(server.got) == 1)
         courier.put(LOST)
@@ -276,7 +276,7 @@ def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, 
 
 
 def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Path) -> None:
-    target = NotifySettings(webhook=server.url, on=("alarm",))
+    target = NotifySettings(webhook=server.url, events=("alarm",))
     with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
         courier.put(LOST)
         courier.put(ALARM)
@@ -300,7 +300,7 @@ def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Se
 
 
 def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
-    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
+    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
     with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
         time.sleep(0.5)
         assert server.got == []
@@ -322,7 +322,7 @@ def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> Non
             "has no attribute 'no'",
         ),
         ({"webhook": "http://a/b", "template": "{% if %}"}, "expected a jinja2 template"),
-        ({"webhook": "http://a/b", "on": ["alarms"]}, "'alarm'"),
+        ({"webhook": "http://a/b", "events": ["alarms"]}, "'alarm'"),
         ({"command": []}, "at least 1"),
     ],
 )

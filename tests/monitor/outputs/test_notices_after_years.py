@@ -78,7 +78,7 @@ def test_fields_of_a_message_are_those_of_what_matters_most(kinds: list[Any], in
 def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:
     """Nothing else may have to be told for years: the page would say all the while that notices are in trouble."""
     server.answer = 503
-    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, on=())
+    target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
     with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
         courier.put(make_block("left", 0))
         until(lambda: courier.problem)
@@ -92,7 +92,7 @@ def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Se
     with NoticeSender(
         NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0
     ) as courier:
-        courier.put(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
+        courier.put(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
         until(lambda: courier.problem)
         server.answer = 200
         courier.put(ALARM)
@@ -105,7 +105,7 @@ def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(serv
     spool = tmp_path / "n.jsonl"
     with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as courier:
         for k in range(20_000):
-            courier.put(Event(topic="/event/device_lost", time=k, payload={"device": "left"}))
+            courier.put(Event(topic="/event/device_failed", time=k, payload={"device": "left"}))
             if k == 7:
                 courier.put(ALARM)
         until(lambda: courier.others.dropped)

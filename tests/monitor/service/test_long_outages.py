@@ -41,11 +41,11 @@ def test_restart_goes_on_without_a_device_that_is_gone(watched: LawState, ports:
     watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": (ports[1], 500.0)})
     watched.recalled = LoadedState(text="of a run before")
     with watched.running() as ended:
-        watched.until_told("device_lost", 1)
+        watched.until_told("device_failed", 1)
         watched.flows("beam_right")
         watched.stop()
         ended.result()
-    assert watched.events("device_lost")[0].payload["device"] == "beam_left"
+    assert watched.events("device_failed")[0].payload["device"] == "beam_left"
 
 
 @pytest.mark.live
@@ -125,7 +125,7 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
         watched.flows("beam_right")
         watched.stop()
         report = ended.result()
-    [told] = watched.events("clock_set")
+    [told] = watched.events("clock_changed")
     assert len(shown) == 1  # a live view goes on with the new log: it ended over scans that are counted anew
     assert told.payload["by_s"] == pytest.approx(3600 * hours, abs=1.0)
     before, after = ([b.pair_time for b in blocks((log,), "beam_left")] for log in report.logs)
@@ -151,7 +151,7 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
         watched.flows("beam_left")
         watched.stop()
         ended.result()
-    assert len(watched.events("analysis_behind")) == 1
+    assert len(watched.events("analysis_lagging")) == 1
     assert watched.events("gap") == []
 
 

@@ -76,8 +76,8 @@ def _assert_told(watched: LawState) -> None:
     [refused] = watched.events("reload_refused")
     assert "site.toml: device.1.rate: expected greater than or equal to 0.001" in refused.payload["why"]
     assert [event.payload["device"] for event in watched.events("gap")] == ["beam_right"]
-    assert [event.payload["left_out_s"] for event in watched.events("analysis_behind")] == [6000.1]
-    assert [event.payload["again_in_s"] for event in watched.events("analysis_died")] == [1.0]
+    assert [event.payload["left_out_s"] for event in watched.events("analysis_lagging")] == [6000.1]
+    assert [event.payload["again_in_s"] for event in watched.events("analysis_failed")] == [1.0]
 
 
 def test_hangup_asks_for_it_once() -> None:

@@ -70,6 +70,6 @@ def _fail_while_it_is_put_into_effect(watched: LawState, good: str, monkeypatch:
     [reloaded] = watched.events("reloaded")
     assert reloaded.payload["changed"] == "log and analysis"
     assert reloaded.payload["failed"].startswith("outlets: MemoryError (test_reload_refused.py:")
-    assert watched.events("analysis_died")[0].payload["why"] == "MemoryError"
+    assert watched.events("analysis_failed")[0].payload["why"] == "MemoryError"
     monkeypatch.setattr("monitor.service.log_and_analysis.new_analysis", new_analysis)
     watched.until(lambda: len(QuietWorker.made) == 2)

@@ -21,7 +21,7 @@ def test_vitals_follow_devices(tmp_path: Path) -> None:
     vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock())
     vitals.take(make_block("left", 0))
     vitals.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
-    vitals.take(Event(topic="/event/device_lost", time=1, payload={"device": "left"}))
+    vitals.take(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
     vitals.write(WELL)
     device = json.loads((tmp_path / NAME).read_text())["devices"]["left"]
     assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
@@ -122,10 +122,10 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
             told[index] = found
     copies = "contain identical samples (error of cabling or export?)"
     assert told == {
-        3: [("channel_lost", "a, b", "constant")],
-        6: [("channel_lost", "c, d", copies)],
-        7: [("channel_back", "a, b")],
-        9: [("channel_back", "c, d")],
+        3: [("channel_failed", "a, b", "constant")],
+        6: [("channel_failed", "c, d", copies)],
+        7: [("channel_recovered", "a, b")],
+        9: [("channel_recovered", "c, d")],
     }
 
 
@@ -135,9 +135,9 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
         tmp_path / NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"}
     )
     gone = dict.fromkeys("ab", "0% of the samples are there")
-    rows = [gone | {"c": "constant"}] * 3 + ["device_back"] + [{"a": "constant", "c": "constant"}] * 2
+    rows = [gone | {"c": "constant"}] * 3 + ["device_recovered"] + [{"a": "constant", "c": "constant"}] * 2
     told = []
-    vitals.take(Event(topic="/event/device_lost", time=0, payload={"device": "left"}))
+    vitals.take(Event(topic="/event/device_failed", time=0, payload={"device": "left"}))
     for index, row in enumerate(rows):
         if isinstance(row, str):
             vitals.take(Event(topic=f"/event/{row}", time=0, payload={"device": "left"}))
@@ -146,7 +146,7 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         vitals.take(result_event(WindowResult.model_validate(window | {"faults": row})))
         told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in vitals.said()]
-    assert told == [(1, "channel_lost", "c"), (5, "channel_lost", "a")]
+    assert told == [(1, "channel_failed", "c"), (5, "channel_failed", "a")]
 
 
 class FastClock:
@@ -191,5 +191,5 @@ def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_
     )
     assert take(*[window] * 9)[1] == "1 of the last 10 windows left out: the analysis has fallen behind"
     assert take(window) == ([("/event/analysis_caught_up", {"left_out": 3})], None)
-    vitals.take(Event(topic="/event/analysis_behind", time=1, payload={"left_out_s": 6000.0}))
+    vitals.take(Event(topic="/event/analysis_lagging", time=1, payload={"left_out_s": 6000.0}))
     assert [topic for topic, _ in vitals.said()] == ["/event/windows_left_out"]

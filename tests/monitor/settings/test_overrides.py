@@ -54,14 +54,14 @@ def test_command_line_stands_above_environment_above_file(site: Path) -> None:
         "MODALWATCH_KIND": "recovery",
         "HOME": "/root",
     }
-    arguments = ("analysis.overlap=0.25", "device.1.rate=500", "alarm.latch=true", 'notify=[{command = ["true"]}]')
+    arguments = ("analysis.overlap=0.25", "device.1.rate=500", "alarm.latched=true", 'notify=[{command = ["true"]}]')
     text, found = read_settings(site, overrides(arguments, environment))
     assert (found.analysis.window_seconds, found.analysis.overlap, found.state) == (120.0, 0.25, "kept here")
     assert [(device.port, device.rate) for device in found.device] == [
         ("/dev/ttyACM7", 1000.0),
         ("/dev/ttyUSB1", 500.0),
     ]
-    assert found.alarm.latch
+    assert found.alarm.latched
     assert found.notify[0].command == (SecretStr("true"),)
     assert parse_settings(text) == found  # what is logged needs neither environment nor arguments
     assert text.startswith("# the bridge\n")

@@ -70,7 +70,7 @@ def test_what_was_lost_is_counted_by_device(tmp_path: Path) -> None:
         block("a", 0),
         happened("gap", device="a", first_index=200, missing=400, exact=True),
         block("a", 3, Flag.BAD_FRAMES | Flag.AFTER_GAP),
-        happened("device_lost", device="b", why="silent"),
+        happened("device_failed", device="b", why="silent"),
         happened("gap", device="b", first_index=0, missing=10, exact=False),
         block("b", 1),
         window(0),

@@ -259,15 +259,15 @@ def site(tmp_path: Path) -> Path:
 
 def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Path) -> None:
     state, minute = site.parent / "state", 60 * 10**9
-    refused = modalwatch("accept", site, "--as", "pump")
+    refused = modalwatch("accept", site, "--reason", "pump")
     assert (refused.code, "ALARM: no alarm is known" in refused.err) == (2, True)
     raised = AlarmResult(time=10**18, state="alarm", text="ALARM: 198 g", window=3)
     url = database_url(None, state)
     with HistoryStore(url) as store:
         store.write([result_event(raised)])
-    assert "--as: expected what the change is" in modalwatch("accept", site).err
-    assert "found '2031'" in modalwatch("accept", site, "2031", "--as", "pump").err
-    done = modalwatch("accept", site, "2001-09-09 01:46", "--as", "pump, 150 g", "--by", "Ada")
+    assert "--reason: expected what the change is" in modalwatch("accept", site).err
+    assert "found '2031'" in modalwatch("accept", site, "2031", "--reason", "pump").err
+    done = modalwatch("accept", site, "2001-09-09 01:46", "--reason", "pump, 150 g", "--by", "Ada")
     assert (done.code, done.err) == (0, "")
     assert "ALARM: 198 g" in done.out
     assert "no monitor is running: the command is executed at the next start" in done.out
@@ -282,4 +282,4 @@ def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Pat
     with Reader(url) as reader:
         [alarm] = reader.alarms(Span(start=0, end=2**62))
     assert (alarm.cleared, alarm.lasted, alarm.text) == (10**18 + minute, 60.0, text)
-    assert "ALARM: no alarm is active" in modalwatch("accept", site, "--as", "pump").err
+    assert "ALARM: no alarm is active" in modalwatch("accept", site, "--reason", "pump").err

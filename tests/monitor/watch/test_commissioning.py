@@ -43,7 +43,7 @@ def test_drill_by_what_the_monitor_remembers(
     run(pipeline, played.windows(4))
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (tmp_path / "site.toml").write_text(played.text, encoding="utf-8")
-    words = ("prove", tmp_path / "site.toml", "--mass", str(MASS), "--at", "0,0.9")
+    words = ("prove", tmp_path / "site.toml", "--mass", str(MASS), "--position", "0,0.9")
     refused = modalwatch(*words)
     assert (refused.code, "the watch has no baseline: it has never run" in refused.err) == (2, True)
 
@@ -64,11 +64,11 @@ def test_drill_by_what_the_monitor_remembers(
 
     # another mass, or elsewhere: not proven, which scales nothing and leaves the proof of before as it is
     for mass, at, failed in (("0.1", "0,0.5", ["place", "mass"]), (str(MASS), "0.3,1.48", ["place"])):
-        wrong = modalwatch(*words[:3], mass, "--at", at, "--json", tmp_path / "wrong.json")
+        wrong = modalwatch(*words[:3], mass, "--position", at, "--json", tmp_path / "wrong.json")
         said = json.loads((tmp_path / "wrong.json").read_text(encoding="utf-8"))
         assert [check["what"] for check in said["checks"] if not check["passed"]] == failed
         assert (wrong.code, said["passed"], said["modes"], "NOT proven" in wrong.out) == (1, False, [], True)
-    assert modalwatch(*words[:3], "0.1", "--at", "0,0.9").code == 1
+    assert modalwatch(*words[:3], "0.1", "--position", "0,0.9").code == 1
     names = sorted(path.name for path in (tmp_path / "state" / "proofs").iterdir())
     assert names == [kept.name, kept.name.replace(".json", "_2.json")]
 
@@ -78,8 +78,8 @@ def test_places_that_make_no_sense(modalwatch: Commands, tmp_path: Path, monkeyp
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (tmp_path / "site.toml").write_text(played.text, encoding="utf-8")
     for at in ("here", "1", "1,2,3,4", ""):
-        refused = modalwatch("prove", tmp_path / "site.toml", "--mass", "0.1", "--at", at)
-        assert (refused.code, "--at: expected X,Z or X,Y,Z in metres" in refused.err) == (2, True)
+        refused = modalwatch("prove", tmp_path / "site.toml", "--mass", "0.1", "--position", at)
+        assert (refused.code, "--position: expected X,Z or X,Y,Z in metres" in refused.err) == (2, True)
     evidence = SimpleNamespace(structure=played.structure, found=None, diagnosis=None)
     with pytest.raises(ProofError, match="is 500 mm off the nearest member, column: expected within 50"):
         prove(evidence, 0.1, (0.5, 0.0, 0.5))  # type: ignore[arg-type]

@@ -47,7 +47,7 @@ class Held:
 def test_any_values_come_back_to_the_last_bit(
     real: npt.NDArray[np.float64], turned: npt.NDArray[np.complex128], number: float, word: str | None, whole: int
 ) -> None:
-    alarm = Alarm(rules=AlarmRules(latch=True), raised=whole, flips=(1, 2))
+    alarm = Alarm(rules=AlarmRules(latched=True), raised=whole, flips=(1, 2))
     held = Held(real, (turned, turned[:0]), {"a": number}, word, whole, True, alarm)
     back: Held = decode(Held, json.loads(json.dumps(encode(held))))
     assert (back.real.tobytes(), back.real.shape) == (real.tobytes(), real.shape)

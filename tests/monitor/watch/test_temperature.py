@@ -196,9 +196,9 @@ def test_source_that_fails_is_told_once_and_again_when_it_is_back(
     with thermometer(TemperatureSettings(csv=str(path), stale_minutes=EVER), SystemClock()) as source:
         until(lambda: heard("/event/temperature_failed", source))
         path.write_text("t,temperature\n5,6.5\n")
-        until(lambda: heard("/event/temperature_back", source))
+        until(lambda: heard("/event/temperature_recovered", source))
     topics = [event.topic for event in said]
-    assert sorted(topics) == ["/event/temperature_back", "/event/temperature_failed", "/measured/temperature"]
+    assert sorted(topics) == ["/event/temperature_failed", "/event/temperature_recovered", "/measured/temperature"]
     assert "No such file" in said[0].payload["why"]
 
 

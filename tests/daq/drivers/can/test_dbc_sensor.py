@@ -78,7 +78,7 @@ def test_a_dbc_sensor_and_a_node_share_a_bus_lose_nothing_and_come_back_after_it
             with pytest.raises(DriverError, match=r"identifier 0x6 is read already, by slcan:.* accX$"):
                 make_driver("can-dbc", on(found.channel), RATE).open()
             found.say("unplug")
-            wait_for(lambda: len(events_of(items, "device_lost")) == 2)
+            wait_for(lambda: len(events_of(items, "device_failed")) == 2)
             lossless = list(items)
             found.say("plug")
             wait_for(lambda: any(block.flags & Flag.RESTARTED for block in blocks_of(items)))

@@ -95,13 +95,13 @@ def test_pulling_the_adapter_loses_all_its_nodes_and_all_come_back(tmp_path: Pat
     with can_process(tmp_path, 2) as found, reading(on(found.channel, 2), found.clock, items):
         wait_for(lambda: all(blocks_of(items, name) for name in ("d0", "d1")))
         found.say("unplug")
-        wait_for(lambda: len(events_of(items, "device_lost")) == 2)
+        wait_for(lambda: len(events_of(items, "device_failed")) == 2)
         found.say("plug")
-        wait_for(lambda: len(events_of(items, "device_back")) == 2)
+        wait_for(lambda: len(events_of(items, "device_recovered")) == 2)
         n = len(items)
         wait_for(lambda: all(blocks_of(items[n:], name) for name in ("d0", "d1")))
-    assert {event["device"] for event in events_of(items, "device_lost")} == {"d0", "d1"}
-    assert all("the bus is not available" in event["why"] for event in events_of(items, "device_lost"))
+    assert {event["device"] for event in events_of(items, "device_failed")} == {"d0", "d1"}
+    assert all("the bus is not available" in event["why"] for event in events_of(items, "device_failed"))
     for name in ("d0", "d1"):
         blocks = blocks_of(items, name)
         again = next(k for k, block in enumerate(blocks) if block.flags & Flag.RESTARTED)

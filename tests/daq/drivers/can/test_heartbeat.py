@@ -162,11 +162,11 @@ def test_power_dip_and_emergency_are_told_at_once_and_hanging_by_the_heartbeat(m
     with reading(node, items):
         _, said = seconds_until(items, "device_warning", lambda: node.fail(0x8110))
         assert said == "emergency 0x8110: Monitoring (register 0x01, data 0000000000)"
-        seconds, why = seconds_until(items, "device_lost", node.power_cycle)
+        seconds, why = seconds_until(items, "device_failed", node.power_cycle)
         assert why.endswith("node 3: it has restarted: its settings are lost")
         assert seconds < 1.0  # 0.1 s of a read, and a busy host; silence would take two
-        wait_for(lambda: isinstance(items[-1], Event) and items[-1].topic == "/event/device_back")
+        wait_for(lambda: isinstance(items[-1], Event) and items[-1].topic == "/event/device_recovered")
         items.clear()
-        seconds, why = seconds_until(items, "device_lost", node.hang)
+        seconds, why = seconds_until(items, "device_failed", node.hang)
         assert why.endswith("node 3: neither heartbeat nor scan for 0.5 s")
         assert seconds < 2.0  # which silence would take

@@ -102,7 +102,7 @@ def test_nodes_on_one_sync_sample_at_the_same_instants_and_still_do_after_one_wa
     with served(EmulatedSlcan(nodes)) as adapter, reading(adapter, clock, items):
         wait_for(lambda: len(items) > 24)
         nodes[1].power_cycle()
-        wait_for(lambda: bool(events(items, "device_back")))
+        wait_for(lambda: bool(events(items, "device_recovered")))
         n = len(items)
         wait_for(lambda: len(items) > n + 24)
     one, other = by_index(items, "d1"), by_index(items, "d2")
@@ -140,9 +140,9 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
     with served(EmulatedSlcan(nodes)) as adapter, reading(adapter, clock, items):
         wait_for(lambda: len(items) > 4)
         nodes[0].hang()
-        wait_for(lambda: len(events(items, "device_lost")) == 2)
+        wait_for(lambda: len(events(items, "device_failed")) == 2)
         nodes[0].power_cycle()
-        wait_for(lambda: len(events(items, "device_back")) == 2)
+        wait_for(lambda: len(events(items, "device_recovered")) == 2)
         n = len(items)
         wait_for(lambda: len(items) > n + 4)
         second = CanAddress(interface="slcan", channel=adapter.port, node=5, sync="producer")
@@ -150,7 +150,7 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
             make_driver("epson-can", second, RATE).open()
         with pytest.raises(DriverError, match=r"node 5: SYNC: expected one rate on a bus, found 500 Hz and 1000"):
             make_driver("epson-can", second, 500.0).open()
-    why = {event.payload["device"]: event.payload["why"] for event in events(items, "device_lost")}
+    why = {event.payload["device"]: event.payload["why"] for event in events(items, "device_failed")}
     assert why["d2"].endswith("node 2: the device is alive, but no SYNC is received: its producer has failed")
     one, other = by_index(items[n:], "d1"), by_index(items[n:], "d2")
     common = sorted(one.keys() & other.keys())

@@ -131,7 +131,7 @@ def test_crowds_of_events_lose_their_oldest_and_nothing_else_goes(
     monkeypatch.setattr(recorder, "_FORGET", 0.0)
     url = sqlite_url(tmp_path)
     gaps = [Event(topic="/event/gap", time=k, payload={"device": "left"}) for k in range(30)]
-    lost = Event(topic="/event/device_lost", time=0, payload={"device": "left"})
+    lost = Event(topic="/event/device_failed", time=0, payload={"device": "left"})
     alarms = [change(k, "alarm" if k % 2 else "normal", lasted=None if k % 2 else 1.0) for k in range(1, 21)]
     with recording(url, tmp_path / "spool.jsonl", keep_events=5) as made:
         for event in (lost, *gaps, *alarms, *EVENTS):
@@ -139,6 +139,6 @@ def test_crowds_of_events_lose_their_oldest_and_nothing_else_goes(
     assert made.dropped == 0
     kept = [(row["topic"], row["time"]) for row in rows(url, "events")]
     newest = max(event.time for event in EVENTS if event.topic == "/event/gap")
-    assert kept == [("/event/device_lost", 0), *(("/event/gap", k) for k in (26, 27, 28, 29, newest))]
+    assert kept == [("/event/device_failed", 0), *(("/event/gap", k) for k in (26, 27, 28, 29, newest))]
     assert (len(rows(url, "alarms")), len(rows(url, "alarm_changes"))) == (11, 20 + 3)
     assert len(rows(url, "windows")) == 20

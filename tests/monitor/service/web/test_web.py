@@ -36,7 +36,9 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the history of a run that has found a mass."""
     folder = tmp_path_factory.mktemp("history")
     with HistoryStore(sqlite_url(folder)) as store:
-        store.write([*EVENTS, Event(topic="/event/device_back", time=10**18, payload={"device": "<script>alert(1)"})])
+        store.write(
+            [*EVENTS, Event(topic="/event/device_recovered", time=10**18, payload={"device": "<script>alert(1)"})]
+        )
     return folder
 
 
