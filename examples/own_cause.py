@@ -59,7 +59,7 @@ def _point(values: FloatArray) -> tuple[float, float, float]:
 
 def propose_ice(reference: Reference, comparison: Comparison) -> Ice:
     """Return every member as an alternative."""
-    structure, model = reference.calibration.structure, reference.calibration.model
+    structure, model = reference.structure, reference.model
     carried = []
     for row in range(len(structure.member)):
         points, share = spread(structure, row)

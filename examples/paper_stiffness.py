@@ -120,7 +120,7 @@ print(f"\ntruly: {1e6 * stretch:.2f} in both planes; {1e6 * (1 / LEFT - 1) / spr
 print(f"\n304 g added and no stiffness lost: {len(misread.flagged)} of {len(hinges.name)} hinges flagged")
 
 # What eight modes make up: the paper's closing remark
-model = build_model(reference.calibration.structure)
+model = build_model(reference.structure)
 modes = model.modes(8)
 whole = np.linalg.inv(model.stiffness.toarray())
 x = model.dofs[(model.nodes[:, 0] == 0) & (model.nodes[:, 2] > 0.1), 0]

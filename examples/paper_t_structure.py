@@ -104,13 +104,13 @@ for place, body in BODIES.items():
         answers[place, said] = locate_mass(reference, event)
         spreads[place, said] = spread_mass(reference, event)
 
-nodes = reference.calibration.model.nodes
+nodes = reference.model.nodes
 column = np.flatnonzero(nodes[:, 0] == 0)
 column = column[np.unique(nodes[column, 2], return_index=True)[1]]
 beam = np.flatnonzero(nodes[:, 2] == nodes[column[-1], 2])
 beam = beam[np.unique(nodes[beam, 0], return_index=True)[1]]
 across, height = nodes[beam, 0], nodes[column, 2]
-particles = build_model(reference.calibration.structure)
+particles = build_model(reference.structure)
 own = np.append(particles.mass.diagonal(), 0.0)[particles.dofs[:, :3]].max(axis=1, keepdims=True)  # kg a node
 percent = 100 / np.where(own > 0, own, np.inf)  # of it, as the paper has them
 shown = {place: updates[place, "0.1 % / 2 %"] for place in BODIES}
@@ -228,7 +228,7 @@ def mode_shapes() -> Figure:
     """Return the reference's first eight modes in parallel projection, after the first stage."""
     figure = Figure(figsize=(10, 9), layout="constrained")
     towards = np.array([[1.0, 0.0], [-0.5, -0.35], [0.0, 1.0]])  # where x, y and z point on paper
-    model = reference.calibration.model
+    model = reference.model
     for i, axes in enumerate(figure.subplots(2, 4).flat):
         held = np.append(reference.shape[:, i], 0.0)[model.dofs[:, :3]]
         for line in (column, beam):

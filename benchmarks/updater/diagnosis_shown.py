@@ -123,7 +123,7 @@ def show(folder: Path) -> None:
         if shown.balance:
             print(f"  log evidence of mass over stiffness {shown.balance.log_odds:+.0f}")
         with styled():
-            structure = found.reference.calibration.structure
+            structure = found.reference.structure
             for part, figure in figures(found.explained.diagnosis, shown, structure):
                 if figure is not None and part in wanted[name]:
                     figure.savefig(folder / f"diagnosis_{name}_{part}.png", dpi=DPI)
@@ -139,7 +139,7 @@ def pointed(seeds: range, n: int) -> tuple[FloatArray, FloatArray, int]:
         gain: FloatArray = 1 + 0.005 * random.standard_normal(12)
         bare = true_model(np.random.default_rng((seed, 1)))
         reference = learn_reference(t_frame(), [measure(bare, random, gain) for _ in range(8)], [TRACK] * 8)
-        nodes = reference.calibration.model.nodes
+        nodes = reference.model.nodes
         for _ in range(n):
             start, x = random.uniform(0.1, 1.3), random.uniform(-0.35, 0.35)
             changes = (softened(bare.structure, start), bare.structure.with_bodies((Body(at=(x, 0, 1.48), mass=0.2),)))

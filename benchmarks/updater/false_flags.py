@@ -110,7 +110,7 @@ def claims(frame: str, specimens: int) -> str:
     n, off, everywhere, peaks, held, n_flagged = 0, [], [], [], 0, 0
     for seed in range(FIRST_SPECIMEN, FIRST_SPECIMEN + specimens):
         one = specimen(frame, seed)
-        updater, model = MassUpdater(one.reference), one.reference.calibration.model
+        updater, model = MassUpdater(one.reference), one.reference.model
         for place, event in one.bodies(10):
             n += 1
             found = updater.update(event)

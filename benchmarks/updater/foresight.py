@@ -102,7 +102,7 @@ def found_line(mass: float, seconds: float, done: list[Trial]) -> str:
 
 def weakest_line(outlook: DetectabilityStudy, factor: float, n: int) -> str:
     """Return how often the weakest mass times a factor raises the alarm, on other frames at random places."""
-    weakest, heaviest = outlook.weakest_mass(), 0.1 * outlook.reference.calibration.model.total_mass()
+    weakest, heaviest = outlook.weakest_mass(), 0.1 * outlook.reference.model.total_mass()
     usable = np.flatnonzero(weakest < heaviest)
     random = np.random.default_rng((SEED, round(outlook.record.seconds)))
     alarms = 0
@@ -177,7 +177,7 @@ def law_line(seconds: float, rigs: int) -> str:
         nearest = [int(np.argmin(np.abs(np.log(modes.frequency / f)))) for f in estimate.frequency]
         for k, mode in enumerate(nearest):
             record = Record(seconds=seconds, damping=float(estimate.damping[k]))
-            at = model.calibration.model.sensor_rows @ modes.shape
+            at = model.model.sensor_rows @ modes.shape
             own = np.array([mode])
             error = shape_errors(at, record.leaks(modes.frequency, own), at[:, own].T)
             law = np.sqrt((error**2).sum() + len(at) * record.blur(modes.frequency[own])[0] ** 2)

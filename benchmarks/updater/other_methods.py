@@ -43,18 +43,18 @@ def increments(reference: Reference, event: ModalMean) -> Answer:
     update = MassUpdater(reference).update(event)
     size = np.abs(np.nan_to_num(update.normalised))
     node, direction = np.unravel_index(np.argmax(size), size.shape)
-    return Answer(reference.calibration.model.nodes[node], float(update.totals[direction]))
+    return Answer(reference.model.nodes[node], float(update.totals[direction]))
 
 
 def sensitivity(reference: Reference, event: ModalMean) -> Answer:
     """Masses at all nodes by the iterative sensitivity method: the largest, and their sum."""
     found = spread_mass(reference, event)
-    return Answer(reference.calibration.model.nodes[found.node[np.argmax(found.mass)]], float(found.mass.sum()))
+    return Answer(reference.model.nodes[found.node[np.argmax(found.mass)]], float(found.mass.sum()))
 
 
 def non_negative(reference: Reference, event: ModalMean) -> Answer:
     """Non-negative masses at all nodes that fit the frequencies to first order: the largest, and their sum."""
-    data, model = compare(reference, event), reference.calibration.model
+    data, model = compare(reference, event), reference.model
     padded = np.vstack([reference.shape, np.zeros(reference.shape.shape[1])])
     moved = (padded[model.dofs[:, :3]] ** 2).sum(1)[:, data.paired]  # (n_nodes, n)
     std = np.sqrt(event.log_frequency_std**2 + reference.baseline.log_frequency_std**2)[data.tracks]
@@ -65,8 +65,8 @@ def non_negative(reference: Reference, event: ModalMean) -> Answer:
 def misfit(reference: Reference, event: ModalMean) -> Answer:
     """Least |(f_model - f) / f_model|^2 + 1 / |MAC|^2, as INTO-CPS's example-shm has it, from each member's middle."""
     data = compare(reference, event)
-    total, best = reference.calibration.model.total_mass(), None
-    for member in reference.calibration.structure.member:
+    total, best = reference.model.total_mass(), None
+    for member in reference.structure.member:
 
         def cost(x: FloatArray, start: FloatArray, along: FloatArray) -> float:
             return _misfit(reference, data, start + x[0] * along, x[1] * total)
@@ -80,7 +80,7 @@ def misfit(reference: Reference, event: ModalMean) -> Answer:
 
 
 def _misfit(reference: Reference, data: Comparison, point: FloatArray, mass: float) -> float:
-    moved = reference.calibration.model.read(point)[:3] @ reference.shape
+    moved = reference.model.read(point)[:3] @ reference.shape
     effect = replace(no_effect(1, data), mass=mass * (moved.T @ moved)[None])
     predicted = predict(data, *picked(reanalyse(data, effect)), effect)
     relative, shape = 1 - np.exp(data.log_ratio - predicted.log_ratio[0]), predicted.shape[0]

@@ -203,8 +203,8 @@ def change_row(n_dofs: int) -> None:
         first, _ = timed(lambda: updater.update(event))
         update, _ = timed(lambda: updater.update(event), 3)
         scan, found = timed(lambda: locate_mass(reference, event), 3)
-    model = reference.calibration.model
-    nodes, structure = len(model.nodes), reference.calibration.structure
+    model = reference.model
+    nodes, structure = len(model.nodes), reference.structure
     where = structure.member_named(found.member).point(found.distance)
     off = float(np.linalg.norm(where - place_of(structure)))
     weighed = f"{found.mass:.1f} ± {found.mass_std:.1f} of {mass:.1f}"
@@ -222,7 +222,7 @@ def frame_row() -> None:
     first, _ = timed(lambda: updater.update(event))
     update, _ = timed(lambda: updater.update(event), 3)
     scan, found = timed(lambda: locate_mass(reference, event), 3)
-    model = reference.calibration.model
+    model = reference.model
     costs = f"{learning:.1f} | {first:.2f} | {update:.2f} | {scan:.2f}"
     weighed = f"{found.mass:.3f} ± {found.mass_std:.3f} of 0.304"
     print(f"| {model.n_dofs} (T-frame) | {len(model.nodes)} | {costs} | {weighed} | {abs(found.distance - 0.65):.3f} |")

@@ -93,7 +93,7 @@ def reference_result(
     tracks : (n_modes,) whose modes these are
     accepted : in order
     """
-    calibration, model = reference.calibration, reference.calibration.model
+    calibration, model = reference.calibration, reference.model
     padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
     motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
     motion = motion / np.abs(motion).max(axis=(0, 1))

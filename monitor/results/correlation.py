@@ -88,7 +88,7 @@ def discrepancy_result(
         balance=None if faulty or not shaped else _balance(force_balance(reference, told)),
         signals=_signals(*heard) if heard else (),
         trends=trends,
-        places=_places(densities(reference.calibration.structure, explained.parts)),
+        places=_places(densities(reference.structure, explained.parts)),
         gain_std=explained.gained.std if explained.gained and explained.gained.significant else None,
         note=" ".join(filter(None, [note, _FAULTY if faulty else "", "" if shaped else _FREQUENCIES_ONLY])),
     )

@@ -91,7 +91,7 @@ def self_test(
     last_passed : when a test has last passed [ns UTC]
     """
     random = np.random.default_rng(time // 10**9)
-    mass = settings.alarm.self_test_percent / 100 * watch.reference.calibration.model.total_mass()
+    mass = settings.alarm.self_test_percent / 100 * watch.reference.model.total_mass()
     ratios = with_mass(watch.reference, _places(watch.reference, random, DRAWS), mass)
     found = sum(_raises(watch, alarm, _changed(windows, ratio, watch, settings), settings) for ratio in ratios)
     passed = found >= _PASSED * DRAWS
@@ -117,7 +117,7 @@ def with_mass(reference: Reference, places: FloatArray, mass: float) -> FloatArr
     places : (n, 3) points on members [m]
     mass : [kg]
     """
-    rows = reference.calibration.model.reader(places).toarray().reshape(len(places), 6, -1)[:, :3]
+    rows = reference.model.reader(places).toarray().reshape(len(places), 6, -1)[:, :3]
     motion = rows @ reference.shape
     stiffness = (2 * np.pi * reference.frequency) ** 2
     root = 1 / np.sqrt(stiffness)
@@ -131,7 +131,7 @@ def with_mass(reference: Reference, places: FloatArray, mass: float) -> FloatArr
 
 def _places(reference: Reference, random: np.random.Generator, n: int) -> FloatArray:
     """Return points (n, 3) on members, as likely on one metre as on any other [m]."""
-    members = reference.calibration.structure.member
+    members = reference.structure.member
     length = np.array([member.length for member in members])
     chosen = random.choice(len(members), n, p=length / length.sum())
     return np.array([members[k].point(share * length[k]) for k, share in zip(chosen, random.random(n), strict=True)])

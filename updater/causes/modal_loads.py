@@ -26,7 +26,7 @@ def modal_section_forces(reference: Reference, stations: Mapping[int, FloatArray
     dict
         Number of the member -> (n, 6, n_modes + n_stress).
     """
-    model, modes = reference.calibration.model, reference.calibration.modes
+    model, modes = reference.model, reference.calibration.modes
     turned = modes.shape.T @ (model.mass @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
     stress, members = self_stress(model), model.structure.member
     return {
@@ -44,4 +44,4 @@ def modal_spring_force(reference: Reference, connection: Support | Joint, axis: 
     """
     stiffness: dict[Axis, float] = dict(connection.stiffness.items())
     of_modes = stiffness[axis] * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
-    return np.append(of_modes, self_stress(reference.calibration.model).in_spring(connection, axis))
+    return np.append(of_modes, self_stress(reference.model).in_spring(connection, axis))

@@ -97,7 +97,7 @@ def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
     placed = [c.cause for c in (*one.chosen, *other.chosen) if isinstance(c.cause, Placed)]
     if first is None or second is None or not placed:
         return False
-    near = _BESIDE * size(placed[0].reference.calibration.structure)
+    near = _BESIDE * size(placed[0].reference.structure)
     return float(np.linalg.norm(np.subtract(first, second))) < near
 
 
@@ -142,7 +142,7 @@ def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
     where = cause.where(part)
     if cause.name != "local_stiffness" or not isinstance(cause, Placed) or not where or where.position is None:
         return []
-    structure = cause.reference.calibration.structure
+    structure = cause.reference.structure
     near = _BESIDE * size(structure)
     ends = [("support_stiffness", s.at) for s in structure.support] + [
         ("joint_stiffness", j.at) for j in structure.joint

@@ -122,7 +122,7 @@ def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) ->
 
 def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
     """Try a sensor along each axis at places of every member; return the best one."""
-    structure, model = reference.calibration.structure, reference.calibration.model
+    structure, model = reference.structure, reference.model
     if not structure.member or not data.shaped.any():
         return []
     points = np.concatenate([m.point(np.arange(0, 1 + _SPACING / 2, _SPACING) * m.length) for m in structure.member])
@@ -153,10 +153,10 @@ def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArra
 
 def _taken(reference: Reference, point: FloatArray, axis: int) -> bool:
     """Tell whether a sensor along an axis is there already, or so near that it sees the same."""
-    near = _NEAR * size(reference.calibration.structure)
+    near = _NEAR * size(reference.structure)
     return any(
         np.linalg.norm(np.subtract(s.at, point)) < near and abs(s.direction[axis]) > 0.99 * np.linalg.norm(s.direction)
-        for s in reference.calibration.structure.sensor
+        for s in reference.structure.sensor
     )
 
 
@@ -164,8 +164,8 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
     """Try a known mass at places of every member; return the best one."""
     step = max(1, len(bodies.position) // 40)
     rows = np.arange(0, len(bodies.position), step)
-    members = bodies.reference.calibration.structure.member
-    mass = _SHARE * bodies.reference.calibration.model.total_mass()
+    members = bodies.reference.structure.member
+    mass = _SHARE * bodies.reference.model.total_mass()
     theta = np.zeros((len(rows), len(bodies.prior_std)))
     theta[:, 0] = mass
     on = bodies.effect(theta, rows)

@@ -36,7 +36,7 @@ def next_place(part: Fit[Cause], within: float) -> int | None:
     log = part.log_density + cause.log_prior
     points = cause.points(part)
     away = np.linalg.norm(points - points[part.best], axis=1)
-    far = away > _ASIDE * another_place(cause.reference.calibration.structure)
+    far = away > _ASIDE * another_place(cause.reference.structure)
     likely = np.flatnonzero(far & (log > log[part.best] - within))
     return int(likely[np.argmax(log[likely])]) if len(likely) else None
 
@@ -79,7 +79,7 @@ def _places(part: Fit[Cause]) -> list[tuple[float, BoolArray]]:
     cause = part.hypotheses
     if not isinstance(cause, Placed):
         return []
-    least = another_place(cause.reference.calibration.structure)
+    least = another_place(cause.reference.structure)
     found: list[tuple[FloatArray, FloatArray]] = []
     for inside in cause.by_place(part):
         where = cause.where(part.only(inside > 0))

@@ -481,7 +481,7 @@ def _failed(case: _Case) -> tuple[Failed, ...]:
 def _nearer(case: _Case) -> RecalibratedModel:
     """Return an inconsistent file with its best-fitting parameters alone."""
     (chosen,) = case.singles[0].chosen
-    written = chosen.cause.extend(case.reference.file.calibration.structure, chosen.row, chosen.theta)
+    written = chosen.cause.extend(case.reference.file.structure, chosen.row, chosen.theta)
     return RecalibratedModel(written, _gained(case, [chosen], written))
 
 
@@ -579,7 +579,7 @@ def _with_removed_bodies(
             return None
         chosen, before = fitted.chosen, sorted(bodies, key=attrgetter("at"))
         bodies = sorted(removed, key=attrgetter("at"))
-        if all(_same(a, b, size(loaded.calibration.structure)) for a, b in zip(bodies, before, strict=True)):
+        if all(_same(a, b, size(loaded.structure)) for a, b in zip(bodies, before, strict=True)):
             break
     found = diagnosed(loaded) if loaded else None
     return found if found and found.removed else None

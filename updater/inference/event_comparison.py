@@ -81,7 +81,7 @@ def compare(
         at_channels=at_channels,
         across=reference.across_channels(channels),
         frequency=reference.frequency,
-        n_stress=self_stress(reference.calibration.model).n,
+        n_stress=self_stress(reference.model).n,
         circumstances=circumstances,
         new=new_shapes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
     )

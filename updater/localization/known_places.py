@@ -380,7 +380,7 @@ class _Problem:
 def _motion(record: BodyRecord) -> FloatArray:
     """Return the translations (n_candidates, 3, n_modes) of the reference's modes at the candidates."""
     reference = record.reference
-    read = reference.calibration.model.reader(record.position) @ reference.shape
+    read = reference.model.reader(record.position) @ reference.shape
     return np.asarray(read.reshape(len(record.position), 6, -1)[:, :3])
 
 

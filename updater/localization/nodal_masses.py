@@ -52,7 +52,7 @@ def spread_mass(reference: Reference, event: ModalMean) -> NodalMasses:
     """
     node, own = _free_nodes(reference)
     problem = _Spread(compare(reference, event), _translations(reference, node))
-    total = reference.calibration.model.total_mass()
+    total = reference.model.total_mass()
     fits = {share * total: fit_parameters(problem, _prior(own, share * total)) for share in _STRENGTHS}
     strength, best = max(fits.items(), key=lambda pair: pair[1].log_evidence)
     return _as_masses(node, strength, best)
@@ -83,7 +83,7 @@ def _prior(own: FloatArray, strength: float) -> Prior:
 
 def _free_nodes(reference: Reference) -> tuple[IndexArray, FloatArray]:
     """Return the nodes (n,) that move, one of each pair of twins, and their own masses (n,) [kg]."""
-    model = build_model(reference.calibration.structure)
+    model = build_model(reference.structure)
     mass = np.append(model.mass.diagonal(), 0.0)[model.dofs[:, :3]].max(1)
     mass[[twin for _, twin, _ in model.twins]] = 0.0
     node = np.flatnonzero(mass > 0)
@@ -94,7 +94,7 @@ def _free_nodes(reference: Reference) -> tuple[IndexArray, FloatArray]:
 def _translations(reference: Reference, node: IndexArray) -> FloatArray:
     """Return the reference's modes (n, 3, n_modes) at nodes; zeros where one is held."""
     shape = np.vstack([reference.shape, np.zeros(reference.shape.shape[1])])
-    return np.asarray(shape[reference.calibration.model.dofs[node, :3]])
+    return np.asarray(shape[reference.model.dofs[node, :3]])
 
 
 class _Spread:

@@ -114,7 +114,7 @@ def fit_mass(reference: Reference, event: ModalMean) -> tuple[Fit[AddedMass], fl
 def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
     """Return a fitted mass with its profile."""
     cause, probability = found.hypotheses, found.probability
-    names = [member.name for member in cause.reference.calibration.structure.member]
+    names = [member.name for member in cause.reference.structure.member]
     density = probability / cause.weight
     open_places = cause.places(found)
     alternatives = tuple(
@@ -164,7 +164,7 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
     cause = found.hypotheses
     average = np.array([cause.averaged(found, place, parameter) for parameter in range(4)])
     known = average[:, 1] < _LEARNT * cause.prior_std
-    member = cause.reference.calibration.structure.member[place.member]
+    member = cause.reference.structure.member[place.member]
     cross = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
     return BodyShape(
         offset=average[1:3, 0] @ cross,

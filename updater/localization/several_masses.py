@@ -163,7 +163,7 @@ def _holds(
 
 def _log_share_inside(found: Fit[Bodies], row: int, ends: FloatArray, std: FloatArray, bodies: IndexArray) -> float:
     """Return the log share of the Gaussian positions of some bodies that lies on their members."""
-    members = found.hypotheses.grid.reference.calibration.structure.member
+    members = found.hypotheses.grid.reference.structure.member
     length = np.array([members[m].length for m in found.hypotheses.member[row, bodies].tolist()])
     at, scale = ends[bodies], std[bodies]
     return float(np.log(ndtr((length - at) / scale) - ndtr(-at / scale)).sum())

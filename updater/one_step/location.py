@@ -96,8 +96,8 @@ class IncrementLocator:
 
     def __init__(self, reference: Reference, at: Particles) -> None:
         self._reference, self._at = reference, at
-        self._extent = extent(reference.calibration.structure)
-        self._places = _candidates(reference, at, size(reference.calibration.structure))
+        self._extent = extent(reference.structure)
+        self._places = _candidates(reference, at, size(reference.structure))
 
     def locate(
         self, event: ModalMean, tracks: IndexArray, found: Increments, changes: list[ExpandedChange], variance: float
@@ -173,7 +173,7 @@ class IncrementLocator:
 
     @property
     def _total(self) -> float:
-        return self._reference.calibration.model.total_mass()
+        return self._reference.model.total_mass()
 
     def _gram(self, p: _Candidates, mass: FloatArray) -> FloatArray:
         """Return the change of modal mass (n, n_modes, n_modes) of a body of usual inertia."""
@@ -208,7 +208,7 @@ class IncrementLocator:
 
     def _answer(self, density: FloatArray, mass: float, p_value: float) -> IncrementLocation:
         """Return the answer from the posterior density (n,) over all positions, the largest 1."""
-        p, structure = self._places, self._reference.calibration.structure
+        p, structure = self._places, self._reference.structure
         best, members = int(np.argmax(density)), structure.member
         half = 0.5 * float(p.length.max())  # a position stands for what is nearer to it than to the next
         region = [
@@ -229,7 +229,7 @@ class IncrementLocator:
     def _judged(self, found: IncrementLocation) -> IncrementLocation:
         """Return a location with whether one mass fits and its region is short."""
         fits = found.p_value > _MIN_P
-        short = found.radius <= fineness(self._reference.calibration.structure) * _MAX_DISTANCE
+        short = found.radius <= fineness(self._reference.structure) * _MAX_DISTANCE
         return replace(found, fits=fits, is_located=fits and short)
 
 
@@ -333,7 +333,7 @@ class _Response:
 
 
 def _candidates(reference: Reference, at: Particles, scale: float) -> _Candidates:
-    members = reference.calibration.structure.member
+    members = reference.structure.member
     step = max(_SPACING * scale, sum(m.length for m in members) / _MAX_POSITIONS)
     grids = [np.linspace(0, m.length, max(4, round(m.length / step)) + 1) for m in members]
     point = np.concatenate([m.point(grid) for m, grid in zip(members, grids, strict=True)])
@@ -344,7 +344,7 @@ def _candidates(reference: Reference, at: Particles, scale: float) -> _Candidate
     along = np.array([np.subtract(m.end, m.start) / m.length for m in members])
     onto = along[:, :, None] * along[:, None, :]
     # along the member the offset is one of the position; across it bodies are as large as the whole structure suggests
-    offset = _OFFSET_STD * (extent(reference.calibration.structure) * (np.eye(3) - onto) + scale * onto)
+    offset = _OFFSET_STD * (extent(reference.structure) * (np.eye(3) - onto) + scale * onto)
     return _Candidates(
         member=member,
         distance=np.concatenate(grids),

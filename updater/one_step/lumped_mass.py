@@ -47,7 +47,7 @@ class Particles:
 def lump(reference: Reference) -> Particles:
     """Put a reference's mass in particles and take the one-step update's first stage anew."""
     baseline = reference.baseline
-    model = build_model(reference.calibration.structure, shear_flexible=True)
+    model = build_model(reference.structure, shear_flexible=True)
     before = model.modes(len(reference.frequency))
     paired = pair_baseline(model, before, baseline)
     partnered = np.flatnonzero(paired >= 0)

@@ -58,7 +58,7 @@ class DetectabilityStudy:
     @cached_property
     def point(self) -> FloatArray:
         """The places (n_places, 3) [m]."""
-        members = self.reference.calibration.structure.member
+        members = self.reference.structure.member
         pairs = zip(self.places.member, self.places.position, strict=True)
         return np.array([members[m].point(s) for m, s in pairs])
 
@@ -245,7 +245,7 @@ def _outlook(
 
 def heaviest(outlook: DetectabilityStudy) -> float:
     """Return the mass [kg] above which a place counts as blind."""
-    return _HEAVY * outlook.reference.calibration.model.total_mass()
+    return _HEAVY * outlook.reference.model.total_mass()
 
 
 def blind(outlook: DetectabilityStudy, weakest: list[float], member: int) -> Stretches:

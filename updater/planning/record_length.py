@@ -80,7 +80,7 @@ class LocalizationSimulation:
     def __init__(self, outlook: DetectabilityStudy, target: Target) -> None:
         heaviest = float(outlook.places.prior_std[0])
         if abs(target.mass) > heaviest:
-            name = outlook.reference.calibration.structure.name
+            name = outlook.reference.structure.name
             raise ModelError(f"{name}: expected a target of at most {heaviest:.3g} kg, found {target.mass:g} kg")
         self._outlook, self._target = outlook, target
         step = max(1, int(target.within / 4 / float(np.median(outlook.places.weight))))

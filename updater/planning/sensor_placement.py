@@ -39,13 +39,13 @@ def mean_position_std(outlook: DetectabilityStudy, mass: float) -> float:
     """
     place, _ = outlook.bound(mass)
     share = outlook.places.weight / outlook.places.weight.sum()
-    whole = sum(member.length for member in outlook.reference.calibration.structure.member)
+    whole = sum(member.length for member in outlook.reference.structure.member)
     return float(np.exp(share @ np.log(np.minimum(place, whole))))
 
 
 def best_additional_sensor(outlook: DetectabilityStudy, mass: float) -> Choice:
     """Return the sensors with the one more that makes a mass' place surest."""
-    sensors = outlook.reference.calibration.structure.sensor
+    sensors = outlook.reference.structure.sensor
     tried = (_judged(outlook, (*sensors, new), new, mass) for new in candidates(outlook))
     return min(tried, key=lambda choice: choice.mean_position_std)
 
@@ -56,7 +56,7 @@ def backward_elimination(outlook: DetectabilityStudy, mass: float) -> list[Choic
     The last is the smallest that sees three modes with two sensors.
     """
     found: list[Choice] = []
-    sensors = outlook.reference.calibration.structure.sensor
+    sensors = outlook.reference.structure.sensor
     while True:
         tried = []
         for gone in sensors:
@@ -77,7 +77,7 @@ def _judged(outlook: DetectabilityStudy, sensors: tuple[Sensor, ...], changed: S
 
 def candidates(outlook: DetectabilityStudy) -> list[Sensor]:
     """Return a sensor along each axis at many places where there is none yet."""
-    structure = outlook.reference.calibration.structure
+    structure = outlook.reference.structure
     step = -(-len(outlook.member) // _MOST_PLACES)
     found = []
     for x, y, z in outlook.point[::step].tolist():

@@ -11,6 +11,7 @@ from updater.fe import Model, Modes
 from updater.modal_data import DeviceDelays, ModalMean, Scatter, TrackedModes
 from updater.reference.calibration import Calibration, channel_rows
 from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
+from updater.structure import Structure
 
 SAME_SHAPE = 0.9  #: MAC, and
 NEAR = 0.05  #: of ln f: modes that may be taken for each other
@@ -32,6 +33,16 @@ class Reference:
     unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
     measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
     filed: "NominalModel | None" = None  #: of a structure file that is far off: what it says
+
+    @property
+    def structure(self) -> Structure:
+        """Calibrated structure."""
+        return self.calibration.structure
+
+    @property
+    def model(self) -> Model:
+        """Finite element model of the calibrated structure."""
+        return self.calibration.model
 
     @property
     def known(self) -> ModalMean:
@@ -69,11 +80,11 @@ class Reference:
 
     def at_channels(self, channels: tuple[str, ...]) -> FloatArray:
         """Return the modes at sensors (n_channels, n_modes)."""
-        return channel_rows(self.calibration.model, channels) @ self.shape
+        return channel_rows(self.model, channels) @ self.shape
 
     def across_channels(self, channels: tuple[str, ...]) -> FloatArray:
         """Return the modes at sensors along the two axes across each (2 n_channels, n_modes), first axes first."""
-        return channel_rows(self.calibration.model, channels, across=True) @ self.shape
+        return channel_rows(self.model, channels, across=True) @ self.shape
 
     def rows(self, model: Model) -> FloatArray:
         """Return the rows (n_channels, n_dofs) of a model of the same structure that read the baseline's channels."""

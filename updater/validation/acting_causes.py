@@ -24,7 +24,7 @@ def with_acting(reference: Reference, extended: Structure) -> Reference:
     reference : that was diagnosed
     extended : its structure with the causes written in
     """
-    own, base = reference.calibration.structure, reference.baseline
+    own, base = reference.structure, reference.baseline
     kept: dict[str, object] = {name: getattr(own, name) for name in _OF_THE_CHAIN}
     carriers = {name: correction.channel for name, correction in extended.sensors.items()}
     kept["sensors"] = {

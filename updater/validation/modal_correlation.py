@@ -148,7 +148,7 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
     extended : its structure with the causes written in
     expected : (n,) by `as_before`
     """
-    own = reference.calibration.structure
+    own = reference.structure
     carried = _carried(own, extended, expected.channels)
     before, after = _of_model(own, expected), _of_model(extended, expected, carried)
     old, new = match_modes(expected, before), match_modes(before, after)

@@ -68,7 +68,7 @@ def force_balance(reference: Reference, event: ModalMean) -> ForceBalance:
         If fewer than three modes or two channels can be compared.
     """
     data = compare(reference, event)
-    model, shape = reference.calibration.model, reference.shape
+    model, shape = reference.model, reference.shape
     omega2 = (2 * np.pi * reference.frequency) ** 2
     by_stiffness, less = _left_over(reference, data, event, "stiffness")
     by_mass, more = _left_over(reference, data, event, "mass")

@@ -67,7 +67,7 @@ def everywhere(kilograms: float) -> list[Body]:
 
 def relative(rig: Rig, update: MassUpdate) -> FloatArray:
     """Return normalised increments over their nodes' own masses, directions together (n_nodes,)."""
-    particles = build_model(rig.reference.calibration.structure)
+    particles = build_model(rig.reference.structure)
     own = np.append(particles.mass.diagonal(), 0.0)[particles.dofs[:, :3]].max(1)
     return np.asarray(np.nansum(update.normalised, axis=1) / np.where(own > 0, own, np.inf))
 
@@ -89,7 +89,7 @@ def tell(rig: Rig, reference: Reference, bodies: list[Body], noise: float, seed:
     windows = rig.windows(model.modes(8), N_EVENT, seed, noise)
     event = reference.mean_of(stack_tracks(windows, unmoved(N_EVENT)))
     update, answer = MassUpdater(reference).update(event), locate_mass(reference, event)
-    nodes = rig.reference.calibration.model.nodes
+    nodes = rig.reference.model.nodes
     place = t_frame().member_named(answer.member).point(answer.distance)
     return Told(
         totals=update.totals / mass,

@@ -158,7 +158,7 @@ def diagnose_command(
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
-    say_evidence(console, diagnosis, compared, bare_reference(found.reference.calibration.structure).nodes)
+    say_evidence(console, diagnosis, compared, bare_reference(found.reference.structure).nodes)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         if found.explained.calibration is not None:
@@ -176,7 +176,7 @@ def diagnose_command(
         )
     if out:
         with console.status("drawing ..."):
-            draw(out, diagnosis, compared, found.reference.calibration.structure)
+            draw(out, diagnosis, compared, found.reference.structure)
         console.print(
             "written: " + ", ".join(str(path) for path in written(out, diagnosis)), soft_wrap=True, markup=False
         )

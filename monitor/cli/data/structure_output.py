@@ -102,7 +102,7 @@ def body_table(sight: Sight, outlook: DetectabilityStudy) -> Table:
         table.add_column(name, justify="right")
     table.add_column("blind, m")
     place, _ = outlook.bound(mass)
-    members = outlook.reference.calibration.structure.member
+    members = outlook.reference.structure.member
     median = [float(np.median(sight.weakest[outlook.member == m])) for m in range(len(members))]
     shown = np.arange(len(members)) if len(members) <= _MEMBERS else _ends(np.argsort(median, kind="stable"))
     for m, member in ((int(m), members[m]) for m in shown):
@@ -207,7 +207,7 @@ def _body(sight: Sight, outlook: DetectabilityStudy) -> dict[str, Any]:
 
 
 def _places(outlook: DetectabilityStudy, rows: IndexArray) -> list[dict[str, Any]]:
-    names = [member.name for member in outlook.reference.calibration.structure.member]
+    names = [member.name for member in outlook.reference.structure.member]
     return [{"member": names[outlook.member[k]], "position": outlook.point[k].tolist()} for k in rows]
 
 

@@ -83,7 +83,7 @@ def _extremes(axes: Axes3D, sight: Sight, outlook: DetectabilityStudy) -> None:
 
 
 def _places(outlook: DetectabilityStudy) -> Iterator[tuple[str, Vector]]:
-    names = [member.name for member in outlook.reference.calibration.structure.member]
+    names = [member.name for member in outlook.reference.structure.member]
     for m, (x, y, z) in zip(outlook.member, outlook.point.tolist(), strict=True):
         yield names[m], (x, y, z)
 

@@ -43,7 +43,7 @@ def found() -> tuple[Reference, ModalMean, DiagnosisResult]:
     return (
         reference,
         measured,
-        DiagnosisResult(answers.diagnosis(), reference.calibration.structure.with_bodies((BODY,))),
+        DiagnosisResult(answers.diagnosis(), reference.structure.with_bodies((BODY,))),
     )
 
 
@@ -77,7 +77,7 @@ def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, D
     assert shown.balance is not None
     assert shown.balance.log_odds > 5  # a mass it is
     peak = int(np.argmax([-1 if v is None else v for v in shown.balance.added]))
-    assert np.linalg.norm(reference.calibration.model.nodes[peak] - BODY.at) < 0.185  # half a half wave of mode 8
+    assert np.linalg.norm(reference.model.nodes[peak] - BODY.at) < 0.185  # half a half wave of mode 8
     assert DiscrepancyResult.model_validate_json(shown.model_dump_json()) == shown
 
 

@@ -37,7 +37,7 @@ class Specimen:
 
     def bodies(self, n: int, lightest: float = 0.005) -> Iterator[tuple[FloatArray, ModalMean]]:
         """Return places (3,) of bodies of up to 4 % of the mass, clamped beside a bar, and their events."""
-        total = build_model(self.reference.calibration.structure).total_mass()
+        total = build_model(self.reference.structure).total_mass()
         for _ in range(n):
             bar, s = somewhere(self.state, self.random, lowest=0.3)
             mass, length = total * log_uniform(self.random, lightest, _HEAVIEST), self.state.scale.length

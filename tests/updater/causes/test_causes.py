@@ -61,7 +61,7 @@ def drawn(cause: Cause, random: np.random.Generator) -> SelectedCause:
 
 def in_full(reference: Reference, chosen: SelectedCause, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Frequencies and complex shapes of the extended structure, written to TOML and read back."""
-    extended = chosen.cause.extend(reference.calibration.structure, chosen.row, chosen.theta)
+    extended = chosen.cause.extend(reference.structure, chosen.row, chosen.theta)
     extended = parse_structure(dump_structure(extended))
     model = build_model(extended, shear_flexible=True, mass="consistent")
     modes = model.modes(12)

@@ -39,7 +39,7 @@ def test_a_bearing_is_found_where_the_file_has_it_too_stiff() -> None:
     """Both bearings together, which is what the modes of a symmetric beam show; a third of a factor of two."""
     state = BRIDGE.draw(42)
     true = np.mean([1 / ground.along[2] for ground in state.frame.grounds])
-    springs = _learnt("bridge", 42).calibration.structure.support
+    springs = _learnt("bridge", 42).structure.support
     found = np.mean([1 / support.stiffness["z"] for support in springs])
     assert abs(np.log(found / true)) < 0.25
 

@@ -34,7 +34,7 @@ def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> 
     assert cause is not None
     theta = cause.prior_std * random.uniform(-0.8, 0.8, len(cause.knobs))
     theta = np.maximum(np.where(cause.lower[0] > -0.5 * cause.prior_std, np.abs(theta), theta), cause.lower[0])
-    extended = cause.extend(reference.calibration.structure, 0, theta)
+    extended = cause.extend(reference.structure, 0, theta)
     exact = build_model(extended, shear_flexible=True, mass="consistent").modes(40).frequency
     found = data.frequency[data.paired] * np.exp(prediction(data, [SelectedCause(cause, 0, theta)]).log_ratio[0])
     assert np.abs(np.log(found / data.frequency[data.paired])).max() > 0.005

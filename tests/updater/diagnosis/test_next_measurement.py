@@ -60,7 +60,7 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     assert float(place[2]) > 3
     axis = said.split("m along ")[1][0]
     there = Sensor(channel="there", at=(float(place[1]) + 0.02, 0.0, 1.48), direction=AXES[axis])
-    calibration = replace(reference.calibration, structure=with_sensors(reference.calibration.structure, there))
+    calibration = replace(reference.calibration, structure=with_sensors(reference.structure, there))
     said = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
     other = re.search(rf"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along {axis}:", said)
     assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, said

@@ -92,7 +92,7 @@ def test_a_loosened_foot_is_reported_before_and_after() -> None:
     (cause,) = found.diagnosis.causes
     assert cause.cause == "support_stiffness"
     (change,) = (change for change in cause.changes if change.name == "support 0.rx")
-    before = dict(reference.calibration.structure.support[0].stiffness)["rx"]
+    before = dict(reference.structure.support[0].stiffness)["rx"]
     assert change.before == before
     assert change.after == cause.parameters["stiffness_rx"].value
     assert change.after < before

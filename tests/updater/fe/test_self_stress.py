@@ -75,7 +75,7 @@ def test_frequencies_of_what_gives_much_are_the_extended_structures(
 
 def _errors(reference: Reference, data: Comparison, chosen: SelectedCause) -> tuple[float, float]:
     """Return how far off ln f is predicted at the most, with self-stress and without."""
-    extended = chosen.cause.extend(reference.calibration.structure, chosen.row, chosen.theta)
+    extended = chosen.cause.extend(reference.structure, chosen.row, chosen.theta)
     exact = build_model(extended, shear_flexible=True, mass="consistent").modes(len(reference.frequency))
     predicted = data.frequency[data.paired] * np.exp(prediction(data, [chosen]).log_ratio[0])
     effect = chosen.cause.effect(chosen.theta[None], np.array([chosen.row]))

@@ -91,7 +91,7 @@ def test_modes_damp_as_they_share_their_energy_with_what_hangs_there(own_damping
     """Against complex modes where each part loses as much of the energy that it holds, tuned 4 % above a mode."""
     reference, data = compared(6)
     damping, mass, tuned = 0.004, 0.05, 1.04 * float(data.frequency[data.paired[3]])
-    along = reference.calibration.model.read(np.array([0.25, 0, 1.48]))[2] @ reference.shape
+    along = reference.model.read(np.array([0.25, 0, 1.48]))[2] @ reference.shape
     omega_o, omega = 2 * np.pi * tuned, 2 * np.pi * data.frequency
     effect = replace(
         no_effect(1, data),

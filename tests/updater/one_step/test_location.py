@@ -68,7 +68,7 @@ def test_the_region_holds_a_heavy_body_near_the_top_of_a_mast() -> None:
 
 def test_flags_begin_at_the_place() -> None:
     one = frames("T-frame")[0]
-    nodes = one.reference.calibration.model.nodes
+    nodes = one.reference.model.nodes
     for _, event in one.bodies(2, lightest=0.02):
         found = MassUpdater(one.reference).update(event)
         if found.location:

@@ -51,7 +51,7 @@ def test_totals_count_the_joint_once_and_leave_the_unmoved_out(rig: Rig) -> None
     found = MassUpdater(rig.reference).update(
         rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, 4, 2), unmoved(4)))
     )
-    nodes = rig.reference.calibration.model.nodes
+    nodes = rig.reference.model.nodes
     joint = np.flatnonzero(np.linalg.norm(nodes - [0, 0, 1.48], axis=1) < 1e-9)
     assert len(joint) == 2  # the joint's springs have a node on either side
     np.testing.assert_array_equal(found.normalised[joint[0]], found.normalised[joint[1]])
@@ -180,7 +180,7 @@ def test_mass_is_flagged_where_it_is(seed: int) -> None:
     rig = Rig(20 + seed)
     event = rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, N_EVENT, seed), unmoved(N_EVENT)))
     found = MassUpdater(rig.reference).update(event)
-    nodes = rig.reference.calibration.model.nodes
+    nodes = rig.reference.model.nodes
     strongest: FloatArray = nodes[found.flagged[0].node]
     assert np.linalg.norm(strongest - LOCATION_1.at) < 0.11
     assert max(f.z for f in found.flagged) > 5 * found.z_limit

@@ -31,7 +31,7 @@ def reference() -> Reference:
 
 
 def test_first_stage_leaves_the_mass_as_it_was(reference: Reference) -> None:
-    mass = reference.calibration.model.mass
+    mass = reference.model.mass
     gram = reference.shape.T @ (mass @ reference.shape)
     np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-9)
     paired = reference.paired

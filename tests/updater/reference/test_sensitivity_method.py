@@ -137,7 +137,7 @@ def test_mass_is_spread_about_its_place(rig: Rig, body: Body) -> None:
     modes = rig.truth.model(body).modes(8)
     event = rig.reference.mean_of(stack_tracks(rig.windows(modes, 4, 2), unmoved(4)))
     found = spread_mass(rig.reference, event)
-    place = rig.reference.calibration.model.nodes[found.node[np.argmax(found.mass)]]
+    place = rig.reference.model.nodes[found.node[np.argmax(found.mass)]]
     print(found.mass.sum(), place, found.prior_std, found.iterations, found.reason)
     assert np.linalg.norm(place - body.at) < 0.2
     assert found.mass.sum() == pytest.approx(body.mass, rel=0.2)

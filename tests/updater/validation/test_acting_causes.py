@@ -17,7 +17,7 @@ def test_a_mass_is_no_fault_of_sensors_and_hides_none() -> None:
     """A seventh of the frame's mass turns shapes by more than sensors are named for; a gain of 0.85 stays one."""
     reference, _, event = learnt(31)
     now = event(Change(bodies=(BODY,), gain=(("beam_left_z", 0.85),)))
-    extended = reference.calibration.structure.with_bodies([BODY])
+    extended = reference.structure.with_bodies([BODY])
     extended = extended.model_copy(update={"sensors": {"beam_left_z": Correction(gain=0.85)}})
     true = np.where(np.arange(12) == FAULTY, 0.85, 1.0)
     before = np.abs(sensor_health(reference, now).gain - true)
@@ -31,7 +31,7 @@ def test_a_mass_is_no_fault_of_sensors_and_hides_none() -> None:
 
 def test_what_is_only_the_measuring_chains_changes_no_shape() -> None:
     reference, _, _ = learnt(32)
-    own = reference.calibration.structure
+    own = reference.structure
     extended = own.model_copy(update={"sensors": {"beam_left_z": Correction(gain=0.5)}})
     found = with_acting(reference, extended).baseline
     np.testing.assert_allclose(found.shape, reference.baseline.shape, atol=1e-9)
@@ -46,7 +46,7 @@ def test_exchanged_channels_are_judged_by_the_sensors_that_they_carry() -> None:
     pair = ("col_037_x", "beam_left_z")
     now = event(Change(order=(pair,), gain=(("beam_right_z", 0.9),)))
     exchanged = {pair[0]: Correction(channel=pair[1]), pair[1]: Correction(channel=pair[0])}
-    extended = reference.calibration.structure.model_copy(update={"sensors": exchanged})
+    extended = reference.structure.model_copy(update={"sensors": exchanged})
     columns = [CHANNELS.index(channel) for channel in pair]
     assert (np.abs(sensor_health(reference, now).gain[columns] - 1) > 0.5).all()
     found = sensor_health(with_acting(reference, extended), now).gain

@@ -119,7 +119,7 @@ def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
     measured = mean_modes(stack_tracks([measure(changed, random, np.ones(12)) for _ in range(8)], [TRACK] * 8))
     expected = as_before(reference, float(np.exp(measured.log_frequency.max())))
     before = correlate_modes(expected, measured)
-    extended = reference.calibration.structure.with_bodies((body,))
+    extended = reference.structure.with_bodies((body,))
     after = correlate_modes(as_extended(reference, extended, expected), measured)
     assert not len(after.extra)
     error = [float(np.sqrt(np.nanmean(d.off**2))) for d in (before, after)]
@@ -160,7 +160,7 @@ def test_exchanged_channels_say_just_what_the_other_one_did() -> None:
     expected = as_before(reference, 1e3)
     one, other = expected.channels[0], expected.channels[-1]
     exchanged = {one: Correction(channel=other), other: Correction(channel=one)}
-    found = as_extended(reference, reference.calibration.structure.model_copy(update={"sensors": exchanged}), expected)
+    found = as_extended(reference, reference.structure.model_copy(update={"sensors": exchanged}), expected)
     assert found.channels == expected.channels
     order = [11, *range(1, 11), 0]
     np.testing.assert_allclose(np.abs(found.shape), np.abs(expected.shape[:, order]), atol=1e-9)

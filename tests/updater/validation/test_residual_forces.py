@@ -67,7 +67,7 @@ def test_a_softened_stretch_shows_where_it_is(seed: int) -> None:
     reference, structure, event = learnt(seed)
     start = float(np.random.default_rng((seed, 2)).uniform(0.1, 1.2))
     found = force_balance(reference, event(softened(structure, start, start + 0.1)))
-    nodes = reference.calibration.model.nodes
+    nodes = reference.model.nodes
     peak = int(np.nanargmax(found.loss))
     assert np.linalg.norm(nodes[peak] - (0, 0, start + 0.05)) < RESOLVED
     assert found.loss[peak] > 5 * found.loss_std[peak]
@@ -79,7 +79,7 @@ def test_a_softened_stretch_shows_where_it_is(seed: int) -> None:
 def test_a_mass_shows_where_it_is(seed: int, x: float) -> None:
     reference, structure, event = learnt(seed)
     found = force_balance(reference, event(structure.with_bodies((Body(at=(x, 0, 1.48), mass=0.2),))))
-    nodes = reference.calibration.model.nodes
+    nodes = reference.model.nodes
     peak = int(np.nanargmax(found.added))
     assert np.linalg.norm(nodes[peak] - (x, 0, 1.48)) < RESOLVED
     assert found.added[peak] > 5 * found.added_std[peak]

@@ -74,16 +74,16 @@ class AddedMass:
 
     @property
     def _total(self) -> float:
-        return self.reference.calibration.model.total_mass()
+        return self.reference.model.total_mass()
 
     @property
     def _fine(self) -> float:
-        return FINE * fineness(self.reference.calibration.structure)
+        return FINE * fineness(self.reference.structure)
 
     @property
     def prior_std(self) -> FloatArray:
         """Mass [kg], offsets [m] and squared radius of gyration [m2]: large structures bear large bodies."""
-        large = size(self.reference.calibration.structure)
+        large = size(self.reference.structure)
         return np.array([MASS_STD * self._total, large * OFFSET_STD, large * OFFSET_STD, large**2 * GYRATION_STD])
 
     @property
@@ -105,7 +105,7 @@ class AddedMass:
     @property
     def log_prior(self) -> FloatArray:
         """Every metre of the structure alike."""
-        length = sum(member.length for member in self.reference.calibration.structure.member)
+        length = sum(member.length for member in self.reference.structure.member)
         return np.asarray(np.log(self.weight / max(self.weight.sum(), length)))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
@@ -159,13 +159,13 @@ class AddedMass:
         return self._member_of(int(self.member[row]))
 
     def _member_of(self, number: int) -> Member:
-        return self.reference.calibration.structure.member[number]
+        return self.reference.structure.member[number]
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return mean of the most probable place, and the region."""
         place = self.places(fit)[0]
         distance, std = self.distance(place)
-        members = self.reference.calibration.structure.member
+        members = self.reference.structure.member
         probability = fit.probability
         return Where(
             member=members[place.member].name,
@@ -185,7 +185,7 @@ class AddedMass:
     def places(self, fit: "Fit[Any]") -> list[Place]:
         """Return the places that a fit leaves open, the most probable first."""
         probability = fit.probability
-        large = size(self.reference.calibration.structure)
+        large = size(self.reference.structure)
         return places(self.member, self.position, probability / self.weight, probability, large)
 
     def points(self, fit: "Fit[Any]") -> FloatArray:
@@ -226,7 +226,7 @@ class AddedMass:
         return None if mass >= 0 or self._is_unlisted(row, mass) else self._body(row, theta, -mass)
 
     def _body(self, row: int, theta: FloatArray, mass: float) -> Body:
-        found = self.extend(self.reference.calibration.structure, row, theta).body[-1]
+        found = self.extend(self.reference.structure, row, theta).body[-1]
         inertia = vector(mass / abs(found.mass) * np.abs(found.inertia))
         return found.model_copy(update={"mass": mass, "inertia": inertia})
 
@@ -234,7 +234,7 @@ class AddedMass:
         """Return whether a body was removed that the reference's model lacks, since a baseline was measured."""
         if mass >= 0 or not self.reference.measured:
             return False
-        structure = self.reference.calibration.structure
+        structure = self.reference.structure
         near = _FILED * fineness(structure)
         at = self._member(row).point(self.position[row])
         filed = sum(max(b.mass, 0.0) for b in structure.body if np.linalg.norm(np.subtract(b.at, at)) < near)
@@ -274,8 +274,8 @@ def propose_added_mass(reference: Reference, comparison: Comparison, spacing: fl
 
     A centimetre unless given where the longest member is of a metre and a half, else in proportion to it.
     """
-    members = reference.calibration.structure.member
-    spacing = _COARSE * size(reference.calibration.structure) if spacing is None else spacing
+    members = reference.structure.member
+    spacing = _COARSE * size(reference.structure) if spacing is None else spacing
     steps = [max(4, round(member.length / spacing)) for member in members]
     if sum(steps) > _MOST:
         return along(reference, comparison, *_likely_nodes(reference, comparison))
@@ -285,7 +285,7 @@ def propose_added_mass(reference: Reference, comparison: Comparison, spacing: fl
 
 def _likely_nodes(reference: Reference, comparison: Comparison) -> tuple[dict[int, FloatArray], float]:
     """Return distances of the most likely nodes from the starts of the members they are on, and how far nodes are."""
-    model, members = reference.calibration.model, reference.calibration.structure.member
+    model, members = reference.model, reference.structure.member
     spans = np.array(model.spans)
     nodes = np.unique(spans)
     moved = np.vstack([reference.shape, np.zeros(reference.shape.shape[1])])[model.dofs[nodes, :3]]  # -1 is held
@@ -319,7 +319,7 @@ def along(
     gap : between positions where they are not finer [m]
     start : (n_positions, 4) where the fit begins, members in the order of `grids`; None: to first order
     """
-    structure, model = reference.calibration.structure, reference.calibration.model
+    structure, model = reference.structure, reference.model
     points = np.concatenate([structure.member[i].point(grid) for i, grid in grids.items()])
     here = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)
     axes = [_axes_of(structure.member[i]) for i in grids]
@@ -358,9 +358,9 @@ def _first_order(reference: Reference, comparison: Comparison, translation: Floa
     effect = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1) @ whitener.T
     mass = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
     # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
-    total = reference.calibration.model.total_mass()
+    total = reference.model.total_mass()
     mass = np.clip(mass, -LARGEST_REMOVED * total, MASS_STD * total)
-    beside = np.full((len(mass), 2), _BEGUN_BESIDE * size(reference.calibration.structure) * OFFSET_STD)
+    beside = np.full((len(mass), 2), _BEGUN_BESIDE * size(reference.structure) * OFFSET_STD)
     return np.column_stack([mass, beside, np.zeros(len(mass))])
 
 

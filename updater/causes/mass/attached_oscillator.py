@@ -74,7 +74,7 @@ class AttachedOscillator:
 
     @property
     def _total(self) -> float:
-        return self.reference.calibration.model.total_mass()
+        return self.reference.model.total_mass()
 
     @property
     def idle(self) -> FloatArray:
@@ -126,7 +126,7 @@ class AttachedOscillator:
         steps = np.linspace(-self.gap, self.gap, 2 * _FINER + 1)
         chosen: dict[tuple[int, int, int, float], int] = {}
         for row in near.tolist():
-            length = self.reference.calibration.structure.member[self.member[row]].length
+            length = self.reference.structure.member[self.member[row]].length
             for at in np.clip(self.position[row] + steps, 0, length):
                 key = int(self.member[row]), int(self.axis[row]), int(self.mode[row]), round(float(at), 6)
                 chosen.setdefault(key, row)
@@ -158,10 +158,10 @@ class AttachedOscillator:
         own = self._alike(fit)
         probability = fit.probability[own] / fit.probability[own].sum()
         member, position = self.member[own], self.position[own]
-        place = places(member, position, probability, probability, size(self.reference.calibration.structure))[0]
+        place = places(member, position, probability, probability, size(self.reference.structure))[0]
         mean = float(place.share @ position)
         std = float(np.sqrt(place.share @ (position - mean) ** 2 + (self.gap / _FINER) ** 2 / 12))
-        members = self.reference.calibration.structure.member
+        members = self.reference.structure.member
         return Where(
             member=members[place.member].name,
             position=vector(members[place.member].point(mean)),
@@ -222,7 +222,7 @@ class AttachedOscillator:
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add the oscillator."""
-        member = self.reference.calibration.structure.member[self.member[row]]
+        member = self.reference.structure.member[self.member[row]]
         way = local_axes(np.subtract(member.end, member.start), member.local_y)[self.axis[row]]
         oscillator = Oscillator(
             at=vector(member.point(float(self.position[row]))),
@@ -251,14 +251,14 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
     unknown = not_known(reference, comparison) if new is not None else np.empty(0, np.intp)
     if new is not None and not len(unknown):
         return None
-    members = reference.calibration.structure.member
+    members = reference.structure.member
     length = sum(member.length for member in members)
-    gap = max(_COARSE * fineness(reference.calibration.structure), length / _MOST)
+    gap = max(_COARSE * fineness(reference.structure), length / _MOST)
     grids = [np.linspace(0, m.length, max(2, round(m.length / gap)) + 1) for m in members]
     member = np.repeat(np.arange(len(members)), [len(grid) for grid in grids])
     position = np.concatenate(grids)
     translation = translations(reference, member, position)
-    largest = _MASS_STD * reference.calibration.model.total_mass()
+    largest = _MASS_STD * reference.model.total_mass()
     if new is not None:
         frequencies = new.log_frequency
         looked = [shaking(comparison, new, int(mode), translation, largest) for mode in unknown]

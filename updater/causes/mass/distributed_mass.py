@@ -49,7 +49,7 @@ class DistributedMass(Spread):
 
     @property
     def _total(self) -> float:
-        return self.reference.calibration.model.total_mass()
+        return self.reference.model.total_mass()
 
     @property
     def prior_std(self) -> FloatArray:
@@ -101,7 +101,7 @@ class DistributedMass(Spread):
 
 def propose_distributed_mass(reference: Reference, comparison: Comparison) -> DistributedMass | None:
     """Return stretches of a few lengths every few centimetres; none of very many members or of matrices."""
-    structure = reference.calibration.structure
+    structure = reference.structure
     if not may_be_cut(structure):
         return None
     cells, mass = _mass(reference)
@@ -130,7 +130,7 @@ def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
 @lru_cache(maxsize=4)
 def _mass(reference: Reference) -> tuple[Cells, FloatArray]:
     """Return the modal mass of all stretches if they weighed a kilogram a metre: as it moves, and as it turns."""
-    structure, model = reference.calibration.structure, reference.calibration.model
+    structure, model = reference.structure, reference.model
     cells, ways, turns = cut(structure.member), [], []
     for m, member in enumerate(cells.members):
         section = structure.section[member.section]

@@ -27,7 +27,7 @@ def not_known(reference: Reference, comparison: Comparison) -> IndexArray:
 
 def translations(reference: Reference, member: IndexArray, position: FloatArray) -> FloatArray:
     """Return the modes' translations (n, 3, n_modes) along the local axes of members at distances from their starts."""
-    structure, model = reference.calibration.structure, reference.calibration.model
+    structure, model = reference.structure, reference.model
     members = structure.member
     points = np.array([members[m].point(float(s)) for m, s in zip(member.tolist(), position.tolist(), strict=True)])
     moved = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)[:, :3]

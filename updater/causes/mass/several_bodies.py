@@ -47,7 +47,7 @@ class Bodies:
     @property
     def prior_std(self) -> FloatArray:
         """Those of a shift have the density, 1 / (sqrt(2 pi) std), of a position that is anywhere alike."""
-        anywhere = sum(m.length for m in self.grid.reference.calibration.structure.member)
+        anywhere = sum(m.length for m in self.grid.reference.structure.member)
         own = [anywhere / np.sqrt(2 * np.pi), *self.grid.prior_std]
         return np.tile(own, self.n_bodies)
 
@@ -56,7 +56,7 @@ class Bodies:
         """Not before a member's start, not more removed than can be."""
         least = np.full((*self.member.shape, PER_BODY), -np.inf)
         least[..., 0] = -self.place
-        least[..., 1] = -LARGEST_REMOVED * self.grid.reference.calibration.model.total_mass()
+        least[..., 1] = -LARGEST_REMOVED * self.grid.reference.model.total_mass()
         least[..., 4] = 0.0
         return least.reshape(len(self.member), -1)
 
@@ -95,7 +95,7 @@ class Bodies:
 
         Not at the grid's positions: of a large structure's those that are unlikely for one mass are left out.
         """
-        found, structure = {}, self.grid.reference.calibration.structure
+        found, structure = {}, self.grid.reference.structure
         spacing = _SPACING * fineness(structure)
         for m in np.unique(self.member).tolist():
             length = structure.member[m].length

@@ -150,7 +150,7 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     if calibration.fitted or not calibration.knobs or calibration.structure.external is not None:
         return None
     knobs, filed = calibration.knobs, reference.filed
-    file = filed.reference.calibration.model if filed else calibration.model
+    file = filed.reference.model if filed else calibration.model
     said = np.array([_said(file, knob) for knob in knobs])
     value = filed.value if filed else said
     lower = np.array([knob.lower for knob in knobs]) - said
@@ -190,7 +190,7 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
     value : that the reference's model has
     file : in whose units flexibilities count
     """
-    model = reference.calibration.model
+    model = reference.model
     members = model.structure.member
     if knob.kind == "stiffness":
         parts = [

@@ -79,10 +79,10 @@ def ground_compliance(reference: Reference) -> FloatArray:
 
     Of a spring k that bears f_r in a mode over omega_r^2, f_r f_s / k.
     """
-    model = reference.calibration.model
+    model = reference.model
     stress = self_stress(model)
     found = np.zeros(2 * (len(reference.frequency) + stress.n,))
-    for support in reference.calibration.structure.support:
+    for support in reference.structure.support:
         for axis, stiffness in support.stiffness.items():
             force = modal_spring_force(reference, support, axis, model.node_rows(support.at, AXES.index(axis)))
             found += np.outer(force, force) / stiffness

@@ -50,7 +50,7 @@ class GlobalDensity(CommonFactor):
 
 def propose_global_density(reference: Reference, comparison: Comparison) -> GlobalDensity:
     """Return the one alternative."""
-    structure = reference.calibration.structure
+    structure = reference.structure
     own = np.eye(len(comparison.frequency))
     if (structure.body or structure.oscillator or structure.segment) and structure.external is None:
         segments = tuple(s.model_copy(update={"mass": 0.0}) for s in structure.segment)

@@ -44,7 +44,7 @@ def groups_of(reference: Reference, comparison: Comparison) -> list[tuple[str, .
     Devices are known from the log; where they are not, channels at one place are taken for one. What befalls all
     channels alike is none: nothing would show it.
     """
-    devices, heard = comparison.circumstances.devices, reference.calibration.structure.heard
+    devices, heard = comparison.circumstances.devices, reference.structure.heard
     place = {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in heard}
     owner = {c: devices.get(c, place[c]) for c in comparison.channels}
     together = [tuple(c for c in comparison.channels if owner[c] == d) for d in dict.fromkeys(owner.values())]

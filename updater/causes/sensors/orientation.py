@@ -102,7 +102,7 @@ class SensorOrientation(Chain):
 
 def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> SensorOrientation:
     """Return every channel, and every device about each global axis."""
-    heard = {s.channel: s for s in reference.calibration.structure.heard}
+    heard = {s.channel: s for s in reference.structure.heard}
     mounted = np.array([sensor_axes(heard[c].direction) for c in comparison.channels])
     groups: list[tuple[str, ...]] = []
     axes: list[FloatArray] = []

@@ -104,7 +104,7 @@ class SupportSpring(Stretches):
 
 def propose_support_spring(reference: Reference, comparison: Comparison) -> SupportSpring | None:
     """Return points every few centimetres, each along x, y and z; none of very many members or of matrices."""
-    structure = reference.calibration.structure
+    structure = reference.structure
     if not may_be_cut(structure):
         return None
     cells, moved, give = _points(reference)
@@ -135,7 +135,7 @@ def _points(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
 
     What the updated modes give in place of the model's own, and what the model gives beyond the modes kept.
     """
-    model, modes = reference.calibration.model, reference.calibration.modes
+    model, modes = reference.model, reference.calibration.modes
     cells = cut(model.structure.member)
     points = cells.edge_points()
     reader = model.reader(points)[(6 * np.arange(len(points))[:, None] + np.arange(3)).ravel()]

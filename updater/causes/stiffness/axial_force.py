@@ -83,7 +83,7 @@ class AxialForce(Discrete):
 
 def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialForce | None:
     """Return every member; none of very many or of matrices."""
-    structure = reference.calibration.structure
+    structure = reference.structure
     if not may_be_cut(structure):
         return None
     buckling, share, basis = _geometric(reference)
@@ -102,7 +102,7 @@ def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialFo
 @lru_cache(maxsize=4)
 def _geometric(reference: Reference) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the buckling force [N], the shares w and the basis of each member."""
-    model, root = reference.calibration.model, 1 / (2 * np.pi * reference.frequency)
+    model, root = reference.model, 1 / (2 * np.pi * reference.frequency)
     stiffness = {member.name: np.zeros((len(root), len(root))) for member in model.structure.member}
     known: dict[int, FloatArray] = {}  # elements of a kind are alike
     for name, (first, last, element) in zip(model.member_names, model.elements, strict=True):

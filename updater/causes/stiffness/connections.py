@@ -142,9 +142,9 @@ def _same(one: Support | Joint, other: Support | Joint) -> bool:
 
 def propose_support_stiffness(reference: Reference, comparison: Comparison) -> Springs | None:
     """Return the supports that are held along or about some axis by a spring."""
-    model = reference.calibration.model
+    model = reference.model
     advice = "Tighten the foot's bolts, look at the bearing, and measure again."
-    supports = reference.calibration.structure.support
+    supports = reference.structure.support
     return _springs(
         "support_stiffness",
         advice,
@@ -156,7 +156,7 @@ def propose_support_stiffness(reference: Reference, comparison: Comparison) -> S
 
 def propose_joint_stiffness(reference: Reference, comparison: Comparison) -> Springs | None:
     """Return the joints."""
-    model, joints = reference.calibration.model, reference.calibration.structure.joint
+    model, joints = reference.model, reference.structure.joint
     advice = "Look at the joint's weld or bolts; sensors that turn with either side of it would show the hinge."
     rows: list[Connection] = [(j, TURNS, [model.joint_rows(j, a) for a in range(3)]) for j in joints]
     return _springs("joint_stiffness", advice, reference, comparison, rows)
@@ -169,7 +169,7 @@ def _springs(
     name: str, advice: str, reference: Reference, comparison: Comparison, given: Sequence[Connection]
 ) -> Springs | None:
     """Return the springs among connections; each with three axes and the rows (n_dofs,) that read it there."""
-    structure = reference.calibration.structure
+    structure = reference.structure
     sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
     if not sprung or structure.external is not None:
         return None  # of matrices from elsewhere nobody knows E I / L

@@ -116,7 +116,7 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
     Against a structure file alone they are no longer than half the longest member: the stiffness of a whole member is
     one of the file's own parameters then (`model_parameters`).
     """
-    structure = reference.calibration.structure
+    structure = reference.structure
     if not may_be_cut(structure):
         return None
     cells, compliance = _flexibility(reference)
@@ -155,7 +155,7 @@ def compliances(reference: Reference, actions: tuple[slice, ...]) -> tuple[Cells
 
     The latter (n_compliances, n_edges, n_modes + n_stress, same).
     """
-    cells = cut(reference.calibration.structure.member)
+    cells = cut(reference.structure.member)
     found = modal_section_forces(reference, {m: cells.middles(m) for m in range(len(cells.members))})
     own = [found[m] for m in range(len(cells.members))]
     return cells, np.stack([cells.summed([each[:, which] for each in own]) for which in actions])

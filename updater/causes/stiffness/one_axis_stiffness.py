@@ -104,7 +104,7 @@ class OneSidedStiffness(LocalStiffness):
 
 def propose_one_sided_stiffness(reference: Reference, comparison: Comparison) -> OneSidedStiffness | None:
     """Return stretches as those of one factor are, about either axis."""
-    if not may_be_cut(reference.calibration.structure):
+    if not may_be_cut(reference.structure):
         return None
     cells, compliance = _flexibility(reference)
     found = OneSidedStiffness(
