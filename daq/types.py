@@ -34,8 +34,8 @@ class Block:
     first_index: int  #: unwrapped number of the first scan since the device's first connection, or of `clock` [-]
     counts: IntArray  #: (n_scans, n_axes) raw counts [-], no scan missing inside
     scale: float  #: m/s2 a count
-    pair_index: int  #: the (counter, host time) pair: this scan ...
-    pair_time: int  #: ... had arrived at this host time [ns UTC]
+    arrival_index: int  #: the (counter, host time) pair: this scan ...
+    arrival_time: int  #: ... had arrived at this host time [ns UTC]
     temperature: float  #: of the device [degC], NaN if it has no sensor
     flags: Flag = Flag.NONE
     clock: str = ""  #: which indices count, if devices share it: one index is one instant for all of them
@@ -61,7 +61,7 @@ class Block:
 
     def time_of(self, index: int) -> int:
         """Return the time of a scan by the block's own pair [ns UTC]."""
-        return self.pair_time + round((index - self.pair_index) / self.rate * 1e9)
+        return self.arrival_time + round((index - self.arrival_index) / self.rate * 1e9)
 
     def within(self, start: int, stop: int) -> "Block | None":
         """Return the block with its scans from `start` up to `stop` [ns UTC] alone; None if there are none."""
@@ -75,7 +75,7 @@ class Block:
 
     def _index_from(self, time: int) -> int:
         """Return the first scan at or after a time [ns UTC]; times of scans are rounded to ns."""
-        return self.pair_index + ceil((time - self.pair_time) * 1e-9 * self.rate - _ROUNDING)
+        return self.arrival_index + ceil((time - self.arrival_time) * 1e-9 * self.rate - _ROUNDING)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -59,7 +59,7 @@ def errors(oscillator: Oscillator, latency: float, seconds: float, seed: int) ->
     for end, number in reads(oscillator, latency, seconds, seed):
         scans = Scans(np.zeros((len(number), 1), np.int32), number & 0xFFFF, float("nan"), 0)
         for block in blocks.add(scans, START + round(end * 1e9)):
-            fit.add(block.pair_index, block.pair_time)
+            fit.add(block.arrival_index, block.arrival_time)
             index = block.end_index - round(AHEAD * RATE)
             if end > SETTLED:
                 found.append(1e-9 * (fit.time_at(index) - START) - float(np.interp(index / RATE, ticks, grid)))

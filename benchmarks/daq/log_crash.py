@@ -142,7 +142,7 @@ def lost_seconds(folder: Path, killed: int) -> float:
             k = item.counts[0, 0] + np.arange(item.n_scans)
             assert (item.counts == np.stack([k, -k, 3 * k], 1)).all(), "a scan is not what was sent"
             ends[item.device] = item.end_index
-            last[item.device] = item.pair_time + round((item.end_index - item.pair_index) / RATE * 1e9)
+            last[item.device] = item.arrival_time + round((item.end_index - item.arrival_index) / RATE * 1e9)
     return (killed - min(last.values())) * 1e-9 - late
 
 
@@ -190,8 +190,8 @@ def block(device: str, first: int, counts: IntArray, arrived: int) -> Block:
         first_index=first,
         counts=counts,
         scale=EPSON_SCALE,
-        pair_index=first + len(counts) - 1,
-        pair_time=START + arrived,
+        arrival_index=first + len(counts) - 1,
+        arrival_time=START + arrived,
         temperature=21.5,
     )
 
@@ -244,7 +244,7 @@ def _bare(log: Path) -> list[tuple[str, int, bytes]]:
     """Return topic, time and content of a message a scan as small as such messages get: three int32."""
     blocks = (item for item in read_log(log) if isinstance(item, Block))
     return [
-        (item.device, item.pair_time + (k - item.n_scans) * 1_000_000, scan.tobytes())
+        (item.device, item.arrival_time + (k - item.n_scans) * 1_000_000, scan.tobytes())
         for item in blocks
         for k, scan in enumerate(item.counts)
     ]

@@ -211,8 +211,8 @@ def main() -> None:
     if "delays" in wanted:
         print(f"\n| mass | baseline | found in {LOOK} days | delay, median / 9 of 10 | best, the same | best finds |")
         print("|---|---|---|---|---|---|")
-        for n_baseline, settled in ((DAY, 1), (28 * DAY, 60)):
-            delays(max(n_sites * 60 // 550, 10), n_baseline, settled_days=settled, thermometers=True, seed=2)
+        for n_baseline, coordinate_fit in ((DAY, 1), (28 * DAY, 60)):
+            delays(max(n_sites * 60 // 550, 10), n_baseline, settled_days=coordinate_fit, thermometers=True, seed=2)
     if "accepted" in wanted:
         print("\n| accepted by windows | thermometers | years | false alarms | a year | 95 % | a year, first 30 days |")
         print("|---|---|---|---|---|---|---|")

@@ -45,7 +45,7 @@ def played(log: AnyLog) -> Iterator[Shown]:
     watched = [item for item in items if isinstance(item, Block) or isinstance(results[id(item)], WindowResult)]
     blocks = [item for item in items if isinstance(item, Block)]
     last = {b.device: b.end_index for b in blocks}
-    span = max(b.pair_time for b in blocks) - min(b.pair_time for b in blocks)
+    span = max(b.arrival_time for b in blocks) - min(b.arrival_time for b in blocks)
     for turn in count():
         for item in watched:
             if isinstance(item, Block):
@@ -54,8 +54,8 @@ def played(log: AnyLog) -> Iterator[Shown]:
                     replace(
                         item,
                         first_index=item.first_index + shift,
-                        pair_index=item.pair_index + shift,
-                        pair_time=item.pair_time + by,
+                        arrival_index=item.arrival_index + shift,
+                        arrival_time=item.arrival_time + by,
                     ),
                     False,
                 )

@@ -110,7 +110,7 @@ class WatchedSites:
             for k in range(level.shape[1]):
                 window = self.window + k
                 end = int(window * self.source.step * 1e9)
-                self.alarms[site], changes = self.alarms[site].consider(end, float(level[site, k]))
+                self.alarms[site], changes = self.alarms[site].evaluate(end, float(level[site, k]))
                 for change in changes:
                     if change.state == "alarm" and change.kind == "state":
                         self.raised.append((int(site), window, DETECTORS[first[site, k]]))

@@ -36,7 +36,7 @@ class BlockBuilder:
         self._anchor = None
         self._flags = Flag.RESTARTED
 
-    def go_on_from(self, before: "BlockBuilder", now: int) -> None:
+    def continue_from(self, before: "BlockBuilder", now: int) -> None:
         """Begin where another reader of the same device and rate has ended, if it has read anything."""
         if before._anchor is not None:
             self._next, self._anchor, self._clock = before._next, before._anchor, before._clock
@@ -133,8 +133,8 @@ class BlockBuilder:
             first_index=self._first,
             counts=np.ascontiguousarray(np.concatenate(self._counts)),
             scale=self._scale,
-            pair_index=pair[0],
-            pair_time=pair[1],
+            arrival_index=pair[0],
+            arrival_time=pair[1],
             temperature=self._temperature,
             flags=self._flags,
             clock=self._clock,

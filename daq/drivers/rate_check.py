@@ -30,7 +30,7 @@ class RateCheck:
 
     def differs(self, block: Block) -> float | None:
         """Return the rate found [Hz] if it is another one."""
-        pair = block.pair_index, block.pair_time
+        pair = block.arrival_index, block.arrival_time
         if block.flags & Flag.RESTARTED or not self._promptest or pair[1] >= self._ends + self._length:
             self._promptest, self._ends = [pair], pair[1] + self._length
         elif pair[1] < self._ends:

@@ -78,7 +78,7 @@ class DeviceReader(SupervisedThread):
         """Take a device for the one that is meant."""
         self._identity, before = identity, self._blocks
         self._blocks = self._new_blocks()  # some devices say their scale when they are asked
-        self._blocks.go_on_from(before, self._moved())
+        self._blocks.continue_from(before, self._moved())
 
     def _new_blocks(self) -> BlockBuilder:
         return BlockBuilder(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)

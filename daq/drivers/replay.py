@@ -197,4 +197,4 @@ def _devices(log: AnyLog) -> list[str]:
 
 def _end(block: Block) -> int:
     """Return when a block's last scan had arrived, by its pair [ns UTC]."""
-    return block.pair_time + round((block.end_index - 1 - block.pair_index) / block.rate * 1e9)
+    return block.arrival_time + round((block.end_index - 1 - block.arrival_index) / block.rate * 1e9)

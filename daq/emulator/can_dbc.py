@@ -53,7 +53,7 @@ class EmulatedDbc(SilentNode):
         self.sent = 0  #: scans handed to the adapter
         self.dropped = 0  #: scans that found it full, after the first that did not
 
-    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+    def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; answer nothing."""
         return []
 

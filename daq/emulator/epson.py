@@ -41,7 +41,7 @@ class EmulatedEpson(SerialEmulator):
         self._commands = bytearray()
         self._rate = 1000.0
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Obey the host."""
         self._commands += data
         while len(self._commands) >= 3:

@@ -87,7 +87,7 @@ class EmulatedEpsonCan:
         """Time of the first scan [ns UTC], None while it is not sampling."""
         return self._started
 
-    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+    def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
         if self._hung or self._dead:
             return []

@@ -51,7 +51,7 @@ class EmulatedNode(SerialEmulator):
         if not self._listens:
             self.start(self._rate)
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Obey the host, if it listens."""
         for command, rate in self._decoder.feed(data) if self._listens else []:
             if command == node.STOP:

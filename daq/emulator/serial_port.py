@@ -52,7 +52,7 @@ class SerialEmulator(ABC):
         self.dropped = 0  #: frames that found it full
 
     @abstractmethod
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Process bytes from the host."""
 
     @abstractmethod
@@ -115,7 +115,7 @@ class SerialEmulator(ABC):
         except OSError:
             return  # no answer, or nobody has the port open
         if understood and self.line.happening(self._scans_until(self._clock.now()), self._true_rate) != "silent":
-            self.hear(heard)
+            self.receive(heard)
 
     def _sample(self, started: int) -> None:
         due = math.floor(((self._clock.now() - started) * 1e-9 - self._delay) * self._true_rate) + 1

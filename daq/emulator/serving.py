@@ -51,7 +51,7 @@ class EmulatedBusNode(Protocol):
         """True if it samples on SYNC."""
         ...
 
-    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+    def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
         ...
 

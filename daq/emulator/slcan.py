@@ -98,7 +98,7 @@ class EmulatedSlcan:
         self._pending += answer
         for can_id, data in frames:
             for node in self.nodes:
-                self._send(node.hear(can_id, data))
+                self._send(node.receive(can_id, data))
 
     def _send(self, frames: list[Frame]) -> None:
         if frames and self._open:

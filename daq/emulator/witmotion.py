@@ -39,7 +39,7 @@ class EmulatedWitmotion(SerialEmulator):
         self._commands = bytearray()
         self.start(self._settings.rate)
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         """Obey the host."""
         self._commands += data
         while len(self._commands) >= wit.COMMAND_SIZE:

@@ -40,7 +40,7 @@ class EmulatedWitmotionCan(SilentNode):
         self._rate = self._settings.rate * (1 + self._clock_error)
         self._source.start(self._started, self._rate)
 
-    def hear(self, can_id: int, data: bytes) -> list[Frame]:
+    def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; answer nothing."""
         if can_id == self._node and len(data) == wit.COMMAND_SIZE and self._settings.obey(data):
             self._start()

@@ -116,8 +116,8 @@ def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int)
                 first_index=skipped + first,
                 counts=counts[first:end],
                 scale=scale,
-                pair_index=skipped + first,
-                pair_time=recording.start + round(first / recording.rate * 1e9),
+                arrival_index=skipped + first,
+                arrival_time=recording.start + round(first / recording.rate * 1e9),
                 temperature=known_mean(warmth[first:end]),
             )
 

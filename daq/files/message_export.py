@@ -17,7 +17,7 @@ from daq.timing.scan_clocks import ScanClock, ScanClocks
 from daq.types import Block, IndexArray
 
 _AHEAD_SECONDS = 2.0  # of a device's data that its clock has seen before a scan gets its time
-NOT_LATE: Mapping[str, float] = MappingProxyType({})
+NO_DELAYS: Mapping[str, float] = MappingProxyType({})
 
 
 class _Waiting:
@@ -50,7 +50,7 @@ class _Waiting:
         return block, times
 
 
-def timed_blocks(log: AnyLog, late: Mapping[str, float] = NOT_LATE) -> Iterator[tuple[Block, IndexArray]]:
+def timed_blocks(log: AnyLog, late: Mapping[str, float] = NO_DELAYS) -> Iterator[tuple[Block, IndexArray]]:
     """Yield the blocks of a log with the times of their scans [ns UTC], of each device in order.
 
     Parameters
@@ -67,7 +67,7 @@ def timed_blocks(log: AnyLog, late: Mapping[str, float] = NOT_LATE) -> Iterator[
         yield from device.rest()
 
 
-def expand_log(log: AnyLog, path: Path, late: Mapping[str, float] = NOT_LATE) -> dict[str, int]:
+def expand_log(log: AnyLog, path: Path, late: Mapping[str, float] = NO_DELAYS) -> dict[str, int]:
     """Write a log's signals at full rate to a new MCAP file of ROS 2 messages, on /view/DEVICE.
 
     The archive keeps many scans in one message, which is small; viewers plot a message a point. Attachments are copied.

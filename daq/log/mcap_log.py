@@ -120,7 +120,7 @@ class McapWriter:
         """
         if isinstance(item, Block):
             data = _encoded(encode_block, item)
-            self._add(ACCEL + item.device, self._accel, "protobuf", item.pair_time, data)
+            self._add(ACCEL + item.device, self._accel, "protobuf", item.arrival_time, data)
         else:
             self._add(item.topic, self._json, "json", item.time, _encoded(_event_json, item))
 
@@ -281,7 +281,7 @@ def _start_of(path: Path) -> int | None:
     for block in _blocks(_parsed(path, _records(path), _is_signal)):
         first = block.time_of(block.first_index)
         start = first if start is None else min(start, first)
-        if block.pair_time > start + _REACH:
+        if block.arrival_time > start + _REACH:
             break
     return start
 

@@ -86,7 +86,7 @@ def absent_devices(log: AnyLog, devices: Collection[str]) -> set[str]:
         for item in read_log(log):
             if isinstance(item, Block):
                 until = item.time_of(item.first_index) + _ABSENT_SECONDS * 1e9 if until is None else until
-                if item.pair_time > until:
+                if item.arrival_time > until:
                     break
                 absent.discard(item.device)
     return absent

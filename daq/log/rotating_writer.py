@@ -66,7 +66,7 @@ class RotatingWriter:
     def write(self, item: Item) -> None:
         """Append a block or an event to the open chunk."""
         if isinstance(item, Block):  # events may lie behind or ahead
-            self.newest = max(self.newest, item.pair_time)
+            self.newest = max(self.newest, item.arrival_time)
         if self._full:
             finished = self._writer
             self.begin_next()

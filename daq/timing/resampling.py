@@ -77,7 +77,7 @@ class _Stretch:
         return self.clock.time_at(index) - self._late
 
     def add(self, block: Block) -> None:
-        self.clock.add(block.pair_index, block.pair_time)
+        self.clock.add(block.arrival_index, block.arrival_time)
         self.blocks.append(block)
 
     def forget(self, index: float) -> None:

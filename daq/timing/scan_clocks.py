@@ -26,7 +26,7 @@ class ScanClock:
 
     def add(self, block: Block) -> None:
         """Take the (index, time) pair of a block."""
-        self._fit.add(block.pair_index, block.pair_time)
+        self._fit.add(block.arrival_index, block.arrival_time)
 
     def times(self, index: IndexArray) -> IndexArray:
         """Return times [ns UTC] of scans by their indices (n,); they ascend where these do, and gaps cost nothing."""

@@ -18,7 +18,7 @@ from updater import (
     build_model,
     stack_tracks,
 )
-from updater.modal_data import NOT_LATE, SynchronizedWindows, choose_tracks, in_time, without_known
+from updater.modal_data import NOTHING_REMOVED, SynchronizedWindows, choose_tracks, remove_device_delays, without_known
 
 _PERIODS = 250  # of the structure's first mode in a window: what identification needs
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
@@ -36,7 +36,7 @@ class Observation:
     tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
     temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
-    lateness: SynchronizedWindows = NOT_LATE  #: what the devices were late by, which the estimates are without
+    lateness: SynchronizedWindows = NOTHING_REMOVED  #: what the devices were late by, which the estimates are without
     shaped: bool = True  #: whether shapes were measured; else only frequencies count
     stated: bool = False  #: whether deviations are taken at their word: too few windows to learn their scatter from
     sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept
@@ -152,7 +152,7 @@ def follow(
         raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")
     removed = windows.delays or ({},) * len(windows.estimates)
     known = [without_known(e, r, devices, late) for e, r in zip(windows.estimates, removed, strict=True)]
-    lateness = in_time([e for e, _ in known], [r for _, r in known], devices)
+    lateness = remove_device_delays([e for e, _ in known], [r for _, r in known], devices)
     estimates = lateness.estimates
     _, kept, tracks = choose_tracks(estimates)
     if not len(kept):

@@ -23,7 +23,7 @@ class Window:
     left_out: Mapping[str, ChannelFault]  #: channels that are not in the estimate
     estimate: ModalEstimate  #: as identified, known delays of channels removed
     delays: Mapping[str, float]  #: device -> taken out of `estimate` [s]
-    in_time: ModalEstimate  #: the same without what is known of the devices' delays
+    synchronized: ModalEstimate  #: the same without what is known of the devices' delays
     removed: Mapping[str, float]  #: device -> what that was in all [s]
 
 
@@ -57,6 +57,6 @@ def window_of(
         left_out=found.left_out,
         estimate=estimate,
         delays=dict(seen),
-        in_time=remove_delays(estimate, devices, tau),
+        synchronized=remove_delays(estimate, devices, tau),
         removed={device: seen[device] + t for device, t in tau.items()},
     )

@@ -75,7 +75,7 @@ class Alarm:
         """Assumed condition of the structure."""
         return self.condition if self.condition in ("normal", "watch") else "alarm"
 
-    def consider(self, time: int, level: float) -> tuple["Alarm", tuple[Change, ...]]:
+    def evaluate(self, time: int, level: float) -> tuple["Alarm", tuple[Change, ...]]:
         """Return the condition after one more window, and what it changed.
 
         Parameters

@@ -31,7 +31,14 @@ from updater import (
 )
 from updater.diagnosis import Density, densities
 from updater.reference import matched_surely
-from updater.validation import ForceBalance, ModalCorrelation, VirtualSensing, as_before, as_extended, as_written
+from updater.validation import (
+    ForceBalance,
+    ModalCorrelation,
+    VirtualSensing,
+    as_written,
+    modes_before,
+    modes_with_causes,
+)
 
 _WORST = 3  # sensors whose signals are drawn
 _PERIODS = 16  # of a sensor's signal that are drawn
@@ -72,9 +79,11 @@ def discrepancy_result(
         If fewer than three modes or two channels can be compared.
     """
     extended = explained.extended
-    expected = as_before(reference, float(np.exp(np.nanmax(measured.log_frequency))))
+    expected = modes_before(reference, float(np.exp(np.nanmax(measured.log_frequency))))
     before = _correlation(expected, measured, shaped=shaped)
-    after = _correlation(as_extended(reference, extended, expected), measured, shaped=shaped) if extended else None
+    after = (
+        _correlation(modes_with_causes(reference, extended, expected), measured, shaped=shaped) if extended else None
+    )
     written = _correlation(as_written(extended, expected), measured, shaped=shaped) if extended else None
     heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
     faulty = _only_sensors(explained)
@@ -125,11 +134,11 @@ def _heard(
     reference: Reference, measured: ModalMean, extended: Structure | None, recording: Recording
 ) -> tuple[Heard | None, str]:
     """Return signals predicted without and with the causes, or why they cannot be."""
-    expected = as_before(reference, _ALL)
+    expected = modes_before(reference, _ALL)
     try:
         if extended is None:
             return (virtual_sensing(recording, expected, measured), None), ""
-        after = as_extended(reference, extended, expected)
+        after = modes_with_causes(reference, extended, expected)
         return (
             virtual_sensing(recording, expected, measured, [after]),
             virtual_sensing(recording, after, measured, [expected]),

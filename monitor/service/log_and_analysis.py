@@ -30,7 +30,7 @@ from monitor.results.windows import Result
 from monitor.service.site import Site
 from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
 from monitor.settings import RecorderSettings
-from monitor.watch.memory import MEMORY, LoadedState, MemoryFile, fitting
+from monitor.watch.memory import MEMORY, LoadedState, MemoryFile, check_saved_state
 from updater import parse_structure
 
 _BLOCK_SECONDS = 0.2  # of data in a block of a device
@@ -326,7 +326,7 @@ class LogAndAnalysis:
         if not self._kept:
             return ""
         structure = parse_structure(self.site.structure_text)
-        found = fitting(self._kept, "what was learnt", structure, self.site.settings)
+        found = check_saved_state(self._kept, "what was learnt", structure, self.site.settings)
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept
 

@@ -22,47 +22,47 @@ def _one_line(text: str) -> str:
     return "".join(letter if letter.isprintable() else " " for letter in text).strip()
 
 
-Words = Annotated[str, AfterValidator(_one_line)]
+CommandText = Annotated[str, AfterValidator(_one_line)]
 
 
 class OperatorCommand(BaseModel):
     """Command of a person."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    by: Words = ""
+    by: CommandText = ""
 
 
 class Acknowledgement(OperatorCommand):
     """Acknowledgement of the alarm."""
 
     kind: Literal["acknowledge"] = "acknowledge"
-    note: Words = ""
+    note: CommandText = ""
 
 
 class Acceptance(OperatorCommand):
     """Acceptance: the change that raised the alarm is intended, or explained, and becomes the new reference."""
 
     kind: Literal["accept"] = "accept"
-    cause: Annotated[Words, Field(min_length=1)]  #: what it is, in a person's words
+    cause: Annotated[CommandText, Field(min_length=1)]  #: what it is, in a person's words
     alarm: int | None = None  #: when the alarm that is meant was raised [ns UTC]; the one that stands
 
 
 class UndoAcceptance(OperatorCommand):
-    """The last acceptance was wrong."""
+    """Undo of the last acceptance."""
 
     kind: Literal["undo"] = "undo"
-    note: Words = ""
+    note: CommandText = ""
 
 
-Said = Acknowledgement | Acceptance | UndoAcceptance
+Command = Acknowledgement | Acceptance | UndoAcceptance
 _TOPICS = {"acknowledge": TOPIC_ACKNOWLEDGE, "accept": TOPIC_ACCEPT, "undo": TOPIC_UNDO}
-_SAID: TypeAdapter[Said] = TypeAdapter(Annotated[Said, Field(union_mode="left_to_right")])
+_COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(union_mode="left_to_right")])
 
 
-def leave(state: Path, said: Said) -> Path:
-    """Put a word where the monitor of that state folder takes it; it appears whole or not at all.
+def write_command(state: Path, command: Command) -> Path:
+    """Write a command to the inbox of a state folder, atomically.
 
-    What several people say while no monitor runs is taken in the order in which they said it.
+    Commands that are written while no monitor runs are executed in their order at the next start.
 
     Raises
     ------
@@ -72,14 +72,14 @@ def leave(state: Path, said: Said) -> Path:
     folder = inbox_of(state)
     path = folder / f"{time.time_ns():020}_{uuid.uuid4().hex}.json"
     unfinished = path.with_suffix(".part")
-    unfinished.write_text(said.model_dump_json(), encoding="utf-8")
+    unfinished.write_text(command.model_dump_json(), encoding="utf-8")
     _give(unfinished, state)
     os.replace(unfinished, path)
     return path
 
 
 def inbox_of(state: Path) -> Path:
-    """Return the folder that words are left in, made if need be."""
+    """Return the folder of commands; it is made if necessary."""
     folder = state / "inbox"
     if not folder.is_dir():
         folder.mkdir(parents=True, exist_ok=True)
@@ -88,7 +88,7 @@ def inbox_of(state: Path) -> Path:
 
 
 def _give(path: Path, state: Path) -> None:
-    """Have what the superuser makes belong to whom the state folder does: the monitor has to be able to take it."""
+    """Give a file that the superuser made to the owner of the state folder, so that the monitor can remove it."""
     if os.geteuid() == 0:
         owner = state.stat()
         os.chown(path, owner.st_uid, owner.st_gid)
@@ -107,9 +107,9 @@ class Inbox:
         self._stuck: set[str] = set()
 
     def taken(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of what was left since the last time; each file is gone once it is yielded.
+        """Yield topic and payload of new commands; their files are removed.
 
-        One that cannot be read or removed is refused once: obeyed, it would be obeyed again at each start.
+        A file that cannot be read or removed is refused once. Otherwise it would be executed again at each start.
         """
         for path in sorted(self._folder.glob("*.json"), key=lambda p: p.name):
             if path.name in self._stuck:
@@ -122,12 +122,12 @@ class Inbox:
                 self._stuck.add(path.name)
                 yield TOPIC_REFUSED, {"file": path.name, "why": f"it cannot be taken: {error.strerror}"}
                 continue
-            yield _said(path.name, text)
+            yield _parse(path.name, text)
 
 
-def _said(name: str, text: bytes) -> tuple[str, dict[str, Any]]:
+def _parse(name: str, text: bytes) -> tuple[str, dict[str, Any]]:
     try:
-        said = _SAID.validate_json(text)
+        command = _COMMAND.validate_json(text)
     except ValidationError as error:
         return TOPIC_REFUSED, {"file": name, "why": str(error).splitlines()[0]}
-    return _TOPICS[said.kind], said.model_dump(exclude={"kind"})
+    return _TOPICS[command.kind], command.model_dump(exclude={"kind"})

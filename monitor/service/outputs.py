@@ -14,7 +14,7 @@ from monitor.service.servers.web import WebServer, web_process
 from monitor.service.site import Site
 
 _AGAIN_SECONDS = 60.0  # until what died is served again
-Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
+TopicPayload = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
 class Outputs:
@@ -62,14 +62,14 @@ class Outputs:
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 
-    def said(self) -> Iterator[Said]:
+    def said(self) -> Iterator[TopicPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
         yield from self._history.said()
         for courier in self._couriers:
             yield from courier.said()
         yield from self._tend()
 
-    def _tend(self) -> Iterator[Said]:
+    def _tend(self) -> Iterator[TopicPayload]:
         """Report once which server has failed and why; restart it a minute later."""
         now = time.monotonic()
         for name, problem, again in (
@@ -146,7 +146,7 @@ class Outputs:
     def _renew_couriers(self) -> None:
         old, new = self._couriers, _couriers(self._site)
         for courier, former in zip(new, old, strict=False):
-            courier.go_on_from(former)
+            courier.continue_from(former)
         self._couriers = new
         for courier in old:
             courier.stop()  # not waited for: each new one delivers only once the old one has ended

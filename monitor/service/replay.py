@@ -32,7 +32,7 @@ from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
 from monitor.service.site import Site
 from monitor.service.worker import SavedState, Worker, WorkerMessage
 from monitor.settings import Override, attachable, overridden, parse_settings
-from monitor.watch.memory import MEMORY, NOTHING, fitting
+from monitor.watch.memory import MEMORY, NOTHING, check_saved_state
 from updater import parse_structure
 
 _WAITING = 2000  # items that may wait for the analysis
@@ -150,7 +150,7 @@ def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
     for item in read_log(log):
         if isinstance(item, Event) and event_result(item) is not None:
             continue
-        while results and results[0].time <= (item.time if isinstance(item, Event) else item.pair_time):
+        while results and results[0].time <= (item.time if isinstance(item, Event) else item.arrival_time):
             writer.write(results.popleft())
         writer.write(item)
     for result in results:
@@ -167,7 +167,9 @@ def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
     """Return what the run went on from, as far as it is of the watch that is replayed; else nothing."""
     text = attached.get(MEMORY, "")
     found = (
-        fitting(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1])) if text else NOTHING
+        check_saved_state(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1]))
+        if text
+        else NOTHING
     )
     return found.text or ""
 

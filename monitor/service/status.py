@@ -24,11 +24,11 @@ from monitor.results.windows import (
     WindowResult,
 )
 from monitor.service.processes import held_memory
-from monitor.watch.blindness import MissingChannels, Sight
+from monitor.watch.blindness import BlindWindows, MissingChannels
 
 _LAST = 10  # windows over which an overload is reported: one window in time does not end it
 
-Said = tuple[str, dict[str, Any]]  #: topic and payload of an event
+TopicPayload = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
 class Overload:
@@ -39,7 +39,7 @@ class Overload:
         self._since = 0  # windows left out since the overload began
         self.total = 0  #: windows left out since the start
 
-    def take(self, *, left_out: bool) -> Said | None:
+    def take(self, *, left_out: bool) -> TopicPayload | None:
         """Take a window, or a stretch of windows, that was left out or not; return an event if that is news."""
         before = any(self._last)
         self._last.append(left_out)
@@ -129,13 +129,13 @@ class MonitorStatus:
         self._heard_first = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
         self._novelty: dict[str, Any] = {}  # of the last window that was judged
-        self._sight, self._unheard = Sight(), MissingChannels()
+        self._sight, self._unheard = BlindWindows(), MissingChannels()
         self._overload = Overload()
         self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
         before = last_written(path)
         self._self_test = before.get("self_test")
         self._identities: dict[str, Any] = before.get("identities") or {}  # of devices, over restarts
-        self._said: deque[Said] = deque()
+        self._said: deque[TopicPayload] = deque()
         self._due = 0.0
 
     def take(self, item: Item) -> None:
@@ -158,7 +158,7 @@ class MonitorStatus:
             self._devices = {name: self._devices.get(name, DeviceStatus()) for name in devices}
             self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
-    def said(self) -> Iterator[Said]:
+    def said(self) -> Iterator[TopicPayload]:
         """Yield topic and payload of what is to be told of the devices since the last time."""
         while self._said:
             yield self._said.popleft()
@@ -261,7 +261,7 @@ class MonitorStatus:
             self._said.append(("/event/device_replaced", {"device": name, "before": known, "now": found}))
         self._identities[name] = found
 
-    def _note(self, said: Said | None) -> None:
+    def _note(self, said: TopicPayload | None) -> None:
         if said:
             self._said.append(said)
 

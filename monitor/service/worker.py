@@ -104,7 +104,7 @@ class Worker:
             If there is no room, and the process that would make some has ended.
         """
         if isinstance(item, Block):
-            self._newest.value = max(self._newest.value, item.pair_time)
+            self._newest.value = max(self._newest.value, item.arrival_time)
         waiting = isinstance(item, Block) or item.topic.startswith(("/event/", "/measured/"))
         while waiting:
             try:

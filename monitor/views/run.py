@@ -192,7 +192,7 @@ class _Reading:
         quality.scans += block.n_scans
         quality.damaged += bool(block.flags & Flag.BAD_FRAMES)
         self.tail.append(block)
-        while self.tail[0].pair_time < block.pair_time - _TAIL_SECONDS * 1e9:
+        while self.tail[0].arrival_time < block.arrival_time - _TAIL_SECONDS * 1e9:
             self.tail.popleft()
 
     def _event(self, event: Event, quality: DeviceQuality) -> None:

@@ -26,7 +26,7 @@ class CannotAcceptError(Exception):
 def accept_change(
     structure: Structure,
     watch: Watch,
-    pure: Sequence[Window],
+    changed_windows: Sequence[Window],
     devices: Mapping[str, str],
     settings: Settings,
     wanted: AcceptanceRequest,
@@ -41,7 +41,7 @@ def accept_change(
     ----------
     structure : of the site
     watch : by which the change was found
-    pure : windows since the change, at least `LEAST_WINDOWS`
+    changed_windows : windows since the change, at least `LEAST_WINDOWS`
     devices : of each channel
     settings : of the site
     wanted : who accepts it as what
@@ -52,16 +52,16 @@ def accept_change(
     CannotAcceptError
         Saying why.
     """
-    text, found = _explained(watch, pure, devices)
-    known, shift = watch.detector.moved(len(pure))
+    text, found = _explained(watch, changed_windows, devices)
+    known, shift = watch.detector.moved(len(changed_windows))
     change = AcceptedChange(
-        time=pure[-1].end,
+        time=changed_windows[-1].end,
         raised=raised,
         cause=wanted.cause,
         by=wanted.by,
         found=found,
         structure=text,
-        windows=tuple(pure),
+        windows=tuple(changed_windows),
         shift=shift,
     )
     last: Exception | None = None
@@ -91,11 +91,11 @@ def watch_again(
     if not watch.accepted:
         return None
     *before, last = watch.accepted
-    tracks = [watch.tracker.assign(window.in_time) for window in calm]
+    tracks = [watch.tracker.assign(window.synchronized) for window in calm]
     again = [track for track in last.hides if np.mean([modes[track] >= 0 for modes in tracks]) >= LEAST_PRESENCE]
     if not again:
         return None
-    modes = stack_tracks([window.in_time for window in calm], tracks)
+    modes = stack_tracks([window.synchronized for window in calm], tracks)
     known, now = watch.detector.seen_again(modes, np.array(again))
     shift = Shift(
         log_frequency=np.where(np.isin(np.arange(len(now.std)), again), now.log_frequency, last.shift.log_frequency),
@@ -114,9 +114,9 @@ def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], se
     return learn_watch(structure, watch.baseline, devices, settings, watch.detector.moved_back(last.shift), before)
 
 
-def _explained(watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
+def _explained(watch: Watch, changed_windows: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
     """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
-    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(watch, pure, devices))
+    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(watch, changed_windows, devices))
     if both is None:
         return "", "not explained"
     found, _ = both

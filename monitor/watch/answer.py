@@ -26,13 +26,17 @@ from updater import (
 from updater.modal_data import SynchronizedWindows
 
 
-def in_time_of(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:
+def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:
     """Return windows with what their devices (of each channel) were late by."""
-    return SynchronizedWindows(tuple(w.in_time for w in windows), devices, tuple(w.removed for w in windows))
+    return SynchronizedWindows(tuple(w.synchronized for w in windows), devices, tuple(w.removed for w in windows))
 
 
 def answer(
-    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str], structure: Structure, extras: OptionalWork
+    watch: Watch,
+    changed_windows: Sequence[Window],
+    devices: Mapping[str, str],
+    structure: Structure,
+    extras: OptionalWork,
 ) -> dict[str, Any]:
     """Return the fields of a `WindowResult` that explain a change; none without windows.
 
@@ -42,19 +46,19 @@ def answer(
     Parameters
     ----------
     watch : by which the change was found
-    pure : windows over the limit that begin after the first one: that one may hold both states
+    changed_windows : windows over the limit that begin after the first one: that one may hold both states
     devices : of each channel
     structure : of the site
     extras : collects what fails
     """
-    if not pure:
+    if not changed_windows:
         return {}
     reference = watch.reference
-    tracks = [watch.modes_of(window.in_time) for window in pure]
-    modes = reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
+    tracks = [watch.modes_of(window.synchronized) for window in changed_windows]
+    modes = reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
     found: dict[str, Any] = {}
-    found["increments"] = extras.found("the one-step update", lambda: _increments(watch, modes, len(pure)))
-    both = extras.found("the diagnosis", lambda: diagnosis_of(watch, pure, devices))
+    found["increments"] = extras.found("the one-step update", lambda: _increments(watch, modes, len(changed_windows)))
+    both = extras.found("the diagnosis", lambda: diagnosis_of(watch, changed_windows, devices))
     if both is None:
         return found
     explained, event = both
@@ -66,17 +70,22 @@ def answer(
     )
     if is_one_mass(explained.diagnosis):
         found["answer"] = extras.found(
-            "the location of the mass", lambda: _location(reference, modes, structure, len(pure))
+            "the location of the mass", lambda: _location(reference, modes, structure, len(changed_windows))
         )
     return found
 
 
 def diagnosis_of(
-    watch: Watch, pure: Sequence[Window], devices: Mapping[str, str]
+    watch: Watch, changed_windows: Sequence[Window], devices: Mapping[str, str]
 ) -> tuple[DiagnosisResult, Event] | None:
     """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
     try:
-        return explain_windows(watch.reference, watch.before, conditions_of(pure), in_time_of(pure, devices))
+        return explain_windows(
+            watch.reference,
+            watch.before,
+            conditions_of(changed_windows),
+            synchronized_windows(changed_windows, devices),
+        )
     except ModalDataError:
         return None  # there is an alarm, but no cause
 
@@ -88,9 +97,9 @@ def _location(reference: Reference, modes: ModalMean, structure: Structure, n_wi
 
 def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:
     """Return how each channel fares in calm windows; of one that died among them a window holds half."""
-    tracks = [watch.modes_of(window.in_time) for window in calm]
-    found = sensors_seen(watch.reference, in_time_of(calm, devices), tracks)
-    return {channel: health for channel, health in found.items() if channel in calm[-1].in_time.channels}
+    tracks = [watch.modes_of(window.synchronized) for window in calm]
+    found = sensors_seen(watch.reference, synchronized_windows(calm, devices), tracks)
+    return {channel: health for channel, health in found.items() if channel in calm[-1].synchronized.channels}
 
 
 def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:

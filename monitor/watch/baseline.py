@@ -27,7 +27,7 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.modal_data import choose_tracks, in_time
+from updater.modal_data import choose_tracks, remove_device_delays
 
 
 class Identified(Protocol):
@@ -62,8 +62,8 @@ class Watch:
     def judge(self, window: Window) -> Novelty:
         """Judge a window, which the detectors remember."""
         track = np.full(self.tracker.reference.n_modes, -1)
-        track[self.watched] = self.modes_of(window.in_time)
-        score = self.detector.consider(window, track)
+        track[self.watched] = self.modes_of(window.synchronized)
+        score = self.detector.evaluate(window, track)
         least = self.detector.least
         return score if least is None else score.model_copy(update={"unsure": self._unsure(window, least)})
 
@@ -139,7 +139,7 @@ def learn_baseline(
     PairingError
         If fewer than three stay.
     """
-    lateness = in_time([f.estimate for f in found], [f.delays for f in found], devices)
+    lateness = remove_device_delays([f.estimate for f in found], [f.delays for f in found], devices)
     estimates = list(lateness.estimates)
     seed, often, tracks = choose_tracks(estimates)
     if len(often) < 3:
@@ -175,7 +175,7 @@ def learn_changed(
             "monitoring: check the sensors. The alarm stays active until they are identified again; "
             "it can be acknowledged"
         )
-    estimates = [window.in_time for window in windows]
+    estimates = [window.synchronized for window in windows]
     tracks = [tracker.assign(estimate)[watched] for estimate in estimates]
     learnt = learn_reference(structure, estimates, tracks, reference.delays)
     lost = np.delete(watched, learnt.calibration.tracks)

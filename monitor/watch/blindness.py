@@ -38,25 +38,25 @@ class MissingChannels:
         return left_out_texts(self.lasting)
 
 
-MOST = 3  #: windows in a row from which on it is
+MAX_BLIND = 3  #: windows in a row from which on it is
 
 
 @dataclass(frozen=True)
-class Sight:
+class BlindWindows:
     """Number of consecutive windows without a usable result, and the reason of the last one."""
 
     dark: int = 0
     why: str = ""
 
-    def after(self, window: WindowResult) -> "Sight":
+    def after(self, window: WindowResult) -> "BlindWindows":
         """Return the same after one more window."""
         why = _why(window)
-        return Sight(self.dark + 1, why) if why else Sight()
+        return BlindWindows(self.dark + 1, why) if why else BlindWindows()
 
     @property
     def blind(self) -> str | None:
         """Text to be reported; None while all is well."""
-        return f"no usable result from the last {self.dark} windows: {self.why}" if self.dark >= MOST else None
+        return f"no usable result from the last {self.dark} windows: {self.why}" if self.dark >= MAX_BLIND else None
 
 
 def _why(window: WindowResult) -> str:

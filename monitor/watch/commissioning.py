@@ -20,7 +20,7 @@ from monitor.errors import MonitorError
 from monitor.settings import Settings
 from monitor.text.causes import change_text
 from monitor.text.verdicts import is_one_mass
-from monitor.watch.answer import in_time_of
+from monitor.watch.answer import synchronized_windows
 from monitor.watch.baseline import Watch, learn_watch
 from monitor.watch.explanation import conditions_of, explain_windows
 from monitor.watch.memory import Memory
@@ -136,12 +136,12 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
         If no baseline is learnt, no change is seen, or too little is known of it.
     """
     devices = settings.device_of
-    watch, pure = _watch(memory, structure, settings, devices)
-    tracks = [watch.modes_of(window.in_time) for window in pure]
-    event = watch.reference.mean_of(stack_tracks([w.in_time for w in pure], tracks))
-    late = in_time_of(pure, devices)
+    watch, changed_windows = _watch(memory, structure, settings, devices)
+    tracks = [watch.modes_of(window.synchronized) for window in changed_windows]
+    event = watch.reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
+    late = synchronized_windows(changed_windows, devices)
     try:
-        explained, _ = explain_windows(watch.reference, watch.before, conditions_of(pure), late)
+        explained, _ = explain_windows(watch.reference, watch.before, conditions_of(changed_windows), late)
         found, _ = locate_mass_with_forecast(watch.reference, event)
     except (ModalDataError, PairingError) as error:
         raise ProofError(f"the change cannot be explained: {error}") from error
@@ -152,9 +152,9 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
         diagnosis=explained.diagnosis,
         found=found,
         raised=memory.alarm.raised,
-        n_windows=len(pure),
-        start=pure[0].start,
-        end=pure[-1].end,
+        n_windows=len(changed_windows),
+        start=changed_windows[0].start,
+        end=changed_windows[-1].end,
     )
 
 
@@ -207,10 +207,10 @@ def _watch(
     if not memory.out:
         again = f"attach the mass, and repeat after {minutes:.3g} min; a mass that was attached earlier is not detected"
         raise ProofError(f"no change detected: {again}")
-    pure = [w for w in memory.out if w.start >= memory.out[0].end]
-    if not pure or memory.alarm.state != "alarm":
+    changed_windows = [w for w in memory.out if w.start >= memory.out[0].end]
+    if not changed_windows or memory.alarm.state != "alarm":
         raise ProofError(f"a change is detected, but in too few windows: repeat after {minutes:.3g} min")
-    return learn_watch(structure, memory.baseline, devices, settings, memory.detector, memory.accepted), pure
+    return learn_watch(structure, memory.baseline, devices, settings, memory.detector, memory.accepted), changed_windows
 
 
 def _on_member(structure: Structure, at: FloatArray) -> tuple[str, FloatArray]:

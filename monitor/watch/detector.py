@@ -120,9 +120,9 @@ class Detector:
         """Return the state by a law that was moved: windows judged by the former one are dropped."""
         return DetectorState(watched=watched, before=self._before, trend=self._trend)
 
-    def consider(self, window: Window, track: IndexArray) -> Novelty:
+    def evaluate(self, window: Window, track: IndexArray) -> Novelty:
         """Judge one window, whose modes `track` (n_tracks,) gives the tracks of; -1 where one is missing."""
-        modes = stack_tracks([window.in_time], [track])
+        modes = stack_tracks([window.synchronized], [track])
         passed = (window.start - self._before) / 1e9
         seconds = np.array([passed if passed > 0 else self._step])  # a clock that was set back tells nothing
         temperature = np.array([window.temperature])

@@ -38,13 +38,13 @@ from monitor.watch.baseline_checks import (
     too_short_text,
 )
 from monitor.watch.detector import MOST_OUT
-from monitor.watch.memory import Memory, matters
+from monitor.watch.memory import Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
 from updater import Structure, UpdaterError
 from updater.modal_data import NO_DELAYS, DeviceDelays
 
 
-class Judge:
+class WindowEvaluator:
     """Evaluation of a structure, window by window.
 
     Parameters
@@ -88,7 +88,7 @@ class Judge:
         """State to continue from after a restart."""
         watch = self._watch
         return Memory(
-            matters=matters(self._structure, self._settings),
+            state_fingerprint=state_fingerprint(self._structure, self._settings),
             n_windows=self.n_windows,
             baseline=watch.baseline if watch else tuple(self._baseline),
             target=self._target,
@@ -115,13 +115,13 @@ class Judge:
     def modes(self, window: Window) -> list[ModeResult]:
         """Return a window's modes as they are told."""
         reference = self._watch.reference if self._watch else None
-        return mode_results(window.in_time, *self._tracked(window), reference)
+        return mode_results(window.synchronized, *self._tracked(window), reference)
 
-    def consider(self, window: Window, result: WindowResult) -> Iterator[Result]:
+    def evaluate(self, window: Window, result: WindowResult) -> Iterator[Result]:
         """Take one window; yield what it lets be said, first its result with what is found added to it."""
         yield from self._learn(window, result) if self._watch is None else self._judge(window, self._watch, result)
 
-    def hear(self, event: Event) -> Iterator[Result]:
+    def apply_command(self, event: Event) -> Iterator[Result]:
         """Obey a person; other events mean nothing here."""
         if event.topic == TOPIC_ACKNOWLEDGE:
             yield from self._acknowledge(event)
@@ -145,8 +145,8 @@ class Judge:
     def _tracked(self, window: Window) -> tuple[IndexArray, IndexArray]:
         """Return the window's modes, or -1, and the tracks that they are on; all of them while a baseline is learnt."""
         if self._watch:
-            return self._watch.modes_of(window.in_time), self._watch.watched
-        return np.arange(window.in_time.n_modes), np.arange(window.in_time.n_modes)
+            return self._watch.modes_of(window.synchronized), self._watch.watched
+        return np.arange(window.synchronized.n_modes), np.arange(window.synchronized.n_modes)
 
     def _learn(self, window: Window, result: WindowResult) -> Iterator[Result]:
         self._baseline.append(window)
@@ -183,7 +183,7 @@ class Judge:
     def _judge(self, window: Window, watch: Watch, result: WindowResult) -> Iterator[Result]:
         score = watch.judge(window)
         over = score.t2 > score.limit
-        self._alarm, changes = self._alarm.consider(window.end, score.level)
+        self._alarm, changes = self._alarm.evaluate(window.end, score.level)
         trending = watch.detector.settle(calm=self._alarm.state == "normal")
         self._out = [*self._out, window][-MOST_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
@@ -207,7 +207,7 @@ class Judge:
             yield from self._watch_again(window.end, watch, calm)
 
     def _answer(self, watch: Watch) -> dict[str, Any]:
-        return answer(watch, self._pure(), self._devices, self._structure, self._extras)
+        return answer(watch, self._changed_windows(), self._devices, self._structure, self._extras)
 
     def _test(self, watch: Watch, window: Window, *, over: bool) -> tuple[Result, ...]:
         return tuple(self._tests.after(watch, self._alarm, window, over=over))
@@ -230,21 +230,23 @@ class Judge:
             yield from self._accept(event.time, self._watch)
             if self._wanted:
                 text = f"to be accepted as {said['cause']!r} once there are {LEAST_WINDOWS} windows since the change"
-                yield self._notice(event.time, "accepting", f"{text}; there are {len(self._pure())}")
+                yield self._notice(event.time, "accepting", f"{text}; there are {len(self._changed_windows())}")
 
     def _accept(self, time: int, watch: Watch) -> Iterator[Result]:
         """Make the changed structure the reference, if that is wanted and there are enough windows of it."""
-        pure, wanted = self._pure(), self._wanted
+        changed_windows, wanted = self._changed_windows(), self._wanted
         if wanted is not None and self._alarm.state != "alarm":
             self._wanted = None
             yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change has disappeared")
             return
-        if wanted is None or len(pure) < LEAST_WINDOWS:
+        if wanted is None or len(changed_windows) < LEAST_WINDOWS:
             return
         self._wanted = None
         raised = self._alarm.raised or time
         try:
-            watch = accept_change(self._structure, watch, pure, self._devices, self._settings, wanted, raised)
+            watch = accept_change(
+                self._structure, watch, changed_windows, self._devices, self._settings, wanted, raised
+            )
         except CannotAcceptError as error:
             yield self._notice(time, "refused", f"{wanted.cause!r} cannot be accepted: {error}")
             return
@@ -307,7 +309,7 @@ class Judge:
             quiet=change.quiet,
         )
 
-    def _pure(self) -> list[Window]:
+    def _changed_windows(self) -> list[Window]:
         """Return the windows over the limit that begin after the first of them, which may hold both states."""
         return [w for w in self._out if w.start >= self._out[0].end]
 

@@ -13,7 +13,7 @@ from monitor.results.convert import spectrum_result
 from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings
 from monitor.watch.backlog import SKIPPED, Skip, none
-from monitor.watch.judge import Judge
+from monitor.watch.judge import WindowEvaluator
 from monitor.watch.memory import Memory
 from oma import IdentificationError, identify_all
 from updater import Structure
@@ -43,7 +43,7 @@ class Pipeline:
         )
         offset = memory.thermometer_offset if memory else math.nan
         self._weather = SiteTemperature(settings.temperature.stale_minutes, offset) if settings.temperature else None
-        self._judge = Judge(structure, settings, memory)
+        self._judge = WindowEvaluator(structure, settings, memory)
         self._resumed = memory is not None  # which has not been said yet
 
     @property
@@ -56,9 +56,9 @@ class Pipeline:
         """Take one item in the log's order; yield what it lets be said."""
         if self._resumed and isinstance(item, Block):
             self._resumed = False
-            yield from self._judge.resumed(item.pair_time)
+            yield from self._judge.resumed(item.arrival_time)
         if isinstance(item, Event):
-            yield from self._judge.hear(item)
+            yield from self._judge.apply_command(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
         if self._weather and isinstance(item, Event):
             self._weather.take(item)
@@ -82,13 +82,13 @@ class Pipeline:
             index, recording, found, self._settings.device_of, self._structure.delays, self._judge.delays
         )
         seen = {
-            "channels": list(window.in_time.channels),
+            "channels": list(window.synchronized.channels),
             "faults": {channel: str(fault) for channel, fault in found.left_out.items()},
             "modes": self._judge.modes(window),
             "spectrum": spectrum_result(recording, found.poles),
             "problem": None,
         }
-        yield from self._judge.consider(window, self._bare(index, recording, "").model_copy(update=seen))
+        yield from self._judge.evaluate(window, self._bare(index, recording, "").model_copy(update=seen))
 
     def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
         return WindowResult(

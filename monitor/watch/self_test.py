@@ -141,7 +141,7 @@ def _changed(windows: Sequence[Window], ratio: FloatArray, watch: Watch, setting
     """Return the windows as the next ones, their tracked frequencies changed by a ratio (n_tracks,)."""
     later = round(len(windows) * settings.step_seconds * 1e9)
     return [
-        replace(w, start=w.start + later, end=w.end + later, in_time=_with_ratio(w.in_time, ratio, watch))
+        replace(w, start=w.start + later, end=w.end + later, synchronized=_with_ratio(w.synchronized, ratio, watch))
         for w in windows
     ]
 
@@ -158,7 +158,7 @@ def _raises(watch: Watch, alarm: Alarm, windows: Sequence[Window], settings: Set
     tried = replace(watch, detector=Detector(watch.detector.state, settings))
     for window in windows:
         score = tried.judge(window)
-        alarm, _ = alarm.consider(window.end, score.level)
+        alarm, _ = alarm.evaluate(window.end, score.level)
         if alarm.state == "alarm":
             return True
     return False

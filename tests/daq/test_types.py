@@ -19,7 +19,14 @@ def recording(shape: tuple[int, ...] = (500, 2), rate: float = 200.0) -> Recordi
 def test_block_refuses_other_than_int32_scans(counts: IntArray) -> None:
     with pytest.raises(ValueError, match=r"counts of beam: expected int32 \(n_scans, n_axes\), found "):
         Block(
-            device="beam", rate=1e3, first_index=0, counts=counts, scale=1.0, pair_index=0, pair_time=0, temperature=0.0
+            device="beam",
+            rate=1e3,
+            first_index=0,
+            counts=counts,
+            scale=1.0,
+            arrival_index=0,
+            arrival_time=0,
+            temperature=0.0,
         )
 
 

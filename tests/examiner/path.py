@@ -78,7 +78,7 @@ def observation(
     Delays and dead channels that the structure's file `known` states are taken out, as commands do.
     """
     if known:
-        estimates = [_speaking(estimate, known.speaking) for estimate in estimates]
+        estimates = [_speaking(estimate, known.active_channels) for estimate in estimates]
     perfect = WindowQuality(complete=1.0, rms_variation=0.0, cycles=1000.0)
     return follow(
         Windows(

@@ -85,7 +85,7 @@ def learn_reference(
         shape=updated.shape,
         windows=kept,
         delays=delays,
-        unanswered=every.only(others) if len(others) else None,
+        unpaired_modes=every.only(others) if len(others) else None,
     )
 
 

@@ -36,7 +36,7 @@ class Cause(Hypotheses, Protocol):
         ...
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """Start of a joint fit with other causes (n_alternatives, n_parameters): what has a place has no effect yet."""
         ...
 
@@ -119,7 +119,7 @@ class Discrete:
         return np.zeros(self.lower.shape)
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """Start as alone, for a cause without a place."""
         return self.start
 
@@ -133,7 +133,7 @@ class Discrete:
         del covariance
         return np.zeros(len(theta))
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
         """There is nothing between the alternatives."""
         del log_density, theta
 
@@ -180,6 +180,6 @@ class Nothing:
         del covariance
         return np.zeros(len(theta))
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
         """There is nothing to refine."""
         del log_density, theta

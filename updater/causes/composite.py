@@ -29,7 +29,7 @@ class JointHypothesis(Generic[C]):
 
     free: C
     chosen: tuple[SelectedCause, ...]
-    fresh: bool = False  #: whether what has a place starts from doing nothing, not from explaining all that was seen
+    start_neutral: bool = False  #: whether a cause with a position starts without effect
 
     @property
     def prior_std(self) -> FloatArray:
@@ -44,7 +44,9 @@ class JointHypothesis(Generic[C]):
     @property
     def start(self) -> FloatArray:
         """Of all: the chosen ones begin where they were."""
-        return self._beside(self.free.idle if self.fresh else self.free.start, [c.theta for c in self.chosen])
+        return self._beside(
+            self.free.neutral_start if self.start_neutral else self.free.start, [c.theta for c in self.chosen]
+        )
 
     def _beside(self, own: FloatArray, others: list[FloatArray]) -> FloatArray:
         return np.concatenate([own, *(np.tile(other, (len(own), 1)) for other in others)], axis=1)
@@ -72,14 +74,14 @@ class JointHypothesis(Generic[C]):
             at += n
         return found
 
-    def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
+    def compliance_increments(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
         """Return the compliance increments of the chosen causes."""
         found: dict[int, tuple[FloatArray, FloatArray]] = {}
         at = len(self.free.prior_std)
         for c in self.chosen:
             own = slice(at, at + len(c.cause.prior_std))
             if isinstance(c.cause, LinearInCompliance):
-                found |= {at + k: each for k, each in c.cause.gives(theta[:, own]).items()}
+                found |= {at + k: each for k, each in c.cause.compliance_increments(theta[:, own]).items()}
             at = own.stop
         return found
 
@@ -93,10 +95,10 @@ class JointHypothesis(Generic[C]):
             n = own.stop
         return found
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
         """Refine the free one."""
-        closer = self.free.finer(log_density, theta[:, : len(self.free.prior_std)])
-        return None if closer is None else replace(self, free=closer, fresh=False)
+        closer = self.free.refined(log_density, theta[:, : len(self.free.prior_std)])
+        return None if closer is None else replace(self, free=closer, start_neutral=False)
 
     def of_free(self, fit: "Fit[JointHypothesis[C]]") -> Fit[C]:
         """Return the fit of the free cause alone, the others' uncertainty included."""

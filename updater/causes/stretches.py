@@ -83,7 +83,7 @@ class Stretches:
     cannot_be_told_from: tuple[str, ...] = ()
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """As they are looked at first, with nothing done to them."""
         return np.zeros(self.start.shape)
 
@@ -142,7 +142,7 @@ class Stretches:
         del ratio
         return theta
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> Self:
         """Return stretches about the likely ones: middles closer together, lengths between; others may be as likely.
 
         Where data hardly tell a place many are. They stay as they are: a place that is left out is told to be none.

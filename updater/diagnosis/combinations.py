@@ -86,7 +86,7 @@ def _columns(weighing: EvidenceComparison) -> _Columns | None:
 
 def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strength: float) -> SelectedCause:
     cause, row = weighing.causes[columns.names[columns.cause[number]]], int(columns.row[number])
-    theta, at = cause.idle[row].copy(), int(columns.parameter[number])
+    theta, at = cause.neutral_start[row].copy(), int(columns.parameter[number])
     theta[at] = strength
     reach = _FARTHEST * cause.prior_std
     return SelectedCause(cause, row, np.maximum(np.clip(theta, -reach, reach), cause.lower[row]))
@@ -128,7 +128,7 @@ class Compositions:
 
     weighing: EvidenceComparison
 
-    def promising(self, seeds: Sequence[Candidate]) -> list[PredictedCandidate]:
+    def rank_by_linear_prediction(self, seeds: Sequence[Candidate]) -> list[PredictedCandidate]:
         """Predict to first order the gain of each cause in addition to each of the seeds, the best first.
 
         What brings a mode that nobody sees is none of them: it explains too much of others' misfit.
@@ -136,7 +136,7 @@ class Compositions:
         seeds = [s for s in seeds if not any(hides(c.cause) for c in s.chosen)]
         found = [
             self.weighing.faults.attempt(" and ".join((*seed.names, name)), partial(self._promise, seed, name, cause))
-            for seed in itertools.chain(seeds, *(self._elsewhere(seed) for seed in seeds if len(seed.chosen) == 1))
+            for seed in itertools.chain(seeds, *(self._at_next_place(seed) for seed in seeds if len(seed.chosen) == 1))
             for name, cause in self.weighing.causes.items()
             if not hides(cause) and not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
         ]
@@ -154,10 +154,10 @@ class Compositions:
         allowed = [name for name in self.weighing.causes if not only or name in only]
         weighing = replace(self.weighing, allowed=allowed) if only else self.weighing
         pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
-        found = None if pair is None else self._at_rest(self.settled(pair))
+        found = None if pair is None else self._refit_until_converged(self.coordinate_fit(pair))
         if found is None:
             return []
-        alike = [self._at_rest(self.settled(chosen)) for chosen in self._alike(found) if not only]
+        alike = [self._refit_until_converged(self.coordinate_fit(chosen)) for chosen in self._alike(found) if not only]
         return ranked([found, *(other for other in alike if other is not None)])
 
     @cached_property
@@ -238,18 +238,18 @@ class Compositions:
                 found[key] = fitted
 
         for promise in promises:
-            keep(self.settled(promise.chosen))
+            keep(self.coordinate_fit(promise.chosen))
         if not found:
             return []
         best = max(found.values(), key=lambda c: c.log_evidence)
-        keep(self._at_rest(best))
-        for other in self._elsewhere(best):
-            keep(self._at_rest(self.settled(other.chosen)))
+        keep(self._refit_until_converged(best))
+        for other in self._at_next_place(best):
+            keep(self._refit_until_converged(self.coordinate_fit(other.chosen)))
         tried = None
         while tried is not (best := max(found.values(), key=lambda c: c.log_evidence)):
             tried = best
             for chosen in self._alike(best):
-                keep(self._at_rest(self.settled(chosen)))
+                keep(self._refit_until_converged(self.coordinate_fit(chosen)))
         return self._with_other_makers(sorted(found.values(), key=lambda c: -c.log_evidence))
 
     def _worth_fitting(self, promises: Sequence[PredictedCandidate]) -> list[PredictedCandidate]:
@@ -263,12 +263,12 @@ class Compositions:
         plain = common(best.names)
         return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
 
-    def _at_rest(self, fitted: Candidate | None) -> Candidate | None:
+    def _refit_until_converged(self, fitted: Candidate | None) -> Candidate | None:
         """Refit each cause with the others at their present values while the fit improves."""
         if fitted is None:
             return None
         for _ in range(_TURNS):
-            again = self.settled(fitted.chosen)
+            again = self.coordinate_fit(fitted.chosen)
             if again is None:
                 return fitted
             if again.log_evidence < fitted.log_evidence + _STILL:
@@ -276,7 +276,7 @@ class Compositions:
             fitted = again
         return fitted
 
-    def _elsewhere(self, fitted: Candidate) -> list[Candidate]:
+    def _at_next_place(self, fitted: Candidate) -> list[Candidate]:
         """Return the same with each cause in turn at its next place, which fits in turns do not reach."""
         found = []
         room = _NEXT + _ERRS * max(fitted.chi_square - fitted.parts[0].freedom, 0.0) / 2
@@ -305,7 +305,7 @@ class Compositions:
                 found.append((*others, SelectedCause(other, 0, np.zeros(len(other.prior_std)))))
         return found
 
-    def settled(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
+    def coordinate_fit(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
         """Return causes fitted in turn, all alternatives of each with the best of the others, the last one first.
 
         None where a fit fails.
@@ -318,7 +318,7 @@ class Compositions:
         for _ in chosen:
             *others, last = chosen
             free = self.weighing.causes[last.cause.name]
-            found = fit(self.weighing.data, JointHypothesis(free, tuple(others), fresh=bool(others)))
+            found = fit(self.weighing.data, JointHypothesis(free, tuple(others), start_neutral=bool(others)))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one

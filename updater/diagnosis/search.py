@@ -269,7 +269,7 @@ def _one_sided_beside(search: EvidenceComparison, found: list[Candidate]) -> tup
         return search, found
     apart = _let_apart(search)
     several = Compositions(apart)
-    fitted = [several.settled(chosen) for chosen in _with_stretch(apart, found)]
+    fitted = [several.coordinate_fit(chosen) for chosen in _with_stretch(apart, found)]
     other = max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=None)
     if other is None:
         return search, found
@@ -305,7 +305,7 @@ def _one_factor_beside(
     if apart is None or len(apart.chosen) == 1 or apart.names.count(_STRETCH) != 1:
         return search, found
     beside = sorted(apart.chosen, key=lambda c: c.cause.name == _STRETCH)
-    other = Compositions(plain).settled(tuple(beside))
+    other = Compositions(plain).coordinate_fit(tuple(beside))
     if other is None or apart.log_evidence >= other.log_evidence + _MUCH:
         return search, found
     return plain, ranked([other, *(c for c in found if c is not apart)])
@@ -328,7 +328,7 @@ def _beside_the_file(weighing: EvidenceComparison, singles: list[Candidate]) -> 
     Files are: what is looked for beside them is else taken for what acts like it and a little like them.
     """
     several = Compositions(weighing)
-    promises = several.promising([c for c in singles if c.names == (OF_THE_FILE,)])
+    promises = several.rank_by_linear_prediction([c for c in singles if c.names == (OF_THE_FILE,)])
     return [c for c in several.together(promises) if c.earned(singles)] if promises else []
 
 
@@ -367,7 +367,7 @@ def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candi
     weighing = replace(case.weighing, data=good)
     sought = _stepwise(weighing, _again(weighing, found), rough=False)
     closer = [c for c in sought if _within_noise(good, c)][:_MOST_JUDGED]
-    again = [Compositions(case.weighing).settled(c.chosen) for c in closer]
+    again = [Compositions(case.weighing).coordinate_fit(c.chosen) for c in closer]
     return ranked([fitted for fitted in again if fitted is not None]) or found
 
 
@@ -404,11 +404,11 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
     if _hidden(near[0]):
         near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
-    again = ranked([fitted for fitted in (several.settled(c.chosen) for c in near) if fitted is not None])
+    again = ranked([fitted for fitted in (several.coordinate_fit(c.chosen) for c in near) if fitted is not None])
     free = bool(again) and _free(weighing, again[0])
     if free:
         others = [c for c in found if _STRETCH not in c.names and not _hidden(c) and c not in near][: _SEEDS - 1]
-        again += [fitted for fitted in (several.settled(c.chosen) for c in others) if fitted is not None]
+        again += [fitted for fitted in (several.coordinate_fit(c.chosen) for c in others) if fitted is not None]
     if free or any(c.names == ("distributed_mass",) for c in again):
         again += several.at_once(("added_mass",))
     return ranked(again)
@@ -431,7 +431,7 @@ def _stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bo
             break
         if len(found[0].chosen) > number and not doubted:
             break
-        promises = several.promising(seeds if doubted else seeds[:1])
+        promises = several.rank_by_linear_prediction(seeds if doubted else seeds[:1])
         if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + _MUCH):
             break
         more = several.together(promises)
@@ -591,7 +591,7 @@ def _likelier_alone(several: Compositions, chosen: tuple[SelectedCause, ...]) ->
     What else was found may have made up for the calibration without the bodies.
     """
     bodies = tuple(c for c in chosen if isinstance(c.cause, AddedMass))
-    fitted = [several.settled(each) for each in dict.fromkeys((bodies, chosen))]
+    fitted = [several.coordinate_fit(each) for each in dict.fromkeys((bodies, chosen))]
     return max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=None)
 
 

@@ -107,7 +107,7 @@ def significant_only(weighing: EvidenceComparison, found: list[Candidate]) -> li
     if kept and kept[0] is found[0]:
         return kept
     rest = tuple(c for c, part in zip(found[0].chosen, found[0].parts, strict=True) if is_significant(part))
-    fewer = Compositions(weighing).settled(rest) if rest else None
+    fewer = Compositions(weighing).coordinate_fit(rest) if rest else None
     if fewer is None or not all(map(is_significant, fewer.parts)):
         return kept
     return ranked([fewer, *(c for c in kept if sorted(c.names) != sorted(fewer.names))])

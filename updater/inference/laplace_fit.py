@@ -67,7 +67,7 @@ class Hypotheses(Protocol):
         """
         ...
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
         """Return alternatives closer together where the posterior is, which start from what those about them came to.
 
         None if there is nothing between them.
@@ -84,7 +84,7 @@ class Hypotheses(Protocol):
 class LinearInCompliance(Protocol):
     """Alternatives some of whose parameters only add compliance, the same one to each: exact derivatives are cheap."""
 
-    def gives(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
+    def compliance_increments(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
         """Return of such parameters a compliance (n_modes + n_stress, same), and how much of it a unit adds (n,).
 
         Parameters
@@ -158,7 +158,7 @@ def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:
 def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
     """Fit every alternative by Gauss-Newton, all at once; on request, refined alternatives afterwards."""
     found = _fit(comparison, hypotheses)
-    closer = hypotheses.finer(found.log_density, found.theta) if refine else None
+    closer = hypotheses.refined(found.log_density, found.theta) if refine else None
     return found if closer is None else _fit(comparison, closer, _HOPELESS)
 
 
@@ -301,17 +301,17 @@ def slopes(
     value, vector = picked(changed)
     mass, flexibility, tangent = old.whole_mass, old.whole_flexibility, Tangent(changed, old)
     steps = _STEP * hypotheses.prior_std
-    gives = hypotheses.gives(theta) if isinstance(hypotheses, LinearInCompliance) else {}
+    linear = hypotheses.compliance_increments(theta) if isinstance(hypotheses, LinearInCompliance) else {}
     columns = list(range(len(steps)) if parameters is None else parameters)
     slope = np.zeros((len(columns), *before.shape))
-    for group in _groups(columns, gives, len(rows)):
+    for group in _groups(columns, linear, len(rows)):
         k = np.array([columns[g] for g in group])
         moved = np.tile(theta, (len(k), 1, 1))
         moved[np.arange(len(k)), :, k] += steps[k, None]
         stacked, every = moved.reshape(-1, len(steps)), np.tile(np.arange(len(rows)), len(k))
-        if k[0] in gives:
-            effect, amount = old.rows(every), steps[k, None] * [gives[each][1] for each in k]
-            d_value, d_vector = map(np.array, zip(*(tangent.by_compliance(gives[each][0]) for each in k), strict=True))
+        if k[0] in linear:
+            effect, amount = old.rows(every), steps[k, None] * [linear[each][1] for each in k]
+            d_value, d_vector = map(np.array, zip(*(tangent.by_compliance(linear[each][0]) for each in k), strict=True))
             d_value, d_vector = amount[..., None] * d_value, amount[..., None, None] * d_vector
         else:
             effect = hypotheses.effect(stacked, rows[every])
@@ -337,8 +337,8 @@ def _by_parameter(matrix: FloatArray, n_parameters: int, n_rows: int) -> FloatAr
     return matrix.reshape(*shape, *matrix.shape[1:])
 
 
-def _groups(columns: list[int], gives: Collection[int], n_rows: int) -> list[list[int]]:
-    """Return positions in `columns` whose derivatives are computed together, those of `gives` apart."""
+def _groups(columns: list[int], linear: Collection[int], n_rows: int) -> list[list[int]]:
+    """Return positions in `columns` whose derivatives are computed together, those of `linear` apart."""
     size = max(_AT_ONCE // max(n_rows, 1), 1)
-    kinds = [[i for i, k in enumerate(columns) if (k in gives) is given] for given in (False, True)]
+    kinds = [[i for i, k in enumerate(columns) if (k in linear) is given] for given in (False, True)]
     return [kind[start : start + size] for kind in kinds for start in range(0, len(kind), size)]

@@ -3,7 +3,7 @@
 from updater.modal_data.averaging import LEAST_PRESENCE, FusedModes, choose_tracks, fuse
 from updater.modal_data.change_point import ChangePoint, find_change, windows_of_one_state
 from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
-from updater.modal_data.delay_removal import NOT_LATE, SynchronizedWindows, in_time, without_known
+from updater.modal_data.delay_removal import NOTHING_REMOVED, SynchronizedWindows, remove_device_delays, without_known
 from updater.modal_data.device_delays import (
     NO_DELAYS,
     DeviceDelays,
@@ -26,7 +26,7 @@ __all__ = [
     "LEAST_PRESENCE",
     "LOW_MPC",
     "NOTHING_KNOWN",
-    "NOT_LATE",
+    "NOTHING_REMOVED",
     "NO_DELAYS",
     "Asynchrony",
     "ChangePoint",
@@ -48,7 +48,6 @@ __all__ = [
     "estimate_delays",
     "find_change",
     "fuse",
-    "in_time",
     "is_steady",
     "learn_delays",
     "learn_scatter",
@@ -60,6 +59,7 @@ __all__ = [
     "merge_setups",
     "real_shape",
     "remove_delays",
+    "remove_device_delays",
     "stack_tracks",
     "stated_scatter",
     "tone_ratios",

@@ -46,10 +46,10 @@ class SynchronizedWindows:
         return bool(self.removed) and all(device in window for window in self.removed)
 
 
-NOT_LATE = SynchronizedWindows(())
+NOTHING_REMOVED = SynchronizedWindows(())
 
 
-def in_time(
+def remove_device_delays(
     estimates: Sequence[ModalEstimate], removed: Sequence[Delays], devices: Mapping[str, str]
 ) -> SynchronizedWindows:
     """Take devices' delays out of the windows of one state.

@@ -9,7 +9,7 @@ from updater.planning.detectability import (
     with_sensors,
 )
 from updater.planning.expected_reference import UNSEEN, largest_motion, motion, seen_by
-from updater.planning.mode_visibility import ALIKE, Sight, clearer, look
+from updater.planning.mode_visibility import ALIKE, ModeVisibility, clearer, look
 from updater.planning.record_length import LocalizationSimulation, Target
 from updater.planning.record_noise import Record
 from updater.planning.sensor_placement import Choice, backward_elimination, best_additional_sensor, mean_position_std
@@ -21,10 +21,10 @@ __all__ = [
     "Choice",
     "DetectabilityStudy",
     "LocalizationSimulation",
+    "ModeVisibility",
     "Plan",
     "Record",
     "SensorSet",
-    "Sight",
     "Stretches",
     "Target",
     "backward_elimination",

@@ -21,7 +21,7 @@ _TYPICAL = 0.01  # of the structure's mass: the body that one more sensor is to 
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Sight:
+class ModeVisibility:
     """Modes of a structure's model, and how they look at its sensors."""
 
     model: Model
@@ -73,7 +73,9 @@ class Sight:
         return tuple((k, other) for k in range(len(self.seen)) for other in self.alike(k) if other > k)
 
 
-def look(structure: Structure, n_modes: int, record: Record | None = None, within: float | None = None) -> Sight:
+def look(
+    structure: Structure, n_modes: int, record: Record | None = None, within: float | None = None
+) -> ModeVisibility:
     """Return what the sensors see of the lowest modes, and of a body.
 
     Parameters
@@ -93,7 +95,7 @@ def look(structure: Structure, n_modes: int, record: Record | None = None, withi
     modes = model.modes(max(1, min(n_modes, model.n_dofs - 1)))
     at_sensors = (model.sensor_rows @ modes.shape).T
     outlook, too_few = _outlook(structure, record, within)
-    return Sight(
+    return ModeVisibility(
         model=model,
         modes=modes,
         at_sensors=at_sensors,
@@ -119,7 +121,7 @@ def _auto_mac(at_sensors: FloatArray, largest: FloatArray) -> FloatArray:
     return auto_mac
 
 
-def clearer(sight: Sight) -> tuple[Sensor, Sight] | None:
+def clearer(sight: ModeVisibility) -> tuple[Sensor, ModeVisibility] | None:
     """Return the additional sensor that measures most unmeasured modes and distinguishes most pairs.
 
     None if there is nothing to mend, or no one sensor that mends any of it.
@@ -142,6 +144,6 @@ def clearer(sight: Sight) -> tuple[Sensor, Sight] | None:
     return best
 
 
-def _blur(sight: Sight) -> tuple[int, int, float]:
+def _blur(sight: ModeVisibility) -> tuple[int, int, float]:
     """Return how many modes are unseen, how many pairs alike, and how much the least seen mode lacks."""
     return len(sight.unseen), len(sight.pairs_alike), 1 - float(sight.seen.min())

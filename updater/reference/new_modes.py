@@ -49,7 +49,7 @@ def _without_doubles(
     A twist has a little of the bending beside it, and that is what they see of it.
     """
     found = found.copy()
-    for track in np.flatnonzero(reference.shadowed & (found[: len(reference.baseline.n)] >= 0)).tolist():
+    for track in np.flatnonzero(reference.ambiguous_tracks & (found[: len(reference.baseline.n)] >= 0)).tolist():
         alike = mac_matrix(event.shape[new], event.shape[found[track], None])[:, 0] > SAME_SHAPE
         near = np.abs(event.log_frequency[new] - event.log_frequency[found[track]]) < NEAR
         if (alike & near).any():

@@ -30,7 +30,7 @@ class Reference:
     shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [A B2], in the order of the model's modes
     windows: TrackedModes  #: of the baseline: what undisturbed windows look like
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
-    unanswered: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
+    unpaired_modes: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
     measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
     filed: "NominalModel | None" = None  #: of a structure file that is far off: what it says
 
@@ -47,7 +47,7 @@ class Reference:
     @property
     def known(self) -> ModalMean:
         """All modes of the baseline, the tracks first: what the modes of other windows may be."""
-        return self.baseline if self.unanswered is None else self.baseline.joined(self.unanswered)
+        return self.baseline if self.unpaired_modes is None else self.baseline.joined(self.unpaired_modes)
 
     @property
     def file(self) -> "Reference":
@@ -71,7 +71,7 @@ class Reference:
         return float(max(np.sqrt(np.mean(off**2)) / _GOOD, 1.0))
 
     @property
-    def shadowed(self) -> npt.NDArray[np.bool_]:
+    def ambiguous_tracks(self) -> npt.NDArray[np.bool_]:
         """Mask of tracks (n_tracks,) near a mode of the model that sensors hardly see, but where the two mix."""
         moves = np.linalg.norm(self.at_channels(self.baseline.channels), axis=0)
         hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[self.paired])), self.paired)

@@ -239,7 +239,7 @@ class Entries(Entry):
         return tuple(sensor.corrected(self.sensors.get(sensor.channel)) for sensor in self.sensor)
 
     @property
-    def speaking(self) -> tuple[str, ...]:
+    def active_channels(self) -> tuple[str, ...]:
         """Names of the channels with a gain other than 0."""
         return tuple(sensor.channel for sensor in self.heard if sensor.gain)
 

@@ -2,7 +2,13 @@
 
 from updater.validation.acting_causes import with_acting
 from updater.validation.channel_health import SensorHealth, sensor_health
-from updater.validation.modal_correlation import ModalCorrelation, as_before, as_extended, as_written, correlate_modes
+from updater.validation.modal_correlation import (
+    ModalCorrelation,
+    as_written,
+    correlate_modes,
+    modes_before,
+    modes_with_causes,
+)
 from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
 from updater.validation.residual_forces import ForceBalance, force_balance
 from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
@@ -14,12 +20,12 @@ __all__ = [
     "ModelPartner",
     "SensorHealth",
     "VirtualSensing",
-    "as_before",
-    "as_extended",
     "as_written",
     "correlate_modes",
     "force_balance",
     "model_modes",
+    "modes_before",
+    "modes_with_causes",
     "sensor_health",
     "virtual_sensing",
     "with_acting",

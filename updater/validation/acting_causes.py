@@ -7,7 +7,7 @@ import numpy as np
 from updater.modal_data import match_modes
 from updater.reference import Reference
 from updater.structure import Correction, Structure
-from updater.validation.modal_correlation import as_extended
+from updater.validation.modal_correlation import modes_with_causes
 
 _OF_THE_CHAIN = ("sensor", "recorder")  # parts of a structure that are the measuring chain's, beside `sensors`
 
@@ -34,7 +34,7 @@ def with_acting(reference: Reference, extended: Structure) -> Reference:
         for sensor in own.sensor
     }
     acted = extended.model_copy(update=kept)
-    after = as_extended(reference, acted, base)
+    after = modes_with_causes(reference, acted, base)
     partner = match_modes(base, after)
     shape = np.where((partner >= 0)[:, None], after.shape[partner], base.shape)
     return replace(reference, baseline=replace(base, shape=shape))

@@ -111,7 +111,7 @@ def _by_sensor(model: ModalMean, now: ModalMean) -> tuple[FloatArray, FloatArray
     return comac, rest, noise
 
 
-def as_before(reference: Reference, highest: float) -> ModalMean:
+def modes_before(reference: Reference, highest: float) -> ModalMean:
     """Return the modes that a reference expects: its baseline's, and the model's others that sensors should see.
 
     A mode of the baseline that none of the model's answers to surely stands for the one that comes nearest: what was
@@ -128,14 +128,14 @@ def as_before(reference: Reference, highest: float) -> ModalMean:
     others = np.setdiff1d(np.flatnonzero(length > _SEEN * length.max()), reference.paired)
     others = others[reference.frequency[others] < _ROOM * highest]
     lone = _simulated(base, np.log(reference.frequency[others]), (at[:, others] / length[others]).T)
-    if reference.unanswered is None:
+    if reference.unpaired_modes is None:
         return _in_order(base, lone)
-    measured = known(reference.unanswered)
+    measured = known(reference.unpaired_modes)
     measured = measured.only(np.flatnonzero(measured.log_frequency < np.log(_ROOM * highest)))
     return _in_order(base.joined(measured), lone.only(np.flatnonzero(match_modes(lone, measured) < 0)))
 
 
-def as_extended(reference: Reference, extended: Structure, expected: ModalMean) -> ModalMean:
+def modes_with_causes(reference: Reference, extended: Structure, expected: ModalMean) -> ModalMean:
     """Return the modes that a reference expects once causes are written into its structure.
 
     The difference between the two models is added to what is expected, so that what both get wrong is left as it is;
@@ -146,7 +146,7 @@ def as_extended(reference: Reference, extended: Structure, expected: ModalMean) 
     ----------
     reference : that was diagnosed
     extended : its structure with the causes written in
-    expected : (n,) by `as_before`
+    expected : (n,) by `modes_before`
     """
     own = reference.structure
     carried = _carried(own, extended, expected.channels)

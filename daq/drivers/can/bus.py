@@ -78,8 +78,8 @@ class SlcanBus(can.BusABC):
             self._waiting.clear()
             return frames_of(messages)
         try:
-            patient = timeout is None or timeout > _GATHER_SECONDS
-            return self._decoder.feed(self._bites.read(timeout, patient=patient))
+            batch = timeout is None or timeout > _GATHER_SECONDS
+            return self._decoder.feed(self._bites.read(timeout, batch=batch))
         except OSError as error:
             raise can.CanOperationError(f"{self._port.name}: {error}") from error
 

@@ -32,16 +32,16 @@ class BufferedPort:
         self._gone, self._here = select.poll(), select.poll()
         self._gone.register(descriptor, 0)  # a hang-up is told to who asks for nothing, too
         self._here.register(descriptor, select.POLLIN)
-        self._laps, self._lap = 0, 0.0  # of gathering: number, length [s]
+        self._pauses, self._pause = 0, 0.0  # of gathering: number, length [s]
         self.arrived = self._taken = time.perf_counter_ns()  #: when the last read's bytes were here
 
-    def read(self, seconds: float | None, *, patient: bool = True) -> bytes:
+    def read(self, seconds: float | None, *, batch: bool = True) -> bytes:
         """Return what has come; nothing if nothing comes within some seconds, after what gathered.
 
         Parameters
         ----------
         seconds : to wait for the next byte, None for as long as it takes [s]
-        patient : let bytes gather before
+        batch : let bytes gather before
 
         Raises
         ------
@@ -49,8 +49,8 @@ class BufferedPort:
             If the port is gone.
         """
         data = b""
-        for _ in range(self._laps if patient else 0):
-            if self._gone.poll(1e3 * self._lap):
+        for _ in range(self._pauses if batch else 0):
+            if self._gone.poll(1e3 * self._pause):
                 break
             data += self._take()
         if self._here.poll(None if seconds is None else 1e3 * seconds):
@@ -81,8 +81,9 @@ class BufferedPort:
         """Let bytes gather for as long as they need to be enough, without filling the port."""
         now = self._taken if n else time.perf_counter_ns()
         rate = 1e9 * n / max(1, now - self.arrived)
-        longest = min(self._most_seconds, 2 * self._laps * self._lap + _FIRST)  # a port just opened is not made to wait
+        # after opening, the pauses become longer step by step
+        longest = min(self._most_seconds, 2 * self._pauses * self._pause + _FIRST)
         seconds = min(longest, _ENOUGH / rate) if rate > self._least_rate else 0.0
-        self._laps = math.ceil(seconds * rate / _ROOM) if seconds > _SHORTEST else 0
-        self._lap = seconds / max(1, self._laps)
+        self._pauses = math.ceil(seconds * rate / _ROOM) if seconds > _SHORTEST else 0
+        self._pause = seconds / max(1, self._pauses)
         self.arrived = now

@@ -105,10 +105,10 @@ class ModalwatchNode(SerialDriver[node.NodeDecoder]):
         found = 1e6 * float(np.median(step / np.maximum(us, 1.0)))
         if abs(found / self._rate - 1) > _CLOCK_TOLERANCE:
             raise ValueError(f"rate: expected {self._rate:g} Hz, found {found:.4g} by the node's own clock")
-        self._validator.consider(scans)
+        self._validator.evaluate(scans)
 
     def _decode(self, data: bytes) -> Scans:
-        found, refused = self._validator.consider(self._decoder.feed(data))
+        found, refused = self._validator.evaluate(self._decoder.feed(data))
         if self._validator.restarted:
             raise DeviceLost(self._path, "the node has started anew")
         known = found.temperature[found.temperature != node.NO_TEMPERATURE]
@@ -150,7 +150,7 @@ class FrameValidator:
         self._last, self._waiting = node.NO_SCANS, node.NO_SCANS  # one scan at most each
         self.restarted = False  #: counter and clock of scans that agree have gone back
 
-    def consider(self, scans: node.NodeScans) -> tuple[node.NodeScans, int]:
+    def evaluate(self, scans: node.NodeScans) -> tuple[node.NodeScans, int]:
         """Take the next scans; return those to believe, and how many were refused."""
         known = len(self._last.counter)
         if known and not len(self._waiting.counter) and self._goes_on(scans):  # as nearly always

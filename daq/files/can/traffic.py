@@ -168,7 +168,7 @@ class _Stream:
         missing = block.first_index - self._end
         if missing > 0:
             payload = {"device": block.device, "first_index": self._end, "missing": missing, "exact": True}
-            yield Event(topic="/event/gap", time=block.pair_time, payload=payload)
+            yield Event(topic="/event/gap", time=block.arrival_time, payload=payload)
             self._missing += missing
         self._n, self._end = self._n + block.n_scans, block.end_index
         yield block

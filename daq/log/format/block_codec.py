@@ -16,9 +16,9 @@ _CODE = 64  # times the order of the differences
 
 def encode_block(block: Block) -> bytes:
     """Return a block as protobuf; every int32 is kept exactly."""
-    offset = block.pair_index - block.first_index
+    offset = block.arrival_index - block.first_index
     message = AccelBlock(
-        time=block.pair_time - _after(offset, block.rate),
+        time=block.arrival_time - _after(offset, block.rate),
         rate=block.rate,
         first_index=block.first_index,
         n_axes=block.counts.shape[1],
@@ -58,8 +58,8 @@ def decode_block(device: str, data: bytes) -> Block:
         first_index=message.first_index,
         counts=_counts(message),
         scale=message.scale,
-        pair_index=message.first_index + message.pair_offset,
-        pair_time=message.time + _after(message.pair_offset, message.rate),
+        arrival_index=message.first_index + message.pair_offset,
+        arrival_time=message.time + _after(message.pair_offset, message.rate),
         temperature=message.temperature,
         flags=Flag(message.flags),
         clock=message.clock,

@@ -296,7 +296,7 @@ def _recordings(
     """Yield the windows of logs, without channels that are no sensors of the structure or are left out."""
     for log in logs:
         found = log_channels(log)
-        channels = tuple(c for c in found if c.name in structure.speaking and c.name not in left_out)
+        channels = tuple(c for c in found if c.name in structure.active_channels and c.name not in left_out)
         if not channels:
             have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
             raise LogError(str(log), f"expected channels named as the structure's sensors ({know}), found {have}")
@@ -307,9 +307,9 @@ def _channel_notes(structure: Structure, logs: Logs) -> list[str]:
     """Report channels that are in the logs but not in the structure, or only in the reference."""
     current, reference = _channels_of(logs.current), _channels_of(logs.reference)
     notes = []
-    if strange := [name for name in current if name not in structure.speaking]:
+    if strange := [name for name in current if name not in structure.active_channels]:
         notes.append(f"{_names(logs.current)}: no sensor of the structure, left out: {', '.join(strange)}")
-    if lacking := [name for name in reference if name in structure.speaking and name not in current]:
+    if lacking := [name for name in reference if name in structure.active_channels and name not in current]:
         notes.append(f"{_names(logs.current)}: compared without {', '.join(lacking)}, which the reference has")
     return notes if current else []
 

@@ -24,7 +24,7 @@ from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
 from oma.preparation import PASS
 from updater import ModelError, Record, Structure, StructureError, load_structure
-from updater.planning import ALIKE, Plan, Sight, Target, look, plan
+from updater.planning import ALIKE, ModeVisibility, Plan, Target, look, plan
 from updater.reference import ParameterSensitivity, parameter_sensitivities
 from updater.structure import odd_units
 
@@ -145,7 +145,7 @@ def _parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity
     return found
 
 
-def _planned(sight: Sight, target: Target | None) -> Plan | None:
+def _planned(sight: ModeVisibility, target: Target | None) -> Plan | None:
     """Return how to find the target.
 
     Raises
@@ -161,7 +161,7 @@ def _planned(sight: Sight, target: Target | None) -> Plan | None:
         return plan(sight.outlook, target)
 
 
-def _say(sight: Sight, planned: Plan | None) -> None:
+def _say(sight: ModeVisibility, planned: Plan | None) -> None:
     structure = sight.model.structure
     members = f"{len(structure.member)} member" + "s" * (len(structure.member) != 1)
     console.print(modes_table(sight))

@@ -14,7 +14,7 @@ from daq import FloatArray, IndexArray
 from monitor.analysis.channels import ChannelCheck, twins
 from monitor.text.quantities import duration_words, mass_words, stretches_text
 from updater import Structure
-from updater.planning import DetectabilityStudy, Plan, SensorSet, Sight, blind, clearer, mean_position_std
+from updater.planning import DetectabilityStudy, ModeVisibility, Plan, SensorSet, blind, clearer, mean_position_std
 from updater.structure import Sensor
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
@@ -23,7 +23,7 @@ _WORTH_IT = 0.9  # of how far off a mass is located, that one more sensor must c
 _SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sensor sets
 
 
-def modes_table(sight: Sight) -> Table:
+def modes_table(sight: ModeVisibility) -> Table:
     """Return the modes and what the sensors see of each."""
     structure = sight.model.structure
     table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
@@ -37,7 +37,7 @@ def modes_table(sight: Sight) -> Table:
     return table
 
 
-def clearer_words(sight: Sight) -> Iterator[str]:
+def clearer_words(sight: ModeVisibility) -> Iterator[str]:
     """Return texts on unmeasured and similar modes, and on the best additional sensor."""
     if sight.unseen:
         yield f"no sensor measures {_modes(sight.unseen)}"
@@ -89,7 +89,7 @@ def _at(sensor: Sensor) -> str:
     return f"({x:.4g}, {y:.4g}, {z:.4g}) along {along}"
 
 
-def body_table(sight: Sight, outlook: DetectabilityStudy) -> Table:
+def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
     """Return, member by member, the weakest mass that raises the alarm, and how sure a body's place will be."""
     mass, record = sight.typical_mass, outlook.record
     title = (
@@ -124,7 +124,7 @@ def _ends(order: IndexArray) -> IndexArray:
     return np.concatenate([order[: _MEMBERS // 2], order[-(_MEMBERS // 2) :]])
 
 
-def helper_words(sight: Sight) -> str:
+def helper_words(sight: ModeVisibility) -> str:
     """Return a text on the best additional sensor."""
     if sight.helper is None or sight.outlook is None:
         return ""
@@ -166,7 +166,7 @@ def _needed(sensors: SensorSet) -> list[str]:
     return [duration_words(seconds) if np.isfinite(seconds) else "-" for seconds in found]
 
 
-def as_json(sight: Sight, planned: Plan | None) -> dict[str, Any]:
+def as_json(sight: ModeVisibility, planned: Plan | None) -> dict[str, Any]:
     """Return all figures; null where no sensor measures a mode or no mass is enough."""
     n = len(sight.modes.frequency)
     return {
@@ -182,7 +182,7 @@ def as_json(sight: Sight, planned: Plan | None) -> dict[str, Any]:
     }
 
 
-def _body(sight: Sight, outlook: DetectabilityStudy) -> dict[str, Any]:
+def _body(sight: ModeVisibility, outlook: DetectabilityStudy) -> dict[str, Any]:
     place, mass = outlook.bound(sight.typical_mass)
     helper = sight.helper
     return {

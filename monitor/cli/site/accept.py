@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.markup import escape
 
 from monitor.cli.exit_codes import DONE
-from monitor.cli.site.send import standing, tell
+from monitor.cli.site.send import send_command, standing
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, HistoryError
@@ -32,13 +32,13 @@ def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
     found = _standing(site, alarm)
     console.print(escape(f"the alarm of {utc(found.raised)}: {found.text}"), soft_wrap=True)
     console.print(escape(f"is to be accepted as {cause!r}"), soft_wrap=True)
-    tell(site, Acceptance(cause=cause, by=by, alarm=found.raised))
+    send_command(site, Acceptance(cause=cause, by=by, alarm=found.raised))
     return DONE
 
 
 def undo_command(path: Path, by: str, note: str) -> int:
     """Leave word for the monitor of a site that the last acceptance was wrong."""
-    tell(load_site(path), UndoAcceptance(by=by, note=note))
+    send_command(load_site(path), UndoAcceptance(by=by, note=note))
     return DONE
 
 

@@ -15,7 +15,7 @@ from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.data.log import one_log
 from monitor.cli.exit_codes import DONE
 from monitor.cli.site.console_log import journal, line
-from monitor.cli.site.send import standing_if_known, tell
+from monitor.cli.site.send import send_command, standing_if_known
 from monitor.cli.terminal import Terminal, say_range
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.daemon import reload_on_signal, run, stop_on_signals
@@ -112,7 +112,7 @@ def acknowledge_command(path: Path, by: str, note: str) -> int:
     found = standing_if_known(site)
     known = f"the alarm of {utc(found.raised)}: {found.text}" if found else "the history has no active alarm"
     console.print(escape(known), soft_wrap=True)
-    tell(site, Acknowledgement(by=by, note=note))
+    send_command(site, Acknowledgement(by=by, note=note))
     return DONE
 
 

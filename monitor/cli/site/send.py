@@ -7,7 +7,7 @@ from rich.markup import escape
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, HistoryError, Reader, Span
-from monitor.service.operator_commands import Said, leave
+from monitor.service.operator_commands import Command, write_command
 from monitor.service.site import Site
 
 console = Terminal()
@@ -16,7 +16,7 @@ _FRESH = 10.0  # s: age of a monitor's last sign of life
 _WAIT, _LOOK = 3.0, 0.1  # s: until it has taken a word; between looks
 
 
-def tell(site: Site, said: Said) -> None:
+def send_command(site: Site, command: Command) -> None:
     """Send a command, and print whether the monitor of a site has executed it.
 
     Raises
@@ -25,7 +25,7 @@ def tell(site: Site, said: Said) -> None:
         If this user may not write to the state folder.
     """
     try:
-        path = leave(site.state, said)
+        path = write_command(site.state, command)
     except OSError as error:
         why = error.strerror or str(error)
         raise ArgumentError("state", f"{site.state}: {why}: expected a user who may write there") from error

@@ -47,7 +47,7 @@ class NoticeSender:
         self._beat_due = 0.0
         self._data_seen = -math.inf
 
-    def go_on_from(self, before: "NoticeSender") -> None:
+    def continue_from(self, before: "NoticeSender") -> None:
         """Take over from another one that is ending: its notices are not sent again."""
         self._news = before._news
         for lane, former in zip(self._lanes, before._lanes, strict=True):

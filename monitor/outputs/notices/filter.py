@@ -14,7 +14,7 @@ from monitor.text.causes import change_text
 from monitor.text.events import event_name, event_said
 from monitor.text.notices import Notice, NoticeKind
 from monitor.text.quantities import utc
-from monitor.watch.blindness import MOST, Sight
+from monitor.watch.blindness import MAX_BLIND, BlindWindows
 
 _ROUTINE = (
     "gap",
@@ -43,7 +43,7 @@ class NoticeFilter:
         self._raised: int | None = None
         self._causes: tuple[str, ...] | None = ()  # that were told last; None: by a run before
         self._behind = False  # windows are left out
-        self._sight = Sight()
+        self._sight = BlindWindows()
         self._passed = True  # the last self-test
         self._failed = ""  # what the analysis could not find beside the verdict, and why
 
@@ -100,7 +100,7 @@ class NoticeFilter:
 
     def _of_window(self, window: WindowResult) -> Notice | None:
         before, self._sight = self._sight, self._sight.after(window)
-        if self._sight.dark == MOST:
+        if self._sight.dark == MAX_BLIND:
             return self._notice("trouble", window.end, self._sight.blind or "")
         if before.blind and not self._sight.dark:
             return self._notice(

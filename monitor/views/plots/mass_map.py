@@ -16,7 +16,7 @@ from monitor.results.windows import Vector
 from monitor.text.quantities import duration_words, mass_words
 from monitor.views.member_axis import Unrolled
 from monitor.views.plots.axes3d import frame_axes, size
-from updater.planning import DetectabilityStudy, Plan, Sight, heaviest
+from updater.planning import DetectabilityStudy, ModeVisibility, Plan, heaviest
 
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"
@@ -26,7 +26,7 @@ _SUBS = (1.0, 2.0, 5.0)
 _TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400)  # s
 
 
-def draw_map(figure: SubFigure, sight: Sight, outlook: DetectabilityStudy, planned: Plan | None) -> None:
+def draw_map(figure: SubFigure, sight: ModeVisibility, outlook: DetectabilityStudy, planned: Plan | None) -> None:
     """Draw the weakest masses on the structure and along the members, and under these the target's records."""
     left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1, 1.25)), object))
     limits = _limits(sight, outlook)
@@ -41,7 +41,7 @@ def draw_map(figure: SubFigure, sight: Sight, outlook: DetectabilityStudy, plann
     curves[-1].set_xlabel(said)
 
 
-def _limits(sight: Sight, outlook: DetectabilityStudy) -> tuple[float, float]:
+def _limits(sight: ModeVisibility, outlook: DetectabilityStudy) -> tuple[float, float]:
     """Return the masses between which colours and curves run: next to a foot the weakest mass knows no bounds."""
     top = heaviest(outlook)
     seen = sight.weakest[np.isfinite(sight.weakest)]  # what no mode moves knows none at all
@@ -49,7 +49,9 @@ def _limits(sight: Sight, outlook: DetectabilityStudy) -> tuple[float, float]:
     return min(float(sight.weakest.min()), 0.5 * most), most
 
 
-def _coloured(figure: SubFigure, sight: Sight, outlook: DetectabilityStudy, limits: tuple[float, float]) -> None:
+def _coloured(
+    figure: SubFigure, sight: ModeVisibility, outlook: DetectabilityStudy, limits: tuple[float, float]
+) -> None:
     axes = figure.add_subplot(projection="3d")
     frame_axes(axes, sight.model, 0.92)
     scale = ScalarMappable(LogNorm(*limits), _COLOURS)
@@ -72,7 +74,7 @@ def _width(outlook: DetectabilityStudy, width: float) -> float:
     return width if outlook.member.max() < _NAMED else 0.45 * width
 
 
-def _extremes(axes: Axes3D, sight: Sight, outlook: DetectabilityStudy) -> None:
+def _extremes(axes: Axes3D, sight: ModeVisibility, outlook: DetectabilityStudy) -> None:
     """Name the least of each member's masses."""
     for m in np.unique(outlook.member):
         here = np.flatnonzero(outlook.member == m)
@@ -89,7 +91,7 @@ def _places(outlook: DetectabilityStudy) -> Iterator[tuple[str, Vector]]:
 
 
 def _weakest(
-    axes: Axes, sight: Sight, outlook: DetectabilityStudy, unrolled: Unrolled, limits: tuple[float, float]
+    axes: Axes, sight: ModeVisibility, outlook: DetectabilityStudy, unrolled: Unrolled, limits: tuple[float, float]
 ) -> None:
     """Draw the weakest mass along the members, red on the axis where even the heaviest raises no alarm."""
     x, top = _along(outlook, unrolled), heaviest(outlook)

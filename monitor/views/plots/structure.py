@@ -8,7 +8,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from monitor.views.plots.axes3d import SWAY, frame_axes, lines, size
 from monitor.views.plots.mass_map import draw_map
-from updater.planning import Plan, Sight
+from updater.planning import ModeVisibility, Plan
 from updater.structure import Support
 
 _COLUMNS = 3  # of modes
@@ -18,7 +18,7 @@ _SEGMENT = "#8e24aa"
 _LABELS = 30  # sensors up to which each has its name
 
 
-def draw_structure(sight: Sight, path: Path, planned: Plan | None = None, n_modes: int = 6) -> None:
+def draw_structure(sight: ModeVisibility, path: Path, planned: Plan | None = None, n_modes: int = 6) -> None:
     """Write a PNG: the structure at the left, its first modes at the right; under them what a mass would show."""
     n = min(n_modes, len(sight.modes.frequency))
     rows = -(-n // _COLUMNS)
@@ -37,7 +37,7 @@ def draw_structure(sight: Sight, path: Path, planned: Plan | None = None, n_mode
     figure.savefig(path, dpi=110)
 
 
-def _draw_parts(axes: Axes3D, sight: Sight) -> None:
+def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
     structure, extent = sight.model.structure, size(sight.model)
     lines(axes, sight.model.nodes, sight.model.spans, _MEMBER, 2.5)
     segments = [(m, ends) for m in structure.member for *ends, _ in structure.segments_of(m)]
@@ -74,7 +74,7 @@ def _held(support: Support) -> str:
     return "\n".join(part for part in (fixed, f"springs {springs}" if springs else "") if part)
 
 
-def _draw_mode(axes: Axes3D, sight: Sight, k: int) -> None:
+def _draw_mode(axes: Axes3D, sight: ModeVisibility, k: int) -> None:
     nodes, spans = sight.model.nodes, sight.model.spans
     lines(axes, nodes, spans, _STILL, 1.0)
     lines(axes, nodes + SWAY * size(sight.model) * sight.motion[k], spans, _MEMBER, 2.0)

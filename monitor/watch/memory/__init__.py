@@ -1,8 +1,8 @@
 """State of the watch in the state folder: a restart continues where the last run ended."""
 
 from monitor.watch.memory.codec import CodecError
-from monitor.watch.memory.file import NOTHING, LoadedState, MemoryFile, fitting, recall
-from monitor.watch.memory.state import MEMORY, Memory, matters, memory_text, parse_memory
+from monitor.watch.memory.file import NOTHING, LoadedState, MemoryFile, check_saved_state, recall
+from monitor.watch.memory.state import MEMORY, Memory, memory_text, parse_memory, state_fingerprint
 
 __all__ = [
     "MEMORY",
@@ -11,9 +11,9 @@ __all__ = [
     "LoadedState",
     "Memory",
     "MemoryFile",
-    "fitting",
-    "matters",
+    "check_saved_state",
     "memory_text",
     "parse_memory",
     "recall",
+    "state_fingerprint",
 ]

@@ -14,7 +14,7 @@ from daq import Event, Item
 from monitor.settings import Settings
 from monitor.settings.redaction import redacted_topic
 from monitor.watch.memory.codec import CodecError
-from monitor.watch.memory.state import MEMORY, matters, memory_text, parse_memory
+from monitor.watch.memory.state import MEMORY, memory_text, parse_memory, state_fingerprint
 from updater import Structure
 
 _SETTLE = 1.0  # s after an item was logged: log, history and notices have it on the disk by then
@@ -40,20 +40,22 @@ def recall(state: Path, structure: Structure, settings: Settings) -> LoadedState
         return NOTHING
     except (OSError, UnicodeDecodeError) as error:
         return LoadedState(refused=f"{path} cannot be read: {error}")
-    return fitting(text, str(path), structure, settings)
+    return check_saved_state(text, str(path), structure, settings)
 
 
-def fitting(text: str, source: str, structure: Structure, settings: Settings) -> LoadedState:
+def check_saved_state(text: str, source: str, structure: Structure, settings: Settings) -> LoadedState:
     """Return a memory if it is whole and was made with what matters as it is now; else why not."""
     try:
         found = parse_memory(text)
     except CodecError as error:
         return LoadedState(refused=f"{source}: {error}")
-    then, now = _without_login(found.matters), matters(structure, settings)
+    then, now = _without_login(found.state_fingerprint), state_fingerprint(structure, settings)
     changed = [f"{name}: {then.get(name)} then, {value} now" for name, value in now.items() if then.get(name) != value]
     if changed:
         return LoadedState(refused="; ".join(changed))
-    return LoadedState(text=text if then == found.matters else memory_text(replace(found, matters=then)))
+    return LoadedState(
+        text=text if then == found.state_fingerprint else memory_text(replace(found, state_fingerprint=then))
+    )
 
 
 def _without_login(then: Mapping[str, str]) -> dict[str, str]:

@@ -26,7 +26,7 @@ VERSION = 9  # of what is written here, or of how modes are identified: another 
 class Memory:
     """State of a watch between two windows."""
 
-    matters: dict[str, str]  #: what it depends on, each as words (see `matters`)
+    state_fingerprint: dict[str, str]  #: what it depends on, each as words (see `state_fingerprint`)
     n_windows: int  #: so far
     baseline: tuple[Window, ...]  #: learnt from, or so far
     target: int  #: windows to learn from
@@ -41,7 +41,7 @@ class Memory:
     thermometer_offset: float = math.nan  #: of the site's thermometer against the devices' [K], see `SiteTemperature`
 
 
-def matters(structure: Structure, settings: Settings) -> dict[str, str]:
+def state_fingerprint(structure: Structure, settings: Settings) -> dict[str, str]:
     """Return what a baseline depends on; with anything of it changed, it must be learnt anew."""
     analysis, temperature = settings.analysis, settings.temperature
     return {

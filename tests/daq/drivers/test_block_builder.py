@@ -36,8 +36,8 @@ def assert_true(blocks: list[Block]) -> None:
     """Assert that every scan has its own index and no arrival is before its scan."""
     for block in blocks:
         np.testing.assert_array_equal(block.counts[:, 0], block.first_index + np.arange(block.n_scans))
-        assert block.pair_time >= START + block.pair_index * 1_000_000
-        assert block.first_index <= block.pair_index < block.end_index
+        assert block.arrival_time >= START + block.arrival_index * 1_000_000
+        assert block.first_index <= block.arrival_index < block.end_index
 
 
 gaps = st.lists(st.tuples(st.integers(1, 300), st.integers(0, 200_000)), min_size=1, max_size=12)
@@ -100,7 +100,7 @@ def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
     counts = np.concatenate([b.counts[:, 0] for b in found])
     assert np.count_nonzero(counts != index) <= 1  # the false one itself
     assert len(counts) >= 80_000 - N - 20  # two reads around it, and what no block holds yet
-    assert all(b.pair_time >= START + b.pair_index * 1_000_000 for b in found)
+    assert all(b.arrival_time >= START + b.arrival_index * 1_000_000 for b in found)
 
 
 def test_pair_of_a_block_is_its_earliest_arrival() -> None:
@@ -111,7 +111,7 @@ def test_pair_of_a_block_is_its_earliest_arrival() -> None:
         index = np.arange(25 * k, 25 * k + 25, dtype=np.int32)
         now = START + int(index[-1]) * 1_000_000 + extra
         found.extend(blocks.add(Scans(index[:, None], index, 20.0, 0), now))
-    assert [(b.pair_index, b.pair_time) for b in found] == [(74, START + 74_000_000 + 100_000)]
+    assert [(b.arrival_index, b.arrival_time) for b in found] == [(74, START + 74_000_000 + 100_000)]
 
 
 def test_damage_is_flagged() -> None:

@@ -81,7 +81,7 @@ def test_arrival_is_never_before_the_scan_and_close_to_it() -> None:
     with emulators(1) as found, reading(found, items):
         time.sleep(1.5)
     blocks = blocks_of(items, "d0")
-    late = np.array([b.pair_time - b.pair_index * 1_000_000 for b in blocks])
+    late = np.array([b.arrival_time - b.arrival_index * 1_000_000 for b in blocks])
     assert len(blocks) >= 4
     # The first scan's time is not known here, but all were taken by one clock: the spread is the reading alone.
     assert np.ptp(late) < 100e6  # ns; the process slept that long only if the machine is far overloaded

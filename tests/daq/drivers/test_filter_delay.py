@@ -88,14 +88,14 @@ def test_times_are_of_the_motion(said: float | None, taken: float) -> None:
     assert isinstance(opened, Event)
     assert opened.payload.get("filter_delay", 0.0) == taken
     assert isinstance(block, Block)
-    assert block.pair_time == START - round(taken * 1e9)
+    assert block.arrival_time == START - round(taken * 1e9)
 
 
 def test_emulated_devices_send_as_late_as_their_filters_make_them() -> None:
     clock = HandClock()
     device = EmulatedEpson(Sensed(np.ones(1)), clock, serial_number="E")
     for window, address, value in ((1, epson.FILTER_CTRL, 10), (0, epson.MODE_CTRL, epson.MODE_SAMPLING)):
-        device.hear(epson.write_register(epson.WINDOW, window) + epson.write_register(address, value))
+        device.receive(epson.write_register(epson.WINDOW, window) + epson.write_register(address, value))
     sent = {}
     for ms in (0, 63, 64, 65):
         clock.time = START + ms * 1_000_000

@@ -98,7 +98,7 @@ def test_steady_stream_becomes_whole_blocks_across_wraps() -> None:
     assert {b.flags for b in blocks} == {Flag.NONE}
     counts = np.concatenate([b.counts for b in blocks])
     np.testing.assert_array_equal(counts[:, 0], np.arange(140_000))
-    assert {b.pair_time - b.pair_index * 1_000_000 for b in blocks} == {START + 1_000_000}
+    assert {b.arrival_time - b.arrival_index * 1_000_000 for b in blocks} == {START + 1_000_000}
 
 
 def test_identity_is_the_first_event() -> None:
@@ -126,7 +126,9 @@ def test_gap_inside_a_read_splits_the_block() -> None:
     index = np.concatenate([np.arange(b.first_index, b.end_index) for b in blocks])
     assert index.tolist() == [*range(500), *range(500, 600, 3)]
     on_time = START + 1_000_000
-    assert all(b.pair_time - b.pair_index * 1_000_000 >= on_time for b in blocks)  # none arrives before it is taken
+    assert all(
+        b.arrival_time - b.arrival_index * 1_000_000 >= on_time for b in blocks
+    )  # none arrives before it is taken
 
 
 def test_stall_of_the_host_loses_nothing_that_was_kept() -> None:
@@ -141,7 +143,7 @@ def test_stall_of_the_host_loses_nothing_that_was_kept() -> None:
 def test_late_reads_leave_the_pair_to_the_earliest() -> None:
     script: list[Step] = [(0.05, range(50)), (0.08, range(50, 100)), (0.02, range(100, 150)), *steady(150, 100)]
     (block,) = blocks_of(played(script))
-    assert block.pair_time - block.pair_index * 1_000_000 == START + 1_000_000
+    assert block.arrival_time - block.arrival_index * 1_000_000 == START + 1_000_000
 
 
 def test_damage_is_flagged_on_its_block() -> None:

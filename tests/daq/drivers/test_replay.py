@@ -33,7 +33,7 @@ def at_time(device: str, first: int, *, shift: int = 0) -> Block:
     """Return 250 scans; the last had arrived up to 3 ms late, as it is on a busy host."""
     late = (first * 7919) % 3_000_000
     block = make_block(device, first, late=late)
-    return replace(block, pair_time=block.pair_time + shift, scale=2e-6)
+    return replace(block, arrival_time=block.arrival_time + shift, scale=2e-6)
 
 
 SHIFT = 4_321_000  # ns that b is later than a
@@ -47,7 +47,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if not 4 <= k < 8:
             blocks.append(at_time("a", 250 * k))
         blocks.append(replace(at_time("b", 250 * k, shift=SHIFT), first_index=70_000 + 250 * k))
-    blocks = [replace(b, pair_index=b.end_index - 1) for b in blocks]
+    blocks = [replace(b, arrival_index=b.end_index - 1) for b in blocks]
     return write_log(tmp_path_factory.mktemp("log") / "run.mcap", blocks)
 
 
@@ -105,7 +105,7 @@ def test_devices_of_a_log_send_the_same_again_and_keep_their_times(log: Path) ->
         "log": "run.mcap",
     }
     late = {
-        device: min(block.pair_time - PERIOD * block.pair_index for block in blocks_of(items))
+        device: min(block.arrival_time - PERIOD * block.arrival_index for block in blocks_of(items))
         for device, items in found.items()
     }
     # Their earliest arrivals are as far apart as in the log; two reads of the clock lie between, at tenfold speed.

@@ -178,8 +178,8 @@ def test_device_is_taken_back_when_its_link_points_to_a_port_again(tmp_path: Pat
     assert isinstance(last, Block)
     assert events[3].payload["first_index"] == last.end_index
     # Indices go on by the host's clock, to the latency of the first read (0.1 s of wall time at most).
-    elapsed = (new[0].pair_time - last.pair_time) * 1e-9 * RATE
-    assert new[0].pair_index - last.pair_index == pytest.approx(elapsed, abs=0.1 * 4 * RATE)
+    elapsed = (new[0].arrival_time - last.arrival_time) * 1e-9 * RATE
+    assert new[0].arrival_index - last.arrival_index == pytest.approx(elapsed, abs=0.1 * 4 * RATE)
 
 
 def assert_consecutive(items: list[Item], first: int) -> list[Block]:

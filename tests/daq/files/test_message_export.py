@@ -125,7 +125,7 @@ def shared(clock: str, seed: int = 5) -> list[Block]:
             last = first + length - 1
             arrived = true_time(last) + LEAST + int(random.integers(LATE)) + (first % 100 == 75) * 40_000_000
             block = make_block(name, first, n=length)
-            found.append(replace(block, rate=100.0, pair_index=last, pair_time=arrived, clock=clock))
+            found.append(replace(block, rate=100.0, arrival_index=last, arrival_time=arrived, clock=clock))
     return found
 
 

@@ -54,15 +54,15 @@ def test_every_block_comes_back(counts: IntArray, first: int, pair: int, tempera
         first_index=first,
         counts=counts,
         scale=1e-3,
-        pair_index=first + pair,
-        pair_time=START,
+        arrival_index=first + pair,
+        arrival_time=START,
         temperature=temperature,
         flags=Flag(flags),
     )
     found = decode_block("beam", encode_block(block))
     np.testing.assert_array_equal(found.counts, counts)
     assert found.counts.dtype == np.int32
-    assert (found.first_index, found.pair_index, found.pair_time) == (first, first + pair, START)
+    assert (found.first_index, found.arrival_index, found.arrival_time) == (first, first + pair, START)
     assert (found.device, found.rate, found.scale, found.flags) == ("beam", 500.0, 1e-3, Flag(flags))
     np.testing.assert_equal(found.temperature, temperature)
 

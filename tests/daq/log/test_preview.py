@@ -132,6 +132,6 @@ def test_devices_on_one_clock_are_shown_at_one_time() -> None:
         for name, found in times.items():
             base = make_block(name, first)
             late = int(random.integers(3_000_000))
-            found += [m.time for m in view.add(replace(base, clock="SYNC", pair_time=base.pair_time + late))]
+            found += [m.time for m in view.add(replace(base, clock="SYNC", arrival_time=base.arrival_time + late))]
     assert times["a"] == times["b"]
     assert len(times["a"]) > 900

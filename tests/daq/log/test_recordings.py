@@ -50,8 +50,8 @@ def blocks(
                 first_index=first,
                 counts=np.stack([counts, counts, counts], axis=1),
                 scale=SCALE,
-                pair_index=first + 99,
-                pair_time=START + round(float(taken[-1]) * 1e9),
+                arrival_index=first + 99,
+                arrival_time=START + round(float(taken[-1]) * 1e9),
                 temperature=20.0,
                 flags=Flag.RESTARTED if restarted and not found else Flag.NONE,
             )
@@ -62,7 +62,7 @@ def blocks(
 def written(path: Path, *items: Item) -> Path:
     """Write items in the order of their times."""
     writer = McapWriter(path, {})
-    for item in sorted(items, key=lambda i: i.pair_time if isinstance(i, Block) else i.time):
+    for item in sorted(items, key=lambda i: i.arrival_time if isinstance(i, Block) else i.time):
         writer.write(item)
     writer.close()
     return path

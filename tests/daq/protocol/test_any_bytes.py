@@ -82,7 +82,7 @@ def emulators() -> list[SerialEmulator]:
 )
 def test_emulated_devices_hear_anything(emulators: list[SerialEmulator], heard: bytes) -> None:
     for device in emulators:
-        device.hear(heard)
+        device.receive(heard)
         device.serve()
 
 
@@ -94,7 +94,7 @@ def test_emulated_nodes_hear_anything(frames: list[tuple[int, bytes]]) -> None:
     )
     for can_id, data in frames:
         for device in nodes:
-            assert all(len(answer) <= 8 for _, answer in device.hear(can_id, data))
+            assert all(len(answer) <= 8 for _, answer in device.receive(can_id, data))
     for device in nodes:
         device.beats()
         device.scans(10, device.syncs())

@@ -52,8 +52,8 @@ class Device:
             first_index=origin + first,
             counts=np.stack([counts, counts, -counts], axis=1),
             scale=SCALE,
-            pair_index=origin + last - 1,
-            pair_time=START + round((float(taken[-1]) + late) * 1e9),
+            arrival_index=origin + last - 1,
+            arrival_time=START + round((float(taken[-1]) + late) * 1e9),
             temperature=20.0 if self.name == "a" else 22.0,
         )
 

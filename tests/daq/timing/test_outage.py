@@ -18,7 +18,7 @@ def blocks(begin: float, seconds: float, *, restarted: bool = False) -> Iterator
     for index in range(first, first + round(seconds * 1000), 250):
         yield Block(
             device="a", rate=1000.0, first_index=index, counts=np.arange(index, index + 250, dtype=np.int32)[:, None],
-            scale=1.0, pair_index=index + 249, pair_time=START + (index + 249) * 1_000_000, temperature=20.0,
+            scale=1.0, arrival_index=index + 249, arrival_time=START + (index + 249) * 1_000_000, temperature=20.0,
             flags=Flag.RESTARTED if restarted and index == first else Flag.NONE,
         )  # fmt: skip
 

@@ -82,8 +82,8 @@ def second(k: int) -> Block:
         first_index=200 * k,
         counts=np.full((200, 3), k, np.int32),
         scale=EPSON_SCALE,
-        pair_index=200 * k,
-        pair_time=START + k * SECOND,
+        arrival_index=200 * k,
+        arrival_time=START + k * SECOND,
         temperature=20.0,
     )
 

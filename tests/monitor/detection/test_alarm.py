@@ -27,7 +27,7 @@ def play(rules: AlarmRules, levels: list[float | str], step: int = 10 * MINUTE) 
     alarm = Alarm(rules=rules)
     said: list[Change] = []
     for i, level in enumerate(levels, 1):
-        alarm, changes = alarm.acknowledge(i * step) if isinstance(level, str) else alarm.consider(i * step, level)
+        alarm, changes = alarm.acknowledge(i * step) if isinstance(level, str) else alarm.evaluate(i * step, level)
         said += changes
     return alarm, said
 
@@ -133,7 +133,7 @@ def test_flapping_is_said_once_then_quiet_then_steady() -> None:
         True,
         True,
     ]
-    steady, changes = alarm.consider(150 * MINUTE + rules.flapping_span, CALM)
+    steady, changes = alarm.evaluate(150 * MINUTE + rules.flapping_span, CALM)
     assert not steady.flapping
     assert changes == (Change(kind="steady", state="normal"),)
 
@@ -190,7 +190,7 @@ class AnySequence(RuleBasedStateMachine):
         self.now += step * MINUTE
         self.levels.append(level)
         before = self.alarm
-        self.alarm, changes = before.consider(self.now, level)
+        self.alarm, changes = before.evaluate(self.now, level)
         if before.condition != "alarm" and self.alarm.condition == "alarm":
             assert self.levels[-2:] == 2 * [OVER]
         if before.state == "alarm" and self.alarm.condition in ("latched", "normal") and before.condition != "latched":
@@ -214,7 +214,7 @@ class AnySequence(RuleBasedStateMachine):
         """Whatever happened, a person and calm windows end it."""
         alarm, _ = self.alarm.acknowledge(self.now)
         for i in range(1, LATCHING.clear_windows + 1):
-            alarm, _ = alarm.consider(self.now + i * MINUTE, CALM)
+            alarm, _ = alarm.evaluate(self.now + i * MINUTE, CALM)
         assert alarm.condition == "normal"
 
     @invariant()
@@ -234,10 +234,10 @@ def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
     """A host without a battery may wake up years ago: an alarm is not one that goes on, and flaps no more."""
     alarm = Alarm(rules=RULES)
     for minute in range(1000, 1000 + 10 * 15, 10):
-        alarm, _ = alarm.consider(minute * MINUTE, [OVER, OVER, CALM, CALM, CALM][minute // 10 % 5])
+        alarm, _ = alarm.evaluate(minute * MINUTE, [OVER, OVER, CALM, CALM, CALM][minute // 10 % 5])
     assert alarm.flapping
     for minute, told in ((10, ["steady"]), (20, ["state"])):
-        alarm, changes = alarm.consider(minute * MINUTE, OVER)
+        alarm, changes = alarm.evaluate(minute * MINUTE, OVER)
         assert [(c.kind, c.quiet) for c in changes if c.state != "watch" or c.kind != "state"] == [
             (k, False) for k in told
         ]
@@ -247,5 +247,5 @@ def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
 def test_alarm_that_ends_before_it_was_raised_lasted_no_time() -> None:
     alarm, _ = play(RULES, RAISED)
     for minute in (3, 2, 1):
-        alarm, changes = alarm.consider(minute * MINUTE, CALM)
+        alarm, changes = alarm.evaluate(minute * MINUTE, CALM)
     assert [change.lasted for change in changes] == [0]

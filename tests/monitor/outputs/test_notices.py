@@ -289,7 +289,7 @@ def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Se
     target = NotifySettings(webhook=server.url)
     with NoticeSender(target, tmp_path / "before.jsonl", "bridge") as before:
         after = NoticeSender(target, tmp_path / "after.jsonl", "bridge")
-        after.go_on_from(before)
+        after.continue_from(before)
         with after:
             after.put(LOST)
             time.sleep(0.6)  # more than two looks at what waits

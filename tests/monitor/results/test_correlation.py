@@ -24,7 +24,7 @@ from updater import (
     stack_tracks,
     virtual_sensing,
 )
-from updater.validation import as_before
+from updater.validation import modes_before
 
 TRACK = np.arange(8)
 BODY = Body(at=(0.2, 0, 1.48), mass=0.3)
@@ -107,7 +107,7 @@ def test_a_drawn_signal_is_the_measured_one_between_its_samples(
     signal = discrepancy_result(reference, measured, extended, recording).signals[0]
     over = round(1 / (signal.step * recording.rate))
     first = round(signal.start * recording.rate)
-    heard = virtual_sensing(recording, as_before(reference, 1e9), measured)
+    heard = virtual_sensing(recording, modes_before(reference, 1e9), measured)
     drawn, column = np.array(signal.measured)[::over], heard.channels.index(signal.channel)
     # cut to thrice its length before it is resampled: what is not periodic there spoils a little of it
     error = drawn - heard.measured[first : first + len(drawn), column]

@@ -162,9 +162,9 @@ def test_both_sides_share_one_time_scale(tmp_path: Path) -> None:
     assert report["events"] == []
     for blocks in (scans(items, device) for device in ("col_037", "beam_right")):
         first, last = blocks[0], blocks[-1]
-        seconds = (last.pair_time - first.pair_time) * 1e-9
+        seconds = (last.arrival_time - first.arrival_time) * 1e-9
         # others may have the machine for a while and make arrivals late; a scale that is not shared is off by ten
-        assert (last.pair_index - first.pair_index) / 1000 == pytest.approx(seconds, rel=0.5)
+        assert (last.arrival_index - first.arrival_index) / 1000 == pytest.approx(seconds, rel=0.5)
 
 
 def test_a_rig_ends_by_itself_when_its_duration_is_over(tmp_path: Path) -> None:

@@ -57,8 +57,8 @@ def test_logs_take_no_more_than_the_plan_says(tmp_path: Path, rms: float, most: 
                     first_index=200 * k,
                     counts=counts,
                     scale=EPSON_SCALE,
-                    pair_index=200 * k,
-                    pair_time=200_000_000 * k,
+                    arrival_index=200 * k,
+                    arrival_time=200_000_000 * k,
                     temperature=21.0,
                 )
             )

@@ -128,7 +128,7 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
     [told] = watched.events("clock_changed")
     assert len(shown) == 1  # a live view goes on with the new log: it ended over scans that are counted anew
     assert told.payload["by_s"] == pytest.approx(3600 * hours, abs=1.0)
-    before, after = ([b.pair_time for b in blocks((log,), "beam_left")] for log in report.logs)
+    before, after = ([b.arrival_time for b in blocks((log,), "beam_left")] for log in report.logs)
     assert after[0] - before[-1] == pytest.approx(hours * HOUR, abs=10 * 10**9)
     for times in (before, after):
         assert all(0 < later - earlier < 10**9 for earlier, later in pairwise(times))

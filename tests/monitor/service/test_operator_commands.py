@@ -12,7 +12,7 @@ from daq import Event, SystemClock
 from monitor.detection.alarm import Alarm, AlarmRules, Change
 from monitor.results.events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
 from monitor.results.windows import AlarmResult
-from monitor.service.operator_commands import Acknowledgement, Inbox, leave
+from monitor.service.operator_commands import Acknowledgement, Inbox, write_command
 from monitor.service.status import NAME, MonitorStatus, Pace
 from monitor.settings import parse_settings
 from monitor.text.alarms import acknowledged_said
@@ -50,7 +50,7 @@ def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path
 
 @pytest.mark.parametrize("text", ["", "not json", "[1, 2]", '{"by": 5}', '{"who": "x"}', "9" * 5000, "\udcff\x00"])
 def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, text: str) -> None:
-    path = leave(tmp_path, Acknowledgement())
+    path = write_command(tmp_path, Acknowledgement())
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
     [(topic, payload)] = Inbox(tmp_path).taken()
     assert (topic, payload["file"]) == (TOPIC_REFUSED, path.name)
@@ -59,7 +59,7 @@ def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, tex
 
 def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
     """A zero byte would be refused by PostgreSQL, with everything that waits behind it, for good."""
-    leave(tmp_path, Acknowledgement(by="Ada\0", note="a crane\n2026 ALARM \u00e4"))
+    write_command(tmp_path, Acknowledgement(by="Ada\0", note="a crane\n2026 ALARM \u00e4"))
     [(_, payload)] = Inbox(tmp_path).taken()
     assert payload == {"by": "Ada", "note": "a crane 2026 ALARM \u00e4"}
 
@@ -67,7 +67,7 @@ def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
 def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
     """Accepted, undone, accepted again while no monitor ran: in another order something else would stand."""
     for k in range(12):
-        leave(tmp_path, Acknowledgement(by=str(k)))
+        write_command(tmp_path, Acknowledgement(by=str(k)))
     assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
 
 
@@ -77,7 +77,7 @@ def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch
     def forbidden(_: Path) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
 
-    path, inbox = leave(tmp_path, Acknowledgement()), Inbox(tmp_path)
+    path, inbox = write_command(tmp_path, Acknowledgement()), Inbox(tmp_path)
     monkeypatch.setattr(Path, "unlink", forbidden)
     assert list(inbox.taken()) == [(TOPIC_REFUSED, {"file": path.name, "why": "it cannot be taken: Permission denied"})]
     assert list(inbox.taken()) == []
@@ -86,7 +86,7 @@ def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch
 @pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives files away")
 def test_what_the_superuser_says_belongs_to_whom_the_state_does(tmp_path: Path) -> None:
     os.chown(tmp_path, 1234, 1234)
-    path = leave(tmp_path, Acknowledgement())
+    path = write_command(tmp_path, Acknowledgement())
     assert {path.stat().st_uid, path.parent.stat().st_uid} == {1234}
 
 

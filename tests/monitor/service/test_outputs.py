@@ -102,7 +102,7 @@ def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> N
         spool = tmp_path / f"{before is old}.jsonl"
         courier = NoticeSender(NotifySettings(command=("false",)), spool, "bridge")  # which delivers nothing
         if before:
-            courier.go_on_from(before)
+            courier.continue_from(before)
         with courier:
             courier.put(over)
         waiting[before is old] = [json.loads(line) for line in spool.read_text().splitlines()] if spool.exists() else []

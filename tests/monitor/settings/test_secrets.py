@@ -26,7 +26,7 @@ from monitor.settings import NotifySettings, attachable, parse_settings
 from monitor.settings.reading import section_of
 from monitor.settings.redaction import masked, redacted_topic, shown_address
 from monitor.settings.schema import Settings
-from monitor.watch.memory import fitting, memory_text
+from monitor.watch.memory import check_saved_state, memory_text
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.history import run_events
@@ -148,12 +148,12 @@ def test_memory_of_an_earlier_version_loses_its_login(monkeypatch: pytest.Monkey
     url = f"mqtt://u:{MARK}@h/air"
     settings = parse_settings(f'{played.text}\n[temperature]\nmqtt = "{url}"')
     now = Pipeline(played.structure, settings).memory
-    then = replace(now, matters=now.matters | {"the thermometer": url})
-    found = fitting(memory_text(then), "", played.structure, settings)
+    then = replace(now, state_fingerprint=now.state_fingerprint | {"the thermometer": url})
+    found = check_saved_state(memory_text(then), "", played.structure, settings)
     assert found.text == memory_text(now)
     assert MARK not in memory_text(now)
-    other = replace(now, matters=now.matters | {"the thermometer": f"mqtt://u:{MARK}@other/air"})
-    refused = fitting(memory_text(other), "", played.structure, settings).refused or ""
+    other = replace(now, state_fingerprint=now.state_fingerprint | {"the thermometer": f"mqtt://u:{MARK}@other/air"})
+    refused = check_saved_state(memory_text(other), "", played.structure, settings).refused or ""
     assert ("the thermometer" in refused, MARK in refused) == (True, False)
 
 
@@ -161,7 +161,7 @@ def test_memory_with_a_file_whose_name_begins_with_mqtt_is_recalled(monkeypatch:
     played = Played(1, monkeypatch)
     settings = parse_settings(f'{played.text}\n[temperature]\ncsv = "mqtt_air.csv"')
     text = memory_text(Pipeline(played.structure, settings).memory)
-    assert fitting(text, "", played.structure, settings).text == text
+    assert check_saved_state(text, "", played.structure, settings).text == text
 
 
 def site_of(folder: Path, webhook_port: int) -> Path:

@@ -39,8 +39,8 @@ def block(device: str, second: int, flags: Flag = Flag.NONE) -> Block:
         first_index=int(index[0]),
         counts=np.column_stack([wave] * 3),
         scale=EPSON_SCALE,
-        pair_index=int(index[-1]),
-        pair_time=START + round(index[-1] / RATE * 1e9),
+        arrival_index=int(index[-1]),
+        arrival_time=START + round(index[-1] / RATE * 1e9),
         temperature=20.0,
         flags=flags,
     )

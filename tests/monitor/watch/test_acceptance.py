@@ -9,7 +9,7 @@ from daq import Event
 from monitor.outputs.history import HistoryStore, Reader, Span, database_url
 from monitor.results.events import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, result_event
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.service.operator_commands import Acceptance, Inbox, UndoAcceptance, leave
+from monitor.service.operator_commands import Acceptance, Inbox, UndoAcceptance, write_command
 from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.cli import Commands
@@ -240,11 +240,11 @@ def test_other_alarm_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_words_of_the_inbox(tmp_path: Path) -> None:
-    leave(tmp_path, Acceptance(cause="pump", by="Ada", alarm=5))
+    write_command(tmp_path, Acceptance(cause="pump", by="Ada", alarm=5))
     assert list(Inbox(tmp_path).taken()) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump", "alarm": 5})]
-    leave(tmp_path, UndoAcceptance(by="Bob"))
+    write_command(tmp_path, UndoAcceptance(by="Bob"))
     assert list(Inbox(tmp_path).taken()) == [(TOPIC_UNDO, {"by": "Bob", "note": ""})]
-    path = leave(tmp_path, UndoAcceptance())
+    path = write_command(tmp_path, UndoAcceptance())
     path.write_text('{"kind": "accept", "by": "Ada"}')  # as what?
     assert [topic for topic, _ in Inbox(tmp_path).taken()] == [TOPIC_REFUSED]
 

@@ -100,7 +100,7 @@ def test_the_first_block_after_a_restart_says_what_is_watched_by(monkeypatch: py
     without_answers(monkeypatch)
     raised = next(r for r in run(before, played.windows(3)) if isinstance(r, AlarmResult) and r.raised)
     after = played.pipeline(before.memory)
-    [reference, resumed] = after.push(replace(make_block("d_beam_left_y", 0), pair_time=2**61))
+    [reference, resumed] = after.push(replace(make_block("d_beam_left_y", 0), arrival_time=2**61))
     assert isinstance(reference, ReferenceResult)
     assert isinstance(resumed, AlarmResult)
     assert (reference.time, reference.n_windows, resumed.time) == (2**61, BASELINE, 2**61)

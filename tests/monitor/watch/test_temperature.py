@@ -18,7 +18,7 @@ from monitor.service.acquisition.thermometer import CsvThermometer, Thermometer,
 from monitor.service.site import load_site
 from monitor.service.startup.preflight import look_around
 from monitor.settings import TemperatureSettings, parse_settings
-from monitor.watch.memory import matters
+from monitor.watch.memory import state_fingerprint
 from monitor.watch.pipeline import Pipeline
 from tests.support.daq.blocks import START, make_block
 from updater import parse_structure, t_structure_toml
@@ -268,10 +268,10 @@ def test_baseline_is_of_the_thermometer_wherever_the_site_lies(tmp_path: Path) -
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (tmp_path / "site.toml").write_text(SITE + '[temperature]\ncsv = "air.csv"\n', encoding="utf-8")
     site = load_site(tmp_path / "site.toml")
-    known = matters(structure, parse_settings(site.site_text))
-    assert matters(structure, site.settings) == known
+    known = state_fingerprint(structure, parse_settings(site.site_text))
+    assert state_fingerprint(structure, site.settings) == known
     other = parse_settings(SITE + '[temperature]\ncsv = "other.csv"\n')
-    assert matters(structure, other) != known
+    assert state_fingerprint(structure, other) != known
 
 
 def test_check_reads_the_last_line(tmp_path: Path) -> None:

@@ -31,8 +31,8 @@ def make_block(device: str, first: int, *, n: int = 250, seed: int = 0, late: in
         first_index=first,
         counts=counts,
         scale=EPSON_SCALE,
-        pair_index=first + n - 1,
-        pair_time=START + (first + n - 1) * 1_000_000 + late,
+        arrival_index=first + n - 1,
+        arrival_time=START + (first + n - 1) * 1_000_000 + late,
         temperature=21.5,
         flags=Flag.NONE,
     )
@@ -49,8 +49,8 @@ def contents(items: Iterable[Item]) -> list[object]:
             item.first_index,
             item.counts.tolist(),
             item.scale,
-            item.pair_index,
-            item.pair_time,
+            item.arrival_index,
+            item.arrival_time,
             item.temperature,
             item.flags,
         )

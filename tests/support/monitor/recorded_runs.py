@@ -44,8 +44,8 @@ def blocks(scenario: Scenario, seconds: float) -> Iterator[Block]:
                 first_index=first,
                 counts=source.read(first, n),
                 scale=EPSON_SCALE,
-                pair_index=first + n - 1,
-                pair_time=start + round(((first + n - 1) / rate + late) * 1e9),
+                arrival_index=first + n - 1,
+                arrival_time=start + round(((first + n - 1) / rate + late) * 1e9),
                 temperature=21.0,
             )
 

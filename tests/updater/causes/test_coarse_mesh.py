@@ -59,14 +59,14 @@ def test_what_it_predicts_is_the_finer_models() -> None:
     """In the coarse model's thirty modes: the compared ones to 1e-3, of which the coarse mesh is up to 3e-2 off."""
     random = np.random.default_rng(931)
     structure = coarse(4)
-    finer = build_model(coarse(16), shear_flexible=True, mass="consistent")
-    windows = stack_tracks([measure(finer, random, GAIN) for _ in range(5)], [TRACK] * 5)
+    refined = build_model(coarse(16), shear_flexible=True, mass="consistent")
+    windows = stack_tracks([measure(refined, random, GAIN) for _ in range(5)], [TRACK] * 5)
     reference = nominal_reference(structure, windows, n_modes=20)
     data = compare(reference, matched(reference.baseline, reference.mean_of(windows)))
     cause = propose_mesh_error(reference, data)
     assert cause is not None
     found = np.linalg.eigvalsh(np.diag((2 * np.pi * data.frequency) ** -2.0) + cause.flexibility)[::-1]
-    exact = finer.modes(8).frequency
+    exact = refined.modes(8).frequency
     np.testing.assert_allclose(found[:8] ** -0.5 / (2 * np.pi), exact, rtol=1e-3)
     assert np.abs(data.frequency[:8] / exact - 1).max() > 5e-3
 

@@ -84,12 +84,12 @@ def test_finer_stretches_begin_where_the_coarser_were_fitted_to(shift: float, lo
         theta[row], log_density[row] = (0.4, shift, longer * 0.5, -0.2), 0.0
         this = np.array([row])
         fitted = np.array([cause.middles(theta[this], this)[0], cause.sizes(theta[this], this)[0]])
-        finer = cause.finer(log_density, theta)
-        every = np.arange(len(finer.start))
-        begun = np.column_stack([finer.middles(finer.start, every), finer.sizes(finer.start, every)])
+        refined = cause.refined(log_density, theta)
+        every = np.arange(len(refined.start))
+        begun = np.column_stack([refined.middles(refined.start, every), refined.sizes(refined.start, every)])
         own = np.abs(begun - fitted).max(1) < 1e-9
         assert own.any(), cause.stretch(row, theta[row])
-        np.testing.assert_allclose(finer.start[own][0, [0, 3]], theta[row, [0, 3]])
+        np.testing.assert_allclose(refined.start[own][0, [0, 3]], theta[row, [0, 3]])
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_places_that_data_do_not_tell_apart_stay_open() -> None:
     reference, event_mean = event(187, "column", 0.6, 0.7, 0.9)
     cause = propose_local_stiffness(reference, compare(reference, event_mean))
     assert cause is not None
-    closer = cause.finer(np.zeros(len(cause.start)), cause.start)
+    closer = cause.refined(np.zeros(len(cause.start)), cause.start)
 
     def middles(of: LocalStiffness) -> FloatArray:
         return np.asarray(of.begin + of.size / 2)
@@ -179,7 +179,7 @@ def test_places_that_data_do_not_tell_apart_stay_open() -> None:
         assert (near <= cause.step[cause.member == member] / 2).all()
     log_prior = np.full(len(cause.start), -100.0)
     log_prior[5] = 0.0
-    sharp = cause.finer(log_prior, cause.start)
+    sharp = cause.refined(log_prior, cause.start)
     far = (sharp.member != cause.member[5]) | (np.abs(middles(sharp) - middles(cause)[5]) > 2 * cause.step[5])
     assert not far.any()
 

@@ -57,7 +57,7 @@ def test_members_that_meet_at_a_point_have_one_weld_and_no_more_than_all_of_it()
     theta[:, weld] = cause.knobs[weld].upper + np.array([0.0, 0.4])
     compliance = cause.effect(theta, np.zeros(2, np.intp)).compliance
     np.testing.assert_array_equal(compliance[0], compliance[1])
-    assert cause.gives(theta)[weld][1].tolist() == [0.0, 0.0]
+    assert cause.compliance_increments(theta)[weld][1].tolist() == [0.0, 0.0]
 
 
 class _Moved(ModelParameters):
@@ -71,7 +71,7 @@ class _Moved(ModelParameters):
 class _Differenced(_Moved):
     """Nothing is known of the derivatives."""
 
-    def gives(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
+    def compliance_increments(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
         return {}
 
 
@@ -84,7 +84,7 @@ def test_exact_derivatives_are_those_of_differences(name: str) -> None:
     reference, data = _asked(structure_of(f"{name}: "), np.random.default_rng(956))
     cause = propose_model_parameters(reference, data)
     assert cause is not None
-    assert len(cause.gives(cause.start)) == len(cause.knobs)
+    assert len(cause.compliance_increments(cause.start)) == len(cause.knobs)
     (rest, exact), (same, differenced) = (linearised(data, of(**vars(cause))) for of in (_Moved, _Differenced))
     np.testing.assert_array_equal(rest, same)
     exact, differenced = exact * cause.prior_std, differenced * cause.prior_std

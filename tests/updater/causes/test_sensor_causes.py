@@ -138,7 +138,7 @@ def test_channel_that_says_nothing() -> None:
     found = rig.explained(rig.event(gain=1 - only("beam_right_y")))
     assert not the_cause(found.diagnosis, "sensor_dead", "beam_right_y")
     assert found.extended is not None
-    assert set(CHANNELS) - set(found.extended.speaking) == {"beam_right_y"}
+    assert set(CHANNELS) - set(found.extended.active_channels) == {"beam_right_y"}
 
 
 def test_channel_that_identification_gave_up() -> None:

@@ -86,7 +86,7 @@ def test_two_stretches_that_touch_and_agree_are_merged() -> None:
         weighing_of(state, softened(state, "column", 0.8, (0.1, 0.9)), 12), instead={"local_stiffness": halves_at_most}
     )
     cause = weighing.causes["local_stiffness"]
-    two = Compositions(weighing).settled((begun(cause), begun(cause)))
+    two = Compositions(weighing).coordinate_fit((begun(cause), begun(cause)))
     assert two is not None
     one = merged(weighing, two)
     print([(part.hypotheses.where(part), part.hypotheses.parameters(part)) for part in (*two.parts, *one.parts)])
@@ -113,7 +113,7 @@ def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
         reference = nominal_reference(structure, windows)
         data = compare(reference, matched(reference.baseline, reference.mean_of(windows)))
         weighing = EvidenceComparison(reference, data, allowed=(names := ("model_parameters", "added_mass")))
-        two = Compositions(weighing).settled(tuple(begun(weighing.causes[n]) for n in names))
+        two = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in names))
         assert two is not None
         parameters = two.parts[two.names.index("model_parameters")]
         found = significant_only(weighing, [two])
@@ -130,7 +130,7 @@ def test_springs_and_stretches_of_zero_size_are_not_accepted_beside_a_mass(name:
     state, do = specimen("", 21)
     done = do["added_mass"](state, np.random.default_rng(3))
     weighing = weighing_of(done.before, done.after, 21)
-    two = Compositions(weighing).settled(tuple(begun(weighing.causes[n]) for n in (name, "added_mass")))
+    two = Compositions(weighing).coordinate_fit(tuple(begun(weighing.causes[n]) for n in (name, "added_mass")))
     assert two is not None
     print({n: part.hypotheses.parameters(part) for n, part in zip(two.names, two.parts, strict=True)})
     significant = dict(zip(two.names, map(is_significant, two.parts), strict=True))

@@ -35,7 +35,7 @@ class Linear:
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         return np.zeros(len(theta))
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
         return None
 
 

@@ -7,7 +7,7 @@ from oma import ModalEstimate
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import remove_delays
 from updater.inference import without_mode
-from updater.modal_data import DeviceDelays, in_time, without_known
+from updater.modal_data import DeviceDelays, remove_device_delays, without_known
 
 CHANNELS = t_frame().channels
 DEVICES = {channel: channel.rsplit("_", 1)[0] for channel in CHANNELS}
@@ -47,7 +47,7 @@ def test_what_a_device_is_late_by_beyond_what_it_was_is_put_back() -> None:
     random = np.random.default_rng(11)
     taken = dict.fromkeys(DEVICES.values(), 0.0) | {"col_074": 3e-4}
     now = windows(random, dict.fromkeys(taken, 0.0) | {"col_074": 5e-4 - 3e-4}, 4)
-    found = in_time(now, [taken] * 4, DEVICES)
+    found = remove_device_delays(now, [taken] * 4, DEVICES)
     assert all(abs(apart(e, "col_074")) < 2e-5 for e in found.estimates)
     before = DeviceDelays(
         seconds=dict.fromkeys(taken, 0.0) | {"col_074": 1e-4}, std=dict.fromkeys(taken, 0.0), wander=0.0, noise_factor=1
@@ -63,7 +63,7 @@ def test_known_delays_of_channels_leave_nothing() -> None:
     (window,) = windows(random, dict.fromkeys(DEVICES.values(), 0.0) | {"beam_left": 2e-4}, 1)
     late = {c: 5e-4 if DEVICES[c] == "beam_left" else 0.0 for c in CHANNELS}
     own, removed = without_known(window, {"beam_left": 3e-4}, DEVICES, late)
-    found = in_time([own] * 3, [removed] * 3, DEVICES)
+    found = remove_device_delays([own] * 3, [removed] * 3, DEVICES)
     assert abs(apart(found.estimates[0], "beam_left")) < 2e-5
     known = DeviceDelays(seconds=dict.fromkeys(DEVICES.values(), 0.0), std={}, wander=1e-5, noise_factor=1)
     assert found.heard(known) is None

@@ -78,7 +78,7 @@ def test_of_a_bending_and_a_twist_that_looks_like_it_neither_is_compared(away: f
     _, reference = _bridge()
     event = reference.baseline
     (bending,) = np.flatnonzero(np.abs(np.exp(event.log_frequency) - 112) < 2)
-    assert reference.shadowed[bending]
+    assert reference.ambiguous_tracks[bending]
     twist = event.only(np.array([bending]))
     both = event.joined(replace(twist, log_frequency=twist.log_frequency + away))
     found, new = matched_and_new(reference, both)

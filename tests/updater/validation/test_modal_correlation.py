@@ -18,7 +18,7 @@ from updater import (
     stack_tracks,
 )
 from updater.structure import Correction
-from updater.validation import as_before, as_extended
+from updater.validation import modes_before, modes_with_causes
 
 TRACK = np.arange(8)
 STD = 3e-3
@@ -117,10 +117,10 @@ def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
     reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(8)], [TRACK] * 8)
     changed = build_model(bare.structure.with_bodies((body,)), shear_flexible=True, mass="consistent")
     measured = mean_modes(stack_tracks([measure(changed, random, np.ones(12)) for _ in range(8)], [TRACK] * 8))
-    expected = as_before(reference, float(np.exp(measured.log_frequency.max())))
+    expected = modes_before(reference, float(np.exp(measured.log_frequency.max())))
     before = correlate_modes(expected, measured)
     extended = reference.structure.with_bodies((body,))
-    after = correlate_modes(as_extended(reference, extended, expected), measured)
+    after = correlate_modes(modes_with_causes(reference, extended, expected), measured)
     assert not len(after.extra)
     error = [float(np.sqrt(np.nanmean(d.off**2))) for d in (before, after)]
     assert error[1] < 0.1 * error[0]  # 3 to 5 % before; modal truncation and the frame's own errors leave 0.1 %
@@ -142,10 +142,10 @@ def test_a_mode_measured_before_is_compared_with_itself_though_no_mode_of_the_mo
         reference,
         calibration=calibration,
         baseline=baseline,
-        unanswered=replace(lone, log_frequency=lone.log_frequency + 0.1),
+        unpaired_modes=replace(lone, log_frequency=lone.log_frequency + 0.1),
     )
     modes = replace(modes, log_frequency=modes.log_frequency + far)
-    found = correlate_modes(as_before(reference, float(np.exp(modes.log_frequency.max()))), modes)
+    found = correlate_modes(modes_before(reference, float(np.exp(modes.log_frequency.max()))), modes)
     row = int(np.flatnonzero(found.partner == 7)[0])
     assert abs(found.off[row]) < 4 * found.off_std[row]
     assert not len(found.extra)
@@ -157,10 +157,10 @@ def test_exchanged_channels_say_just_what_the_other_one_did() -> None:
     random = np.random.default_rng(10)
     bare = true_model(np.random.default_rng(11))
     reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(4)], [TRACK] * 4)
-    expected = as_before(reference, 1e3)
+    expected = modes_before(reference, 1e3)
     one, other = expected.channels[0], expected.channels[-1]
     exchanged = {one: Correction(channel=other), other: Correction(channel=one)}
-    found = as_extended(reference, reference.structure.model_copy(update={"sensors": exchanged}), expected)
+    found = modes_with_causes(reference, reference.structure.model_copy(update={"sensors": exchanged}), expected)
     assert found.channels == expected.channels
     order = [11, *range(1, 11), 0]
     np.testing.assert_allclose(np.abs(found.shape), np.abs(expected.shape[:, order]), atol=1e-9)

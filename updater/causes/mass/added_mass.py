@@ -87,7 +87,7 @@ class AddedMass:
         return np.array([MASS_STD * self._total, large * OFFSET_STD, large * OFFSET_STD, large**2 * GYRATION_STD])
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """No mass, close to the axis."""
         return self.start * [0.0, 1.0, 1.0, 1.0]
 
@@ -135,7 +135,7 @@ class AddedMass:
             most=self._total,
         )
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass | None":
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass | None":
         """Return the positions and, where one comes near the best, many more about it; none if it is near everywhere.
 
         They start from what those about them came to, but from none that got nowhere.

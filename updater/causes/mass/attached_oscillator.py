@@ -77,7 +77,7 @@ class AttachedOscillator:
         return self.reference.model.total_mass()
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """Without mass, tuned to the mode that it is tried at."""
         return np.zeros(self.start.shape)
 
@@ -119,7 +119,7 @@ class AttachedOscillator:
         )
         return replace(found, log_ratio=found.log_ratio + np.log(2.0))
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> Self:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> Self:
         """Return positions closer together about the likely ones, of the same direction and mode."""
         near = np.flatnonzero(log_density > log_density.max() - _NEAR)
         near = near[np.argsort(-log_density[near])]
@@ -135,7 +135,7 @@ class AttachedOscillator:
         keys = sorted(chosen)
         columns = [np.array(column) for column in zip(*keys, strict=True)]
         source = np.array([chosen[key] for key in keys])
-        finer = self.log_prior[source] + np.log(1 / _FINER)
+        refined = self.log_prior[source] + np.log(1 / _FINER)
         return replace(
             self,
             member=columns[0],
@@ -143,7 +143,7 @@ class AttachedOscillator:
             mode=columns[2],
             position=columns[3],
             translation=translations(self.reference, columns[0], columns[3]),
-            log_prior=finer,
+            log_prior=refined,
             start=theta[source],
         )
 

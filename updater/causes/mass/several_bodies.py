@@ -112,7 +112,7 @@ class Bodies:
         found = self.grid.magnitude(mass, np.sqrt(variance)).log_ratio
         return np.asarray(found.reshape(len(theta), self.n_bodies).sum(1))
 
-    def finer(self, log_density: FloatArray, theta: FloatArray) -> None:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
         """Positions are parameters already."""
         del log_density, theta
 

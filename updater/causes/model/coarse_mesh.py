@@ -64,11 +64,11 @@ def propose_mesh_error(reference: Reference, comparison: Comparison) -> MeshErro
     model = calibration.model
     if calibration.fitted or calibration.structure.external is not None or _FINER * model.n_dofs > _MOST_DOFS:
         return None
-    finer = best_model(_refined(calibration.structure))
-    modes = finer.modes(len(reference.frequency))
+    refined = best_model(_refined(calibration.structure))
+    modes = refined.modes(len(reference.frequency))
     if np.abs(np.log(modes.frequency / reference.frequency))[: int(comparison.paired.max()) + 1].max() < _WORTH:
         return None
-    shape = _at_nodes(model, finer, modes.shape)
+    shape = _at_nodes(model, refined, modes.shape)
     inside, _ = np.linalg.qr(reference.shape.T @ (model.mass @ shape))  # the low ones as they are, the high make way
     own = (2 * np.pi * reference.frequency) ** -2.0
     flexibility = (inside * (2 * np.pi * modes.frequency) ** -2.0) @ inside.T - np.diag(own)
@@ -86,9 +86,9 @@ def _refined(structure: Structure) -> Structure:
     return structure.model_copy(update={"member": members})
 
 
-def _at_nodes(model: Model, finer: Model, shape: FloatArray) -> FloatArray:
+def _at_nodes(model: Model, refined: Model, shape: FloatArray) -> FloatArray:
     """Return shapes (n_dofs, n_modes) of a finer model at the DOFs of a model's nodes."""
-    read = (finer.reader(model.nodes) @ shape).reshape(len(model.nodes), 6, -1)
+    read = (refined.reader(model.nodes) @ shape).reshape(len(model.nodes), 6, -1)
     found = np.zeros((model.n_dofs, shape.shape[1]))
     free = model.dofs >= 0
     found[model.dofs[free]] = read[free]

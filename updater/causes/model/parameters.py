@@ -72,7 +72,7 @@ class ModelParameters(Discrete):
         change = np.tensordot(more, self.compliance, 1)
         return replace(no_effect(len(rows), self.comparison), compliance=change)
 
-    def gives(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
+    def compliance_increments(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Return all: that of a material less the stiffer it is."""
         amount = np.where(self._stiffness, -np.exp(self.moved - theta), theta < self._upper)
         return dict(enumerate(zip(self.compliance, amount.T, strict=True)))

@@ -46,7 +46,7 @@ class SensorDead(Chain):
 
 def propose_sensor_dead(reference: Reference, comparison: Comparison) -> SensorDead:
     """Return the channels that have no signal; where all have one, every channel and every device."""
-    faults, known = comparison.circumstances.faults, reference.structure.speaking
+    faults, known = comparison.circumstances.faults, reference.structure.active_channels
     silent = {channel for channel, fault in faults.items() if fault.kind == "no_signal"}
     missing = tuple(c for c in known if c in silent and c not in comparison.channels)
     groups = [missing] if missing else groups_of(reference, comparison)

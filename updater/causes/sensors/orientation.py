@@ -58,7 +58,7 @@ class SensorOrientation(Chain):
         return np.asarray(starts[np.argmin(cost, axis=0), rows])
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """No turn."""
         return np.zeros(self.lower.shape)
 

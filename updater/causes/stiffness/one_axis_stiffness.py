@@ -50,9 +50,9 @@ class OneSidedStiffness(LocalStiffness):
         return np.append(super().prior_std, [_SHARE, _SHARE])
 
     @property
-    def idle(self) -> FloatArray:
+    def neutral_start(self) -> FloatArray:
         """Next to nothing is done."""
-        start = super().idle
+        start = super().neutral_start
         start[:, 0] = _BEGUN
         return start
 

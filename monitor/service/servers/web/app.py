@@ -9,7 +9,7 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
-from monitor.service.operator_commands import Acknowledgement, leave
+from monitor.service.operator_commands import Acknowledgement, write_command
 from monitor.service.servers.web.auth import Guard, user_of
 from monitor.service.servers.web.metrics import metrics
 from monitor.service.servers.web.snapshot import Snapshot
@@ -43,7 +43,7 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
     def acknowledge(request: Request) -> Response:
         by = (request.query_params.get("by") or user_of(request) or "status page")[:100]
         try:
-            leave(source.state, Acknowledgement(by=by, note=request.query_params.get("note", "")[:1000]))
+            write_command(source.state, Acknowledgement(by=by, note=request.query_params.get("note", "")[:1000]))
         except OSError as error:
             return PlainTextResponse(f"the state folder is not writable: {error.strerror}\n", 503)
         return JSONResponse({"told": True}, 202)

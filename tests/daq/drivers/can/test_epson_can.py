@@ -117,7 +117,7 @@ def virtual_bus(channel: str, node: EmulatedEpsonCan) -> Iterator[None]:
         def serve() -> None:
             while (message := bus.recv(0)) is not None:
                 for can_id, data in frames_of([message]):
-                    for answer in messages_of(can_frames(node.hear(can_id, data)), 0.0):
+                    for answer in messages_of(can_frames(node.receive(can_id, data)), 0.0):
                         bus.send(answer)
             for message in messages_of(node.scans(1000), 0.0):
                 bus.send(message)

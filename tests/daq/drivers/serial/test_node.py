@@ -35,7 +35,7 @@ class Wrong(EmulatedNode):
         super().__init__(Ramp(), SystemClock(), serial_number="W")
         self._hello, self._own = hello, rate
 
-    def hear(self, data: bytes) -> None:
+    def receive(self, data: bytes) -> None:
         if self._own > 0 and self.sampling_since is None:
             self.start(self._own)
         self.say(node.encode_hello(self._hello))
@@ -113,7 +113,7 @@ def test_node_that_starts_anew_is_lost_and_taken_back() -> None:
 def fed(believer: FrameValidator, scans: NodeScans, cuts: list[int]) -> tuple[list[tuple[int, ...]], int]:
     """Return what is believed of scans that come in pieces, and how many are refused."""
     edges = [0, *cuts, len(scans.counter)]
-    pairs = [believer.consider(scans[a:b]) for a, b in itertools.pairwise(edges)]
+    pairs = [believer.evaluate(scans[a:b]) for a, b in itertools.pairwise(edges)]
     return [value for scans, _ in pairs for value in values(scans)], sum(refused for _, refused in pairs)
 
 
@@ -144,6 +144,6 @@ def test_gaps_are_believed_however_long() -> None:
 
 def test_one_scan_alone_waits_for_another() -> None:
     scans, believer = some_scans(1, 3), FrameValidator(1000.0)
-    assert values(believer.consider(scans[:1])[0]) == []
-    assert values(believer.consider(node.NO_SCANS)[0]) == []
-    assert values(believer.consider(scans[1:])[0]) == values(scans)
+    assert values(believer.evaluate(scans[:1])[0]) == []
+    assert values(believer.evaluate(node.NO_SCANS)[0]) == []
+    assert values(believer.evaluate(scans[1:])[0]) == values(scans)

@@ -73,8 +73,8 @@ def block(second: int) -> Block:
         first_index=int(index[0]),
         counts=np.column_stack([index] * 3),
         scale=EPSON_SCALE,
-        pair_index=int(index[-1]),
-        pair_time=made.START + round(int(index[-1]) / RATE * 1e9),
+        arrival_index=int(index[-1]),
+        arrival_time=made.START + round(int(index[-1]) / RATE * 1e9),
         temperature=20.0,
     )
 
