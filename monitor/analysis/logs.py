@@ -1,5 +1,6 @@
 """Logs of this program, whoever wrote them, as recordings."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from statistics import median
@@ -18,6 +19,7 @@ from daq import (
 )
 from monitor.settings import parse_attached
 
+EDGE_SAMPLES = 40  #: at the ends of a record, which the alignment of devices in time leaves out
 _PAUSE = 5.0  # s of silence between two records
 _PAUSING = 0.1  # of what is held: a logger that is silent for longer in all records now and then
 
@@ -69,10 +71,12 @@ class Held:
 
 
 def log_held(log: AnyLog) -> Held:
-    """Return how much a log holds of the device that it holds least of; errors as for `read_log`."""
+    """Return the amount of data that all devices of a log have in common; errors as for `read_log`."""
     pieces: dict[str, list[float]] = {channel.device: [0.0] for channel in log_channels(log)}
     silent = dict.fromkeys(pieces, 0.0)
     ends: dict[str, int] = {}
+    spans: dict[str, tuple[float, float]] = {}  # of each device, from its first to its last scan [s]
+    rate = math.inf
     for item in read_log(log):
         if isinstance(item, Block) and item.device in pieces:
             gap = max(item.first_index - ends.get(item.device, item.first_index), 0) / item.rate
@@ -81,7 +85,15 @@ def log_held(log: AnyLog) -> Held:
                 silent[item.device] += gap
                 pieces[item.device].append(0.0)
             pieces[item.device][-1] += item.n_scans / item.rate
+            begin, end = (1e-9 * item.time_of(index) for index in (item.first_index, item.end_index))
+            spans[item.device] = spans.get(item.device, (begin, end))[0], end
+            rate = min(rate, item.rate)
     least = min(pieces, key=lambda device: sum(pieces[device]))
-    seconds = sum(pieces[least])
+    edges = EDGE_SAMPLES / rate
+    if len(spans) > 1:
+        begins, stops = zip(*spans.values(), strict=True)
+        edges += max(max(begins) - spans[least][0], 0.0) + max(spans[least][1] - min(stops), 0.0)
+    seconds = max(sum(pieces[least]) - edges, 0.0)
     pauses = silent[least] > _PAUSING * seconds
-    return Held(seconds=seconds, record=median(pieces[least]) if pauses else seconds)
+    record = max(median(pieces[least]) - EDGE_SAMPLES / rate, 0.0)
+    return Held(seconds=seconds, record=record if pauses else seconds)

@@ -9,11 +9,11 @@ from pathlib import Path
 from statistics import median
 
 from daq import Recording
+from monitor.analysis.logs import EDGE_SAMPLES
 from monitor.errors import ArgumentError
 from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, annotated
 
 _NAME = "logger"
-_EDGES = 40  # samples of a record that alignment in time leaves no window
 
 
 @contextmanager
@@ -82,7 +82,7 @@ def window_of(recordings: Sequence[Recording]) -> float:
         records[-1] += after.duration
     if len(records) == 1:
         return usual
-    usable = max(median(records) - _EDGES / recordings[0].rate, 1.0)
+    usable = max(median(records) - EDGE_SAMPLES / recordings[0].rate, 1.0)
     longest = usable / ceil(usable / usual)
     digit = 10.0 ** (floor(log10(longest)) - 2)
     return max(round(floor(longest / digit + 1e-6) * digit, 2), 1.0)

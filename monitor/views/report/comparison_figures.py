@@ -131,7 +131,7 @@ def balance_figure(reference: ReferenceResult, balance: BalanceResult, reading: 
     values, peak = _peak(balance, reading)
     figure = new_figure(WIDTH, 4.4)
     axes, frame = figure.subplots(), Frame(reference)
-    what = "stiffness lacking [%]" if reading == "loss" else "mass on top [%]"
+    what = "missing stiffness [%]" if reading == "loss" else "excess mass [%]"
     frame.draw_values(axes, 100 * values, what)
     if peak is not None:
         frame.draw_note(axes, reference.nodes[peak[0]], peak[1])

@@ -1,4 +1,4 @@
-"""Figures as SVG for a page that needs no network: matplotlib without a display and without global state."""
+"""Style and output of figures: matplotlib without a display and without global state."""
 
 import base64
 import io
@@ -15,6 +15,7 @@ INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
 OK, WARN, ALARM, REGION = "#2f9e62", "#d08a00", "#cc3340", "#e3b341"
 ADDED, REMOVED, SENSOR = "#cc3340", "#2f6fcc", "#1b86b8"
 _MODES = ("#2f6fcc", "#dd7a1c", "#239a68", "#8a55d6", "#d8457b", "#1f9fb4", "#a08d12", "#5e6875", "#d1492e", "#6a9a1f")
+_DPI = 220  # of PNG images
 _STYLE: Any = {
     "font.size": 8.5,
     "axes.titlesize": 9,
@@ -61,6 +62,13 @@ def data_uri(figure: Figure) -> str:
     buffer = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
     return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as a PNG image."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_DPI)
+    return buffer.getvalue()
 
 
 def bare(axes: Axes) -> None:

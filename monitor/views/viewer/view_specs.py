@@ -109,6 +109,11 @@ def drawing_view(name: str, origin: str, bounds: tuple[tuple[float, float], tupl
     )
 
 
+def image_view(name: str, origin: str) -> rrb.Spatial2DView:
+    """Return the view of an image."""
+    return rrb.Spatial2DView(name=name, origin=origin, background=BACKGROUND)
+
+
 def events() -> rrb.TextLogView:
     """Return the list of events; their time stands in the text."""
     hidden = TimelineColumn(TIME, visible=False)

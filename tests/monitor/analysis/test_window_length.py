@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import Channel, Recording, write_recordings
-from monitor.analysis.logs import Held, log_held
+from daq import Channel, Recording, as_logs, load_recordings, write_recordings
+from monitor.analysis.logs import Held, log_channels, log_held
 from monitor.analysis.observation import window_seconds
+from monitor.analysis.time_range import time_range
 from tests.support.updater.reference_frame import t_frame
 from updater import build_model
 
+REPLAY = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 FRAME = t_frame()
 FIRST = float(build_model(FRAME, shear_flexible=True, mass="consistent").modes(1).frequency[0])
 
@@ -47,6 +49,16 @@ def test_a_log_tells_its_records_where_it_pauses(tmp_path: Path) -> None:
         return Recording(channels=channels, data=data, rate=100.0, start=round(start * 1e9))
 
     write_recordings(tmp_path / "pausing.mcap", [record(0, 20), record(50, 20), record(90, 10)])
-    assert log_held(tmp_path / "pausing.mcap") == Held(seconds=50.0, record=20.0)
+    assert log_held(tmp_path / "pausing.mcap") == Held(seconds=49.6, record=19.6)
     write_recordings(tmp_path / "whole.mcap", [record(0, 60), record(66, 90)])  # a short outage is no habit
-    assert log_held(tmp_path / "whole.mcap") == Held(seconds=150.0, record=150.0)
+    assert log_held(tmp_path / "whole.mcap") == Held(seconds=149.6, record=149.6)
+
+
+@pytest.mark.parametrize(("start", "stop", "windows"), [("2m18s", None, 3), (None, "2m5s", 5)])
+def test_a_log_holds_all_windows_that_it_is_cut_into(start: str | None, stop: str | None, windows: int) -> None:
+    """Devices begin and end at different times, and alignment leaves out the ends."""
+    log = time_range(start, stop).of_logs(as_logs([REPLAY]))[0]
+    seconds = window_seconds(FRAME, log_held(log).seconds)
+    found = list(load_recordings(log, window_seconds=seconds, channels=log_channels(log)))
+    assert len(found) == windows
+    assert all(len(one.data) == len(found[0].data) for one in found)

@@ -8,7 +8,6 @@ from monitor.results.windows import ReferenceResult
 from monitor.views.geometry import Geometry
 from monitor.views.viewer import scene
 from monitor.views.viewer import view_specs as views
-from monitor.views.viewer.diagnosis.plots import BOUNDS
 from updater import Diagnosis
 
 SECONDS_TIMELINE = "seconds"
@@ -40,7 +39,7 @@ def _where(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceR
     view = views.scene_view(
         reading_name(found.balance), "/structure", geometry, geometry.side(*scene.SIDE), points, _ASPECT
     )
-    evidence = views.drawing_view("Log evidence below the best explanation", "/evidence", BOUNDS)
+    evidence = views.image_view("Log evidence against the best explanation", "/evidence")
     beside = rrb.Vertical(views.card("Diagnosis", "/diagnosis"), evidence, row_shares=[1.0, 1.0])
     return rrb.Horizontal(view, beside, column_shares=[1.0, 1.0], name="Diagnosis")
 
@@ -49,21 +48,20 @@ def reading_name(balance: BalanceResult | None) -> str:
     """Return what the colours of the members mean."""
     if balance is None:
         return "Structure"
-    values, name = (balance.added, "mass on top") if balance.log_odds > 0 else (balance.loss, "stiffness lacking")
+    values, name = (balance.added, "excess mass") if balance.log_odds > 0 else (balance.loss, "missing stiffness")
     largest = max((abs(v) for v in values if v is not None), default=0.0)
-    return f"Residual forces as {name}: red, up to {100 * largest:.1f} %; blue: the contrary"
+    return f"Residual forces as {name}: red, up to {100 * largest:.1f} %; blue: the opposite"
 
 
 def _modes(found: DiscrepancyResult) -> rrb.Horizontal:
-    offsets = views.drawing_view("Measured off the model [%], red without, green with the causes", "/offsets", BOUNDS)
-    mac = views.drawing_view("MAC: simulated (down) with measured (across) modes", "/mac", BOUNDS)
+    offsets = views.image_view("Measured off the model [%], red without, green with the causes", "/offsets")
+    mac = views.image_view("MAC: simulated (down) with measured (across) modes", "/mac")
     left = rrb.Vertical(views.card(f"{len(found.modes)} modes", "/modes"), offsets, row_shares=[1.0, 1.2])
     return rrb.Horizontal(left, mac, column_shares=[1.0, 1.15], name="Modes")
 
 
 def _sensors(found: DiscrepancyResult) -> rrb.Horizontal:
-    name = "Residual of shapes [%], red without, green with the causes; bar: noise"
-    residual = views.drawing_view(name, "/sensors", BOUNDS)
+    residual = views.image_view("Sensors, red without, green with the causes; bar: noise", "/sensors")
     signals = [
         views.plot_view(f"{signal.channel} [m/s²]: measured (white), predicted from the others (blue)",
                         f"/signals/{signal.channel}")

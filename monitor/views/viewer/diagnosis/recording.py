@@ -1,10 +1,12 @@
 """Diagnosis in the viewer: residual forces and causes on the structure, modes, sensors, signals."""
 
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
+from matplotlib.figure import Figure
 
 from daq import FloatArray
 from monitor.results.comparison import BalanceResult, DiscrepancyResult
@@ -13,9 +15,11 @@ from monitor.text.causes import cause_text
 from monitor.text.quantities import plain
 from monitor.views.geometry import Geometry
 from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, signed_heat
+from monitor.views.report.comparison_figures import mac_figure, offsets_figure, sensors_figure
+from monitor.views.report.evidence_figures import evidence_figure
+from monitor.views.report.svg import png, styled
 from monitor.views.viewer.cards import diagnosis_card
 from monitor.views.viewer.diagnosis.layout import SECONDS_TIMELINE, diagnosis_layout
-from monitor.views.viewer.diagnosis.plots import draw_evidence, draw_mac, draw_offsets, draw_sensors
 from monitor.views.viewer.primitives import once, recording_file
 from monitor.views.viewer.scene import TUBE, sensors, supports
 from updater import Diagnosis
@@ -43,16 +47,24 @@ def write_diagnosis(path: Path, diagnosis: Diagnosis, found: DiscrepancyResult, 
         recording.send_recording_name("diagnosis")
         _card(recording, "/diagnosis", diagnosis_card(diagnosis))
         _card(recording, "/modes", modes_card(found))
-        draw_evidence(recording, diagnosis)
-        draw_mac(recording, found)
-        draw_offsets(recording, found)
-        draw_sensors(recording, found)
+        _figure(recording, "/evidence", lambda: evidence_figure(diagnosis))
+        _figure(recording, "/mac", lambda: mac_figure(found))
+        _figure(recording, "/offsets", lambda: offsets_figure(found))
+        _figure(recording, "/sensors", lambda: sensors_figure(found))
         _structure(recording, diagnosis, found, reference)
         _signals(recording, found)
 
 
 def _card(recording: rr.RecordingStream, path: str, words: str) -> None:
     recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
+
+
+def _figure(recording: rr.RecordingStream, path: str, draw: Callable[[], Figure | None]) -> None:
+    """Log a figure of the report as an image."""
+    with styled():
+        figure = draw()
+        if figure is not None:
+            recording.log(path, rr.EncodedImage(contents=png(figure), media_type="image/png"), static=True)
 
 
 def modes_card(found: DiscrepancyResult) -> str:
