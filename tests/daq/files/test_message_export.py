@@ -34,9 +34,9 @@ def blocks(seed: int) -> list[Block]:
                     **{
                         **vars(block),
                         "rate": 100.0,
-                        "pair_index": last,
+                        "arrival_index": last,
                         "counts": np.ascontiguousarray(block.counts[:, :n_axes]),
-                        "pair_time": true_time(last) + LEAST + int(random.integers(LATE)),
+                        "arrival_time": true_time(last) + LEAST + int(random.integers(LATE)),
                         "flags": Flag.RESTARTED if k in {0, RESTART} else Flag.NONE,
                     }
                 )

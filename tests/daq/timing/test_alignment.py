@@ -59,7 +59,7 @@ class Device:
 
 
 def by_arrival(*streams: list[Block]) -> list[Block]:
-    return sorted((block for stream in streams for block in stream), key=attrgetter("pair_time"))
+    return sorted((block for stream in streams for block in stream), key=attrgetter("arrival_time"))
 
 
 def assembler(window: float = 10.0, step: float = 10.0, **rates: float) -> Assembler:
