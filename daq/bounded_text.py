@@ -68,9 +68,9 @@ def _check_values(content: object) -> None:
 
 
 def printable(text: str) -> str:
-    """Return a text whose control characters, but for tabs and line breaks, are written as escapes.
+    """Return a text with control characters written as escapes, except tabs and line breaks.
 
-    Escape sequences in a name would otherwise move the cursor, change colours or titles, and hide what is shown.
+    Escape sequences in a name could otherwise move the cursor, change colours or titles, and hide text.
     """
     if text.isprintable():
         return text

@@ -22,7 +22,7 @@ def error_text(error: BaseException) -> str:
 
 
 def short_line(text: str, most: int) -> str:
-    """Return a text in one line of at most so many characters; what cannot be printed becomes a question mark."""
+    """Return a text as one line of limited length; unprintable characters become question marks."""
     printed = "".join(letter if letter.isprintable() else "?" for letter in " ".join(text.split()))
     return printed if len(printed) <= most else f"{printed[: most // 2]} .. {printed[-most // 2 :]}"
 
@@ -54,7 +54,7 @@ class Failures:
             self._current[part] = Failure(why, time.monotonic() + self._calm_seconds)
 
     def attempt(self, part: str, action: Callable[..., object], *arguments: object) -> bool:
-        """Call an action; return False if it raised, which is counted. No part may stop what calls it."""
+        """Call an action; return False if it raised, which is counted. No part may stop its caller."""
         try:
             action(*arguments)
         except Exception as error:  # noqa: BLE001 - the edge of the daemon
@@ -92,7 +92,7 @@ class Failures:
             self._events.append(("/event/thread_recovered", {"thread": part, "failures": self._counts[part]}))
 
 
-FAILURES = Failures()  #: of this process
+FAILURES = Failures()  #: failures of this process
 
 
 class SupervisedThread(threading.Thread):

@@ -36,12 +36,12 @@ class Block:
     scale: float  #: m/s2 a count
     arrival_index: int  #: the (counter, host time) pair: this scan ...
     arrival_time: int  #: ... had arrived at this host time [ns UTC]
-    temperature: float  #: of the device [degC], NaN if it has no sensor
+    temperature: float  #: temperature of the device [degC], NaN if it has no sensor
     flags: Flag = Flag.NONE
-    clock: str = ""  #: which indices count, if devices share it: one index is one instant for all of them
+    clock: str = ""  #: clock of the indices, if devices share it: one index is one instant for all of them
 
     def __post_init__(self) -> None:
-        """Refuse what no driver can have meant."""
+        """Refuse invalid values."""
         if self.counts.ndim != 2 or self.counts.dtype != np.int32:
             raise ValueError(
                 f"counts of {self.device}: expected int32 (n_scans, n_axes), found "
@@ -140,7 +140,7 @@ def _find_gaps(channels: tuple[Channel, ...], missing: npt.NDArray[np.bool_]) ->
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Event:
-    """Anything that is not a block: it happened, and replay needs to know."""
+    """Any item that is not a block, required for replay."""
 
     topic: str
     time: int  #: [ns UTC]

@@ -12,7 +12,7 @@ class CanPlace:
     """A bus that python-can, or for "slcan" this package, can open."""
 
     interface: str  #: "slcan", "socketcan", "socketcand", "virtual", ...
-    channel: str  #: as the interface calls it: a serial port, can0, ...
+    channel: str  #: name in the notation of the interface: a serial port, can0, ...
     bitrate: int = 1_000_000  #: [bit/s]
 
     @property
@@ -44,14 +44,14 @@ class DbcSensor:
     """Signals of a sensor in a DBC file; each SIGNAL, or MESSAGE.SIGNAL where several messages have one."""
 
     file: Path
-    signals: tuple[str, ...]  #: of the device's axes x, y, z; at least the first
+    signals: tuple[str, ...]  #: signals of the device axes x, y, z; at least the first
     counter: str  #: counts scans; if several of the messages have one of that name, each is looked at
     scale: float | None = None  #: Acceleration per unit of the signals [m/s2]. Default: from the unit in the DBC file.
     temperature: str | None = None  #: [degC]
-    order: tuple[str, ...] = ()  #: messages as the device sends them; by rising identifier unless given
+    order: tuple[str, ...] = ()  #: messages in the order of transmission. Default: by ascending identifier
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be meant."""
+        """Refuse invalid values."""
         if not 1 <= len(self.signals) <= 3:
             raise ValueError(f"signals: expected those of x, of x and y, or of x, y and z, found {len(self.signals)}")
         if self.scale is not None and not self.scale > 0:
@@ -76,22 +76,22 @@ class Found:
     place: str | CanAddress
     identity: dict[str, Any]
     rate: float = 1000.0  #: scans a second that it can [Hz]
-    axes: tuple[int, ...] = (0, 1, 2)  #: that it measures
+    axes: tuple[int, ...] = (0, 1, 2)  #: measured axes
 
 
 @dataclass(frozen=True, kw_only=True)
 class PortAnswer:
     """Result of the search at a port."""
 
-    who: str  #: for people
-    devices: tuple[Found, ...]  #: none behind an adapter whose bus is silent
+    who: str  #: description for people
+    devices: tuple[Found, ...]  #: devices found; empty behind an adapter whose bus is silent
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogAddress:
     """A device in a log."""
 
-    path: Path  #: of the log, or of the folder with the files of one run
+    path: Path  #: log, or folder with the files of one run
     device: str  #: its name in the log
     speed: float = 1.0  #: seconds of data a second of wall time
 

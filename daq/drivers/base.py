@@ -15,9 +15,9 @@ class Scans:
     counter: IntArray | IndexArray
     temperature: float  #: [degC]
     bad_bytes: int  #: dropped while these were read
-    age: int = 0  #: since the bytes were here [ns of wall time]
-    clock: str = ""  #: that the counter is of, if other devices sample by it too; a new name where it began anew
-    warning: str = ""  #: what the device has said of itself, or is to be told of it though it sends
+    age: int = 0  #: time since the bytes were received [ns of wall time]
+    clock: str = ""  #: common clock of the counter, if other devices sample by it too; a new name after a restart
+    warning: str = ""  #: warning of the device, or about a device that still sends
 
 
 class Driver(Protocol):
@@ -27,7 +27,7 @@ class Driver(Protocol):
     """
 
     scale: float  #: m/s2 a count; known once it is open
-    modulus: int  #: at which the device's counter wraps
+    modulus: int  #: counter values before the counter wraps
 
     def open(self) -> dict[str, Any]:
         """Configure the device and start it; return its identity.
@@ -35,7 +35,7 @@ class Driver(Protocol):
         Raises
         ------
         DriverError
-            If it does not answer as its protocol says.
+            If it does not respond as its protocol requires.
         """
         ...
 

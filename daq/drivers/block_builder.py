@@ -12,13 +12,13 @@ from daq.types import Block, Flag, IndexArray, IntArray
 class BlockBuilder:
     """Cuts scans into blocks: no gap inside, the earliest arrival as the (counter, host time) pair.
 
-    A damaged frame passes its checksum once in 2^16: a false counter costs the scans around it, and nothing else. So
-    only reads that go on where the last one ended tell the time.
+    A damaged frame has a valid checksum once in 2^16. A false counter then costs only the adjacent scans. Only reads
+    that continue the previous one are used for the time.
     """
 
     def __init__(self, device: str, rate: float, scale: float, modulus: int, n_scans: int) -> None:
         self._device, self._rate, self._scale, self._modulus, self._n_scans = device, rate, scale, modulus, n_scans
-        self._next = 0  # index that goes on without a gap
+        self._next = 0  # next index of a stream without a gap
         self._offset = 0  # from counters to indices, modulo the modulus
         self._anchor: tuple[int, int] | None = None  # (index, time) of the last read without a gap
         self._counts: list[IntArray] = []
@@ -43,7 +43,7 @@ class BlockBuilder:
             self.restart(now)
 
     def add(self, scans: Scans, now: int) -> Iterator[Block]:
-        """Take what was read until `now` [ns UTC]; yield full blocks."""
+        """Add the scans that were read until `now` [ns UTC]; yield full blocks."""
         if scans.bad_bytes:
             self._flags |= Flag.BAD_FRAMES
         if not len(scans.counts):
@@ -97,7 +97,7 @@ class BlockBuilder:
         return index
 
     def _append_runs(self, index: IndexArray, counts: IntArray, now: int) -> Iterator[Block]:
-        """Take scans whose indices ascend, but may have gaps."""
+        """Add scans with ascending indices and possible gaps."""
         if int(index[-1]) - int(index[0]) == len(index) - 1:
             yield from self._append(int(index[0]), counts, now)
             return
@@ -122,7 +122,7 @@ class BlockBuilder:
         return time - round(index / self._rate * 1e9)
 
     def flush(self, now: int) -> Iterator[Block]:
-        """Yield what has been taken since the last block, if anything."""
+        """Yield the scans since the last block, if any."""
         if not self._have:
             return
         last = self._first + self._have - 1

@@ -12,7 +12,7 @@ from daq.drivers.addresses import PortAnswer
 from daq.errors import DriverError
 
 _BY_ID = Path("/dev/serial/by-id")
-#: who is asked for at a port, one after the other; nothing is imported until then
+#: devices searched for at a port, in this order; modules are imported when used
 _SEARCHES = (
     "daq.drivers.serial.epson_uart",
     "daq.drivers.can.search",
@@ -67,7 +67,7 @@ def can_adapters() -> list[tuple[str, str]]:
 def search_port(path: str, bitrate: int = 1_000_000) -> PortAnswer | None:
     """Query a serial port for every known kind of device; None if none answers.
 
-    Each kind is asked in its own words, which the others take for noise. A device that was sampling may stop.
+    Each type is queried in its own protocol, which the others ignore as noise. A device that was sampling may stop.
 
     Parameters
     ----------

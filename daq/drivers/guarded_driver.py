@@ -20,7 +20,7 @@ class DriverCrashedError(DriverError):
 
 
 def guarded(device: str, work: Callable[[], T]) -> T:
-    """Return what work with a driver gives, whose every error is a loss.
+    """Return the result of an action of a driver; every exception becomes a loss of the device.
 
     Raises
     ------

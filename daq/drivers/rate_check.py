@@ -10,7 +10,7 @@ _TOLERANCE = 0.05  # of the rate: far more than a clock is off
 class RateCheck:
     """Reports once that a device does not send at the expected rate.
 
-    One that cannot be told its rate, or does as it likes, would shift all frequencies by as much.
+    A device whose rate cannot be set, or that ignores it, would shift all frequencies by the same ratio.
 
     A host that has no processor for seconds takes scans late, never early. So of each 20 s only the promptest arrival
     counts, and three such parts must agree: at another rate each is later, or earlier, than the one before; by a host

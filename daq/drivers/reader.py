@@ -28,8 +28,8 @@ class DeviceReader(SupervisedThread):
     sink : takes blocks and events, from this thread
     block_seconds : length of a block [s of data]
     silent_seconds : without a scan, of wall time, after which a device counts as lost
-    delay : how long after the motion a scan is, of which times are told [s]; as the driver knows unless given
-    after : stopped reader of the same device and rate, whose indices go on, so that one log can hold both
+    delay : group delay of the device [s], subtracted from its times. Default: the driver's value.
+    after : stopped reader of the same device and rate, whose indices are continued so that one log can hold both
     """
 
     def __init__(
@@ -77,14 +77,14 @@ class DeviceReader(SupervisedThread):
     def _know(self, identity: dict[str, Any]) -> None:
         """Take a device for the one that is meant."""
         self._identity, before = identity, self._blocks
-        self._blocks = self._new_blocks()  # some devices say their scale when they are asked
+        self._blocks = self._new_blocks()  # some devices report their scale when they are opened
         self._blocks.continue_from(before, self._moved())
 
     def _new_blocks(self) -> BlockBuilder:
         return BlockBuilder(self.device, self._rate, self._driver.scale, self._driver.modulus, self._n_scans)
 
     def stop(self) -> None:
-        """Ask the thread to end."""
+        """Request the end of the thread."""
         self.ending.set()
 
     def _read(self) -> None:
@@ -104,7 +104,7 @@ class DeviceReader(SupervisedThread):
         self._close()
 
     def _close(self) -> None:
-        """Close the device, whatever that raises: it is opened anew afterwards."""
+        """Close the device and ignore errors: it is opened again afterwards."""
         with contextlib.suppress(DriverError):
             guarded(self.device, self._driver.close)
 
@@ -132,7 +132,7 @@ class DeviceReader(SupervisedThread):
             self._hand_on(block)
 
     def _hand_on(self, block: Block) -> None:
-        """Put a block, and before it how many scans are missing; by the host's clock where the device began anew."""
+        """Pass on a block, preceded by the number of missing scans; by the host's clock if the device has restarted."""
         shared = block.clock != "" and block.clock == self._shared
         began = block.clock != "" and self._shared == ""  # others have sampled by it before
         missing = block.first_index - self._end
@@ -145,7 +145,7 @@ class DeviceReader(SupervisedThread):
             self._sink(self._event("wrong_rate", {"expected": self._rate, "found": round(found, 3)}))
 
     def _reconnect(self) -> None:
-        """Wait for the same device: a port may be given to another one meanwhile, whose signals are not this one's."""
+        """Wait for the same device: another one may be connected to the port meanwhile."""
         refused: dict[str, Any] | None = None
         while not self.ending.wait(_RETRY_SECONDS):
             try:

@@ -9,8 +9,8 @@ from typing import Any
 from daq.drivers.addresses import OURS, CanAddress, CanPlace, DbcAddress, LogAddress
 from daq.drivers.base import Driver
 
-Place = str | CanPlace | LogAddress  #: what a device is connected to: a serial port, a bus, or a log
-#: what a kind of place is called in the settings
+Place = str | CanPlace | LogAddress  #: location of a device: a serial port, a bus, or a log
+#: name of each kind of location in the settings
 _SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc", LogAddress: "log"}
 
 
@@ -18,7 +18,7 @@ _SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` 
 class DriverKind:
     """A row of the table of drivers."""
 
-    places: Mapping[type, str]  #: what its devices are connected to -> module:class, made of (place, rate)
+    places: Mapping[type, str]  #: location type -> module:class of the driver, made of (place, rate)
     low_grade: str = ""  #: why its data are not to be relied on, if so
 
 
@@ -47,7 +47,7 @@ def low_grade(name: str) -> str:
 
 
 def can_interfaces() -> tuple[str, ...]:
-    """Return the names of all kinds of CAN interfaces; what each of them needs may not be installed."""
+    """Return the names of all kinds of CAN interfaces; their dependencies may not be installed."""
     return tuple(sorted({OURS, *import_module("can.interfaces").BACKENDS}))
 
 

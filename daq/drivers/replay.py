@@ -20,7 +20,7 @@ from daq.log.recordings import HOW_TO_PLACE, read_channel_map
 from daq.types import Block, Flag
 
 _WAIT_SECONDS = 0.1
-_PIECE_SECONDS = 0.02  # of wall time: what a read brings, as from a port
+_PIECE_SECONDS = 0.02  # wall time of the data of one read [s], as from a port
 _LATEST_SECONDS = 2.0  # of wall time to a device's first scan
 _STARTING_SECONDS = 60.0  # of a log in which its devices begin one after the other
 _BACK_SECONDS = 0.2  # of wall time to the next scan, from which on a device that was lost would not answer
@@ -44,7 +44,7 @@ class ReplayedDevice:
         If rate or speed is not positive.
     """
 
-    scale = float("nan")  #: m/s2 a count, as the log says once it is open
+    scale = float("nan")  #: [m/s2 per count], known once the log is open
     modulus = 1 << 31
 
     def __init__(self, address: LogAddress, rate: float) -> None:
@@ -52,7 +52,7 @@ class ReplayedDevice:
             if not value > 0:
                 raise ValueError(f"{name} of {address}: expected a positive number, found {value:g}")
         self._address, self._rate = address, rate
-        self._playback: _Playback | None = None  # from the first opening on: a device that was lost does not begin anew
+        self._playback: _Playback | None = None  # from the first opening on: a device that was lost is not restarted
         self._blocks: Iterator[Block] = iter(())
         self._next: Block | None = None
         self._open = False

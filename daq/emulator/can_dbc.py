@@ -17,8 +17,8 @@ class EmulatedDbc(SilentNode):
 
     Parameters
     ----------
-    source : what it measures, in counts of the layout's scale (`scale`)
-    clock : of the world it lives in
+    source : measured signal, in counts of the layout's scale (`scale`)
+    clock : simulated clock
     sensor : its signals
     rate : scans a second [Hz]
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
@@ -70,7 +70,7 @@ class EmulatedDbc(SilentNode):
         return encode_scans(self._layout, counts, first)
 
     def disturbed(self, frames: CanFrames) -> CanFrames:
-        """Return what arrives of the frames of a bus: of its own not all, and some twice."""
+        """Return the frames of a bus that arrive: some of its own are lost, some are repeated."""
         if not (self._lost or self._repeated) or not len(frames):
             return frames
         chance = self._random.random(len(frames))

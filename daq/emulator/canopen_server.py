@@ -26,7 +26,7 @@ class SdoServer:
     Parameters
     ----------
     entries : at the start
-    written : called with the place of what has been written
+    written : called with the entry that was written
     """
 
     def __init__(self, entries: dict[Place, Entry], written: Callable[[Place], None]) -> None:

@@ -16,8 +16,8 @@ class EmulatedEpson(SerialEmulator):
 
     Parameters
     ----------
-    source : what it measures
-    clock : of the world it lives in
+    source : measured signal
+    clock : simulated clock
     serial_number : eight characters
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC]
@@ -42,7 +42,7 @@ class EmulatedEpson(SerialEmulator):
         self._rate = 1000.0
 
     def receive(self, data: bytes) -> None:
-        """Obey the host."""
+        """Execute commands of the host."""
         self._commands += data
         while len(self._commands) >= 3:
             address, value, end = self._commands[:3]
@@ -81,7 +81,7 @@ class EmulatedEpson(SerialEmulator):
 
 
 def _registers(serial_number: str) -> dict[tuple[int, int], int]:
-    """Return what an M-A352 holds after reset, by (window, address)."""
+    """Return the registers of an M-A352 after reset, by (window, address)."""
     text = [("A352AD10", epson.PRODUCT), (serial_number.ljust(_SERIAL_LENGTH)[:_SERIAL_LENGTH], epson.SERIAL)]
     values = {
         (1, address): int.from_bytes(word[2 * i : 2 * i + 2].encode(), "little")

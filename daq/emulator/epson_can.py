@@ -25,18 +25,18 @@ class EmulatedEpsonCan:
 
     Parameters
     ----------
-    source : what it measures
-    clock : of the world it lives in
+    source : measured signal
+    clock : simulated clock
     node : its id
     serial_number : 32 bits
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     product : its name; more than four letters take several frames
-    temperature : [degC]; None: it says no such thing
-    apply_seconds : of wall time during which it does not answer after it was told to apply; hardware takes about 1 s
+    temperature : [degC]; None: not available
+    apply_seconds : wall time without reply after the command to apply the settings; about 1 s in hardware
     faults : spells in which its frames are lost, come twice, come by halves or it is dead; and where its counter begins
     """
 
-    bytes_a_scan = 40  #: of SLCAN lines: one of 8 bytes, one of 6
+    bytes_a_scan = 40  #: size of SLCAN lines: one of 8 bytes, one of 6
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class EmulatedEpsonCan:
         self._first_started: int | None = None
         self._sampled = 0  # scans that the last `scans` has returned
         self._producer = SyncProducer(clock, clock_error)
-        self._train, self._train_first = 0, 0  # SYNC that it samples on: since when, and the first that was heard
+        self._train, self._train_first = 0, 0  # SYNC of sampling: number since the start, and the first one received
         self._due = 0
         self._rate = 1000.0
         self._next_beat: int | None = None  # [ns UTC]
@@ -175,7 +175,7 @@ class EmulatedEpsonCan:
         return frames if all(on) else frames[np.tile(on, len(counts))]
 
     def disturbed(self, frames: CanFrames) -> CanFrames:
-        """Return what of the frames of a bus arrives: of its own, those that `scans` has just returned, not all may."""
+        """Return the frames of a bus that arrive: of the frames just returned by `scans`, some may be lost."""
         own = np.flatnonzero(np.isin(frames.ids, (epson.TPDO1 + self.node, epson.TPDO2 + self.node)))
         if not self._sampled or len(own) != 2 * self._sampled:
             return frames
@@ -219,7 +219,7 @@ def _temperature(celsius: float) -> Entry:
 
 
 def _objects(node: int, serial_number: int, product: str) -> dict[Place, Entry]:
-    """Return what a device holds after reset."""
+    """Return the objects of a device after reset."""
 
     def number(value: int, size: int, *allowed: int) -> Entry:
         kept = {entry.to_bytes(size, "little") for entry in allowed}

@@ -14,12 +14,12 @@ What = Literal["lost", "repeated", "cut", "silent"]
 class LineSpell:
     """Fault of all frames for a while."""
 
-    what: What  #: never arrive; arrive twice; their first half arrives; or the device is dead, and hears nothing either
-    at: float  #: since the device first sampled [s of data]
-    seconds: float  #: how long [s of data]
+    what: What  #: the frame is lost; repeated; cut in half; or the device is silent and ignores commands
+    at: float  #: time since the first sample of the device [s of data]
+    seconds: float  #: duration [s of data]
 
     def __post_init__(self) -> None:
-        """Refuse what does not happen."""
+        """Refuse invalid values."""
         if self.what not in ("lost", "repeated", "cut", "silent"):
             raise ValueError(f"what: expected lost, repeated, cut or silent, found {self.what!r}")
         if self.at < 0 or self.seconds <= 0:
@@ -33,14 +33,14 @@ class LineFaults:
     flipped: float = 0.0  #: share of bytes with one wrong bit
     lost: float = 0.0  #: share of bytes that never arrive
     babble: int = 0  #: random bytes before anything else, as at power-on
-    latency: float = 0.0  #: of wall time between hand-overs [s]; USB adapters have 0.001 or 0.016
-    spells: tuple[LineSpell, ...] = ()  #: what happens to frames, and when; where two overlap the first one does
-    counter: int = 0  #: that the device's counter begins at, so that it wraps soon
-    baud: int | None = None  #: that the device is set to: to a host at another one both sides hear noise
+    latency: float = 0.0  #: wall time between transfers [s]; USB adapters have 0.001 or 0.016
+    spells: tuple[LineSpell, ...] = ()  #: faults of frames over time; if two overlap, the first one applies
+    counter: int = 0  #: initial value of the device counter, to test its wrap
+    baud: int | None = None  #: baud rate of the device; a host at another rate receives noise, and so does the device
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse what is no share or time."""
+        """Refuse invalid shares and times."""
         for name in ("flipped", "lost"):
             if not 0 <= getattr(self, name) <= 1:
                 raise ValueError(f"{name}: expected a share of 0 to 1, found {getattr(self, name):g}")
@@ -63,7 +63,7 @@ class FaultyLine:
         self.missing = 0  #: scans of which no whole frame arrived for a spell, so far
 
     def babble(self) -> bytes:
-        """Return what comes at power-on."""
+        """Return the random bytes at power-on."""
         return self._random.bytes(self._faults.babble)
 
     @property
@@ -81,12 +81,12 @@ class FaultyLine:
         return self._random.bytes(n)
 
     def happening(self, scan: int, rate: float) -> What | None:
-        """Return what happens to a scan, counted since the device first sampled, at a rate [Hz]."""
+        """Return the fault of a scan, counted since the first sample, at a rate [Hz]."""
         spells = (s for s in self._faults.spells if round(s.at * rate) <= scan < round((s.at + s.seconds) * rate))
         return next((s.what for s in spells), None)
 
     def runs(self, first: int, n: int, rate: float) -> Iterator[tuple[int, int, What | None]]:
-        """Yield (start, stop, what happens) of scans `first` + start .. stop - 1, of n in all.
+        """Yield (start, stop, fault) of scans `first` + start .. stop - 1, of n in all.
 
         Parameters
         ----------
@@ -106,7 +106,7 @@ class FaultyLine:
                 start = stop
 
     def carried(self, data: bytes) -> bytes:
-        """Return what arrives of sampled data."""
+        """Return the part of sampled data that arrives."""
         if not self._faults.flipped and not self._faults.lost:
             return data
         line = np.frombuffer(data, np.uint8).copy()
@@ -117,7 +117,7 @@ class FaultyLine:
         return line[~lost].tobytes()
 
     def hands_over(self) -> bool:
-        """Tell whether it is time to hand on what has arrived."""
+        """Return whether the received bytes are due to be forwarded."""
         if time.monotonic() < self._next:
             return False
         self._next = time.monotonic() + self._faults.latency

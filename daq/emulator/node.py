@@ -17,11 +17,11 @@ class EmulatedNode(SerialEmulator):
 
     Parameters
     ----------
-    source : what it measures
-    clock : of the world it lives in
+    source : measured signal
+    clock : simulated clock
     serial_number : at most 12 characters
-    rate : that it always has, if it does not listen to the host: then it sends scans from its start on, and its hello
-        once a second; unless given, that of the host
+    rate : fixed rate of a node that ignores the host: it sends scans from the start, and its hello once per second.
+        Default: set by the host
     scale : m/s2 a count
     axes : that it measures
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
@@ -52,7 +52,7 @@ class EmulatedNode(SerialEmulator):
             self.start(self._rate)
 
     def receive(self, data: bytes) -> None:
-        """Obey the host, if it listens."""
+        """Execute commands of the host, if the node receives them."""
         for command, rate in self._decoder.feed(data) if self._listens else []:
             if command == node.STOP:
                 self.stop()

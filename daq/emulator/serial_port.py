@@ -12,7 +12,7 @@ from daq.emulator.serving import PORT_BUFFER, SampleSource
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray
 
-_SPEED = 5  # of what termios says: of output, by the host
+_SPEED = 5  # termios index of the output speed of the host
 
 
 class SerialEmulator(ABC):
@@ -23,8 +23,8 @@ class SerialEmulator(ABC):
 
     Parameters
     ----------
-    source : what it measures
-    clock : of the world it lives in
+    source : measured signal
+    clock : simulated clock
     frame_size : bytes a scan, at most
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     faults : of the line
@@ -41,7 +41,7 @@ class SerialEmulator(ABC):
         os.set_blocking(self._master, False)
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
         self._unplugged = False
-        self.line = FaultyLine(faults)  #: counts what it harmed
+        self.line = FaultyLine(faults)  #: counts the damaged frames
         self._pending = bytearray(self.line.babble())
         self._started: int | None = None
         self._first_started: int | None = None
@@ -71,7 +71,7 @@ class SerialEmulator(ABC):
             os.close(self._master)
 
     def serve(self) -> None:
-        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        """Answer commands and send data that are due, without blocking. No effect once unplugged."""
         if self._unplugged:
             return
         understood = self._understood()
@@ -83,7 +83,7 @@ class SerialEmulator(ABC):
         self._drain()
 
     def say(self, data: bytes) -> None:
-        """Send bytes, after what is sent already."""
+        """Send bytes after those already sent."""
         self._pending += data
 
     def start(self, rate: float, delay: float = 0.0) -> None:
@@ -95,12 +95,12 @@ class SerialEmulator(ABC):
         self._source.start(self._started, self._true_rate)
 
     def stop(self) -> None:
-        """Sample no more, and forget what has not been sent."""
+        """Stop sampling, and discard unsent data."""
         self._started = None
         self._pending.clear()
 
     def _understood(self) -> bool:
-        """Tell whether the host has set its side of the line to the device's baud rate."""
+        """Return whether the host has set its side of the line to the device's baud rate."""
         return self.line.baud is None or termios.tcgetattr(self._slave)[_SPEED] == getattr(
             termios, f"B{self.line.baud}"
         )
@@ -113,7 +113,7 @@ class SerialEmulator(ABC):
         try:
             heard = os.read(self._master, 256)
         except OSError:
-            return  # no answer, or nobody has the port open
+            return  # no reply, or the port is not open
         if understood and self.line.happening(self._scans_until(self._clock.now()), self._true_rate) != "silent":
             self.receive(heard)
 
@@ -131,7 +131,7 @@ class SerialEmulator(ABC):
         self._due = due
 
     def _framed(self, counts: IntArray, started: int) -> bytes:
-        """Return what a line lets through of the frames of the scans that are due."""
+        """Return the frames of the scans that are due, as far as the line transmits them."""
         parts = []
         number = self.line.counter + self._due
         first = self._scans_until(started) + self._due

@@ -31,9 +31,9 @@ class Syncs:
     """SYNC frames that a node of a bus sends at once."""
 
     since: int = 0  #: when the first of all was due [ns UTC]
-    rate: float = 0.0  #: by the world's clock [Hz]
-    first: int = 0  #: how many were sent before
-    n: int = 0  #: how many are sent now
+    rate: float = 0.0  #: rate by the simulated clock [Hz]
+    first: int = 0  #: number of scans sent before
+    n: int = 0  #: number of scans sent now
 
 
 NO_SYNCS = Syncs()
@@ -42,7 +42,7 @@ NO_SYNCS = Syncs()
 class EmulatedBusNode(Protocol):
     """Emulated hardware on a CAN bus."""
 
-    bytes_a_scan: int  #: of SLCAN lines
+    bytes_a_scan: int  #: size of SLCAN lines
     sent: int  #: scans handed to the adapter
     dropped: int  #: scans that found it full or closed
 
@@ -69,12 +69,12 @@ class EmulatedBusNode(Protocol):
         Parameters
         ----------
         room : scans
-        syncs : that it hears now
+        syncs : SYNC frames received now
         """
         ...
 
     def disturbed(self, frames: CanFrames) -> CanFrames:
-        """Return what arrives of the frames of a bus where this node has faults: of its own perhaps not all."""
+        """Return the frames of a bus that arrive if this node has faults: some of its own may be lost."""
         ...
 
 
@@ -84,7 +84,7 @@ class EmulatedPort(Protocol):
     port: str  #: path to open on the host's side
 
     def serve(self) -> None:
-        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        """Answer commands and send data that are due, without blocking. No effect once unplugged."""
         ...
 
     def close(self) -> None:

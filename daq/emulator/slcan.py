@@ -23,9 +23,9 @@ _SETTINGS = b"SsZXWMmAPYQ"
 class EmulatedSlcan:
     """The device side of an adapter.
 
-    What nodes send before the channel is open is lost, as on a bus that nobody listens to. It never waits for a
-    reader: beyond the pty's own buffer it holds as much as the kernel would of a real port's bytes, and then drops
-    whole scans, which their node counts. A thread hands on what is held as soon as there is room: the nodes of a bus
+    Frames sent before the channel is open are lost, as on a bus without a receiver. The adapter never waits for a
+    reader: beyond the buffer of the pty it holds as many bytes as the kernel buffers for a real port, and then drops
+    whole scans, which the node counts. A thread forwards the held bytes as soon as there is room: the nodes of a bus
     fill a pty (4 to 18 kB) within some 10 ms at ten times real time, and are not served that often on a busy machine.
 
     Parameters
@@ -42,7 +42,7 @@ class EmulatedSlcan:
         self.port = os.ttyname(self._slave)  #: path to open on the host's side
         self._unplugged = self._open = False
         self._commands, self._pending = bytearray(), bytearray()
-        self._changed = threading.Condition()  # guards what is pending
+        self._changed = threading.Condition()  # guards the pending bytes
         self._pump = threading.Thread(target=self._hand_on, name=f"adapter {self.port}", daemon=True)
         self._pump.start()
 
@@ -56,7 +56,7 @@ class EmulatedSlcan:
             os.close(self._master)
 
     def serve(self) -> None:
-        """Answer commands and send what is due; returns at once. Does nothing once unplugged."""
+        """Answer commands and send data that are due, without blocking. No effect once unplugged."""
         if self._unplugged:
             return
         with self._changed:
@@ -72,7 +72,7 @@ class EmulatedSlcan:
         try:
             self._commands += os.read(self._master, 4096)
         except OSError:
-            return  # no answer, or nobody has the port open
+            return  # no reply, or the port is not open
         *lines, rest = self._commands.split(_LINE_END)
         self._commands = rest[-_LONGEST:]
         for line in lines:

@@ -34,7 +34,7 @@ class SyncProducer:
         self._since = None
 
     def due(self) -> Syncs:
-        """Return what has to be sent by now."""
+        """Return the frames that are due."""
         if self._since is None:
             return NO_SYNCS
         n = max(0, int((self._clock.now() - self._since) * 1e-9 * self._rate) + 1 - self._sent)

@@ -22,10 +22,10 @@ class WitSettings:
         self._temperature = round(100 * temperature)
         self._content, self._unlocked = _AS_BOUGHT, False
         self.rate = 10.0  #: scans a second [Hz]
-        self.delay = 0.0  #: of its filter [s]; as bought it has none
+        self.delay = 0.0  #: group delay of the filter [s]; a new device has none
 
     def obey(self, command: bytes) -> bool:
-        """Take a command of five bytes; tell whether sampling begins anew, at another rate."""
+        """Execute a command of five bytes; return whether sampling restarts at another rate."""
         if command == wit.UNLOCK:
             self._unlocked = True
         if command == wit.UNLOCK or not self._unlocked:

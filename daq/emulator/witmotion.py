@@ -16,8 +16,8 @@ class EmulatedWitmotion(SerialEmulator):
 
     Parameters
     ----------
-    source : what it measures, in counts of `daq.protocol.witmotion.SCALE`; beyond 16 g it clips
-    clock : of the world it lives in
+    source : measured signal, in counts of `daq.protocol.witmotion.SCALE`; clipped beyond 16 g
+    clock : simulated clock
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     temperature : [degC]
     faults : of its line
@@ -40,7 +40,7 @@ class EmulatedWitmotion(SerialEmulator):
         self.start(self._settings.rate)
 
     def receive(self, data: bytes) -> None:
-        """Obey the host."""
+        """Execute commands of the host."""
         self._commands += data
         while len(self._commands) >= wit.COMMAND_SIZE:
             if self._commands[:2] != wit.UNLOCK[:2]:

@@ -18,13 +18,13 @@ class EmulatedWitmotionCan(SilentNode):
 
     Parameters
     ----------
-    source : what it measures, in counts of `daq.protocol.witmotion.SCALE`; beyond 16 g it clips
-    clock : of the world it lives in
+    source : measured signal, in counts of `daq.protocol.witmotion.SCALE`; clipped beyond 16 g
+    clock : simulated clock
     node : its identifier
     clock_error : of its own oscillator, 1e-6 = 1 ppm fast
     """
 
-    bytes_a_scan = _BYTES_A_FRAME * wit.N_TYPES  #: of SLCAN lines, at most
+    bytes_a_scan = _BYTES_A_FRAME * wit.N_TYPES  #: size of SLCAN lines, at most
 
     def __init__(
         self, source: SampleSource, clock: HostClock, *, node: int = wit.NODE, clock_error: float = 0.0

@@ -51,7 +51,7 @@ def inflated_size(file: IO[bytes], n: int, most: int) -> int:
 
 
 def check_archive(path: Path) -> None:
-    """Refuse an npz file whose arrays are larger than what is in it, or far larger than the file.
+    """Refuse an npz file whose arrays are larger than its content, or far larger than the file.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from daq.files.mat import read_mat
 from daq.files.origin import Origin, parse_origin
 from daq.types import FloatArray
 
-#: what numpy and scipy raise where a file is none of theirs, or damaged
+#: exceptions of numpy and scipy for files of another format, or damaged ones
 _DAMAGED = (
     *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
     *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError),
@@ -33,10 +33,10 @@ class Arrays:
 
     names: tuple[str, ...]
     values: FloatArray  #: (n_samples, n_channels)
-    rate: float | None  #: [Hz]; None if the file does not say
-    t: FloatArray | None  #: (n_samples,) as they stand in it; None if the file does not say
-    t_name: str = "t"  #: of the array of times, or of the one that was looked for
-    origin: Origin | None = None  #: of an exported file
+    rate: float | None  #: [Hz]; None if not in the file
+    t: FloatArray | None  #: (n_samples,) as in the file; None if not in the file
+    t_name: str = "t"  #: name of the array of times, found or requested
+    origin: Origin | None = None  #: origin of an exported file
 
 
 def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:
@@ -50,8 +50,8 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
     ----------
     path : of the file
     time : name of the array of times
-    transposed : whether each row of ``data`` is a channel; asked for where there are more channels than samples and
-        neither names nor times tell
+    transposed : whether each row of ``data`` is a channel; required if there are more channels than samples and neither
+        names nor times show the orientation
 
     Raises
     ------

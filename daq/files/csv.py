@@ -31,7 +31,7 @@ class Table:
     names: tuple[str, ...]
     values: FloatArray  #: (n_rows, n_columns), NaN where a cell is empty
     line: IndexArray  #: (n_rows,) number of each row's line in the file
-    dated: bool = False  #: whether the column of times holds dates, which are seconds since 1970 [UTC] here
+    dated: bool = False  #: whether the column of times has dates, here as seconds since 1970 [UTC]
 
 
 @dataclass(frozen=True)
@@ -72,16 +72,16 @@ def read_csv(
 ) -> Table:
     """Read a table of text.
 
-    The first line that is neither empty nor a comment (#) names the columns; it also tells the delimiter, the first of
-    tab, semicolon and comma that it has. With a semicolon or tab numbers may have a decimal comma.
+    The first line that is neither empty nor a comment (#) names the columns. It also determines the delimiter: the
+    first of tab, semicolon and comma that it contains. With a semicolon or tab, numbers may have a decimal comma.
 
     Parameters
     ----------
     path : of the file
-    wanted : columns to read; what stands in the others does not matter. All unless given.
+    wanted : columns to read; the others may have any content. Default: all
     times : column that may hold dates with times (ISO 8601, or with days first, as 31.01.2026; UTC where they state no
         zone) in place of numbers
-    days : column of dates, if `times` holds times of day: their sum stands in `times`
+    days : column of dates, if `times` holds times of day: their sum replaces `times`
 
     Raises
     ------
@@ -134,7 +134,7 @@ def _read(
 
 
 def _with_dates(path: Path, layout: _Layout, times: str, days: str | None, piece: list[Line]) -> _Layout:
-    """Take a column for dates if what is first in it is one, or two if days stand in their own."""
+    """Read a column as dates if its first cell is one, or date and time if days have their own column."""
     place = layout.header.index(times)
     layout = replace(layout, times=place)
     if days is not None:

@@ -14,8 +14,8 @@ _BETA = 8.0  # of the Kaiser window
 def differentiated(recording: Recording, channels: Collection[str]) -> Recording:
     """Return a recording with some channels replaced by their derivatives.
 
-    The ideal differentiator, whose samples alternate as (-1)^n / n, cut off by a Kaiser window: of linear phase, so
-    that nothing moves in time, and right to 1.2e-3 up to 0.45 of the rate, to 1e-4 from 0.05 of it on.
+    The ideal differentiator, whose samples alternate as (-1)^n / n, truncated by a Kaiser window. It has linear phase,
+    so that signals are not shifted in time. Its error is 1.2e-3 up to 0.45 of the rate, and 1e-4 from 0.05 of it on.
 
     Parameters
     ----------

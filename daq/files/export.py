@@ -22,7 +22,7 @@ from daq.log.mcap_log import McapWriter
 from daq.types import Block, Channel, FloatArray, Recording, find_gaps
 
 _LARGEST = (1 << 30) - 1  # count
-_LEAST_SCALE = float(np.finfo(float).tiny)  # m/s2 a count: what is less has no quotients
+_LEAST_SCALE = float(np.finfo(float).tiny)  # smallest scale [m/s2 per count] with finite quotients
 _BLOCK_SECONDS = 1.0
 
 
@@ -41,15 +41,15 @@ def write_recording(
     ----------
     path : of the new file
     recording : Recording
-    attachments : name -> text, beside the channel map
-    temperature : (n_samples,) [degC], NaN where not known; that of the recording unless given
+    attachments : name -> text, in addition to the channel map
+    temperature : (n_samples,) [degC], NaN where not known. Default: that of the recording
 
     Raises
     ------
     LogError
         If the file exists or cannot be made.
     ValueError
-        If two channels stand on the same axis of a device.
+        If two channels have the same axis of a device.
     """
     write_recordings(path, [recording], attachments, None if temperature is None else [temperature])
 
@@ -60,21 +60,21 @@ def write_recordings(
     attachments: Mapping[str, str] | None = None,
     temperatures: Sequence[FloatArray] | None = None,
 ) -> None:
-    """Write recordings that follow each other to one new log; what lies between them is missing.
+    """Write consecutive recordings to one new log; samples between them are missing.
 
     Parameters
     ----------
     path : of the new file
     recordings : of the same channels on one time grid, as of `in_order`; each is written as by `write_recording`
-    attachments : name -> text, beside the channel map
-    temperatures : of each recording (n_samples,) [degC], NaN where not known; those of the recordings unless given
+    attachments : name -> text, in addition to the channel map
+    temperatures : of each recording (n_samples,) [degC], NaN where not known. Default: those of the recordings
 
     Raises
     ------
     LogError
         If the file exists or cannot be made.
     ValueError
-        If two channels stand on the same axis of a device.
+        If two channels have the same axis of a device.
     """
     first = recordings[0]
     places = [(channel.device, channel.axis) for channel in first.channels]
@@ -131,7 +131,7 @@ def export_recording(path: Path, recording: Recording) -> None:
     Raises
     ------
     DataError
-        If the file exists or cannot be written, or a universal file is asked for and samples are missing.
+        If the file exists or cannot be written, or a universal file is requested and samples are missing.
     """
     if path.suffix.lower() in UNIVERSAL and (missing := np.count_nonzero(np.isnan(recording.data))):
         raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
@@ -163,7 +163,7 @@ def _write_csv(file: IO[bytes], recording: Recording, names: list[str], origin: 
 
 
 def with_channels(recording: Recording, channels: tuple[Channel, ...]) -> Recording:
-    """Return a recording whose channels stand on the devices and axes of others of the same names.
+    """Return a recording with its channels on the devices and axes of given channels with the same names.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from typing import IO, Any, Literal
 from daq.errors import DataError
 from daq.files.archive_size import check_unpacked, inflated_size, max_unpacked
 
-_COMPRESSED = 1  # major version, whose arrays may be compressed
+_COMPRESSED = 1  # major version with possibly compressed arrays
 _DEFLATED = 15  # type of a compressed element
 _HDF5 = 2  # major version, which scipy does not read
 

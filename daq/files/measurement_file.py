@@ -39,18 +39,18 @@ _DEVICE = "import"
 class DataOptions:
     """Properties of a file of measurements that the user states."""
 
-    rate: float | None = None  #: samples a second [Hz], if the file does not say
-    factor: float | None = None  #: m/s2 a unit of the file; what its columns' names say, or 1, unless given
-    start: int | None = None  #: time of the first sample [ns UTC]; unless given what a column of dates says, else 0
-    time: str | None = None  #: name of the column of times; `time_column` looks for it unless given
-    time_unit: str | None = None  #: of `TIME_UNITS`; what the column's name says, or s, unless given
+    rate: float | None = None  #: samples per second [Hz], if not in the file
+    factor: float | None = None  #: m/s2 per unit of the file. Default: by the names of its columns, or 1
+    start: int | None = None  #: time of the first sample [ns UTC]. Default: from a column of dates, else 0
+    time: str | None = None  #: name of the column of times. Default: found by `time_column`
+    time_unit: str | None = None  #: unit of `TIME_UNITS`. Default: that of the column's name, or s
     columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; see `signals_of`
     velocities: Collection[str] = ()  #: channels that hold velocities [m/s, after `factor`]
-    temperature: str | None = None  #: column of temperatures; what `temperatures_of` finds unless given
+    temperature: str | None = None  #: column of temperatures. Default: found by `temperatures_of`
     transposed: bool | None = None  #: whether rows of an array are channels; see `read_arrays`
 
     def __post_init__(self) -> None:
-        """Refuse what no file can be read by."""
+        """Refuse invalid options."""
         if not all(number is None or number > 0 for number in (self.rate, self.factor)):
             raise ValueError(f"rate and factor: expected positive numbers, found {self.rate} and {self.factor}")
         if self.time_unit is not None and self.time_unit not in TIME_UNITS:
@@ -64,9 +64,9 @@ class Measured:
     """Contents of a file of measurements."""
 
     recording: Recording  #: its temperature is the mean
-    temperature: FloatArray  #: (n_samples,) mean of all columns of temperatures [degC], NaN where none tells it
-    remarks: tuple[str, ...]  #: what was taken from the names of columns, or against them
-    dated: bool = False  #: whether the file says when it begins
+    temperature: FloatArray  #: (n_samples,) mean of all columns of temperatures [degC], NaN where unknown
+    remarks: tuple[str, ...]  #: interpretation of the names of columns
+    dated: bool = False  #: whether the start time is in the file
 
 
 def read_data(
@@ -100,7 +100,7 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
 
     Parameters
     ----------
-    path : of the file; see `read_csv`, `read_arrays` and `read_universal` for what it may hold
+    path : see `read_csv`, `read_arrays` and `read_universal` for the formats
     options : DataOptions
 
     Returns
@@ -123,7 +123,7 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
 
 
 def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
-    """Read a file as `read_measured` does, but leave velocities what they are [m/s]."""
+    """Read a file as `read_measured` does, but do not differentiate velocities [m/s]."""
     read = _arrays if path.suffix.lower() in {".npz", ".mat", *UNIVERSAL} else _table
     found = read(path, options)
     by_hand = options.factor
@@ -160,7 +160,7 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
 
 
 def _check_magnitude(path: Path, signals: Sequence[Signal], data: FloatArray) -> None:
-    """Refuse values that are no accelerations in any unit, whose squares would be no numbers."""
+    """Refuse values that are not accelerations in any unit, whose squares would overflow."""
     largest = np.fmax.reduce(np.abs(data), axis=0, initial=0.0)
     for signal, value in zip(signals, largest.tolist(), strict=True):
         if value > _MAX_VALUE:
@@ -169,15 +169,15 @@ def _check_magnitude(path: Path, signals: Sequence[Signal], data: FloatArray) ->
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Signals and temperatures on an even grid, as they stand in the file."""
+    """Signals and temperatures on an even grid, in the units of the file."""
 
     signals: tuple[Signal, ...]
     warm: tuple[str, ...]  #: columns of temperatures
     every: FloatArray  #: (n_samples, n_signals + n_warm)
     rate: float  #: [Hz]
-    time: str | None = None  #: name of the column of times; None if the rate was said
+    time: str | None = None  #: name of the column of times; None if the rate was given
     began: int | None = None  #: when its first date was [ns UTC], if it holds dates
-    origin: Origin | None = None  #: of an exported file
+    origin: Origin | None = None  #: origin of an exported file
 
     @property
     def values(self) -> FloatArray:
@@ -230,7 +230,7 @@ def _table(path: Path, options: DataOptions) -> _Columns:
 
 
 def _arrays(path: Path, options: DataOptions) -> _Columns:
-    universal = path.suffix.lower() in UNIVERSAL  # whose units stand elsewhere
+    universal = path.suffix.lower() in UNIVERSAL  # units are in the file itself
     arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time, options.transposed)
     if universal:
         signals, warm = signals_of(path, arrays.names, options.columns, united=False), tuple[str, ...]()
@@ -285,7 +285,7 @@ def _channels(found: _Columns) -> tuple[Channel, ...]:
 
 
 def devices_of(stated: Sequence[Channel], patterns: Sequence[Hashable]) -> tuple[Channel, ...]:
-    """Return channels with devices split by pattern: what lacks different samples comes from different devices."""
+    """Return channels with devices assigned by their missing samples: different patterns belong to different devices."""
     together: dict[tuple[str, Hashable], list[int]] = {}
     for column, (channel, pattern) in enumerate(zip(stated, patterns, strict=True)):
         together.setdefault((channel.device, pattern), []).append(column)

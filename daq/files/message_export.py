@@ -1,4 +1,4 @@
-"""A log as stock viewers want it: a message a scan, each at its own time."""
+"""A log as messages for stock viewers, one per scan with its own time."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -29,7 +29,7 @@ class _Waiting:
         self._last = 0  # time of the last scan handed on [ns UTC]
 
     def add(self, block: Block, clock: ScanClock) -> Iterator[tuple[Block, IndexArray]]:
-        """Take a block; yield those whose times are known now."""
+        """Add a block; yield the blocks whose times are known now."""
         ahead = round(_AHEAD_SECONDS * block.rate)
         while self._blocks and (
             self._blocks[0][1] is not clock or block.end_index - self._blocks[0][0].end_index >= ahead
@@ -38,7 +38,7 @@ class _Waiting:
         self._blocks.append((block, clock))
 
     def rest(self) -> Iterator[tuple[Block, IndexArray]]:
-        """Yield what waits: nothing more comes."""
+        """Yield the remaining blocks at the end."""
         while self._blocks:
             yield self._timed(*self._blocks.popleft())
 
@@ -56,7 +56,7 @@ def timed_blocks(log: AnyLog, late: Mapping[str, float] = NO_DELAYS) -> Iterator
     Parameters
     ----------
     log : its path, or all files of a run
-    late : device -> how much earlier its scans were taken than arrivals tell [s]
+    late : device -> time by which its scans were taken before their arrivals indicate [s]
     """
     clocks, waiting = ScanClocks(), dict[str, _Waiting]()
     for item in read_log(log):
@@ -76,7 +76,7 @@ def expand_log(log: AnyLog, path: Path, late: Mapping[str, float] = NO_DELAYS) -
     ----------
     log : its path, or all files of a run
     path : of the new file
-    late : device -> how much earlier its scans were taken than arrivals tell [s]
+    late : device -> time by which its scans were taken before their arrivals indicate [s]
 
     Returns
     -------

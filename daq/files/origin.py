@@ -17,7 +17,7 @@ class Origin:
     """Devices, axes and start that an exported file states."""
 
     start: int  #: time of the first sample [ns UTC]
-    channels: tuple[Channel, ...]  #: of all signals
+    channels: tuple[Channel, ...]  #: channels of all signals
 
     @property
     def text(self) -> str:

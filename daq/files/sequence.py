@@ -13,9 +13,9 @@ from daq.files.differentiation import differentiated
 from daq.files.measurement_file import DataOptions, Measured, devices_of, read_measured, read_undifferentiated
 from daq.types import Recording, find_gaps
 
-_RATES_ALIKE = 2e-5  # relative: a tenth of what shifts of frequencies are told by
-_MOST_OVERLAP = 1.5  # samples: by what dates are rounded to ...
-_MOST_DRIFT = 1e-4  # ... and of a file's length: by what a converter is faster than the clock
+_RATES_ALIKE = 2e-5  # relative: a tenth of detectable shifts of frequencies
+_MOST_OVERLAP = 1.5  # samples: rounding of dates ...
+_MOST_DRIFT = 1e-4  # ... and, relative to a file's length, the rate error of a converter
 
 
 def read_in_order(paths: Sequence[Path], options: DataOptions) -> tuple[Measured, ...]:
@@ -38,15 +38,14 @@ def read_in_order(paths: Sequence[Path], options: DataOptions) -> tuple[Measured
 
 
 def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
-    """Return what files hold by time, at one rate, that of the longest, the same channels on the same devices.
+    """Return the content of files in order of time, at one rate (that of the longest), with the same channels.
 
-    Each begins on the time grid of the first, as many samples after the one before as their dates tell, to the nearest:
-    a logger whose converter and clock differ by some tens of parts in a million drops no file for it, however many
-    there are.
+    Each file begins on the time grid of the first, at the sample nearest to its date. Files of a logger whose converter
+    and clock differ by some tens of parts per million are thus combined without a loss, however many there are.
 
     Parameters
     ----------
-    files : paths, and what was read of them; one file alone stays as it is
+    files : paths, and their content; a single file is unchanged
 
     Raises
     ------

@@ -36,9 +36,9 @@ Dataset = dict[str, Any]  # as pyuff returns it
 def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
     """Read the time responses of a universal file, text or binary; other functions and geometry are passed over.
 
-    A channel is named after its node and direction, ``12_x`` or ``12_-y``, with the entity before if the file has one
-    (``tower_12_x``); where nodes do not tell channels apart, after the first ID line. Lengths are converted to metres
-    as dataset 164 says; velocities become accelerations.
+    A channel is named after its node and direction, ``12_x`` or ``12_-y``, preceded by the entity if the file has one
+    (``tower_12_x``); if nodes are not unique, after the first ID line. Lengths are converted to metres according to
+    dataset 164; velocities become accelerations.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
 def write_universal(path: Path, recording: Recording) -> None:
     """Write a recording as time responses (text, twelve digits): channels' names in ID line 1, their origin in 3 and 4.
 
-    The interval between samples is printed with six digits, as the format asks for. The file must be there and empty.
+    The interval between samples is printed with six digits, as the format requires. The file must exist and be empty.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
 """The MCAP log of a run: writers, readers, repair and retention.
 
-The analysis process is fed by the writer thread: what is analysed is what is logged.
+The analysis process is fed by the writer thread: all analysed data are logged.
 """

@@ -1,8 +1,8 @@
 """The log: one MCAP file of the stock writer, readable by stock tools, whole up to the last flush after a kill.
 
-Blocks are protobuf messages on /accel/DEVICE; everything else that happened (gaps, faults, decisions, results) is a
-JSON message on a topic of its own. What is needed to replay (settings, structure) is attached at the start, so that a
-cut file has it.
+Blocks are protobuf messages on /accel/DEVICE. Everything else (gaps, faults, decisions, results) is a JSON message on
+its own topic. Settings and structure, required for a replay, are attached at the start, so that truncated files have
+them.
 """
 
 import contextlib
@@ -45,7 +45,8 @@ from daq.types import Event, Item
 ACCEL = "/accel/"
 PROFILE = "modalwatch"
 _BUFFER = 1 << 20
-_REACH = 10 * 10**9  # ns: more than lies between a message's time and what it holds, or between two devices' blocks
+# ns: largest difference between the time of a message and its content, or between blocks of two devices
+_REACH = 10 * 10**9
 SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of their schema
     "protobuf": ("modalwatch.AccelBlock", "protobuf", build_file_descriptor_set(AccelBlock).SerializeToString()),
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
@@ -60,7 +61,7 @@ class Displacement:
     """Change that others have made to an open file."""
 
     how: Literal["moved", "deleted", "cut short"]
-    to: str | None = None  #: where it is now, if that is known
+    to: str | None = None  #: present path, if known
 
 
 class McapWriter:
@@ -70,7 +71,7 @@ class McapWriter:
     ----------
     path : of the new file
     attachments : name -> text, written first
-    part : which file of which run it is, unless it stands for itself
+    part : number of the file in its run, unless it is the only one
 
     Raises
     ------
@@ -183,7 +184,7 @@ class McapWriter:
         return os.fstat(self._file.fileno()).st_size < self._end.written
 
     def displacement(self) -> "Displacement | None":
-        """Return what others have done to the file since it was begun; None if its path still leads to it."""
+        """Return the change made to the file by other programs since it was begun; None if its path is still valid."""
         own = os.fstat(self._file.fileno())
         try:
             there = self._path.stat()
@@ -256,7 +257,7 @@ def read_log(log: AnyLog) -> Iterator[Item]:
     Raises
     ------
     LogError
-        If it cannot be read, is not a log, or is damaged amid (what comes before is yielded first).
+        If it cannot be read, is not a log, or is damaged inside (earlier items are yielded first).
     """
     yield from _read(log, lambda _: True)
 
@@ -276,7 +277,7 @@ def log_span(log: AnyLog) -> tuple[int, int] | None:
 
 
 def _start_of(path: Path) -> int | None:
-    """Return the time of the first scan in a file [ns UTC]; that of a device may stand a little after another's."""
+    """Return the time of the first scan in a file [ns UTC]; that of a device may come slightly after another one's."""
     start: int | None = None
     for block in _blocks(_parsed(path, _records(path), _is_signal)):
         first = block.time_of(block.first_index)
@@ -287,7 +288,7 @@ def _start_of(path: Path) -> int | None:
 
 
 def _end_of(path: Path) -> int | None:
-    """Return the time after the last scan in a file [ns UTC]; with an index the last chunks tell it."""
+    """Return the time after the last scan in a file [ns UTC]; with an index, from the last chunks."""
     index = file_index(path)
     if index is None:
         return _latest(_parsed(path, _records(path), _is_signal))
@@ -367,7 +368,7 @@ def _item(topic: str, message: Message) -> Item:
 
 
 def read_attachments(log: AnyLog) -> dict[str, str]:
-    """Return name -> text of what is attached, of a run to its first file; errors as for `read_log`."""
+    """Return name -> text of the attachments, for a run those of its first file; errors as for `read_log`."""
     found: dict[str, str] = {}
     for record in _records(files_of(log)[0]):
         if isinstance(record, Attachment):

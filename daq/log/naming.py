@@ -20,7 +20,7 @@ def log_path(folder: Path, start: int) -> Path:
 def as_logs(paths: Sequence[Path]) -> list[Path | PartedLog]:
     """Return the logs that paths mean: files of one run are one log, a folder is all logs in it by their starts.
 
-    A path that is no log stands for itself: who reads it will say so.
+    A path that is not a log is returned unchanged: reading it will raise the error.
 
     Raises
     ------

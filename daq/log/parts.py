@@ -13,7 +13,7 @@ class Part:
 
     run: str  #: the same in all files of a run, and in those of no other
     started: int  #: when the run started [ns UTC]
-    number: int  #: of the file in its run, from 0
+    number: int  #: number of the file in its run, from 0
 
     def metadata(self) -> dict[str, str]:
         """Return it as the file has it."""

@@ -14,14 +14,14 @@ from daq.timing.resampling import NO_DELAYS, Assembler
 from daq.types import Block, Channel, Event, Recording, find_gaps
 
 DEVICE_FAILED = "/event/device_failed"
-HOW_TO_PLACE = (  #: what to do where a site is to know the devices of an imported log
+HOW_TO_PLACE = (  #: advice if a site should contain the devices of an imported log
     "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
     "writes one"
 )
 _MAX_VALUES = 1 << 28  # of a window: 2 GB
-_LARGEST_SHARE = 20  # of a log's length over what it holds, to be one recording
+_LARGEST_SHARE = 20  # largest ratio of a log's length to its content, for one recording
 _ABSENT_SECONDS = 2.0  # of silence where an excerpt begins, after which a device counts as lost
-_PIECE_SECONDS = 60.0  # the clocks of devices are fitted anew for each
+_PIECE_SECONDS = 60.0  # clocks of devices are fitted separately for each piece
 
 
 def load_recordings(
@@ -36,21 +36,20 @@ def load_recordings(
     Parameters
     ----------
     log : its path, or all files of a run
-    window_seconds : length of a window [s]; unless given, the whole log is one
-    channels : which axis of which device is which sensor; unless given, as the log's own channel map says
+    window_seconds : length of a window [s]. Default: the whole log is one window
+    channels : device axis of each sensor. Default: the log's own channel map
     late : device -> delay of its scans, which is removed [s]
 
     Yields
     ------
     Recording
-        NaN where a device has a gap or is missing altogether. What is left at the end after the last whole window is
-        left out, unless it is all there is.
+        NaN where a device has a gap or is missing. An incomplete last window is left out, unless it is the only one.
 
     Raises
     ------
     LogError
-        If the log cannot be read, does not say what its channels are, has no scan of them, or, asked for as one
-        recording, is almost nothing but an outage.
+        If the log cannot be read, has no channel map, has no scan of its channels, or, requested as one recording, is
+        almost nothing but an outage.
     ValueError
         If the window is not positive.
     """

@@ -1,8 +1,7 @@
 """Data and missing end record of a log that was cut short by a kill.
 
-Every chunk is decompressed and checked against its checksum, and the index behind it must be the one that its messages
-ask for. Where anything else is found than whole chunks and an unfinished rest, `daq.log.repair`
-copies what is sound instead.
+Every chunk is decompressed and compared with its checksum, and its index must match its messages. If anything else than
+whole chunks and an unfinished rest is found, `daq.log.repair` copies the valid parts instead.
 
 References
 ----------
@@ -154,7 +153,7 @@ class PlainLog:
         return behind
 
     def _define_all(self, between: Iterable[bytes]) -> None:
-        """Note schemas and channels that stand between messages."""
+        """Record schemas and channels between messages."""
         for content in between:
             at = 0
             while at < len(content):
@@ -237,5 +236,5 @@ def _with_footer(summary: bytes, start: int, offset_start: int) -> bytes:
 
 
 def _content(builder: RecordBuilder) -> bytes:
-    """Return what was built, and begin anew."""
+    """Return the content, and start again."""
     return bytes(builder.end())  # type: ignore[no-untyped-call]

@@ -30,10 +30,10 @@ _DAMAGE = (McapError, ZstdError, struct.error, ValueError)
 class LogState:
     """State of a log."""
 
-    n_messages: int  #: in whole chunks
-    lost_chunks: int  #: damaged, so that what is in them is lost
+    n_messages: int  #: messages in whole chunks
+    lost_chunks: int  #: damaged chunks, whose content is lost
     lost_bytes: int  #: after the last whole record: half a chunk where a log was cut
-    finished: bool  #: it ends with its summary, as stock readers ask for
+    finished: bool  #: whether it ends with a summary, required by stock readers
 
     @property
     def whole(self) -> bool:
@@ -41,7 +41,7 @@ class LogState:
         return self.finished and not self.lost_chunks
 
     def __add__(self, other: "LogState") -> "LogState":
-        """Return what two files are worth together."""
+        """Return the combined state of two files."""
         return LogState(
             n_messages=self.n_messages + other.n_messages,
             lost_chunks=self.lost_chunks + other.lost_chunks,
@@ -79,7 +79,7 @@ class _Survey:
 
 
 def inspect_log(path: Path) -> LogState:
-    """Read a whole log and tell what it is worth.
+    """Read a whole log and return its state.
 
     Raises
     ------
@@ -92,13 +92,13 @@ def inspect_log(path: Path) -> LogState:
 def repair_log(path: Path) -> LogState:
     """Repair a log in place: keep every complete chunk and rebuild the summary for stock readers.
 
-    A log that is whole is not touched. One that only lacks its end gets it. Of any other, what is sound is copied to a
-    new file beside it, which takes its place at the end. A log that another process still writes is refused.
+    An intact log is not changed. A log without an end is completed. Of any other, the valid parts are copied to a new
+    file next to it, which replaces it. A log that is still being written by another process is refused.
 
     Returns
     -------
     LogState
-        What the log was worth before.
+        State of the log before the repair.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def repair_log(path: Path) -> LogState:
 
 
 def _copied(path: Path) -> LogState:
-    """Put what is sound of a log in its place, unless it is whole."""
+    """Replace a log by its valid parts, unless it is intact."""
     survey = _survey(path)
     state = _state(path, survey)
     if state.whole:
@@ -128,7 +128,7 @@ def _copied(path: Path) -> LogState:
 
 def _ended(path: Path) -> LogState | None:
     """Write the end that a log lacks; None, and nothing done, if it lacks more or is no log of ours."""
-    with path.open("r+b", buffering=0) as file:  # a buffer would be written once more on closing, with what was refused
+    with path.open("r+b", buffering=0) as file:  # a buffer would be written again on closing, with the refused data
         if next(_records(file, _Survey()), None) != Header(PROFILE, "modalwatch") or not lock(file):
             return None
         try:
@@ -164,7 +164,7 @@ def _put(file: FileIO, at: int, data: bytes) -> None:
 
 
 def has_end(path: Path) -> bool:
-    """Tell at a glance whether a log ends as a finished one does; errors as for `inspect_log`."""
+    """Return whether a log has the end of a finished one, without reading it; errors as for `inspect_log`."""
     try:
         with path.open("rb") as file:
             file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
@@ -174,7 +174,7 @@ def has_end(path: Path) -> bool:
 
 
 def _replace(path: Path, survey: _Survey) -> None:
-    """Put a log made of what can be saved in the place of another."""
+    """Replace a log by another one made of its valid parts."""
     temporary = path.with_name(f".{path.name}.repairing")
     try:
         with temporary.open("wb") as file:
@@ -204,7 +204,7 @@ def _state(path: Path, survey: _Survey) -> LogState:
 
 
 def _salvage(path: Path, survey: _Survey) -> Iterator[object]:
-    """Yield all records that can be read, those of chunks too; note in the survey what cannot."""
+    """Yield all readable records, including those of chunks; note the others in the survey."""
     try:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
@@ -219,7 +219,7 @@ def _salvage(path: Path, survey: _Survey) -> Iterator[object]:
 
 
 def _check_header(path: Path, record: object) -> None:
-    """Refuse what another program wrote."""
+    """Refuse files of other programs."""
     if not isinstance(record, Header):
         raise LogError(path, "is not an MCAP log: it has no header")
     if record.profile != PROFILE:
@@ -227,7 +227,7 @@ def _check_header(path: Path, record: object) -> None:
 
 
 def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
-    """Yield records as they stand in the file, until its end or the first one whose frame is damaged.
+    """Yield records in the order of the file, up to its end or the first damaged frame.
 
     A record that is damaged inside is stepped over, by its own length.
     """
@@ -274,7 +274,7 @@ def _opened(chunk: Chunk, survey: _Survey) -> list[object]:
 
 
 def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:
-    """Write what can be saved of a log to a new one."""
+    """Copy the valid parts of a log to a new one."""
     writer = Writer(file, compression=CompressionType.ZSTD)
     writer.start(profile=PROFILE, library="modalwatch")
     schemas: dict[int, int] = {0: 0}  # number in the old file -> in the new one; 0 is none

@@ -23,9 +23,9 @@ _LOOK_SECONDS = 1.0  # between looks at whether the open file is still where it 
 class ResilientWriter:
     """Writes a run's log for as long as there is a disk, and makes room on it; not for several threads.
 
-    What was taken since the last flush is kept in memory. If the disk fails, the open file is cut back to that flush,
-    and a new one is begun as soon as that is possible, with what was kept; what memory did not hold is counted. Then
-    the file that was cut back gets its end, if the disk has room for that.
+    Data since the last flush are kept in memory. If the disk fails, the open file is truncated to that flush, and a new
+    one is begun with the kept data as soon as possible; data that did not fit in memory are counted. The truncated file
+    is then completed, if the disk has room.
 
     Events: /event/log_deleted before a file is deleted; /event/disk_low and /event/disk_recovered if no file may be
     deleted; /event/recording_failed and /event/recording_recovered, with the loss; /event/log_file_lost if another
@@ -34,7 +34,7 @@ class ResilientWriter:
     Parameters
     ----------
     recorder : the log
-    guard : says which files go
+    guard : selects the files to delete
     tell : called with these events at once, in the caller's thread
     kept : items that memory holds while the disk takes none
     """
@@ -65,7 +65,7 @@ class ResilientWriter:
 
     @property
     def losing(self) -> bool:
-        """Tell whether what comes is lost: the disk is not writable, and the memory buffer is full."""
+        """Return whether data are being lost: the disk is not writable, and the memory buffer is full."""
         return bool(self._lost_now)
 
     def write(self, item: Item) -> None:
@@ -91,7 +91,7 @@ class ResilientWriter:
                 self._stop(error)
 
     def hand_over(self) -> None:
-        """Give what was taken to the system, if the disk takes anything."""
+        """Pass the data to the system, if the disk is writable."""
         if not self._stopped:
             try:
                 self._recorder.hand_over()
@@ -99,7 +99,7 @@ class ResilientWriter:
                 self._stop(error)
 
     def flush(self) -> None:
-        """Bring what was taken to the disk, make room where there is little, or try again where it failed."""
+        """Write the data to the disk, free space if necessary, or retry after a failure."""
         if self._stopped:
             if time.monotonic() >= self._retry:
                 self._resume()
@@ -116,11 +116,11 @@ class ResilientWriter:
             self._stop(error)
             return
         self._pending.clear()
-        with contextlib.suppress(OSError):  # a folder that cannot be looked at: writing will tell
+        with contextlib.suppress(OSError):  # a folder that cannot be read: writing will show it
             self._tidy()
 
     def _begin_anew(self, displaced: Displacement) -> None:
-        """Begin a new file where others have taken the open one away; what is not flushed yet goes into the new one.
+        """Begin a new file after another program has removed the open one; unflushed data are written to the new one.
 
         One that was moved is finished where it is. Of one that was deleted or cut short all is lost, and counted.
         """
@@ -172,7 +172,7 @@ class ResilientWriter:
         self._resume()
 
     def _resume(self) -> None:
-        """Begin a new file with what was kept, if the disk takes it; the oldest goes if there is no room for it.
+        """Begin a new file with the kept data, if the disk is writable; the oldest is deleted if there is no room.
 
         A disk that fails otherwise takes no more for a file less.
         """
@@ -199,7 +199,7 @@ class ResilientWriter:
             return None  # not even the folder can be read
 
     def _gone(self, surplus: ExpiredFile) -> bool:
-        """Delete a file; tell whether it let itself be deleted."""
+        """Delete a file; return whether it was deleted."""
         try:
             self._delete(surplus)
         except OSError:
@@ -207,7 +207,7 @@ class ResilientWriter:
         return True
 
     def _refused(self) -> Exception | None:
-        """Return why a new file has not taken what was kept, None if it has; nothing is left of one that has not."""
+        """Return why a new file has not accepted the kept data, None if it has; a rejected file is removed."""
         try:
             self._recorder.begin_next()
         except (OSError, LogError) as error:
@@ -227,7 +227,7 @@ class ResilientWriter:
         self.write(event)
 
     def close(self) -> None:
-        """Bring what was taken to the disk and finish the file; what it does not take is lost, and counted."""
+        """Write the data to the disk and finish the file; data that cannot be written are lost, and counted."""
         self._retry = self._look = 0.0
         self.flush()
         if self._stopped:
@@ -246,7 +246,7 @@ class ResilientWriter:
 
 
 def _is_full(error: Exception) -> bool:
-    """Tell whether there is no room, on the disk or in what its user may have of it."""
+    """Return whether there is no room, on the disk or in the user's quota."""
     reason = error.__cause__ if isinstance(error, LogError) else error
     return isinstance(reason, OSError) and reason.errno in (errno.ENOSPC, errno.EDQUOT)
 

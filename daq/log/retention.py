@@ -13,16 +13,16 @@ from daq.log.file_lock import lock
 from daq.log.mcap_log import read_part
 from daq.log.parts import Part
 
-_STEP = 0.1  # of the time that files are kept: as what a pause between two of them counts at most, or a set clock
-_LOOK_SECONDS = 60.0  # of wall time between looks at the folder, of years of files; free space is asked for each time
+_STEP = 0.1  # share of the retention time that a pause between two files, or a changed clock, counts at most
+_LOOK_SECONDS = 60.0  # wall time between scans of the folder, with files of years [s]; free space is queried each time
 
 
 @dataclass(frozen=True, kw_only=True)
 class Retention:
     """Limits on the recorded data that are kept; the first limit that is passed counts."""
 
-    seconds: float = math.inf  #: of recording since a file was written last [s]
-    size: float = math.inf  #: of all recorded files of the folder [bytes]
+    seconds: float = math.inf  #: recording time since a file was written last [s]
+    size: float = math.inf  #: size of all recorded files of the folder [bytes]
     least_free: float = 0.0  #: room on the disk that is left to others [bytes]
 
 
@@ -46,7 +46,7 @@ class DiskGuard:
 
     def __init__(self, folder: Path, retention: Retention) -> None:
         self._folder, self._retention = folder, retention
-        self._parts: dict[Path, Part | None] = {}  # what was read of each file once
+        self._parts: dict[Path, Part | None] = {}  # parts of files that were read
         self._due = 0.0
 
     @property
@@ -56,7 +56,7 @@ class DiskGuard:
 
     @property
     def short(self) -> bool:
-        """Tell whether there is less room than what is to be left free."""
+        """Return whether less than the required space is free."""
         return self.free < self._retention.least_free
 
     def surplus(self, *, full: bool = False) -> ExpiredFile | None:
@@ -66,7 +66,7 @@ class DiskGuard:
 
         Parameters
         ----------
-        full : the disk has refused to take more, whatever it says is free
+        full : the disk has refused data, independent of the reported free space
         """
         now = time.monotonic()
         if not (full or self.short or now >= self._due):
@@ -101,7 +101,7 @@ class DiskGuard:
     def _age(self, recorded: list[Path]) -> float:
         """Return how long others have been recorded since the oldest one [s].
 
-        From file to file, not by what the clock says now: one that is set ahead by years would have all of them go.
+        Counted from file to file, not by the present clock: a clock error of years would delete all of them.
         """
         if self._retention.seconds == math.inf:
             return 0.0

@@ -20,15 +20,15 @@ from daq.types import Block, Item
 class Rotation:
     """Limits at which a new file is begun; the first that is reached counts."""
 
-    size: float = math.inf  #: of a file [bytes]
-    seconds: float = math.inf  #: of data in a file [s]
+    size: float = math.inf  #: size of a file [bytes]
+    seconds: float = math.inf  #: data in a file [s]
 
 
 class RotatingWriter:
     """Writes one run as a sequence of files, each with all attachments; not for several threads (see `WriterThread`).
 
-    Files change between two items after a flush, the new one being there before the old one is finished: all that is
-    written stands in one of them, once, and in order.
+    Files change between two items after a flush. The new file exists before the old one is finished: every item is in
+    one of them, once, and in order.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ class RotatingWriter:
         self.newest = started  #: time of the newest data [ns UTC]
         self._first = started  # the same of the first data in the open file
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
-        self.contents: Counter[str] = Counter()  #: of the open file: device -> scans, "events" -> their number
-        self.paths = [log_path(folder, started)]  #: of all files so far
+        self.contents: Counter[str] = Counter()  #: content of the open file: device -> scans, "events" -> their number
+        self.paths = [log_path(folder, started)]  #: paths of all files so far
         self._writer = McapWriter(self.paths[0], attachments, self._part)
 
     def write(self, item: Item) -> None:
@@ -80,7 +80,7 @@ class RotatingWriter:
             self._write_view(self._view, item)
 
     def _write_view(self, view: View, block: Block) -> None:
-        """Write scans for stock viewers; what fails there is counted, and costs the archive nothing."""
+        """Write scans for stock viewers; failures are counted, and do not affect the archive."""
         messages: list[ViewMessage] = []
         FAILURES.attempt("view in the log", lambda: messages.extend(view.add(block)))
         for message in messages:
@@ -91,7 +91,7 @@ class RotatingWriter:
         self._writer.hand_over()
 
     def flush(self) -> None:
-        """Close the chunk and bring it to the disk; if the file is full now, what comes next begins a new one."""
+        """Close the chunk and flush it to the disk; if the file is full now, the next item begins a new one."""
         self._writer.flush()
         seconds = (self.newest - self._first) * 1e-9
         large = self._writer.size >= self._rotation.size or seconds >= self._rotation.seconds
@@ -106,7 +106,7 @@ class RotatingWriter:
             If it cannot be made; nothing of it is left.
         """
         part = Part(run=self._part.run, started=self._part.started, number=self._part.number + 1)
-        with contextlib.suppress(OSError):  # the file will tell
+        with contextlib.suppress(OSError):  # reading the file will show it
             self._folder.mkdir(parents=True, exist_ok=True)
         path = log_path(self._folder, self.newest)
         self._writer = McapWriter(path, self._attachments, part)
@@ -115,7 +115,7 @@ class RotatingWriter:
         self.paths.append(path)
 
     def discard(self) -> None:
-        """Take the open file away again: the disk did not take what it was begun with."""
+        """Remove the open file again: the disk did not accept its first data."""
         self._writer.abandon()
         self.paths.pop().unlink(missing_ok=True)
 
@@ -139,7 +139,7 @@ class RotatingWriter:
         return self._writer.cut_short
 
     def displacement(self) -> Displacement | None:
-        """Return what others have done to the open file; None if its path still leads to it."""
+        """Return the change made to the open file by other programs; None if its path is still valid."""
         return self._writer.displacement()
 
     def forsake(self) -> None:

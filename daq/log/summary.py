@@ -21,13 +21,13 @@ class DeviceInfo:
     rate: float  #: nominal scans a second [Hz]
     n_axes: int
     scale: float  #: m/s2 a count
-    start: int  #: of the first scan [ns UTC]
+    start: int  #: time of the first scan [ns UTC]
     end: int = 0  #: after the last scan [ns UTC]
     n_scans: int = 0
     missing: int = 0  #: scans between the first and the last that are not there
     gaps: int = 0
     restarts: int = 0  #: times that the device was taken back
-    temperatures: list[float] = field(default_factory=list)  #: of each block [degC], where known
+    temperatures: list[float] = field(default_factory=list)  #: temperature of each block [degC], if known
 
     def add(self, block: Block, end_index: int) -> None:
         """Count a block; `end_index` is where the one before ended."""
@@ -46,7 +46,7 @@ class LogInfo:
     """Contents of a log."""
 
     state: LogState
-    size: int  #: of its files [bytes]
+    size: int  #: size of its files [bytes]
     attachments: dict[str, int]  #: name -> characters
     devices: dict[str, DeviceInfo]
     events: dict[str, int]  #: topic -> number of messages; results are topics too
@@ -63,7 +63,7 @@ class LogInfo:
 
 
 def log_info(log: AnyLog) -> LogInfo:
-    """Count what is in a log, as far as it can be read: in one file, or in all files of a run.
+    """Count the readable content of a log: of one file, or of all files of a run.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def log_info(log: AnyLog) -> LogInfo:
 
 
 def _readable(path: Path, state: LogState) -> Iterator[Item]:
-    """Yield what is in a file; of one that is damaged amid what comes before."""
+    """Yield the readable content of a file; of a damaged one the part before the damage."""
     try:
         yield from read_log(path)
     except LogError:

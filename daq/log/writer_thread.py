@@ -10,7 +10,7 @@ from daq.supervision import FAILURES, SupervisedThread
 from daq.types import Item
 
 _LONGEST_PAUSE_SECONDS = 5.0  # before the thread is restarted: the queue holds a little more than that
-_SYNC_SECONDS = 0.15  # at most, between what is brought to the disk: more often wears out cards
+_SYNC_SECONDS = 0.15  # maximum time between flushes to the disk [s]: more frequent ones wear out memory cards
 _PAUSE = 0.05  # s between looks at the queue: to be woken by every item costs more than to write it
 
 
@@ -21,10 +21,10 @@ class ItemWriter(Protocol):
         """Take an item."""
 
     def hand_over(self) -> None:
-        """Give what was taken to the system: a kill of this process costs none of it."""
+        """Pass the data to the system: they survive a kill of this process."""
 
     def flush(self) -> None:
-        """Bring what was taken to the disk."""
+        """Write the data to the disk."""
 
     def close(self) -> None:
         """Bring it all to the disk; nothing more comes."""
@@ -50,7 +50,7 @@ class WriterThread:
     on_written : called in the writer's thread with every item once it is in the log, in the log's order
     chunk_seconds : of wall time from the first item of a chunk until the system has it, and a kill costs nothing of it;
         the disk has it 0.15 s later at most
-    capacity : items the queue holds; what comes when it is full is dropped and counted
+    capacity : items of the queue; further items are dropped and counted
     """
 
     def __init__(
@@ -65,11 +65,12 @@ class WriterThread:
         self._queue: queue.Queue[Item | _Switch] = queue.Queue(capacity)
         self._waits: float | None = None  # since when an item waits for a flush [s, monotonic]
         self._flushed = time.monotonic()
-        self._sync_due = 0.0  # when the disk is to have what the system has [s, monotonic]
+        self._sync_due = 0.0  # time of the next flush to the disk [s, monotonic]
         self._thread = SupervisedThread("log", self._run, longest_pause=_LONGEST_PAUSE_SECONDS, daemon=False)
         self.dropped = 0  #: items that found the queue full
-        self.turned = time.monotonic()  #: when the disk was last done with what it was asked [s, monotonic]
-        self.failure: OSError | None = None  #: why writing stopped for good; items go on to `on_written`
+        self.turned = time.monotonic()  #: time of the last completed disk operation [s, monotonic]
+        #: reason why writing stopped for good; items are still passed to `on_written`
+        self.failure: OSError | None = None
 
     def put(self, item: Item) -> None:
         """Take one item from any thread; never blocks."""
@@ -77,11 +78,11 @@ class WriterThread:
             self._queue.put_nowait(item)
         except queue.Full:
             self.dropped += 1
-        if self._waits is None:  # asked behind the put: `_flush_if_due` looks the other way round
+        if self._waits is None:  # tested after the put: `_flush_if_due` does it in the opposite order
             self._waits = time.monotonic()
 
     def switch(self, writer: ItemWriter, then: Callable[[], None]) -> None:
-        """Have all that is put from now on written to another log; what was put before goes to the old one.
+        """Write all later items to another log; earlier ones go to the old one.
 
         Parameters
         ----------
@@ -100,7 +101,7 @@ class WriterThread:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Write what is queued, finish the file."""
+        """Write the queued items and finish the file."""
         self._thread.ending.set()
         self._thread.join()
 

@@ -19,7 +19,7 @@ class ScanMessage:
     """One of the frames of a scan."""
 
     name: str
-    identifier: int  #: with the bit EXTENDED
+    identifier: int  #: identifier with the bit EXTENDED
     size: int  #: bytes of data
 
 
@@ -30,10 +30,10 @@ class ScanLayout:
     Signals are given with the place of their message in `messages`.
     """
 
-    messages: tuple[ScanMessage, ...]  #: as the device sends them
+    messages: tuple[ScanMessage, ...]  #: messages in the order of transmission
     axes: tuple[tuple[int, CanSignal], ...]  #: x, y, z of the device, as many as it has
-    counters: tuple[tuple[int, CanSignal], ...]  #: of one message or of more
-    modulus: int  #: at which the counter wraps
+    counters: tuple[tuple[int, CanSignal], ...]  #: counters of one message or of more
+    modulus: int  #: counter values before the counter wraps
     scale: float  #: m/s2 a count
     unit: float  #: m/s2 a unit of the axes
     temperature: tuple[ScanMessage, CanSignal] | None = None  #: [degC], of any message, in the scan or not
@@ -74,7 +74,7 @@ def encode_scans(layout: ScanLayout, counts: IntArray, first_count: int) -> CanF
 
 
 def _put(data: npt.NDArray[np.uint8], place: int, signal: CanSignal, values: FloatArray) -> None:
-    """Write what a signal measured [its unit] into its message of scans' data (n, n_messages, 8)."""
+    """Write the values of a signal [its unit] into its message of scans' data (n, n_messages, 8)."""
     raw = (np.clip(values, *signal.limits) - signal.offset) / signal.factor
     _write(data, place, signal, raw if signal.is_float else np.rint(raw).astype(np.int64))
 
@@ -97,20 +97,20 @@ class DecodedScans:
 class ScanDecoder:
     """Scans out of one sensor's frames, of which any may be lost or come twice.
 
-    A scan is the layout's messages right after one another. That alone would tie halves of two scans where all between
-    them is lost. So messages with a counter must count alike; and of each message without one exactly as many must have
-    come as the counter has gone on: since the last counter if it is sent before the counter, up to the next one if it
-    is sent after. Then none is missing, and each belongs where it stands. One lost frame costs its own scan, a scan
-    lost whole those beside it; halves of two scans never meet. A frame that repeats the one before it bit by bit
-    is dropped: a sender repeats what it believes unheard (ISO 11898-1: the last bit of a frame ends it for receivers
+    A scan consists of consecutive messages of the layout. This alone would combine halves of two scans if all frames
+    between them are lost. Messages with a counter must therefore agree. For each message without one, the number of
+    messages must equal the increment of the counter: since the last counter if it is sent before the counter, up to the
+    next one if it is sent after. Then none is missing. A lost frame costs its scan; a completely lost scan costs the
+    adjacent ones; halves of two scans are never combined. A frame that repeats the previous one bit by bit is dropped:
+    a sender repeats frames that it considers not received (ISO 11898-1: the last bit of a frame ends it for receivers
     only).
 
-    Where a message without a counter is sent before the one with it, the first scan is not taken: nothing tells that
-    its parts belong together. Where one is sent after it, a scan is complete with the next counter.
+    If a message without a counter is sent before the one with it, the first scan is dropped: its parts cannot be
+    verified. If one is sent after it, a scan is complete with the next counter.
 
     Parameters
     ----------
-    layout : what a scan looks like
+    layout : layout of a scan
     """
 
     def __init__(self, layout: ScanLayout) -> None:
@@ -123,7 +123,7 @@ class ScanDecoder:
         self._after = [place for place in uncounted if place > self._at]
         self._rest, self._stamps = NO_FRAMES, np.zeros(0, np.intp)
         self._decided = 0  # counters at the start of the rest that are done with: none or one
-        self.bad_frames = 0  #: of a wrong length, without a value, or without the others of their scan, so far
+        self.bad_frames = 0  #: frames of a wrong length, without a value, or without the others of their scan, so far
         self.temperature = float("nan")  #: the last that came [degC]
 
     def feed(self, frames: CanFrames, arrived: IndexArray) -> DecodedScans:
@@ -147,7 +147,7 @@ class ScanDecoder:
         return DecodedScans(counts[good], number[good].astype(np.int32), stamps[done])
 
     def _warm(self, frames: CanFrames) -> None:
-        """Take the temperature, if frames tell it."""
+        """Store the temperature, if frames contain it."""
         if self._layout.temperature is None:
             return
         message, signal = self._layout.temperature
@@ -169,7 +169,7 @@ class ScanDecoder:
         return joined[fresh], stamps[fresh]
 
     def _n_decidable(self, counters: IndexArray, n_frames: int) -> int:
-        """Return for how many of the counters all frames are there that tell whether their scan is whole."""
+        """Return the number of counters for which all frames that decide about their scan are present."""
         if not len(counters):
             return 0
         left = n_frames - int(counters[-1])
@@ -185,7 +185,7 @@ class ScanDecoder:
         step = np.diff(number) % self._layout.modulus
         begin = counters[k] - self._at
         good = (begin >= 0) & (begin + m <= len(joined)) & (number[k] < self._layout.modulus)
-        good[k > 0] &= step[k[k > 0] - 1] > 0  # a counter that stands still numbers nothing
+        good[k > 0] &= step[k[k > 0] - 1] > 0  # a constant counter is not valid
         begin = np.where(good, begin, 0)
         for q in range(m):
             good &= place[np.minimum(begin + q, len(joined) - 1)] == q
@@ -221,7 +221,7 @@ def _places(layout: ScanLayout, ids: npt.NDArray[np.uint32]) -> IndexArray:
 
 
 def _as_many(sent: npt.NDArray[np.bool_], counters: IndexArray, step: IndexArray) -> npt.NDArray[np.bool_]:
-    """Tell whether as many frames of a message stand between two counters as these have gone on (n_counters - 1,)."""
+    """Return whether the number of frames of a message between two counters equals their increment (n_counters - 1,)."""
     return np.asarray(np.diff(np.cumsum(sent)[counters]) == step)
 
 

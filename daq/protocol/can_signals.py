@@ -87,7 +87,7 @@ class CanSignal:
         return bits
 
     def physical(self, data: Bytes) -> FloatArray:
-        """Return what is measured (n,), in the signal's unit, of frames' data (n, 8)."""
+        """Return the values (n,), in the signal's unit, of frames' data (n, 8)."""
         return np.asarray(self.raw(data).astype(float) * self.factor + self.offset)
 
     def put(self, data: Bytes, raw: npt.NDArray[Any]) -> None:

@@ -1,9 +1,9 @@
 """Frames on a serial line: stuffed so that no byte in them is zero, ended by a zero, guarded by a CRC; by the block.
 
-Consistent overhead byte stuffing (COBS): a leading byte says how far off the first zero was, and in the place of each
-zero stands how far off the next one was, the end of the frame being the last. So a zero on the line is always the end
-of a frame, and whoever joins late or reads damaged bytes is in step again at the next one. Frames here are shorter than
-254 bytes, where stuffing adds exactly one byte; all of one block have the same length.
+Consistent overhead byte stuffing (COBS): a leading byte gives the distance to the first zero, and each zero is replaced
+by the distance to the next one, with the end of the frame as the last. A zero on the line is therefore always the end
+of a frame, and a receiver is synchronized again at the next zero. Frames here are shorter than 254 bytes, where
+stuffing adds exactly one byte; all of one block have the same length.
 
 References
 ----------
@@ -24,7 +24,7 @@ _CRC_START = 0xFFFF
 
 
 def seal(content: Bytes) -> bytes:
-    """Return what goes over the line for contents (n, m) without CRC: CRC appended, stuffed, each ended by a zero."""
+    """Return the transmitted bytes of contents (n, m) without CRC: CRC appended, stuffed, each ended by a zero."""
     n, m = content.shape
     whole = np.empty((n, m + CRC_SIZE), np.uint8)
     whole[:, :m] = content
@@ -52,7 +52,7 @@ def stuffed(frames: Bytes) -> Bytes:
     n, m = frames.shape
     if m > LONGEST:
         raise ValueError(f"frame: expected at most {LONGEST} bytes, found {m}")
-    line = np.zeros((n, m + 2), np.uint8)  # as if a zero stood before and after
+    line = np.zeros((n, m + 2), np.uint8)  # as if a zero preceded and followed
     line[:, 1:-1] = frames
     place = np.where(line == 0, np.arange(m + 2), m + 1)
     following = np.minimum.accumulate(place[:, :0:-1], axis=1)[:, ::-1]  # where the next zero is, seen from each byte
@@ -80,7 +80,7 @@ def unstuffed(segments: Bytes) -> tuple[Bytes, npt.NDArray[np.bool_]]:
 def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
     """Return CRC-16/CCITT (polynomial 0x1021, start 0xFFFF, most significant bit first) of contents (n, m).
 
-    It is linear over bits: the sum of what each byte does at its place.
+    The CRC is linear over bits: the sum of the contributions of all bytes at their positions.
     """
     table, places, start = _crc_table(content.shape[1])
     return np.asarray(np.bitwise_xor.reduce(table.take(content.T + places), axis=0) ^ start, np.uint16)
@@ -88,7 +88,9 @@ def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
 
 @lru_cache(maxsize=16)
 def _crc_table(m: int) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.intp], np.uint16]:
-    """Return what each value of a byte does at each place (m * 256,), where each begins (m, 1), the CRC of zeros."""
+    """Return the contribution of each value of a byte at each position (m * 256,), their offsets (m, 1), the CRC of
+    zeros.
+    """
     table = [[crc_hqx(bytes([value]) + bytes(m - 1 - place), 0) for value in range(256)] for place in range(m)]
     places = 256 * np.arange(m)[:, None]
     return np.array(table, np.uint16).reshape(m * 256), places, np.uint16(crc_hqx(bytes(m), _CRC_START))

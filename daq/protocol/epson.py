@@ -38,7 +38,7 @@ _FRAME = np.dtype(
         ("tail", "u1"),
     ]
 )
-_PLACES = np.array([0, *[256, 1] * 10, 0, 0, 0], np.float32)  #: what a byte of a frame weighs in its checksum
+_PLACES = np.array([0, *[256, 1] * 10, 0, 0, 0], np.float32)  #: weight of each byte of a frame in its checksum
 
 
 def write_register(address: int, value: int) -> bytes:
@@ -149,6 +149,6 @@ def _whole_frames(stream: Bytes) -> tuple[Bytes, int]:
 
 
 def _intact(raw: Bytes) -> npt.NDArray[np.bool_]:
-    """Tell of rows (n, 24) whether header, delimiter and checksum are right."""
+    """Return for rows (n, 24) whether header, delimiter and checksum are right."""
     stated = raw[:, 21].astype(np.uint16) << 8 | raw[:, 22]
     return np.asarray((raw[:, 0] == HEADER) & (raw[:, -1] == DELIMITER) & (_sums(raw) == stated))

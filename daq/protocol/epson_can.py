@@ -10,12 +10,12 @@ from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
 from daq.types import IndexArray, IntArray
 
 SCALE = 9.80665 / 2**24  #: m/s2 a count
-MODULUS = 1 << 16  #: of the sample counter
+MODULUS = 1 << 16  #: values of the sample counter
 TPDO1, TPDO2 = 0x180, 0x280  #: plus the node's id
 TPDO1_SIZE, TPDO2_SIZE = 8, 6
 
 SYNC = 0x080  #: identifier of the frame on which nodes sample
-SYNC_COB = 0x1005, 0  #: that, with the bit SYNC_PRODUCER
+SYNC_COB = 0x1005, 0  #: the same, with the bit SYNC_PRODUCER
 SYNC_PRODUCER = 1 << 30
 SYNC_PERIOD = 0x1006, 0  #: us
 HEARTBEAT = 0x1017, 0  #: ms, 0 = none
@@ -23,7 +23,7 @@ DEVICE_NAME, HARDWARE, SOFTWARE = (0x1008, 0), (0x1009, 0), (0x100A, 0)
 SERIAL = 0x1018, 4
 TPDO1_COB, TPDO2_COB = (0x1800, 1), (0x1801, 1)  #: id of the frame, with the bits below
 COB_OFF, COB_NO_RTR = 1 << 31, 1 << 30
-TRANSMISSION = 0x1800, 2  #: of TPDO1; the others follow it
+TRANSMISSION = 0x1800, 2  #: entry of TPDO1; the others follow it
 BY_SYNC, BY_TIMER = 1, 0xFE
 PERIOD = 0x2001, 0  #: ms
 APPLY = 0x2005, 0
@@ -51,10 +51,10 @@ def encode_scans(node: int, counts: IntArray, first_count: int) -> CanFrames:
 class ScanDecoder:
     """Scans out of one node's frames, of which any may be lost.
 
-    Only TPDO2 is numbered. A TPDO1 right before it is of the same scan for certain only if, since the last TPDO2, as
-    many TPDO1 have come as the counter has gone on: then none is missing, and the last one is this scan's. So one
-    lost frame costs its own scan; a scan lost whole costs the one after it too; halves of two scans never meet. A frame
-    that comes twice, as one does whose sender heard an error in its last bit (ISO 11898-1), is one.
+    Only TPDO2 has a number. A TPDO1 before it belongs to the same scan only if, since the last TPDO2, the number of
+    TPDO1 equals the increment of the counter. A lost frame thus costs its own scan; a completely lost scan also costs
+    the next one; halves of two scans are never combined. A repeated frame (ISO 11898-1: the sender detected an error in
+    the last bit) counts once.
 
     Parameters
     ----------
@@ -64,12 +64,12 @@ class ScanDecoder:
     def __init__(self, node: int) -> None:
         self._ids = TPDO1 + node, TPDO2 + node
         self._rest, self._rest_syncs = NO_FRAMES, np.empty(0, np.intp)
-        self.bad_frames = 0  #: that became part of no scan, so far
+        self.bad_frames = 0  #: frames that are part of no scan, so far
 
     def feed(self, frames: CanFrames) -> tuple[IntArray, IntArray]:
         """Take the next frames; return counts (n, 3) and counter (n,) of the scans that are complete.
 
-        The first scan is never among them: nothing tells that its halves belong together.
+        The first scan is never among them, because its halves cannot be verified.
         """
         return self.feed_synced(frames, np.zeros(len(frames), np.intp))[:2]
 
@@ -100,6 +100,6 @@ def _once(frames: CanFrames) -> npt.NDArray[np.bool_]:
 
 
 def _counts(data: npt.NDArray[np.uint8], ends: npt.NDArray[np.intp]) -> IntArray:
-    """Return counts (n, 3) of scans whose TPDO2 are at `ends`."""
+    """Return counts (n, 3) of scans with TPDO2 at `ends`."""
     pairs = np.concatenate([data[ends - 1], data[ends, :4]], axis=1)
     return np.ascontiguousarray(pairs).view("<i4").astype(np.int32)

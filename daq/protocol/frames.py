@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 EXTENDED = 0x8000_0000  #: bit of an id: 29 bits long (as in Linux's `struct can_frame`)
-REMOTE = 0x4000_0000  #: bit of an id: asks for data and carries none
+REMOTE = 0x4000_0000  #: bit of an id: remote frame without data
 NUMBER = 0x1FFF_FFFF  #: bits of an id that are sent
 
 

@@ -21,7 +21,7 @@ from daq.types import IntArray
 
 VERSION = 1
 SCAN, HELLO, WHO, START, STOP = 0x01, 0x02, 0x81, 0x82, 0x83
-NO_TEMPERATURE = -(1 << 15)  #: of a node without a sensor
+NO_TEMPERATURE = -(1 << 15)  #: temperature of a node without a sensor
 _SCAN = np.dtype([("type", "u1"), ("counter", "<u4"), ("time", "<u4"), ("xyz", "<i4", 3), ("temperature", "<i2")])
 _HELLO = np.dtype(
     [
@@ -45,12 +45,12 @@ _LONGEST = _HELLO.itemsize + _STUFFING
 class Hello:
     """Identity of a node."""
 
-    product: str  #: at most 12 characters of ASCII
-    serial: str  #: at most 12 characters of ASCII
-    axes: tuple[int, ...]  #: that are measured, of 0, 1, 2; the others are zero in every scan
+    product: str  #: product, at most 12 characters of ASCII
+    serial: str  #: serial number, at most 12 characters of ASCII
+    axes: tuple[int, ...]  #: measured axes, of 0, 1, 2; the others are zero in every scan
     scale: float  #: m/s2 a count
     rate: float  #: scans a second [Hz]
-    version: int = VERSION  #: of this protocol
+    version: int = VERSION  #: version of this protocol
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +104,7 @@ class NodeDecoder:
 
     def __init__(self) -> None:
         self._rest = b""
-        self.bad_bytes = 0  #: that were no part of an intact frame, so far
+        self.bad_bytes = 0  #: bytes outside intact frames, so far
         self.hello: Hello | None = None  #: the last one, if any
 
     def feed(self, data: bytes) -> NodeScans:
@@ -113,9 +113,9 @@ class NodeDecoder:
         ends = np.flatnonzero(stream == 0)
         starts = np.concatenate([_FROM_THE_START, ends + 1])
         length = ends - starts[:-1]
-        keep = max(int(starts[-1]), len(stream) - _LONGEST - 1)  # enough to know that a frame is too long
+        keep = max(int(starts[-1]), len(stream) - _LONGEST - 1)  # sufficient to detect that a frame is too long
         self._rest = stream[keep:].tobytes()
-        self.bad_bytes += keep - int(np.count_nonzero(length == 0))  # zeros alone say nothing, and harm nobody
+        self.bad_bytes += keep - int(np.count_nonzero(length == 0))  # zeros alone are not counted
         hellos = self._intact(stream, starts[:-1][length == _HELLO.itemsize + _STUFFING], _HELLO, HELLO)
         scans = self._intact(stream, starts[:-1][length == _SCAN.itemsize + _STUFFING], _SCAN, SCAN)
         if len(hellos):

@@ -1,9 +1,10 @@
 r"""SLCAN (Lawicel, CANable): CAN frames as lines of text on a serial port, both directions side by side.
 
-A line ends with CR, or with BEL where the adapter refuses a command. `tiiil` and up to 16 hex digits are a frame of 11
-bits, `Tiiiiiiiil..` one of 29; `r` and `R` ask for data and carry none. There is no checksum: a line is believed if its
-kind, length and digits agree, and one that lost or gained a byte is dropped by itself. What the adapter answers to
-commands (`z`, `Z`, `V1013`, `N0042`, `F00`, empty lines) is no frame and no damage. CAN FD and time stamps are unknown.
+A line ends with CR, or with BEL if the adapter refuses a command. `tiiil` with up to 16 hex digits is a frame of 11
+bits, `Tiiiiiiiil..` one of 29 bits; `r` and `R` are remote frames without data. There is no checksum: a line is valid
+if its kind, length and digits agree; a line that lost or gained a byte is dropped alone. Replies of the adapter to
+commands (`z`, `Z`, `V1013`, `N0042`, `F00`, empty lines) are neither frames nor damage. CAN FD and time stamps are not
+supported.
 """
 
 import numpy as np
@@ -34,7 +35,7 @@ _VALUE = np.full(256, 255, np.uint8)  # of a hex digit; 255: is none
 _VALUE[_DIGITS] = np.arange(16)
 _VALUE[np.frombuffer(b"abcdef", np.uint8)] = np.arange(10, 16)
 
-# what every read needs, made once: reads are small and many
+# constants of every read, made once because reads are small and many
 _FIRST, _PADDING = np.zeros(1, np.intp), np.zeros(_LONGEST, np.uint8)
 _COLUMNS, _DATA_COLUMNS = np.arange(_LONGEST), np.arange(16)
 _WEIGHTS = (16 ** np.arange(8)[::-1]).astype(np.uint32)
@@ -69,7 +70,7 @@ class SlcanDecoder:
         stream = np.frombuffer(self._rest + data, np.uint8)
         ends = np.flatnonzero((stream == END) | (stream == REFUSED))
         starts = np.concatenate([_FIRST, ends + 1])
-        # of a line without end enough is kept to know its kind, and that it is too long
+        # of a line without end, the part that shows its kind, and that it is too long, is kept
         self._rest = stream[starts[-1] : starts[-1] + _LONGEST + 1].tobytes()
         length = ends - starts[:-1]
         lines = np.flatnonzero(length > 0)
@@ -95,7 +96,7 @@ class SlcanDecoder:
 def _parse(
     value: Bytes, remote: npt.NDArray[np.bool_], length: npt.NDArray[np.intp], n_digits: int
 ) -> tuple[npt.NDArray[np.uint32], Bytes, Bytes, npt.NDArray[np.bool_]]:
-    """Return ids, lengths, data, and which of them to believe, of lines (n, 25) as values of their digits."""
+    """Return ids, lengths, data, and validity of lines (n, 25) given as values of their digits."""
     size = value[:, n_digits]
     n_data = np.where(remote, 0, 2 * size.astype(np.intp))
     used = n_data[:, None] > _DATA_COLUMNS

@@ -25,7 +25,7 @@ N_TYPES = 16
 CONTENT, RATE, BANDWIDTH = 0x02, 0x03, 0x1F  #: registers
 ONLY_ACCELERATION = 1 << ACCELERATION - FIRST_TYPE  #: value of CONTENT: a bit a type
 UNLOCK = bytes([0xFF, 0xAA, 0x69, 0x88, 0xB5])  #: before registers can be written
-NODE, BITRATE = 0x50, 250_000  #: that a device has on a CAN bus as it is sold
+NODE, BITRATE = 0x50, 250_000  #: identifier and bit rate of a new device on a CAN bus
 #: scans a second -> (RATE, BANDWIDTH: a filter that ends below half of it; the lowest is of 5 Hz)
 RATES = {200: (0x0B, 2), 100: (0x09, 3), 50: (0x08, 4), 20: (0x07, 6), 10: (0x06, 6)}
 #: BANDWIDTH -> delay of that filter [s], that of the chip inside (InvenSense MPU-9250, register map, ACCEL_CONFIG2)
@@ -66,7 +66,7 @@ class WitScans:
     """Intact scans in the order of the wire."""
 
     counts: IntArray  #: (n, 3) [-]
-    number: npt.NDArray[np.int64]  #: (n,) as far as the length of what was damaged tells
+    number: npt.NDArray[np.int64]  #: (n,) estimated from the length of damaged data
     temperature: npt.NDArray[np.int16]  #: (n,) [0.01 degC]
 
 

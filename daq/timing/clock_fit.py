@@ -11,7 +11,7 @@ import numpy as np
 from daq.types import FloatArray, IndexArray
 
 _SPAN = 120.0  # s of data that the envelope looks back on
-_LEAST_FOR_DRIFT = 30.0  # s before a slope is believed
+_LEAST_FOR_DRIFT = 30.0  # s before a slope is fitted
 _LARGEST_DRIFT = 200e-6
 _BIN = 1.0  # s: one pair, the earliest, is kept of each
 
@@ -43,7 +43,7 @@ class ClockFit:
         self._rate = rate
         self._pairs: deque[tuple[int, int]] = deque()  # (index, lateness [ns]) of the earliest arrival of each second
         self._origin: int | None = None  # arrival of index 0 at the nominal rate [ns UTC]
-        self._line: tuple[float, float] | None = None  # of the pairs so far, once asked for
+        self._line: tuple[float, float] | None = None  # fit of the present pairs, once requested
 
     @property
     def span(self) -> float:

@@ -21,8 +21,8 @@ class HostClock(Protocol):
 class SystemClock:
     """The wall clock as of the last reading; from then on it runs evenly, whether it is set or not.
 
-    Scans are told the time by their arrivals: a clock that is set by hours amid them would cut them apart, or have them
-    arrive before they were sent. NTP's small corrections are in it all the same; only steps are not.
+    Scans get their time from their arrivals. A clock that is set by hours in between would split them, or place their
+    arrival before their sampling. Small corrections by NTP are included; only steps are not.
     """
 
     def __init__(self) -> None:

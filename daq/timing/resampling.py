@@ -15,7 +15,7 @@ _HALF = 16  # taps on each side of the interpolating kernel, at the rate of the 
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
 _BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
 _PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
-_SETTLE_SECONDS = 2.0  # of arrivals before a clock is believed
+_SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used
 _CHUNK = 1 << 13
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
@@ -153,7 +153,7 @@ class _Device:
         return [block.temperature for stretch in self._stretches for block in stretch.blocks]
 
     def reaches(self, time: int) -> bool:
-        """Tell whether all scans needed for samples before `time` are here."""
+        """Return whether all scans needed for samples before `time` are available."""
         stretch = self._stretches[-1]
         return stretch.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
 
@@ -197,8 +197,8 @@ class Assembler:
     window_seconds, step_seconds : length of a window and distance of their starts [s]
     on_grid : scans of all devices lie on one grid already, as those of an imported file: nothing is interpolated
     late : device -> delay of its scans, which is removed [s]; it needs interpolation, and so no `on_grid`
-    by_record : after a pause of all devices the next window begins with what comes then, and what little a record has
-        over makes none; else windows stay on their grid, and hold all that came
+    by_record : after a pause of all devices the next window begins with the next data, and an incomplete rest of a
+        record is dropped; else windows stay on their grid, and contain all data
     """
 
     def __init__(
@@ -222,7 +222,7 @@ class Assembler:
             for name, rate in rates.items()
         }
         self._n = round(window_seconds * self._rate)
-        self._step = round(round(step_seconds * self._rate) / self._rate * 1e9)  # whole samples: none is left over
+        self._step = round(round(step_seconds * self._rate) / self._rate * 1e9)  # whole samples, without a remainder
         self._next: int | None = None  # start of the next window [ns UTC]
 
     def push(self, block: Block) -> Iterator[Recording]:
@@ -246,7 +246,7 @@ class Assembler:
             yield from self._complete()
 
     def finish(self) -> Iterator[Recording]:
-        """Yield what is left when no more comes: windows that a device no longer reaches, and a last, shorter one."""
+        """Yield the remaining windows at the end: incomplete for some devices, and a last, shorter one."""
         alive = [d for d in self._devices.values() if d.heard and not d.lost]
         alive = alive or [d for d in self._devices.values() if d.heard]
         if not alive:
@@ -314,7 +314,7 @@ class Assembler:
 def _unused(there: BoolArray) -> int:
     """Return how many samples of a window are to be left out for it to begin with a record; 0 if it does.
 
-    A recorder that pauses begins its records when it likes; what little a record has left over makes no window.
+    A recorder with pauses begins its records at any time; the rest of a record is not a window.
     """
     little = _LITTLE * len(there)
     edges = np.diff(np.concatenate([[True], there, [True]]).astype(np.int8))
@@ -325,6 +325,6 @@ def _unused(there: BoolArray) -> int:
 
 
 def _mean(values: list[float]) -> float:
-    """Return the mean of what is known, NaN if nothing is: not every device has a thermometer."""
+    """Return the mean of the known values, NaN if there are none: not every device has a thermometer."""
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")

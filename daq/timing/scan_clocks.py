@@ -1,7 +1,7 @@
 """Sampling times of single scans for viewers: devices that share a clock get one time per index.
 
-A clock is fitted anew with every block, so the time of a scan depends on when it is asked for. Here each second of a
-clock is asked for once, and everything between two seconds lies on the line between them.
+A clock is fitted again with every block, so the time of a scan depends on when it is evaluated. Here each second of a
+clock is evaluated once, and times in between are interpolated linearly.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from daq.timing.clock_fit import ClockFit
 from daq.types import Block, Flag, IndexArray
 
-_KEPT = 64  # seconds of a clock, and clocks that devices share: more than lie between the first and the last to ask
+_KEPT = 64  # seconds of a clock, and shared clocks, that are kept: more than lie between the first and the last use
 
 
 class ScanClock:
@@ -69,7 +69,7 @@ class ScanClocks:
                 del self._shared[next(iter(self._shared))]
         else:
             if block.flags & Flag.RESTARTED or block.first_index < self._ends.get(block.device, 0):
-                self._own.pop(block.device, None)  # began anew, be it in a block that has not come
+                self._own.pop(block.device, None)  # restarted, also in a block that did not arrive
             self._ends[block.device] = block.end_index
             if block.device not in self._own:
                 self._own[block.device] = ScanClock(block.rate)

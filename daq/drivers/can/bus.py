@@ -1,7 +1,8 @@
 """A CAN bus behind an SLCAN adapter: read by the chunk, decoded by the block; and python-can's bus too.
 
-python-can's own `slcan` reads one byte a system call and goes deaf at the first damaged line. This one takes what the
-port holds at once and drops a damaged line by itself. Installed as `can.Bus(interface="modalwatch-slcan", ...)`.
+python-can's own `slcan` reads one byte per system call and stops at the first damaged line. This bus reads all
+available bytes at once and drops damaged lines individually. It is installed as `can.Bus(interface="modalwatch-slcan",
+...)`.
 """
 
 import time
@@ -18,7 +19,7 @@ from daq.drivers.serial.buffered_port import BufferedPort
 from daq.protocol import slcan
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
 
-_GATHER_SECONDS = 0.03  # that frames gather on a busy bus: each answer to a question may be late by as much
+_GATHER_SECONDS = 0.03  # time that frames accumulate on a busy bus [s]; replies to requests may be delayed by it
 _LEAST_RATE = 20e3  # bytes/s of a busy bus, some 1000 frames/s
 _MOST_MESSAGES = 1000  # taken of a bus at once
 
@@ -36,7 +37,7 @@ class SlcanBus(can.BusABC):
     Raises
     ------
     ValueError
-        If adapters know no such bit rate.
+        If adapters do not have this bit rate.
     can.CanInitializationError
         If the port cannot be opened.
     """

@@ -25,13 +25,13 @@ _FLOAT_SCALE = 1e-6  # m/s2 a count of signals without a step of their own: a te
 _LARGEST_MODULUS = 1 << LONGEST_COUNTER
 _MESSAGE, _SIGNAL = re.compile(r"\s*BO_\s+(\d+)\s"), re.compile(r"\s*SG_\s")
 _PLACE = re.compile(r"\bSG_\s[^:\n]*:\s*(-?\d+)\s*\|\s*(-?\d+)\s*@|\bBO_\s+\d+\s[^:\n]*:\s*(-?\d+)\s")
-_MAX_BYTES = 1785  # of a message: what J1939 sends in several frames
+_MAX_BYTES = 1785  # largest message; J1939 sends it in several frames
 _NOBODYS = 0xC0000000  # the number of a message that holds the signals of none, which cantools leaves out
 _Found = tuple[Message, Signal]
 
 
 def read_layout(sensor: DbcSensor) -> ScanLayout:
-    """Read what a sensor's scans look like on the bus.
+    """Read the layout of a sensor's scans on the bus.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _parsed(path: Path) -> Database:
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = raw.decode("cp1252", "replace")  # what older programs write
+        text = raw.decode("cp1252", "replace")  # encoding of older programs
     _check_sizes(path, text)
     try:
         database = load_string(text, "dbc")
@@ -88,7 +88,7 @@ def _check_sizes(path: Path, text: str) -> None:
 
 
 def _check_whole(path: Path, text: str, database: Database) -> None:
-    """Refuse a file that was understood in part: cantools leaves out what comes after a line that it cannot read."""
+    """Refuse a file that was read only in part: cantools leaves out everything after a line that it cannot parse."""
     understood = {_written(message): len(message.signals) for message in database.messages}
     stated: dict[int, list[int]] = {}  # message -> its line and those of its signals
     for number, line in enumerate(text.splitlines(), 1):
@@ -156,7 +156,7 @@ def _in_order(path: Path, messages: list[Message], order: tuple[str, ...]) -> li
 
 
 def _arbitration(message: Message) -> tuple[int, bool, int]:
-    """Return what the bus sorts by: the first 11 bits, then short identifiers before long ones."""
+    """Return the arbitration order: the first 11 bits, then short identifiers before long ones."""
     first = message.frame_id >> 18 if message.is_extended_frame else message.frame_id
     return first, message.is_extended_frame, message.frame_id
 
@@ -168,7 +168,7 @@ def _frame(path: Path, message: Message) -> ScanMessage:
 
 
 def _numbers(path: Path, message: Message, signal: Signal) -> CanSignal:
-    """Return where a signal's numbers stand."""
+    """Return the positions of a signal's bits."""
     if signal.multiplexer_ids is not None:
         raise DbcError(path, f"signal {message.name}.{signal.name} is multiplexed, which is not supported")
     if not signal.scale:
@@ -202,7 +202,7 @@ def _common_unit(path: Path, axes: list[_Found]) -> float:
 
 
 def _modulus(path: Path, message: Message, signal: Signal) -> int:
-    """Return at which number a counter begins anew: after its stated maximum, or where its bits end."""
+    """Return the modulus of a counter: its stated maximum plus one, or the range of its bits."""
     name = f"signal {message.name}.{signal.name}"
     if signal.is_float or signal.length < 2:
         kind = "a float" if signal.is_float else "1 bit"
@@ -211,7 +211,7 @@ def _modulus(path: Path, message: Message, signal: Signal) -> int:
     raw = whole - 1
     if signal.maximum is not None and not signal.is_signed:
         raw = round((float(signal.maximum) - signal.offset) / signal.scale)
-    modulus = raw + 1 if 1 < raw < whole else whole  # some files state [0|1] or [0|0] of what they do not know
+    modulus = raw + 1 if 1 < raw < whole else whole  # some files state [0|1] or [0|0] for an unknown range
     if modulus > _LARGEST_MODULUS and modulus < whole:
         raise DbcError(path, f"{name}: counts to {raw}: expected at most {_LARGEST_MODULUS - 1}, or all its bits")
     return min(modulus, _LARGEST_MODULUS)

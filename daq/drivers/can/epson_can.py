@@ -24,7 +24,7 @@ from daq.types import IndexArray, IntArray
 
 _READ_SECONDS = 0.1
 _QUIET_SECONDS = 0.03
-_SYNC_SECONDS = 1.0  # without SYNC while the node lives; the slowest comes at 50 Hz
+_SYNC_SECONDS = 1.0  # time limit without SYNC while the heartbeat continues [s]; the slowest SYNC has 50 Hz
 _START, _PRE_OPERATIONAL = 1, 128  # NMT commands
 _ERRORS = (SdoError, can.CanError, OSError, ValueError)
 
@@ -51,7 +51,7 @@ class EpsonCan:
 
     def __init__(self, address: CanAddress, rate: float) -> None:
         self._address, self._rate = address, known_rate(rate, epson.RATES, address)
-        self.delay = group_delay(FILTERS[self._rate])  #: of its filter [s]
+        self.delay = group_delay(FILTERS[self._rate])  #: group delay of the filter [s]
         self._member: Member | None = None
         self._heartbeat: HeartbeatConsumer | None = None
         self._thermometer: Thermometer | None = None
@@ -93,7 +93,7 @@ class EpsonCan:
 
     @staticmethod
     def _wait_until_quiet(member: Member) -> None:
-        """Throw away what an earlier run's sampling still sends."""
+        """Discard data that are still sent by an earlier run."""
         end = time.monotonic() + 1.0
         while member.take(_QUIET_SECONDS):
             if time.monotonic() > end:

@@ -18,7 +18,7 @@ _SDO_REQUEST = 0x600
 
 
 def configure(node: canopen.RemoteNode, address: CanAddress, rate: int) -> None:
-    """Set rate [Hz], filter, what it samples on, process data and heartbeat; errors as of `canopen`, or ValueError."""
+    """Set rate [Hz], filter, sampling trigger, process data and heartbeat; errors of `canopen`, or ValueError."""
     period, number = epson.RATES[rate], FILTERS[rate]
     if address.sync:
         _write(node, epson.SYNC_COB, epson.SYNC, 4)  # an earlier run's SYNC ends
@@ -37,7 +37,7 @@ def _apply(node: canopen.RemoteNode, period: int, number: int) -> None:
     """Apply the settings of the device, and wait until it answers again."""
     _write(node, epson.APPLY, epson.APPLY_NOW, 1)
     end, patience = time.monotonic() + _APPLY_SECONDS, node.sdo.RESPONSE_TIMEOUT
-    node.sdo.RESPONSE_TIMEOUT = _ASK_SECONDS  # what is asked while it is deaf is never answered
+    node.sdo.RESPONSE_TIMEOUT = _ASK_SECONDS  # requests are not answered during this time
     while True:
         try:
             found = _number(node, epson.PERIOD), _number(node, epson.FILTER)
@@ -56,7 +56,7 @@ def produce_sync(node: canopen.RemoteNode) -> None:
 
 
 def end_sync(network: canopen.Network, number: int) -> None:
-    """Tell a node to send SYNC no more, and wait for no answer: it may be gone."""
+    """Stop the SYNC of a node without waiting for a reply, because it may be gone."""
     index, subindex = epson.SYNC_COB
     place = index.to_bytes(2, "little") + bytes([subindex])
     network.send_message(_SDO_REQUEST + number, bytes([_EXPEDITED]) + place + epson.SYNC.to_bytes(4, "little"))
@@ -81,7 +81,7 @@ def _number(node: canopen.RemoteNode, place: tuple[int, int]) -> int:
 
 
 def _serial(node: canopen.RemoteNode) -> str:
-    """Return the serial number, empty if the device keeps none (CiA 301 does not ask for it)."""
+    """Return the serial number, empty if the device has none (CiA 301 does not require it)."""
     try:
         return str(_number(node, epson.SERIAL))
     except SdoAbortedError:

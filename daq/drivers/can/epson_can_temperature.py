@@ -22,7 +22,7 @@ class Thermometer:
 
     Parameters
     ----------
-    node : asked at once, which takes as long as it takes to answer
+    node : queried at once, which takes the time of one reply
 
     Raises
     ------
@@ -32,7 +32,7 @@ class Thermometer:
 
     def __init__(self, node: canopen.RemoteNode) -> None:
         self._node, self._due = node, time.monotonic() + PERIOD
-        self.celsius = float("nan")  #: last told [degC], NaN of a node without such an object
+        self.celsius = float("nan")  #: last temperature [degC], NaN if the node has no such object
         try:
             self._take(bytes(node.sdo.upload(*objects.TEMPERATURE)))
         except SdoAbortedError:
@@ -41,7 +41,7 @@ class Thermometer:
         self._network.subscribe(node.sdo.tx_cobid, self._hear)
 
     def ask_if_due(self) -> None:
-        """Ask again if that is due; errors as of the bus."""
+        """Send a request if it is due; errors of the bus."""
         if time.monotonic() >= self._due:
             self._due = time.monotonic() + PERIOD
             self._network.send_message(self._node.sdo.rx_cobid, _message(_ASK).ljust(8, b"\0"))

@@ -1,7 +1,7 @@
 """Heartbeat and emergencies of a CANopen node, on the master's side (CiA 301, 7.2.8.3 and 7.2.7).
 
-What a heartbeat tells that missing scans do not: at once, that a node has started anew or left its operational state;
-and of one whose scans are missing, whether it lives.
+Heartbeats show at once that a node has restarted or left its operational state. For a node whose scans are missing,
+they show whether it is alive.
 """
 
 import time
@@ -11,10 +11,10 @@ import canopen
 from canopen.emcy import EmcyError
 from canopen.nmt import NMT_STATES
 
-PERIOD_MS = 250  #: between heartbeats, as the node is told
+PERIOD_MS = 250  #: interval of heartbeats set in the node
 PATIENCE = 1.0  #: s without one, four periods: they have the lowest priority of all frames on a bus
 _BOOT_UP, _OPERATIONAL = 0, 5
-_FULL_SECONDS = 2.0  # without a heartbeat, though scans come, until that is told
+_FULL_SECONDS = 2.0  # time without heartbeat, while scans arrive, before it is reported [s]
 
 
 class HeartbeatConsumer:
@@ -24,11 +24,11 @@ class HeartbeatConsumer:
 
     Parameters
     ----------
-    node : whose; it must send one every `PERIOD_MS`, and be told to start next
+    node : sends a heartbeat every `PERIOD_MS`; it must be started next
     """
 
     def __init__(self, node: canopen.RemoteNode) -> None:
-        self._said: deque[int] = deque(maxlen=16)  # states that nobody has looked at
+        self._said: deque[int] = deque(maxlen=16)  # states that were not processed yet
         self._warnings: deque[str] = deque(maxlen=16)
         self._heard = self._scanned = time.monotonic()
         self._running = self._told = False
@@ -68,7 +68,7 @@ class HeartbeatConsumer:
                 return "it has restarted: its settings are lost"
             if self._running and state != _OPERATIONAL:
                 return f"state of its heartbeat: {NMT_STATES.get(state, state)}, expected OPERATIONAL"
-            self._running |= state == _OPERATIONAL  # one that was under way when it was told to start may say otherwise
+            self._running |= state == _OPERATIONAL  # a heartbeat sent before the start command may have another state
         quiet = time.monotonic() - max(self._heard, self._scanned)
         return f"neither heartbeat nor scan for {PATIENCE:g} s" if quiet > PATIENCE else ""
 

@@ -1,8 +1,8 @@
 """Several devices on one CAN bus: one thread reads blocks of frames and splits them by identifier.
 
-Process data go to a queue a device, as blocks; service data, heartbeats and emergencies to `canopen`, which does the
-CANopen side of those that have one. The first device that joins a bus opens it, the last one that leaves closes it.
-Where the bus is gone all who had joined are told, leave, and the first to come back opens it anew.
+Process data are queued per device, in blocks. Service data, heartbeats and emergencies are passed to `canopen`. The
+first device that joins a bus opens it, the last one that leaves closes it. If the bus fails, all devices are notified
+and leave; the first one to return opens it again.
 """
 
 import contextlib
@@ -28,24 +28,24 @@ from daq.types import IndexArray
 _WAIT = 0.1  # s
 GATHER_SECONDS = 0.19  #: between a driver's reads: decoding costs by the read more than by the frame
 _ENOUGH = 400  # frames of a device that are worth a read
-_MOST_CHUNKS = 4096  # that wait for a device's thread; beyond it they are lost, and the counter tells
+_MOST_CHUNKS = 4096  # capacity of a device's queue; further data are lost, and the counter shows it
 _REPLY_SECONDS = 0.5
-#: what canopen is told, and the least data that it can read: emergencies, service data, heartbeats
+#: messages passed to canopen, with their minimum length: emergencies, service data, heartbeats
 _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
 _SERVICE_IDS = np.array(list(_SERVICES), np.uint32)
 _BUS_ERRORS = (can.CanError, OSError, ValueError)
-#: what python-can's backends raise besides: kvaser a name that its vendor's library should have defined, neovi the
-#: import of its own, socketcand arguments that a place does not have
+#: other exceptions of python-can's backends: kvaser a missing name of the vendor's library, neovi its own import error,
+#: socketcand missing arguments
 _BACKEND_ERRORS = (*_BUS_ERRORS, NameError, ImportError, TypeError)
 for _name in ("can", "canopen"):
-    logging.getLogger(_name).addHandler(logging.NullHandler())  # what goes wrong is raised, not printed
+    logging.getLogger(_name).addHandler(logging.NullHandler())  # errors are raised, not printed
 
 
 @dataclass(frozen=True)
 class SyncPart:
     """Part of a device in the SYNC of its bus."""
 
-    rate: float  #: of SYNC frames [Hz]
+    rate: float  #: rate of SYNC frames [Hz]
     produces: bool  #: it sends them itself
 
 
@@ -54,7 +54,7 @@ class DeviceFrames(Chunk):
     """Frames of one device in a chunk."""
 
     syncs: IndexArray  #: (n,) number of the last SYNC before each frame, if the device samples on it
-    clock: str  #: that these numbers are of
+    clock: str  #: name of the clock of these numbers
 
 
 @dataclass(eq=False)
@@ -63,7 +63,7 @@ class Member:
 
     hub: "CanHub"
     place: CanPlace
-    identifiers: frozenset[int]  #: of its process data, with the bit EXTENDED
+    identifiers: frozenset[int]  #: identifiers of its process data, with the bit EXTENDED
     sync: SyncPart | None = None  #: if it samples on that
     inbox: "queue.Queue[DeviceFrames]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
     waiting: int = 0  #: frames that came since they were taken, about
@@ -96,7 +96,7 @@ class Member:
             self.enough.wait(seconds)
 
     def pick(self, chunk: DeviceFrames) -> npt.NDArray[np.bool_]:
-        """Take the frames that are this device's; tell which (n,)."""
+        """Select the frames of this device; return which (n,)."""
         own = np.zeros(len(chunk.frames), bool)
         for identifier in self.identifiers:  # few: each takes a tenth of the time of np.isin
             own |= chunk.frames.ids == identifier
@@ -184,7 +184,7 @@ def _open_bus(place: CanPlace) -> can.BusABC:
 
 
 _HUBS: dict[tuple[str, str], CanHub] = {}  # a bus can be opened once in a process
-_SYNCS: dict[tuple[str, str], SyncCount] = {}  # for as long as the process lives: their numbers go on
+_SYNCS: dict[tuple[str, str], SyncCount] = {}  # counts of the process: the numbers continue
 _LOCK = threading.Lock()
 
 

@@ -23,7 +23,7 @@ _IS_ADAPTER = re.compile(rb"(?:^|[\r\a])(V[0-9A-Fa-f]{4}|[^\r\a]*CANable[^\r\a]*
 
 
 def search(path: str, bitrate: int) -> PortAnswer | None:
-    """Ask for an adapter, and for nodes on its bus."""
+    """Search for an adapter, and for nodes on its bus."""
     version = _adapter(path)
     if version is None:
         return None
@@ -47,7 +47,7 @@ def _adapter(path: str) -> str | None:
 
 
 def find_nodes(bus: CanPlace) -> list[Found]:
-    """Ask all 127 CANopen nodes of a bus who they are, and return the accelerometers among those that answer.
+    """Query all 127 CANopen nodes of a bus, and return the accelerometers among those that respond.
 
     Raises
     ------

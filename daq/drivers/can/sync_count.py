@@ -1,7 +1,7 @@
 """The SYNC frames of a CAN bus as one clock of all nodes that sample on them (CiA 301, section 7.2.5).
 
-The frames themselves have no number, those of a node's scans one of its own. In the order of the bus each scan comes
-after its SYNC: so the host, which sees both, gives every SYNC a number, and each scan that of its SYNC.
+SYNC frames have no number; scans have the counter of their node. On the bus, each scan follows its SYNC. The host
+receives both. It numbers every SYNC, and assigns to each scan the number of its SYNC.
 """
 
 import numpy as np
@@ -10,16 +10,16 @@ from daq.drivers.can.bus import Chunk
 from daq.protocol.epson_can import MODULUS, SYNC
 from daq.types import IndexArray, IntArray
 
-_PAUSE = 0.5e9  # ns without a SYNC, more than what comes at once then makes up for: sampling began anew
-_LEAST_SPAN = 0.5e9  # ns of SYNC that tell its period
-_OFF_READS = 5  # reads one after another whose scans do not fit their SYNC
+_PAUSE = 0.5e9  # pause without SYNC, longer than a delayed read, after which sampling has restarted [ns]
+_LEAST_SPAN = 0.5e9  # span of SYNC from which the period is estimated [ns]
+_OFF_READS = 5  # consecutive reads whose scans do not match their SYNC
 
 
 class SyncCount:
     """Numbers of the SYNC frames of one bus during the life of the process.
 
-    Where they began anew - another host's side of the bus, another start of the producer, a pause - `clock` gets
-    another name, and numbers go on as the host's clock says.
+    After a restart (of the host's side of the bus, of the producer, or after a pause) `clock` has another name, and the
+    numbers continue by the clock of the host.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class SyncCount:
 
     @property
     def clock(self) -> str:
-        """Name of what the numbers count."""
+        """Name of the clock of the numbers."""
         return f"{self._name} {self._starts}"
 
     @property
@@ -44,7 +44,7 @@ class SyncCount:
         return self._number
 
     def restart(self) -> None:
-        """Note that what comes from now on has nothing to do with what came."""
+        """Mark that later frames are not related to earlier ones."""
         self._restart = True
 
     def count(self, chunk: Chunk, rate: float) -> IndexArray:
@@ -83,8 +83,8 @@ class SyncCount:
 class SyncedCounter:
     """From one node's counter to the number of the SYNC that each scan was taken on, from one start to the next.
 
-    The two differ by a constant, which most scans of the first read tell: where a bus is full to the brim, a frame may
-    come after the next SYNC already.
+    The two numbers differ by a constant. It is determined from most scans of the first read, because on a full bus a
+    frame may arrive after the next SYNC.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""WitMotion WT901 on a CAN bus: low grade, for want of a counter."""
+"""WitMotion WT901 on a CAN bus: low grade, because it has no counter."""
 
 import time
 from typing import Any
@@ -41,7 +41,7 @@ class WitmotionCan:
         if address.sync:
             raise ValueError(f"sync of {address}: a WT901 samples by its own clock, found {address.sync!r}")
         self._address, self._rate = address, known_rate(rate, wit.RATES, address)
-        self.delay = wit.filter_delay(self._rate)  #: of its filter [s]
+        self.delay = wit.filter_delay(self._rate)  #: group delay of the filter [s]
         self._member: Member | None = None
         self._number = 0  # of the next scan
 
@@ -60,7 +60,7 @@ class WitmotionCan:
         return {"product": "WT901"}
 
     def _wait_for_scan(self, member: Member) -> None:
-        """Throw away what was sent before the settings, and wait for what comes after it."""
+        """Discard data sent before the settings, and wait for later data."""
         member.take(0.0)
         end = time.monotonic() + _ANSWER_SECONDS
         while time.monotonic() < end:

@@ -21,7 +21,7 @@ D = TypeVar("D", bound=Decoder)
 class SerialDriver(ABC, Generic[D]):
     """Driver of one device on a serial port.
 
-    A subclass has the constants of the device, connects and configures it, and decodes what it sends.
+    A subclass has the constants of the device, connects and configures it, and decodes its data.
 
     Parameters
     ----------

@@ -9,16 +9,16 @@ _ENOUGH = 5000  # bytes a read should bring
 _ROOM = 2600  # bytes that may wait in the port: a pty holds 4 kB, a real port more
 _FIRST = 0.005  # s that bytes gather at first; then twice as long each time
 _SHORTEST = 0.002  # s of gathering below which there is nothing to gain: sleeping is not that exact
-_PART, _FULL = 8192, 4000  # bytes asked for at once, and of an answer behind which there may be more
+_PART, _FULL = 8192, 4000  # bytes requested at once, and length of a read after which more may be available
 _MOST = 1 << 16  # bytes a read
 
 
 class BufferedPort:
     """Reads a port that is open and does not block; for one thread.
 
-    While bytes come fast enough it lets them gather, and is woken early only if the port goes. Then it takes what is
-    there and waits for the next byte: so the last one's arrival is known as well as if each had been waited for. What
-    waits in a port that goes is lost with it, `_ROOM` bytes at the most.
+    If bytes arrive fast enough, they accumulate while the reader sleeps; it is woken early only if the port disappears.
+    It then reads the available bytes and waits for the next byte, so that the arrival time of the last byte is exact.
+    Bytes waiting in a port that disappears are lost, `_ROOM` bytes at most.
 
     Parameters
     ----------
@@ -30,13 +30,13 @@ class BufferedPort:
     def __init__(self, descriptor: int, *, most_seconds: float, least_rate: float) -> None:
         self._descriptor, self._most_seconds, self._least_rate = descriptor, most_seconds, least_rate
         self._gone, self._here = select.poll(), select.poll()
-        self._gone.register(descriptor, 0)  # a hang-up is told to who asks for nothing, too
+        self._gone.register(descriptor, 0)  # a hang-up is reported without a requested event, too
         self._here.register(descriptor, select.POLLIN)
         self._pauses, self._pause = 0, 0.0  # of gathering: number, length [s]
         self.arrived = self._taken = time.perf_counter_ns()  #: when the last read's bytes were here
 
     def read(self, seconds: float | None, *, batch: bool = True) -> bytes:
-        """Return what has come; nothing if nothing comes within some seconds, after what gathered.
+        """Return the available bytes; after accumulation, nothing if nothing arrives within some seconds.
 
         Parameters
         ----------
@@ -55,14 +55,14 @@ class BufferedPort:
             data += self._take()
         if self._here.poll(None if seconds is None else 1e3 * seconds):
             last = self._take()
-            if not (last or data):  # something was said to be there
+            if not (last or data):  # poll reported data
                 raise OSError("it was unplugged")
             data += last
         self._adapt(len(data))
         return data
 
     def _take(self) -> bytes:
-        """Return what is there."""
+        """Return the available bytes."""
         data = part = self._part()
         while len(part) >= _FULL and len(data) < _MOST:
             part = self._part()
@@ -75,7 +75,7 @@ class BufferedPort:
         try:
             return os.read(self._descriptor, _PART)
         except OSError:
-            return b""  # nothing there, or gone: the next read tells
+            return b""  # nothing available, or port gone: the next read shows which
 
     def _adapt(self, n: int) -> None:
         """Let bytes gather for as long as they need to be enough, without filling the port."""

@@ -14,7 +14,7 @@ _FILTER_SECONDS = 2.0
 class EpsonRegisters:
     """Access to the registers of a device that does not sample.
 
-    Each call may raise OSError, where the port is gone, or ValueError, where what answers is not an answer.
+    Each call may raise OSError if the port is gone, or ValueError if the reply is invalid.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ class EpsonRegisters:
         self._port = port
 
     def identify(self) -> dict[str, Any]:
-        """Ask who is there; one that was sampling stops."""
+        """Identify the device; it stops sampling."""
         self.stop()
         time.sleep(0.02)  # a frame that was on its way ends
         self._port.discard_input()
@@ -76,6 +76,6 @@ class EpsonRegisters:
         return value
 
     def _text(self, registers: range) -> str:
-        """Return what registers spell, two characters each, low byte first."""
+        """Return the text in registers, two characters each, low byte first."""
         raw = b"".join(self._read(1, address).to_bytes(2, "little") for address in registers)
         return raw.decode("ascii", "replace").strip("\0 ")

@@ -15,7 +15,7 @@ from daq.protocol.epson_filters import FILTERS, group_delay
 
 BAUD = 460800
 _REPLY_SECONDS = 1.0
-_SEARCH_SECONDS = 0.3  # that a port is given to answer where nobody knows who is there
+_SEARCH_SECONDS = 0.3  # time limit of a reply at a port with an unknown device [s]
 
 
 class EpsonUart(SerialDriver[epson.BurstDecoder]):
@@ -38,7 +38,7 @@ class EpsonUart(SerialDriver[epson.BurstDecoder]):
     def __init__(self, port: str, rate: float) -> None:
         super().__init__(port)
         self._rate = known_rate(rate, epson.RATES, port)
-        self.delay = group_delay(FILTERS[self._rate])  #: of the filter [s]
+        self.delay = group_delay(FILTERS[self._rate])  #: group delay of the filter [s]
         self._decoder = epson.BurstDecoder()
 
     def _connect(self) -> SerialPort:
@@ -67,7 +67,7 @@ class EpsonUart(SerialDriver[epson.BurstDecoder]):
 
 
 def search(path: str, _: int) -> PortAnswer | None:
-    """Ask for such a device at a port, and free it; one that was sampling stops."""
+    """Search for such a device at a port, and free the port; a sampling device stops."""
     try:
         port = SerialPort(path, BAUD, _SEARCH_SECONDS)
     except PORT_ERRORS:

@@ -15,12 +15,12 @@ from daq.errors import DeviceLost, DriverError
 from daq.protocol import node
 
 BAUD = 460800  #: nodes that are USB devices themselves do not care
-_HELLO_SECONDS = 1.5  # a node that does not listen says who it is once a second
+_HELLO_SECONDS = 1.5  # interval of the hello of a node that does not receive commands, with a margin [s]
 _AGAIN_SECONDS = 0.4
 _SCANS_SECONDS = 1.0
-_RATE_TOLERANCE = 1e-3  # of the rate that a node says it has
+_RATE_TOLERANCE = 1e-3  # tolerance of the rate reported by a node
 _CLOCK_TOLERANCE = 0.05  # of time passed: oscillators inside accelerometers are some percent off
-_CLOCK_SLACK = 2000  # us: what a busy controller stamps late
+_CLOCK_SLACK = 2000  # us: delay of the time stamp of a busy controller
 _NEIGHBOURS = 10e6  # us: scans further apart are no witness for one another
 
 
@@ -124,7 +124,7 @@ class ModalwatchNode(SerialDriver[node.NodeDecoder]):
 
 
 def search(path: str, _: int) -> PortAnswer | None:
-    """Ask for a node at a port."""
+    """Search for a node at a port."""
     try:
         hello = ModalwatchNode(path, 1.0).identify()
     except DriverError:
@@ -137,8 +137,8 @@ def search(path: str, _: int) -> PortAnswer | None:
 class FrameValidator:
     """Distinguishes scans from damaged frames with a valid CRC (one in 2^16).
 
-    Counter and clock of a node go on together. A scan is believed if it agrees with the one before or the one after;
-    the last of a read that does not agree with the one before waits for the next read.
+    Counter and clock of a node increase together. A scan is valid if it agrees with the previous or the next one. The
+    last scan of a read that does not agree with the previous one is kept until the next read.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ class FrameValidator:
         self.restarted = False  #: counter and clock of scans that agree have gone back
 
     def evaluate(self, scans: node.NodeScans) -> tuple[node.NodeScans, int]:
-        """Take the next scans; return those to believe, and how many were refused."""
+        """Evaluate the next scans; return the valid ones, and the number of refused ones."""
         known = len(self._last.counter)
         if known and not len(self._waiting.counter) and self._goes_on(scans):  # as nearly always
             self._last, self.restarted = scans[-1:], False
@@ -172,7 +172,7 @@ class FrameValidator:
         return new[known:], int(np.count_nonzero(~good)) - len(self._waiting.counter)
 
     def _goes_on(self, scans: node.NodeScans) -> bool:
-        """Tell whether scans follow the last one and each other without a gap, by the node's clock too."""
+        """Return whether scans continue the last one without a gap, by the node's clock too."""
         counter, time = (
             np.concatenate([getattr(part, name) for part in (self._last, scans)]) for name in ("counter", "time")
         )
@@ -183,7 +183,7 @@ class FrameValidator:
         return bool(us.min() > self._period - slack and us.max() < self._period + slack)
 
     def _agree(self, scans: node.NodeScans) -> npt.NDArray[np.bool_]:
-        """Tell of each pair of neighbours (n - 1,), not far apart, whether the clock has gone on as the counter has."""
+        """Return for each pair of neighbours (n - 1,), not far apart, whether counter and clock agree."""
         step, us = np.diff(scans.counter).view(np.int32), np.diff(scans.time).view(np.int32)
         expected = step * self._period
         off = np.abs(us - expected)
@@ -191,6 +191,6 @@ class FrameValidator:
 
 
 def _went_back(scans: node.NodeScans) -> npt.NDArray[np.bool_]:
-    """Tell of each pair of neighbours whether the later one has both lower counter and earlier time."""
+    """Return for each pair of neighbours whether the later one has both lower counter and earlier time."""
     back = (np.diff(values).view(np.int32) < 0 for values in (scans.counter, scans.time))
     return np.logical_and(*back)

@@ -9,15 +9,15 @@ import serial
 from daq.drivers.serial.buffered_port import BufferedPort
 from daq.errors import DeviceLost
 
-READ_SECONDS = 0.1  #: that a read waits for the first byte
+READ_SECONDS = 0.1  #: time limit of a read for the first byte [s]
 if sys.platform == "win32":
     PORT_ERRORS: tuple[type[Exception], ...] = (OSError,)
 else:
     import termios
 
-    PORT_ERRORS = (OSError, termios.error)  #: SerialException is an OSError, what flushing raises is not
+    PORT_ERRORS = (OSError, termios.error)  #: SerialException is an OSError; flushing raises termios.error
 _GATHER_SECONDS = 0.19  # with the wait for the next scan a block's 0.2 s
-_LEAST_RATE = 500.0  # bytes/s: a device that sends less is heard scan by scan
+_LEAST_RATE = 500.0  # bytes/s: slower devices are read scan by scan
 
 
 class SerialPort:
@@ -46,7 +46,7 @@ class SerialPort:
         self._bites = BufferedPort(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
 
     def read(self) -> bytes:
-        """Return what has arrived; nothing if nothing comes within `READ_SECONDS`.
+        """Return the received bytes; empty if nothing arrives within `READ_SECONDS`.
 
         Raises
         ------
@@ -68,12 +68,12 @@ class SerialPort:
         self._line.write(data)
 
     def answer(self, size: int) -> bytes:
-        """Return so many bytes, or what of them comes in time; OSError if the port is gone."""
+        """Return the requested number of bytes, or those received in time; OSError if the port is gone."""
         answer: bytes = self._line.read(size)
         return answer
 
     def discard_input(self) -> None:
-        """Throw away what has arrived."""
+        """Discard received bytes."""
         self._line.reset_input_buffer()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""WitMotion WT901 on a serial line: low grade, for want of a counter."""
+"""WitMotion WT901 on a serial line: low grade, because it has no counter."""
 
 import time
 from typing import Any
@@ -13,7 +13,7 @@ from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost
 from daq.protocol import witmotion as wit
 
-BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the one that it was told
+BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the rate it was set to
 _LISTEN_SECONDS = 0.35  # at each of them: at ten scans a second three packets
 _COMMAND_SECONDS = 0.01
 _SETTLE_SECONDS = 0.15  # after a setting
@@ -41,7 +41,7 @@ class Witmotion(SerialDriver[wit.WitDecoder]):
     def __init__(self, port: str, rate: float) -> None:
         super().__init__(port)
         self._rate = known_rate(rate, wit.RATES, port)
-        self.delay = wit.filter_delay(self._rate)  #: of the filter [s]
+        self.delay = wit.filter_delay(self._rate)  #: group delay of the filter [s]
         self._decoder, self._baud = wit.WitDecoder(), 0
 
     def _connect(self) -> SerialPort:
@@ -78,7 +78,7 @@ def listen(path: str) -> tuple[SerialPort, int]:
     OSError
         If the port cannot be opened.
     ValueError
-        If no packet is heard at any.
+        If no packet is received at any rate.
     """
     for baud in BAUDS:
         port, decoder = SerialPort(path, baud), wit.WitDecoder()

@@ -52,7 +52,7 @@ CLOCK = Dated(_clock, "a time of day as 12:00:00.005")  #: seconds since midnigh
 
 
 def reads(kind: Dated, text: str) -> bool:
-    """Tell whether a cell is one of a kind."""
+    """Return whether a cell is of a kind."""
     try:
         kind.read(text)
     except ValueError:

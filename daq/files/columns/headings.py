@@ -13,7 +13,7 @@ from daq.types import FloatArray
 _G = 9.80665
 ACCELERATIONS = {"m/s2": 1.0, "cm/s2": 1e-2, "mm/s2": 1e-3, "g": _G, "mg": 1e-3 * _G, "ug": 1e-6 * _G}  #: [m/s2]
 _VELOCITIES = {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6}  # m/s
-TEMPERATURES = {  #: of one unit, and of zero, in degC
+TEMPERATURES = {  #: one unit and zero [degC]
     **dict.fromkeys(("°c", "degc", "c", "℃", "celsius"), (1.0, 0.0)),
     **dict.fromkeys(("k", "kelvin"), (1.0, -273.15)),
     **dict.fromkeys(("°f", "degf", "fahrenheit"), (5 / 9, -160 / 9)),
@@ -31,7 +31,7 @@ class Signal:
 
     column: str  #: its name in the file
     channel: str  #: name of its sensor
-    unit: str  #: as the column states it, "" if it does not
+    unit: str  #: unit stated by the column, "" if none
 
 
 def parted(name: str) -> tuple[str, str]:
@@ -41,7 +41,7 @@ def parted(name: str) -> tuple[str, str]:
 
 
 def acceleration(unit: str) -> float | None:
-    """Return what a unit is worth [m/s2], however it is spelt; None if it is none of acceleration."""
+    """Return a unit as a factor [m/s2], in any notation; None if it is not a unit of acceleration."""
     return ACCELERATIONS.get(plain(unit))
 
 
@@ -60,13 +60,13 @@ def signals_of(
     ----------
     path : of the file
     names : of all columns of signals
-    columns : columns, with their units or without -> names of their channels; all, without their units, unless given
-    united : whether names state units; else what stands in brackets belongs to the name
+    columns : columns, with their units or without -> names of their channels. Default: all, without their units
+    united : whether names state units; else text in brackets belongs to the name
 
     Raises
     ------
     DataError
-        If a column is asked for twice, with its unit and without, or two would be channels of one name.
+        If a column is requested twice, with its unit and without, or two would be channels of one name.
     """
     bare = _bare(names) if united else {name: name for name in names}
     units = {name: parted(name)[1] for name in names if united}
@@ -103,7 +103,7 @@ def temperatures_of(path: Path, names: Sequence[str], asked: str | None) -> tupl
     ----------
     path : of the file
     names : of all columns
-    asked : the one to be taken, with its unit or without
+    asked : requested column, with its unit or without
 
     Raises
     ------
@@ -124,12 +124,12 @@ def _is_temperature(name: str) -> bool:
 
 
 def factors(path: Path, signals: Sequence[Signal], velocities: Collection[str]) -> FloatArray:
-    """Return what a unit of each column is worth (n_columns,) [m/s2; m/s for velocities]; 1 where none is stated.
+    """Return the unit of each column as a factor (n_columns,) [m/s2; m/s for velocities]; 1 if none is stated.
 
     Raises
     ------
     DataError
-        Naming a column whose unit is not known, or is that of another quantity.
+        Naming a column whose unit is unknown, or of another quantity.
     """
     return np.array([_factor(path, signal, signal.channel in velocities) for signal in signals])
 
@@ -154,7 +154,7 @@ def unit_remark(signals: Iterable[Signal], velocities: Collection[str], by_hand:
     ----------
     signals : that were read
     velocities : channels that hold velocities
-    by_hand : what a unit of all columns is worth [m/s2], if that was said
+    by_hand : factor of the unit given for all columns [m/s2], if any
     """
     stated: dict[str, list[str]] = {}
     for signal in signals:

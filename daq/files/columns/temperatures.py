@@ -9,8 +9,8 @@ from daq.errors import DataError
 from daq.files.columns.headings import TEMPERATURES, parted, plain
 from daq.types import FloatArray
 
-_COLDEST, _HOTTEST = -90.0, 150.0  # degC: what is beyond is no temperature of a structure or a sensor
-_OLDEST = 1800.0  # s: a reading says nothing of what is farther from it
+_COLDEST, _HOTTEST = -90.0, 150.0  # degC: plausible temperatures of a structure or a sensor
+_OLDEST = 1800.0  # s: longest interval over which a reading is used
 
 
 def mean_temperature(path: Path, names: Sequence[str], values: FloatArray, rate: float) -> FloatArray:
@@ -22,13 +22,13 @@ def mean_temperature(path: Path, names: Sequence[str], values: FloatArray, rate:
     ----------
     path : of their file
     names : of the columns
-    values : (n_samples, n_columns) as they stand in the file, NaN where there is no reading
+    values : (n_samples, n_columns) as in the file, NaN where there is no reading
     rate : samples a second [Hz]
 
     Raises
     ------
     DataError
-        Naming a column whose unit is none of temperatures, or that holds some that no structure has.
+        Naming a column whose unit is not a unit of temperature, or that has implausible values.
     """
     total, count = np.zeros(len(values)), np.zeros(len(values))
     for name, column in zip(names, values.T, strict=True):
@@ -70,7 +70,7 @@ def _between(readings: FloatArray, rate: float) -> FloatArray:
 
 
 def known_mean(values: FloatArray) -> float:
-    """Return the mean of what is known, NaN if nothing is."""
+    """Return the mean of the known values, NaN if there are none."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else float("nan")
 

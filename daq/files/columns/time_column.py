@@ -28,7 +28,8 @@ _BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
 _DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
 _DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
-_SLOWEST, _FASTEST = 1 - 1e-9, 200e3  # Hz: no log of a structure's accelerations is beyond, unless somebody says so
+# Hz: plausible rates of a log of a structure's accelerations, unless stated explicitly
+_SLOWEST, _FASTEST = 1 - 1e-9, 200e3
 _USUAL = 20e3  # Hz: up to which a unit is proposed
 _LEAST_PERIOD = 1e-12  # s
 _LATEST = 1e20  # of a time: nanoseconds since 1970 are less
@@ -40,8 +41,8 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     Parameters
     ----------
     names : of all columns
-    asked : the name that it should have; else ``t``, ``time``, ``timestamp`` or ``datetime``, large or small, alone or
-        with a unit as ``time [ms]``, ``Time (s)`` or ``t_us``
+    asked : requested name; else ``t``, ``time``, ``timestamp`` or ``datetime``, in upper or lower case, alone or with a
+        unit as ``time [ms]``, ``Time (s)`` or ``t_us``
     """
     if asked is not None:
         return asked if asked in names else None
@@ -54,7 +55,7 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
 def date_column(names: Sequence[str], first: Sequence[str], time: str | None) -> str | None:
     """Return the name of the column of dates that times of day belong to, None where there is none.
 
-    One that is called so and cannot be read is told by its cells.
+    A column of that name that cannot be read is identified by its cells.
 
     Parameters
     ----------
@@ -89,14 +90,14 @@ def in_seconds(path: Path, name: str, t: FloatArray, given: str | None) -> Float
     Parameters
     ----------
     path : of the file that holds them
-    name : of their column; its unit is heeded
-    t : as they stand in the file
+    name : name of the column, whose unit is applied
+    t : as in the file
     given : their unit by hand, of `TIME_UNITS`; it goes before that of `name`
 
     Raises
     ------
     DataError
-        If nobody says the unit, and seconds would make a rate that no log of a structure's accelerations has.
+        If no unit is stated, and seconds would give an implausible rate.
     """
     unit = given or header_unit(name)
     if unit is None:
@@ -109,7 +110,8 @@ def _ask(path: Path, name: str, t: FloatArray) -> None:
     step = np.diff(np.where(np.abs(t) < _LATEST, t, np.nan))
     known = step[np.isfinite(step)]
     period = float(np.median(known)) if len(known) else 0.0
-    if period < _LEAST_PERIOD or _SLOWEST <= 1 / period <= _FASTEST:  # what does not increase is told elsewhere
+    # times that do not increase are reported elsewhere
+    if period < _LEAST_PERIOD or _SLOWEST <= 1 / period <= _FASTEST:
         return
     rates = {unit: 1 / (period * worth) for unit, worth in TIME_UNITS.items()}
     usual = [f"{unit} ({hertz:.6g} Hz)" for unit, hertz in rates.items() if _SLOWEST <= hertz <= _USUAL]

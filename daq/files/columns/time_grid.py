@@ -6,7 +6,8 @@ import numpy as np
 
 from daq.types import BoolArray, FloatArray, IndexArray
 
-TOLERANCE = 0.1  #: of a sample's time from the even grid, as a share of the period: a quarter radian at 0.4 of the rate
+#: deviation of a sample's time from the even grid, relative to the period: a quarter radian at 0.4 of the rate
+TOLERANCE = 0.1
 _NICE, _NICE_SHARE = 0.02, 1e-5  # a rounder rate may be off: periods at the end of the record, and relative
 _LATEST, _LEAST_STEP = 1e12, 1e-9  # s
 _LARGEST_SHARE = 10_000  # periods a row: a table with more missing than that holds a wrong time
@@ -18,7 +19,7 @@ class UnevenError(ValueError):
     Parameters
     ----------
     row : of the time, counted from 0
-    why : what is wrong with it
+    why : reason
     """
 
     def __init__(self, row: int, why: str) -> None:
@@ -31,7 +32,7 @@ class Grid:
     """An even time grid."""
 
     rate: float  #: samples a second [Hz]
-    index: IndexArray  #: (n_rows,) place of each row on the grid; what is skipped is missing
+    index: IndexArray  #: (n_rows,) position of each row on the grid; skipped positions are missing samples
 
 
 def even_grid(t: FloatArray) -> Grid:

@@ -67,7 +67,7 @@ def decode_block(device: str, data: bytes) -> Block:
 
 
 def _check(message: AccelBlock) -> None:
-    """Refuse figures that no device has: what is computed of them would be no number, no time, or too large."""
+    """Refuse values that no device has: results would be not-a-number, no time, or too large."""
     bounds: tuple[tuple[str, float, float, float], ...] = (
         ("rate", message.rate, 1e-6, 1e9),
         ("scale", message.scale, float(np.finfo(float).tiny), 1e12),

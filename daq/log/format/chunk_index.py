@@ -11,7 +11,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, Writer
 
-_LIST = "_Writer__chunk_indices"  # the stock writer's own name for its list, of which nothing but this is asked
+_LIST = "_Writer__chunk_indices"  # name of the list in the stock writer, the only private name used
 
 
 class ChunkIndexes:

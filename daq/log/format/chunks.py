@@ -1,4 +1,4 @@
-"""Chunks of a log opened with bounded memory: sizes stated in a file are checked before they are believed."""
+"""Chunks of a log opened with bounded memory: sizes stated in a file are checked before memory is allocated."""
 
 import os
 from dataclasses import replace
@@ -15,9 +15,9 @@ MAX_CHUNK = 32 << 20  #: bytes of an uncompressed chunk: the writers begin a new
 
 
 class WholeReads:
-    """A file whose reads return all requested bytes or fail, within the size of the file.
+    """File whose reads return all requested bytes or fail, within the size of the file.
 
-    The stock reader takes a half record for a whole one, and asks for memory as a damaged length says.
+    The stock reader accepts incomplete records, and allocates memory by a damaged length.
     """
 
     def __init__(self, file: IO[bytes]) -> None:

@@ -25,7 +25,7 @@ class FileIndex:
 
     path: Path
     channels: tuple[Channel, ...]
-    chunks: tuple[ChunkIndex, ...]  #: in the order of writing
+    chunks: tuple[ChunkIndex, ...]  #: chunks in the order of writing
 
     def with_topics(self, wanted: Callable[[str], bool]) -> tuple[ChunkIndex, ...]:
         """Return the chunks that hold messages of any of these topics, in the order of writing."""

@@ -1,7 +1,7 @@
 """Check of the indexes behind a log's chunks against their messages, for many chunks at once.
 
-Each entry must point at a message of its channel and time, and what stands between the messages that entries point at
-must be definitions: then each message is indexed, once.
+Each entry must point at a message of its channel and time, and everything between these messages must be definitions:
+each message is then indexed exactly once.
 """
 
 from collections import Counter
@@ -37,7 +37,7 @@ class IndexedChunks:
         Raises
         ------
         ValueError
-            If an index is not the one that the messages ask for.
+            If an index does not match the messages.
         """
         for channel, listed in entries.items():
             n = len(listed) // _ENTRY.itemsize

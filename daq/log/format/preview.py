@@ -1,7 +1,7 @@
 """Preview messages for stock viewers: one message per scan, at a reduced rate.
 
-A device's scans go through a low-pass of linear phase and every so many is kept, so that nothing aliases and nothing
-moves in time. What is missing stays missing: the filter begins anew behind a gap, half its length later.
+Scans of a device are low-pass filtered with linear phase and decimated, without aliasing or shift in time. Missing
+scans remain missing: the filter restarts after a gap, with half its length.
 """
 
 from dataclasses import dataclass
@@ -42,7 +42,7 @@ class View:
         self._clocks = ScanClocks()
 
     def add(self, block: Block) -> list[ViewMessage]:
-        """Take a block; return what can be shown now."""
+        """Add a block; return the scans that can be shown now."""
         device = self._devices.get(block.device)
         if device is None or block.flags & Flag.RESTARTED or not device.goes_on(block):
             device = self._devices[block.device] = _DeviceView(block.rate, self._rate)
@@ -64,7 +64,7 @@ class _DeviceView:
         self._last = 0  # time of the last scan shown [ns UTC]
 
     def goes_on(self, block: Block) -> bool:
-        """Tell whether a block is later than those before: a log that is begun anew repeats some."""
+        """Return whether a block is later than the previous ones: a restarted log repeats some."""
         return block.first_index >= self._end
 
     def add(self, block: Block, clock: ScanClock) -> tuple[IndexArray, FloatArray]:
@@ -78,7 +78,7 @@ class _DeviceView:
         if not len(centre):
             return centre, np.zeros((0, counts.shape[1]))
         windows = np.lib.stride_tricks.sliding_window_view(counts, len(self._taps), axis=0)
-        # seven digits are enough to look at, and the others would double what the view takes on the disk
+        # seven digits are sufficient for a plot; more would double the size on the disk
         scans = (windows[centre - half - begin] @ self._taps * block.scale).astype(np.float32)
         return self._times(clock.times(centre)), scans.astype(np.float64)
 

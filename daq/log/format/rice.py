@@ -1,12 +1,12 @@
 """Integers in few bits: differences of the order that leaves least, Rice-coded; both directions side by side.
 
-What a sensor measures is noise upon something that is smooth at its rate. Its differences of some order are nearly
-white, and small; of white noise of a normal distribution a Rice code takes a tenth of a bit more than entropy allows.
-All arithmetic is modulo 2^32, so that every int32 comes back exactly, whatever the order.
+A sensor signal is noise plus a part that is smooth at its rate. Its differences of some order are nearly white and
+small. For white noise with a normal distribution, a Rice code takes a tenth of a bit more than the entropy. All
+arithmetic is modulo 2^32, so that every int32 is restored exactly, for any order.
 
-A residual r is made positive as u = 2 r, or -2 r - 1 if r < 0. Of each axis the `n_low` lower bits of all u stand one
-after those of another, the greatest first; behind those of the last axis each u of each axis has as many zeros as
-u / 2^n_low says, and a one. The bits end in zeros.
+A residual r is mapped to u = 2 r, or -2 r - 1 if r < 0. For each axis, the `n_low` lower bits of all u are stored one
+after another, highest bit first. After those of the last axis, each u of each axis is stored as u / 2^n_low zeros and a
+one. The bits are padded with zeros.
 
 References
 ----------
@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from daq.types import IndexArray, IntArray
 
-ORDERS = range(4)  #: of differences that are tried
+ORDERS = range(4)  #: orders of the differences tried
 _BITS = 32
 _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
@@ -32,9 +32,9 @@ _Unsigned = npt.NDArray[np.uint32]
 class Packed:
     """Samples of all axes."""
 
-    order: tuple[int, ...]  #: of the differences of each axis
-    start: tuple[int, ...]  #: of each axis the first sample and its differences of lower order; of order 0 its mean
-    n_low: tuple[int, ...]  #: bits of each residual that stand apart, of each axis
+    order: tuple[int, ...]  #: order of the differences of each axis
+    start: tuple[int, ...]  #: per axis: first sample and its differences of lower order; for order 0 the mean
+    n_low: tuple[int, ...]  #: number of low bits of each residual, per axis
     bits: bytes
 
 
@@ -56,10 +56,10 @@ def pack(counts: IntArray) -> Packed:
 
 
 def _least(samples: IntArray) -> tuple[_Unsigned, IndexArray, tuple[int, ...]]:
-    """Return what the best differences of samples (n_axes, n) leave, zeros in front of them; their orders; `start`.
+    """Return the residuals of the best differences of samples (n_axes, n), preceded by zeros; their orders; `start`.
 
-    The powers of differences of one order after another are the moments of a spectrum, whose logarithm is convex: once
-    they grow they go on growing.
+    The powers of successive differences are moments of a spectrum, whose logarithm is convex: once they increase, they
+    continue to increase.
     """
     middle = (samples.sum(1, dtype=np.int64) // samples.shape[1]).astype(np.int32)
     before = samples.view(np.uint32)

@@ -1,8 +1,8 @@
 """Scans as ROS 2 messages for stock viewers: three axes as sensor_msgs/Imu, others as arrays.
 
-Messages are in CDR (OMG, Common Object Request Broker Architecture 3.0, chapter 15), little-endian: values stand at
-multiples of their size, counted behind the four bytes that say so. All messages of a device have the same layout, so
-that an array of records holds many.
+Messages are in CDR (OMG, Common Object Request Broker Architecture 3.0, chapter 15), little-endian: values are aligned
+to multiples of their size, counted after the four header bytes. All messages of a device have the same layout, so that
+an array of records holds many.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ _DIMENSION = "MSG: std_msgs/MultiArrayDimension\nstring label\nuint32 size\nuint
 _LAYOUT = "MSG: std_msgs/MultiArrayLayout\nstd_msgs/MultiArrayDimension[] dim\nuint32 data_offset"
 _ARRAY = "std_msgs/MultiArrayLayout layout\nfloat64[] data"
 
-ENCODING = "cdr"  #: of messages
+ENCODING = "cdr"  #: encoding of messages
 SCHEMAS = {
     IMU: f"\n{_SEPARATOR}\n".join((_IMU, _HEADER, _TIME, _QUATERNION, _VECTOR)),
     ARRAY: f"\n{_SEPARATOR}\n".join((_ARRAY, _LAYOUT, _DIMENSION)),
@@ -52,7 +52,7 @@ def encode_scans(device: str, times: IndexArray, scans: FloatArray) -> list[byte
 
     Parameters
     ----------
-    device : its name, the frame of what it measures
+    device : name, used as the frame id
     times : (n,) [ns UTC]
     scans : (n, n_axes) [m/s2]
     """
