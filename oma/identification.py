@@ -41,10 +41,10 @@ _DRIFT = 0.1  # corner of the filter against drift, as a share of the lower end 
 class Identification:
     """Modes, and the poles they were chosen from."""
 
-    estimate: ModalEstimate  #: with the devices' `delays` removed
+    estimate: ModalEstimate  #: estimate, with the devices' `delays` removed
     poles: Stabilization
     harmonics: FloatArray  #: (n_harmonics,) frequencies of tones: machines, mains; no modes [Hz]
-    may_be_tone: BoolArray  #: (n_modes,) modes that a tone would explain as well: the record is too short to tell
+    may_be_tone: BoolArray  #: (n_modes,) modes that may also be tones: the record is too short to distinguish them
     frequency_moves: FloatArray  #: (n_modes, n_blocks) influence of each block of time on each frequency [Hz]
     quality: WindowQuality
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
@@ -261,7 +261,7 @@ class IdentificationStream:
         return classify(data, self._rate, both, undamped, limits)
 
     def _certain(self, both: ModalEstimate) -> BoolArray:
-        """Return which are no poles of noise: one channel has no shapes to tell them by, but their damping scatters."""
+        """Return the modes that are not noise: one channel has no shapes, but the damping of noise poles scatters."""
         sure: BoolArray = both.damping > self._method.selection.min_damping_sigmas * both.damping_std
         return sure | (len(self._channels) > 1)
 

@@ -61,8 +61,7 @@ def write_universal(
 ) -> None:
     """Write modes as complex eigenvalues and vectors at nodes.
 
-    What the channels of a node say is put together to its motion in x, y and z, of the least length if there are
-    fewer than three.
+    The channels of a node are combined to its motion in x, y and z, of the least length if there are fewer than three.
 
     Parameters
     ----------
@@ -82,7 +81,7 @@ def write_universal(
         If the file cannot be written.
     """
     places = places or places_by_name(estimate.channels)
-    with path.open("wb"):  # pyuff would say no more than that it cannot
+    with path.open("wb"):  # pyuff would not state the reason
         pass
     numbers, motion = _motion(estimate, places)
     sets: list[dict[str, Any]] = [_geometry(nodes)] if nodes else []

@@ -21,15 +21,15 @@ _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are th
 class Windows:
     """Identified windows of a recording."""
 
-    estimates: tuple[ModalEstimate, ...]  #: of the windows that gave modes
+    estimates: tuple[ModalEstimate, ...]  #: estimates of the windows with modes
     harmonics: FloatArray  #: (n_harmonics,) tones seen in most of these windows [Hz]
-    channels: dict[str, str]  #: "ok", or what is wrong and in how many windows
-    quality: tuple[WindowQuality, ...]  #: of the windows that gave modes
-    problems: tuple[str, ...]  #: of the windows that gave none
-    start: int  #: of the earliest window [ns UTC]
-    end: int  #: of the latest one [ns UTC]
+    channels: dict[str, str]  #: "ok", or the fault and the number of windows with it
+    quality: tuple[WindowQuality, ...]  #: quality of the windows with modes
+    problems: tuple[str, ...]  #: problems of the windows without modes
+    start: int  #: start of the earliest window [ns UTC]
+    end: int  #: end of the latest one [ns UTC]
     rate: float  #: samples a second [Hz]
-    delays: tuple[Mapping[str, float], ...] = ()  #: of the windows that gave modes: taken out of each device [s]
+    delays: tuple[Mapping[str, float], ...] = ()  #: delays removed from each device, per window with modes [s]
     may_be_tones: FloatArray = field(default_factory=lambda: np.empty(0))
     """(n,) frequencies of modes that may be tones in most of these windows [Hz]"""
     frequency_moves: tuple[FloatArray, ...] = ()

@@ -285,7 +285,7 @@ def _channels(found: _Columns) -> tuple[Channel, ...]:
 
 
 def devices_of(stated: Sequence[Channel], patterns: Sequence[Hashable]) -> tuple[Channel, ...]:
-    """Return channels with devices assigned by their missing samples: different patterns belong to different devices."""
+    """Return channels with devices assigned by their missing samples: one device per pattern."""
     together: dict[tuple[str, Hashable], list[int]] = {}
     for column, (channel, pattern) in enumerate(zip(stated, patterns, strict=True)):
         together.setdefault((channel.device, pattern), []).append(column)

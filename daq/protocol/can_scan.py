@@ -221,7 +221,7 @@ def _places(layout: ScanLayout, ids: npt.NDArray[np.uint32]) -> IndexArray:
 
 
 def _as_many(sent: npt.NDArray[np.bool_], counters: IndexArray, step: IndexArray) -> npt.NDArray[np.bool_]:
-    """Return whether the number of frames of a message between two counters equals their increment (n_counters - 1,)."""
+    """Return whether as many frames of a message lie between two counters as they increase (n_counters - 1,)."""
     return np.asarray(np.diff(np.cumsum(sent)[counters]) == step)
 
 

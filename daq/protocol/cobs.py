@@ -88,9 +88,7 @@ def crc16(content: Bytes) -> npt.NDArray[np.uint16]:
 
 @lru_cache(maxsize=16)
 def _crc_table(m: int) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.intp], np.uint16]:
-    """Return the contribution of each value of a byte at each position (m * 256,), their offsets (m, 1), the CRC of
-    zeros.
-    """
+    """Return the contribution of each byte value at each position (m * 256,), offsets (m, 1), and the CRC of zeros."""
     table = [[crc_hqx(bytes([value]) + bytes(m - 1 - place), 0) for value in range(256)] for place in range(m)]
     places = 256 * np.arange(m)[:, None]
     return np.array(table, np.uint16).reshape(m * 256), places, np.uint16(crc_hqx(bytes(m), _CRC_START))

@@ -14,7 +14,7 @@ class LevelModes:
     """Identification at one sampling rate, in its band."""
 
     poles: Stabilization
-    modes: Sequence[Mode]  #: candidates: what is no mode is told from their uncertainty later
+    modes: Sequence[Mode]  #: candidates; noise is removed later by its uncertainty
 
 
 class LevelIdentifier(Protocol):
@@ -33,7 +33,7 @@ class LevelIdentifier(Protocol):
 class Method(Protocol):
     """Identification method with its options, for `identify`."""
 
-    name: ClassVar[str]  #: as on the command line
+    name: ClassVar[str]  #: name on the command line
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property

@@ -24,7 +24,7 @@ _LEAST_LAGS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class EFDD(FDD):
-    """EFDD; what the windows of the segments take from the decay is given back. Shapes are those of `FSDD`.
+    """EFDD, corrected for the decay of the segments' windows. Shapes are those of `FSDD`.
 
     Cutting a bell at the ends of the modal domain is no chance that blocks would show: how far frequency and damping
     are from those of the whole bell (`FSDD`) enters their standard deviations.
@@ -53,7 +53,7 @@ class EFDD(FDD):
 
 
 def _domain(parts: Decomposition, one: SpectralResonance) -> slice:
-    """Return the lines around the peak one of whose first vectors is the mode's (the modal domain)."""
+    """Return the lines around the peak at which one of the first vectors is the mode's (the modal domain)."""
     agreement = np.max(np.abs(parts.vectors[one.lines] @ one.shape.conj()) ** 2, axis=1)
     peak = round(one.pole.imag / parts.width) - parts.sums.first - one.lines.start
     peak = min(max(peak, 1), len(agreement) - 2)
@@ -64,7 +64,7 @@ def _domain(parts: Decomposition, one: SpectralResonance) -> slice:
 
 
 def _poles(parts: Decomposition, one: SpectralResonance, lines: slice, spectra: FloatArray) -> ComplexArray:
-    """Return the poles [rad/s] whose decays spectra (n, n_lines) transform into.
+    """Return the poles [rad/s] whose decays have spectra (n, n_lines).
 
     A line is laid through the logarithm of the decay, growth and phase at once, each lag weighing as its error permits;
     which lags are used follows from the first spectrum.

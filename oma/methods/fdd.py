@@ -36,10 +36,10 @@ class Reading:
     shape: ComplexArray  #: (n_channels,)
     frequency_moves: FloatArray  #: (n_blocks,) [Hz]
     damping_moves: FloatArray  #: (n_blocks,) [-]
-    shape_moves: ComplexArray  #: (n_blocks, n_channels) of the shape as it stands
-    frequency_resolution: float = 0.0  #: standard deviation of what the lines cannot show [Hz]
+    shape_moves: ComplexArray  #: (n_blocks, n_channels) changes of the shape per block, not normalised
+    frequency_resolution: float = 0.0  #: standard deviation by the resolution of the lines [Hz]
     damping_resolution: float = 0.0  #: the same of damping [-]
-    shape_resolution: FloatArray | float = 0.0  #: (n_channels,) what close modes may have added to the shape [-]
+    shape_resolution: FloatArray | float = 0.0  #: (n_channels,) possible contribution of close modes to the shape [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +54,10 @@ class FDD:
     n_blocks: int = 16  #: blocks of time, whose scatter gives the uncertainty [-]
     decimation: int = 5  #: ratio of one rate to the next lower one [-]
     min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
-    selection: Selection = field(default_factory=Selection)  #: what passes for a mode
+    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
+        """Refuse invalid options."""
         if self.n_fft is not None and self.n_fft < _SHORTEST:
             raise ValueError(f"n_fft: expected at least {_SHORTEST}, found {self.n_fft}")
         if self.n_blocks < 4:

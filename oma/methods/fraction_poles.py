@@ -17,7 +17,7 @@ from daq import FloatArray, IndexArray
 from oma.methods.matrix_fraction import HalfSpectrum, MatrixFraction, ridged
 from oma.types import ComplexArray
 
-_AT_ONCE = 8  # poles whose derivatives are held at once
+_AT_ONCE = 8  # poles whose derivatives are held simultaneously
 _LEAST_DAMPING = -2e-4  # of poles that take part: others grow, and explain noise
 
 
@@ -26,8 +26,8 @@ class Windowed:
     """The correlation function that was transformed: from the first lag used on, under its exponential window."""
 
     values: FloatArray  #: (n_lags, n_channels, n_references)
-    moves: FloatArray  #: (n_blocks, n_lags, n_channels, n_references): what each block of time moves it by
-    decay: float  #: of the window, a lag [-]
+    moves: FloatArray  #: (n_blocks, n_lags, n_channels, n_references): change by each block of time
+    decay: float  #: decay of the window per lag [-]
     rate: float  #: [Hz]
 
 
@@ -37,7 +37,7 @@ class FractionModel:
 
     fraction: MatrixFraction
     rate: float  #: [Hz]
-    decay: float  #: of the exponential window, a lag [-]
+    decay: float  #: decay of the exponential window per lag [-]
     taking_part: IndexArray  #: (n_parts,) roots that are modes, or could be
     shape: ComplexArray  #: (n_roots, n_channels), zero for roots that take no part
     kernel: ComplexArray  #: (n_parts, n_lags, n_references): a shape is the correlation function times this
@@ -133,7 +133,7 @@ def _kernel(fraction: MatrixFraction, spectrum: HalfSpectrum, n_lags: int, part:
 def _residual(
     fraction: MatrixFraction, spectrum: HalfSpectrum, coefficients: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Evaluate polynomials (power + 1, n_references, n_parts) on the lines; what B leaves of the spectrum times them.
+    """Evaluate polynomials (power + 1, n_references, n_parts) on the lines; the residual of B and the spectrum.
 
     Returns
     -------

@@ -17,11 +17,11 @@ from oma.types import ComplexArray
 
 
 def shape_moves(model: FractionModel, spectrum: HalfSpectrum, seen: Windowed) -> ComplexArray:
-    """Follow each block to the shapes, as they stand, of the poles that take part.
+    """Propagate each block to the shapes, not normalised, of the poles that are used.
 
-    A shape is a least squares solution: it moves with the correlation function, and with what explains that: the poles,
-    and the participation of the references, which are left vectors of the companion matrix. Those of close modes turn
-    into each other, and their shapes with them.
+    A shape is a least squares solution. It depends on the correlation function and on the explaining functions: the
+    poles, and the participation of the references, which are left vectors of the companion matrix. The vectors of close
+    modes rotate into each other, and so do their shapes.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def shape_moves(model: FractionModel, spectrum: HalfSpectrum, seen: Windowed) ->
 
 
 def _explained(model: FractionModel, powers: ComplexArray, participation: ComplexArray) -> ComplexArray:
-    """Return what changes of the explaining functions pretend of shapes, (n_blocks, n_parts, n_channels).
+    """Return the apparent changes of shapes by changes of the explaining functions, (n_blocks, n_parts, n_channels).
 
     A function is a column of `powers` (n_lags, n_parts) times a row of the participation (n_blocks, n_parts,
     n_references).
@@ -62,7 +62,7 @@ def _explained(model: FractionModel, powers: ComplexArray, participation: Comple
 
 
 def _denominator_move(fraction: MatrixFraction, spectrum: HalfSpectrum, move: FloatArray) -> FloatArray:
-    """Return what a move of the correlation (n_lags, n_channels, n_references) moves the free coefficients of A by."""
+    """Return the change of A's free coefficients by one of the correlation (n_lags, n_channels, n_references)."""
     n_fft, n_channels, n = spectrum.values.shape
     weighted = spectrum.weight[:, None, None] * fft.fft(move, n_fft, axis=0)
     lag = np.arange(fraction.power + 1)

@@ -49,7 +49,7 @@ class HalfSpectrum:
 class MatrixFraction:
     """One order's polynomials and poles, the poles as roots in `x`."""
 
-    power: int  #: of the polynomials
+    power: int  #: power of the polynomials
     root: ComplexArray  #: (n_roots,)
     vector: ComplexArray  #: (n_roots, n_references): A(root) vector is zero
     denominator: FloatArray  #: ((power + 1) n_references, n_references): coefficients of A, the highest is the identity

@@ -38,18 +38,18 @@ class PLSCF:
     """Options of the poly-reference least squares complex frequency estimator."""
 
     name: ClassVar[str] = "plscf"
-    n_lags: int = 100  #: of the half spectrum [-]
-    window: float = 0.01  #: what the exponential window leaves at the last lag; damping is corrected for it [-]
+    n_lags: int = 100  #: lags of the half spectrum [-]
+    window: float = 0.01  #: value of the exponential window at the last lag; damping is corrected for it [-]
     n_references: int = 8  #: combinations of channels, those with most of the signals, that all are correlated with [-]
     max_order: int = 100  #: largest number of poles, conjugates and all [-]
     n_orders: int = 12  #: numbers of poles that are tried [-]
     n_blocks: int = 30  #: blocks of time, whose scatter gives the uncertainty [-]
     decimation: int = 5  #: ratio of one rate to the next lower one [-]
     min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
-    selection: Selection = field(default_factory=Selection)  #: what passes for a mode
+    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
+        """Refuse invalid options."""
         for name, least in (
             ("n_lags", _SHORTEST),
             ("n_references", 1),

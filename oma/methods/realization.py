@@ -17,7 +17,7 @@ from oma.types import ComplexArray
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Subspace:
-    """Leading subspace of the block Hankel matrix of correlations, and what shift invariance needs of it."""
+    """Leading subspace of the block Hankel matrix of correlations, and the parts required by shift invariance."""
 
     left: FloatArray  #: (block_rows * n_channels, rank) observability matrix of the largest order
     values: FloatArray  #: (rank,) canonical correlations of past and future, falling [-]

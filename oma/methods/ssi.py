@@ -1,8 +1,7 @@
 """Stochastic subspace identification from correlations, all orders from one decomposition.
 
 `CovarianceSSI` decomposes the block Hankel matrix of correlations itself. `DataSSI` decomposes it between whitened past
-and whitened future, which is what data-driven SSI gets from the QR decomposition of data Hankel matrices: the same
-projection, from the same correlation sums.
+and whitened future. Data-driven SSI obtains the same projection from the QR decomposition of data Hankel matrices.
 
 References
 ----------
@@ -36,7 +35,7 @@ from oma.spectral import CorrelationAccumulator, CorrelationSums, covariance, ha
 _FIRST_ORDER = 50  # largest model order, until it is known how many modes there are
 _FEWEST_POLES_A_MODE = 4  # that the largest model must have for each of them; where it has not,
 _POLES_A_MODE = 6  # larger ones follow, up to so many
-_LEAST_POLES_A_MODE = 3  # of a model whose poles tell what a mode is
+_LEAST_POLES_A_MODE = 3  # fewest poles per mode of a model from which modes are estimated
 _FLOOR = 1e-5  # of the largest variance: see `_root`
 _OVERSAMPLING = 10  # of the randomized block Krylov iteration
 
@@ -51,14 +50,14 @@ class CovarianceSSI:
     block_rows: int | None = None  #: lags in rows and in columns of the block Hankel matrix; None: `rows` chooses [-]
     min_order: int = 2  #: smallest model order [-]
     max_order: int | None = None  #: largest model order; None: 50, and more where there are many modes [-]
-    order_step: int = 2  #: from one order to the next [-]
+    order_step: int = 2  #: step of the model order [-]
     n_blocks: int = 30  #: blocks of time, whose scatter gives the uncertainty [-]
     decimation: int = 5  #: ratio of one rate to the next lower one [-]
     min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
-    selection: Selection = field(default_factory=Selection)  #: what passes for a mode
+    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
+        """Refuse invalid options."""
         if self.references is not None and len(self.references) == 0:
             raise ValueError("references: expected at least one channel, found none")
         if self.block_rows is not None and self.block_rows < 2:
@@ -97,8 +96,8 @@ class CovarianceSSI:
     def next_order(self, largest: int, n_modes: int, n_channels: int) -> int | None:
         """Return the next largest order if `n_modes` are too many for the previous one; None if it is enough.
 
-        With 22 modes, order 50 was measured to err by 0.1 to 0.2 % in frequency, 2 to 11 standard deviations, and to
-        take damping for 1.2 to 2 times what it is.
+        With 22 modes, order 50 had errors of 0.1 to 0.2 % in frequency, 2 to 11 standard deviations, and damping 1.2 to
+        2 times too large.
         """
         most = 2 * self.rows(n_channels) * n_channels // 3  # that so many rows are chosen for
         wanted = min(_POLES_A_MODE * n_modes, most)
@@ -217,7 +216,7 @@ class SSILevel:
         models = realisations(space, method.orders(largest))
         poles = stabilization(models, band, method.selection)
         below = stabilization(models[-2:], (0.0, band[0]), method.selection)
-        n_below = int(below.stable.sum()) // 2  # each stands in both models
+        n_below = int(below.stable.sum()) // 2  # each mode is in both models
         moved = perturbation(space, sums, self._past, self._first_lag)
         by_order = {model.order: model for model in models}
         modes = candidates(
@@ -272,9 +271,9 @@ def leading_svd(matrix: FloatArray, rank: int, powers: int, *, flat: bool) -> tu
 def _root(matrix: FloatArray) -> FloatArray:
     """Return the lower Cholesky factor of a covariance.
 
-    Every direction is given 1e-5 of the largest variance on top: behind an anti-alias filter the signals are nearly
-    predictable, and whitening what is left there was measured to hide most modes (1e-9: 3 of 8 found; 1e-6 to 1e-4:
-    8 of 8). Sums over samples with gaps may have directions of negative variance, which count as none.
+    Every direction gets an additional 1e-5 of the largest variance. Behind an anti-alias filter the signals are nearly
+    predictable, and whitening the rest there hid most modes (1e-9: 3 of 8 found; 1e-6 to 1e-4: 8 of 8). Sums over
+    samples with gaps may have directions of negative variance, which count as zero.
     """
     floor = _FLOOR * np.linalg.norm(matrix) * np.eye(len(matrix))  # largest variance <= norm <= a few times that
     try:

@@ -41,7 +41,7 @@ def usable_share(data: FloatArray) -> float:
 
 
 def _fall(data: FloatArray) -> float:
-    """Return how far the floor at the end of the spectrum lies below what precedes it [dB], median of the channels."""
+    """Return the drop of the floor at the end of the spectrum [dB], median of the channels."""
     power = _periodogram(data)
     if power is None:
         return 0.0

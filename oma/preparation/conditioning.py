@@ -11,17 +11,17 @@ from oma.errors import TooFewChannels
 from oma.preparation.faults import MOST_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
 from oma.preparation.gaps import filled
 
-_MENTIONED = 0.01  # share of samples missing in a channel from which on it is said
+_MENTIONED = 0.01  # share of samples missing in a channel above which it is reported
 
 BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cleaned:
-    """A recording that can be analysed, and what was wrong with it."""
+    """Recording prepared for analysis, and its faults."""
 
-    recording: Recording  #: of the channels kept; spikes are out, short gaps filled
-    faults: Mapping[str, ChannelFault]  #: of the channels left out, and of those mended
+    recording: Recording  #: recording of the channels kept, without spikes, with short gaps filled
+    faults: Mapping[str, ChannelFault]  #: faults of the channels left out, and of those repaired
 
 
 def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:

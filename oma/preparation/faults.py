@@ -1,9 +1,9 @@
 """Channel faults, detected in the signals alone: each by a property that no vibration has.
 
-A structure does not stand still to the last digit, does not turn back at one and the same value again and again, does
-not move one sensor for one sample while the others rest, does not move two sensors alike to a thousandth, and does not
-walk away. Limits are arguments, not fits: an accelerometer's noise alone makes two true neighbours differ by more than
-a thousandth, and the highest value of a signal stands alone, or with as many others as the next lower value of its
+A structure does not stand still to the last digit, does not return to exactly the same extreme value again and again,
+does not move one sensor for one sample while the others rest, does not move two sensors alike to a thousandth, and does
+not drift away. Limits are arguments, not fits: the noise of an accelerometer alone makes two true neighbours differ by
+more than a thousandth, and the highest value of a signal occurs once, or as often as the next lower value of its
 converter.
 """
 
@@ -20,7 +20,7 @@ from daq import FloatArray
 BoolArray = npt.NDArray[np.bool_]
 
 FaultKind = Literal["no_signal", "clipped", "wandering", "copy", "spikes", "gaps"]
-SAME_AS = "the same as "  #: how a fault begins that goes on with the name of another channel
+SAME_AS = "the same as "  #: beginning of the text of a fault that ends with the name of another channel
 _LEAST_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
 #: share of samples: clipping takes as large a share off a channel's gain, of which replacing the samples gives at least
 #: three quarters back (tests/oma/preparation/test_faults.py); the rest is less than the 0.5 % to which gains are known
@@ -78,14 +78,14 @@ def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _jumps(data: FloatArray) -> BoolArray:
-    """Tell which samples are far from the median of their neighbours, farther than any around them but a few.
+    """Return which samples are far from the median of their neighbours, farther than all but a few around them.
 
     The latter sets spikes apart from bursts: after a blow to the structure a sensor rings on.
     """
     jumps = np.zeros(data.shape, dtype=np.bool_)
     if len(data) <= 2 * _AROUND:
         return jumps
-    around = np.sort([_shifted(data, k) for k in (-2, -1, 1, 2)], axis=0)  # what is missing comes last
+    around = np.sort([_shifted(data, k) for k in (-2, -1, 1, 2)], axis=0)  # missing samples are last
     away = np.abs(data - (around[1] + around[2]) / 2)
     away[~np.isfinite(away)] = 0.0
     for column, (jump, step) in enumerate(zip(jumps.T, away.T, strict=True)):
@@ -172,11 +172,11 @@ def _at_limit(signal: FloatArray) -> float:
 
 
 def _wanders(signal: FloatArray) -> bool:
-    """Tell whether a signal walks away.
+    """Return whether a signal drifts away.
 
-    A random walk has a spectrum that falls with the square of frequency. With as much power from 10 to 50 periods a
-    window as above 100, an eighth of the latter is its tail: more than a mode there can stand. Slower drift, as of
-    temperature, is taken out by the filter and harms nothing.
+    A random walk has a spectrum that decreases with the square of frequency. If the power from 10 to 50 periods per
+    window equals that above 100, its tail is an eighth of the latter: it may hide a mode there. Slower drift, as by
+    temperature, is removed by the filter.
     """
     n = len(signal)
     if n < 4 * _HIGH:

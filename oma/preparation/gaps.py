@@ -1,8 +1,8 @@
 """Filling of short gaps by the most probable samples, from the signals around them and the other channels.
 
-Where samples are lost here and there on each channel for itself, hardly a row is complete: of eight channels that lack
-a fifth each, one row in six. A vector autoregression says what a lost sample was, up to its noise: the values that make
-the innovations smallest are, for Gaussian signals, the conditional mean.
+If samples are lost on each channel independently, few rows are complete: with eight channels that lack a fifth each,
+one row in six. A vector autoregression estimates a lost sample, up to its noise: for Gaussian signals, the values with
+the smallest innovations are the conditional mean.
 
 References
 ----------
@@ -20,7 +20,7 @@ from daq import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
 
-ORDER = 8  #: of the autoregression, and the longest gap that is filled [samples]
+ORDER = 8  #: order of the autoregression, and longest gap that is filled [samples]
 _PASSES = 3  # of filling and fitting in turn
 _ITERATIONS = 30  # of conjugate gradients a pass
 _RIDGE = 1e-6  # of the mean variance: keeps the fit of nearly predictable signals solvable
@@ -28,7 +28,7 @@ _RIDGE = 1e-6  # of the mean variance: keeps the fit of nearly predictable signa
 
 @dataclass(frozen=True, eq=False)
 class Autoregression:
-    """Sample minus what those before it predict, in units of its standard deviation."""
+    """Sample minus its prediction from the previous ones, in units of its standard deviation."""
 
     filters: FloatArray  #: (ORDER + 1, n_channels, n_channels): innovation = sum of filters[k] x(t - k)
 
@@ -47,7 +47,7 @@ class Autoregression:
 
 
 def short_gaps(missing: BoolArray) -> BoolArray:
-    """Tell which missing samples, (n_samples, n_channels), are in gaps of no more than ORDER."""
+    """Return which missing samples, (n_samples, n_channels), are in gaps of no more than ORDER."""
     long = ndimage.binary_opening(missing, np.ones((ORDER + 1, 1), dtype=np.bool_))
     return np.asarray(missing & ~long)
 
@@ -91,7 +91,7 @@ def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
 
 
 def _fit(values: FloatArray, used: BoolArray) -> Autoregression:
-    """Fit by least squares to the rows whose past has no long gap."""
+    """Fit by least squares to the rows without a long gap in their past."""
     n = values.shape[1]
     past = np.concatenate([values[ORDER - k : len(values) - k][used] for k in range(1, ORDER + 1)], axis=1)
     now = values[ORDER:][used]
@@ -106,7 +106,7 @@ def _fit(values: FloatArray, used: BoolArray) -> Autoregression:
 
 
 def _most_likely(model: Autoregression, values: FloatArray, lost: BoolArray, used: BoolArray) -> FloatArray:
-    """Return what to add to the lost samples so that the squared innovations are least: conjugate gradients."""
+    """Return the correction of the lost samples with the smallest squared innovations: conjugate gradients."""
     rows = used[:, None]
 
     def applied(change: FloatArray) -> FloatArray:

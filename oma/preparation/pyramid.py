@@ -13,9 +13,9 @@ from daq import FloatArray
 from oma.preparation.gaps import bridged
 
 PASS = 0.40  #: upper end of the band kept at each lower rate, as a share of that rate [-]
-ALIAS_FREE = 0.45  #: up to here converters let no aliases of what is above half their rate pass, as a share of it [-]
+ALIAS_FREE = 0.45  #: share of the rate up to which converters have no aliases of frequencies above half their rate [-]
 TOP = 0.48  #: the same of the recording's own rate, unless an anti-alias filter shows (`oma.preparation.bandwidth`) [-]
-HALF_LENGTH = 12  #: of the decimating filter [samples of the new rate]
+HALF_LENGTH = 12  #: half length of the decimating filter [samples of the new rate]
 NOISE_LAGS = 4  #: left out after decimation: 3 % of white sensor noise is left beyond; 24 cost close modes [samples]
 OVERLAP = 0.9  #: a band begins at this share of the end of the next lower one [-]
 _MAX_MISSING = 0.25  # share of the filter's absolute weight that may rest on missing samples

@@ -33,7 +33,7 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class _Group:
-    """A group of stable poles, one an order, and what each block of time moves them by."""
+    """Group of stable poles, one per order, and their changes by each block of time."""
 
     members: Stabilization
     influences: list[PoleInfluence]
@@ -58,8 +58,8 @@ def candidates(
 ) -> list[Mode]:
     """Sum up every group of stable poles.
 
-    All orders tell which are modes; those that have poles enough tell what they are. A model of fewer lays those that
-    it has between modes: of ten modes in orders 2 to 50 the highest erred by 5 standard deviations of 300 s.
+    All orders decide which poles are modes. Only orders with enough poles give their values: a model with fewer places
+    them between modes. Of ten modes in orders 2 to 50, the highest had an error of 5 standard deviations of 300 s.
 
     Parameters
     ----------
@@ -159,14 +159,15 @@ def _weights(influences: list[PoleInfluence]) -> FloatArray:
 
 
 def physical(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
-    """Keep groups whose scatter is compatible with a resonance, the more so the fewer orders show them."""
+    """Keep groups whose scatter is compatible with a resonance; the limit is stricter if fewer orders have them."""
     return [mode for mode in modes if mode.law_ratio < selection.max_law_ratio * mode.support]
 
 
 def repeats_of_tones(estimate: ModalEstimate, tone: BoolArray, selection: Selection) -> BoolArray:
     """Return which modes are tones over again: as sharp as the tone in their band.
 
-    A scatter below the uncertainty law alone makes no tone: under gusts and taps modes scatter less than it says.
+    A scatter below the uncertainty law alone does not indicate a tone: under gusts and impacts modes scatter less than
+    that.
     """
     away = np.abs(estimate.frequency[:, None] - estimate.frequency[tone])
     beside = np.any(away < BAND * (estimate.damping * estimate.frequency)[:, None], axis=1)
@@ -183,7 +184,7 @@ def distinct(modes: Sequence[Mode], selection: Selection) -> list[Mode]:
 
 
 def _same(a: Mode, b: Mode, selection: Selection) -> bool:
-    """Tell whether two modes are one seen at two rates, or one whose shape falls into two groups over the orders.
+    """Return whether two modes are one at two rates, or one whose shape forms two groups over the orders.
 
     The latter are as near as their scatter permits, roughly alike, and no order can show both.
     """

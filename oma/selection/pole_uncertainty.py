@@ -57,9 +57,9 @@ def normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
 def block_std(influence: FloatArray) -> FloatArray:
     """Return the standard deviation of a sum of blocks from their scatter.
 
-    Blocks count as independent even where a mode rings longer than one lasts: a pole is moved by the forces that are
-    new in a block, not by the vibration left over from the block before (measured correlation of successive blocks'
-    influences: -0.05 to -0.2 at damping 0.2 to 1 %, whatever the block length).
+    Blocks count as independent, even if a mode decays more slowly than one lasts: a pole is changed by the forces that
+    are new in a block, not by the vibration from the previous block (measured correlation of successive blocks'
+    influences: -0.05 to -0.2 at damping 0.2 to 1 %, for any block length).
 
     Parameters
     ----------

@@ -26,8 +26,8 @@ BAND = 4.0  #: half widths of a resonance on each side of it: 84 % of its power 
 class Selection:
     """Limits of the automatic selection."""
 
-    max_damping: float = 0.1  #: of a pole, ratio of critical [-]
-    min_damping: float = 2e-4  #: of a mode; below it is a tone [-]
+    max_damping: float = 0.1  #: largest damping ratio of a pole [-]
+    min_damping: float = 2e-4  #: smallest damping ratio of a mode; below it is a tone [-]
     min_damping_sigmas: float = 3.0  #: damping over its standard deviation, of a mode seen by a single channel [-]
     min_mpc: float = 0.5  #: modal phase collinearity of a peak of the spectra [-]
     max_shift: float = 0.02  #: relative frequency difference of neighbours in successive orders [-]
@@ -35,7 +35,7 @@ class Selection:
     min_agreement: float = 0.5  #: MAC above which no two orthogonal shapes can be exchanged [-]
     cut: float = 0.04  #: mean distance inside a group, relative frequency plus 1 - MAC [-]
     max_law_ratio: float = 8.0  #: standard deviation of frequency over the uncertainty law, if all orders agree [-]
-    min_law_ratio: float = 0.5  #: the same, of a mode in whose band a tone is known; below it is that tone again [-]
+    min_law_ratio: float = 0.5  #: the same, for a mode with a known tone in its band; below it is that tone again [-]
 
 
 def groups(
@@ -43,8 +43,8 @@ def groups(
 ) -> list[npt.NDArray[np.intp]]:
     """Group poles by average linkage on relative frequency difference plus 1 - MAC.
 
-    Two modes of nearly one frequency are told apart by their shapes, two of nearly one shape by their frequencies,
-    two of nearly one frequency and shape by standing side by side in the same models.
+    Two modes of nearly one frequency are distinguished by their shapes, two of nearly one shape by their frequencies,
+    two of nearly one frequency and shape by occurring together in the same models.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def _cut(tree: FloatArray, order: npt.NDArray[np.intp], cut: float) -> list[npt.
 
 
 def _side_by_side(a: npt.NDArray[np.intp], b: npt.NDArray[np.intp]) -> bool:
-    """Tell whether most of the orders that show the rarer of two groups show the other too: a mode has one pole."""
+    """Return whether most of the orders with the rarer of two groups have the other too: a mode has one pole."""
     a, b = np.unique(a), np.unique(b)
     rarer = min(len(a), len(b))
     return rarer >= LEAST_MEMBERS and 2 * len(np.intersect1d(a, b, assume_unique=True)) > rarer

@@ -92,8 +92,8 @@ def join(parts: list[Stabilization]) -> Stabilization:
 def _plausible(models: Sequence[PoleModel], band: tuple[float, float], limits: Selection) -> Stabilization:
     """Keep the oscillating, damped poles of all orders inside the band.
 
-    Shapes need not be real: in a finite window two close modes mix with complex factors, and a phase collinearity of
-    0.5 asked of poles was measured to lose one of two modes 1 to 2 % apart in one of four windows of 25 s.
+    Shapes need not be real: in a finite window two close modes mix with complex factors. A required phase collinearity
+    of 0.5 of poles lost one of two modes 1 to 2 % apart in one of four windows of 25 s.
     """
     pole = np.concatenate([model.continuous for model in models])
     frequency = np.abs(pole) / (2 * np.pi)

@@ -1,7 +1,7 @@
 """Spectral bell of a resonance, smoothed by the windows of the spectrum's segments.
 
-A segment's window smears a bell that is narrow beside a line: read off as it stands, damping comes out too large. Here
-the model is given the same window as the data (`SpectralSums.window`), so that nothing is left to correct.
+The window of a segment broadens a bell that is narrow compared with a line; a direct fit would give too large a
+damping. Here the model has the same window as the data (`SpectralSums.window`), so that no correction is needed.
 
 References
 ----------
@@ -21,12 +21,12 @@ from daq import FloatArray
 
 _STEPS, _CLOSE_ENOUGH = 30, 1e-3
 _LARGEST_STEP = 0.7  # of a logarithm, or of a bell's half width, in one step
-_RIDGE = 1e-4  # beside the number of lines: what the lines say nothing of stays as it is
+_RIDGE = 1e-4  # relative to the number of lines: parameters that the lines do not determine are unchanged
 _RELATIVE_RIDGE = 1e-9  # of each parameter's information: two parts may look alike
 _STEPS_IN_VAIN, _LEAST_SHARE = 5, 0.1  # a bell that is less of every line by then comes to nothing
 _SLOPE = 1.0  # standard deviation of the logarithm by which the background rises across half of the lines
 _KNOWN = [3, 5]  # parameters that something is known of beforehand: phase and slope
-_TILT = 10.0  # standard deviation of a bell's phase, in damping ratios: the forces' colour and what is measured
+_TILT = 10.0  # standard deviation of a bell's phase, in damping ratios: spectrum of the forces and type of the signal
 _LEAST_TILT = 1e-3  # damping ratio that this is counted from
 _LEAST_DECAY = 1e-3  # of the distance of two lines: a tone
 _LEAST_FLOOR = 1e-6  # of the median line
@@ -77,7 +77,7 @@ class BellFit:
 
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
-    """Lines to fit, and what a model of them is made of: one bell, a power of frequency, and bells that are known."""
+    """Lines to fit, and the components of their model: one bell, a power of frequency, and known bells."""
 
     values: FloatArray  # (n_lines,)
     windowed: Windowed
@@ -113,7 +113,7 @@ class _Spectrum:
     def step(
         self, model: FloatArray, jacobian: FloatArray, ridge: float | FloatArray, pull: float | FloatArray
     ) -> FloatArray:
-        """Return the step of Fisher's scoring, with what is known beforehand: curvature and slope of its logarithm."""
+        """Return the step of Fisher's scoring with the prior: curvature and slope of its logarithm."""
         return np.asarray(_solved(jacobian, ridge, jacobian @ (self.values / model - 1) + pull))
 
     def likelihood(self, model: FloatArray) -> float:
@@ -126,9 +126,9 @@ def fit_bell(
 ) -> BellFit | None:
     """Fit one bell over a background to a real spectrum, each line weighing as its own scatter permits.
 
-    Maximum of Whittle's likelihood by Fisher scoring. The background is a power of frequency, and the bells of other
-    modes nearby, whose poles are known. The bell's phase tells displacement from acceleration and white forces from
-    coloured ones; it is small and is kept so.
+    Maximum of Whittle's likelihood by Fisher scoring. The background is a power of frequency, plus the bells of other
+    modes nearby, whose poles are known. The bell's phase distinguishes displacement from acceleration and white from
+    coloured forces; it is limited to small values.
 
     Parameters
     ----------
@@ -189,7 +189,7 @@ def _solved(jacobian: FloatArray, ridge: float | FloatArray, right: FloatArray) 
 
 
 def _scales(theta: FloatArray, windowed: Windowed) -> tuple[FloatArray, FloatArray]:
-    """Return the unit of each parameter, and the curvature of what is known of it beforehand."""
+    """Return the unit of each parameter, and the curvature of its prior."""
     unit, ridge = np.ones(len(theta)), np.full(len(theta), _RIDGE)
     unit[0] = max(np.exp(theta[1]), 0.1 * windowed.width)
     ridge[3] = (_TILT * max(np.exp(theta[1]) / theta[0], _LEAST_TILT)) ** -2

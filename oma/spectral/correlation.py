@@ -13,7 +13,7 @@ from oma.errors import IdentificationError
 from oma.types import ComplexArray
 
 _PIECE = 3  # lag spans in a piece of one FFT: the overlap costs little, the transforms stay short
-_AT_ONCE, _LEAST_PIECES = 1 << 16, 16  # samples transformed at once: what the cache holds; but not too few pieces
+_AT_ONCE, _LEAST_PIECES = 1 << 16, 16  # samples transformed at once (size of the cache); but not too few pieces
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -24,7 +24,7 @@ class CorrelationSums:
     counts: FloatArray  #: (n_blocks, n_lags): number of products in each sum [-]
 
     def __post_init__(self) -> None:
-        """Refuse what has no mean."""
+        """Refuse invalid options."""
         if np.any(self.counts.sum(axis=0) < 1):
             raise IdentificationError("gaps leave no two complete samples some lag apart: the correlation is unknown")
 
@@ -38,7 +38,7 @@ class CorrelationSums:
         return result
 
     def influences(self) -> Iterator[FloatArray]:
-        """Yield what each block moves the mean by, (n_lags, n_channels, n_references); they add up to zero."""
+        """Yield the change of the mean by each block, (n_lags, n_channels, n_references); the changes add to zero."""
         mean, total = self.mean, self.counts.sum(axis=0)[:, None, None]
         for block, count in zip(self.sums, self.counts, strict=True):
             yield (block - count[:, None, None] * mean) / total
@@ -190,9 +190,9 @@ def _length(n_samples: int, n_lags: int) -> int:
 
 
 def _cross_spectra(values: FloatArray, length: int, n_lags: int, references: IndexArray) -> ComplexArray:
-    """Add up the cross spectra of pieces with the same pieces and what comes before them, `length` samples in all.
+    """Add up the cross spectra of pieces with the same pieces and the preceding values, `length` samples in all.
 
-    The first ``n_lags - 1`` values are only what comes before.
+    The first ``n_lags - 1`` values are only preceding ones.
     """
     piece = length - n_lags + 1
     n_pieces = max(-(-(len(values) - n_lags + 1) // piece), 1)

@@ -16,14 +16,14 @@ from oma.spectral.bell_fit import Windowed
 from oma.spectral.spectra import SpectralSums
 from oma.types import ComplexArray
 
-LEAST_LINES = 8  #: on each side of a resonance: as many as make up a background
-_HALF_WIDTHS = 16  # on each side of a resonance: its tails tell half of its damping
+LEAST_LINES = 8  #: lines on each side of a resonance required for a background
+_HALF_WIDTHS = 16  # half widths on each side of a resonance: its tails contain half of the information on its damping
 _LEVELS = 3  # singular values that are searched: as many modes may be close to each other
 
 
 @dataclass(frozen=True, eq=False)
 class Decomposition:
-    """Singular values and vectors of a spectral matrix, and what each block of time moves them by."""
+    """Singular values and vectors of a spectral matrix, and their changes by each block of time."""
 
     sums: SpectralSums
     matrix: ComplexArray  #: (n_lines, n_channels, n_channels)
@@ -36,7 +36,7 @@ class Decomposition:
         return 2 * np.pi * self.sums.rate / self.sums.n_fft
 
     def windowed(self, lines: slice) -> Windowed:
-        """Return what poles look like on some of the lines."""
+        """Return the spectra of poles on some of the lines."""
         first = self.sums.first
         return Windowed(
             window=self.sums.window, rate=self.sums.rate, lines=slice(lines.start + first, lines.stop + first)
@@ -51,12 +51,12 @@ class Decomposition:
         return slice(max(centre - reach, 0), min(centre + reach + 1, n))
 
     def moved(self, vector: ComplexArray, lines: slice) -> FloatArray:
-        """Return what each block moves the spectrum by that a vector filters out, (n_blocks, n_lines)."""
+        """Return the changes by each block of the spectrum that is filtered by a vector, (n_blocks, n_lines)."""
         moves = self.sums.influences(lines)
         return np.stack([np.einsum("i,lij,j->l", vector.conj(), move, vector).real for move in moves])
 
     def moved_vectors(self, lines: slice, weight: FloatArray, like: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the eigenvector of a weighted sum of lines that is most like another, and what each block moves it by.
+        """Return the eigenvector of a weighted sum of lines most similar to another one, and its changes by each block.
 
         Parameters
         ----------

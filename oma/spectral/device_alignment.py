@@ -1,9 +1,9 @@
 """Alignment of devices: delays from the phases of cross spectra, removed before identification.
 
-Shapes of lightly damped modes are real: two channels move together or against each other. So twice the phase of their
-cross spectrum is zero wherever a mode carries it, whatever the sign of the shape, and a device that is late by tau
-turns it by 4 pi f tau. All frequencies together tell tau without the ambiguity that each alone has. A real shape is
-what makes a stable pole a mode (`mpc`): uncorrected, a device late by a millisecond costs all modes above 100 Hz.
+Shapes of lightly damped modes are real: two channels move in phase or in antiphase. Twice the phase of their cross
+spectrum is therefore zero wherever a mode dominates, for any sign of the shape. A device with a delay tau changes it by
+4 pi f tau. All frequencies together determine tau without the ambiguity of a single one. A real shape is required of a
+mode (`mpc`): without correction, a device with a delay of a millisecond costs all modes above 100 Hz.
 
 References
 ----------
@@ -23,12 +23,12 @@ from oma.spectral.spectra import spectral_matrix
 from oma.types import ComplexArray
 
 _LARGEST = 0.01  # s: delay that is looked for
-_LEAST = 3e-4  # s: a smaller one costs no modes (see `mpc`), and is told better by the phases of the modes
+_LEAST = 3e-4  # s: smaller delays cost no modes (see `mpc`), and are estimated better from the phases of the modes
 _N_FFT, _LEAST_FFT, _LEAST_SEGMENTS = 4096, 256, 8  # half overlapping
 _GRID = 1 << 16  # delays that one transform tries: 31 us apart at 1000 Hz
-_LEAST_INCOHERENT = 0.01  # share of a line's power: what a window of finite length tells apart
+_LEAST_INCOHERENT = 0.01  # share of a line's power resolved by a window of finite length
 _LEAST_REAL = 0.7  # of 1: how real shapes must be with a delay taken out ...
-_LEAST_GAIN = 0.1  # ... and how much more real than with it, for it to be believed
+_LEAST_GAIN = 0.1  # ... and required improvement of real shapes by a delay
 _SWEEPS = 10
 _MARGIN = 16  # samples at the ends and around gaps that a shift spoils
 
@@ -51,14 +51,14 @@ def device_delays(recording: Recording) -> dict[str, float]:
 
 
 def delays_of_clean(recording: Recording) -> dict[str, float]:
-    """Return the same as `device_delays` of a recording whose channels all carry a signal."""
+    """Return the same as `device_delays` for a recording whose channels all have a signal."""
     return _delays(recording, [channel.device for channel in recording.channels])
 
 
 def channel_delays(recording: Recording) -> dict[str, float]:
     """Return the delay of each channel that carries a signal [s], as if each had a device of its own.
 
-    For recordings whose channels are said to be of one device and are not synchronous; see `device_delays`.
+    For recordings with channels of one device that are not synchronous; see `device_delays`.
     """
     clean = usable(recording)
     return _delays(clean, [channel.name for channel in clean.channels])
@@ -148,7 +148,7 @@ def _most_real(realness: FloatArray, most: FloatArray, n_steps: int) -> IndexArr
 
 
 def _sure(realness: FloatArray, most: FloatArray, found: IndexArray) -> BoolArray:
-    """Tell for which devices the delay makes shapes real that were not."""
+    """Return for which devices the delay makes shapes real that were not."""
     each = range(len(found))
     without = np.array([_total(realness, found, d, np.zeros(1, np.intp))[0] for d in each]) / most.sum(1)
     with_it = np.array([_total(realness, found, d, found[d : d + 1])[0] for d in each]) / most.sum(1)

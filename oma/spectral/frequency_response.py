@@ -1,8 +1,8 @@
 """A resonance read off measured frequency responses: frequency, damping and residues, each with its deviation.
 
-What a rig with a measured force gives. Near one resonance accelerances are R B(f) + c0 + c1 f, with the resonance
-B = -w^2 / (w_r^2 - w^2 + 2 i zeta w_r w) and a straight line for all other modes. All responses share the pole; what
-is linear is solved for at every step (variable projection), so that only frequency and damping are searched.
+For rigs with a measured force. Near one resonance, accelerances are R B(f) + c0 + c1 f, with the resonance B = -w^2 /
+(w_r^2 - w^2 + 2 i zeta w_r w) and a straight line for all other modes. All responses share the pole. Linear parameters
+are solved for at every step (variable projection), so that only frequency and damping are searched.
 
 Neighbouring lines err together (leakage, averaging), so the deviations are those of Newey and West, which count it,
 with each line's error as a fit without that line would have it (HC3, MacKinnon & White 1985).
@@ -30,8 +30,8 @@ from oma.types import ComplexArray
 _REACH = 6.0  # zeta f on either side of a resonance that are fitted
 _LEAST_LINES = 12  # on either side
 _DAMPING = 5e-3  # where the search begins
-_MOST_DAMPING = 0.2  # beyond it nothing stands out
-_ROUNDS = 4  # of fitting and choosing the lines anew
+_MOST_DAMPING = 0.2  # beyond it no resonance is visible
+_ROUNDS = 4  # rounds of fitting and selecting the lines
 _LAGS = 2  # lines over which errors are taken to be alike
 
 
@@ -45,7 +45,7 @@ class Resonance:
     damping_std: float
     residue: ComplexArray  #: (n_responses,) product of the mass-normalised shape there and at the force [1/kg]
     residue_std: FloatArray  #: (n_responses,) of the real part
-    misfit: float  #: rms of what is left over the largest response [-]
+    misfit: float  #: rms of the residual relative to the largest response [-]
 
 
 def fit_resonance(frequency: FloatArray, response: ComplexArray, band: tuple[float, float]) -> Resonance:
@@ -130,12 +130,12 @@ def _with_deviations(pole: FloatArray, line: FloatArray, measured: ComplexArray)
 
 
 def _covariance(slope: ComplexArray, rest: ComplexArray) -> FloatArray:
-    """Return the covariance of parameters from slopes (n, n_responses, p) and what is left (n, n_responses)."""
+    """Return the covariance of parameters from slopes (n, n_responses, p) and residuals (n, n_responses)."""
     real = np.concatenate([slope.real, slope.imag], axis=1)
     left = np.concatenate([rest.real, rest.imag], axis=1)
     normal = np.linalg.inv(np.einsum("nri,nrj->ij", real, real))
     leverage = np.einsum("nri,ij,nrj->nr", real, normal, real)
-    score = real * (left / (1 - leverage))[:, :, None]  # what a fit without that line would leave
+    score = real * (left / (1 - leverage))[:, :, None]  # residual of a fit without that line
     meat = np.einsum("nri,nrj->ij", score, score)
     for lag in range(1, _LAGS + 1):
         shifted = (1 - lag / (_LAGS + 1)) * np.einsum("nri,nrj->ij", score[lag:], score[:-lag])

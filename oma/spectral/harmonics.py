@@ -4,14 +4,14 @@ Three properties distinguish a tone from the narrow-band Gaussian noise that ran
 
 - its line is as wide as the window and has no skirts (`oma.spectral.narrow_band`): compared with every resonance
   of at least the smallest damping that a mode may have, by likelihood, for modes whose damping may be nearly zero;
-- its power stays: the variance of the envelope's power over its mean squared, which is the kurtosis of the signal and
-  the two horns of its probability density in one number, is 0 for a sine and 1 for a resonance. A tone whose frequency
-  wanders, and whose line is wide, shows by this. How steady a resonance may be by chance depends on how often it
-  has forgotten: over 300 s a mode at 2 Hz with 0.2 % forgets eight times only;
+- its power is constant: the variance of the envelope's power divided by its mean squared is 0 for a sine and 1 for a
+  resonance (this combines the kurtosis of the signal and the two peaks of its probability density). It also detects a
+  tone with a varying frequency and a wide line. The steadiness of a resonance by chance depends on the number of its
+  decay times: over 300 s, a mode at 2 Hz with 0.2 % has only eight;
 - it lies at a multiple of another tone.
 
-Each is stated with the rate at which it takes a resonance for a tone. A mode whose line does not differ from a tone's,
-in a record that allows it to be a resonance as well, is uncertain.
+Each test is stated with the rate at which it takes a resonance for a tone. A mode whose line agrees with a tone's, in a
+record in which it may also be a resonance, is uncertain.
 
 References
 ----------
@@ -38,7 +38,7 @@ _LEAST_COMPLETE = 0.5  # share of samples
 _FALSE_TONE = 1e-4  # rate at which a resonance is taken for a tone, by its line or by its steadiness
 _DECAY_EVIDENCE = 2.7  # log likelihood ratio of some decay over none that a tone exceeds in 1 % of cases
 _SUSPECT = 1e-3  # damping below which a mode may be, within three standard deviations, to be compared with a tone
-_LIGHT = 5e-4  # damping of the lightest modes, whose estimates may fall below the limit of a tone's by chance
+_LIGHT = 5e-4  # damping of the lightest modes, whose estimates may be below the limit of a tone's by chance
 _REACH = (24, 64)  # half width of the band compared [lines]
 _LINE_STD = 0.1  # standard deviation of a line's frequency, not less than the bound for 10 dB [lines]
 _FALSE_MULTIPLE = 1e-2  # chance that any frequency of the record lies so near to a multiple of a tone
@@ -68,7 +68,7 @@ def steadiest(times: float) -> float:
     Returns
     -------
     float
-        1 in the long run; 0 where the window is too short to tell.
+        1 in the long run; 0 if the window is too short to decide.
     """
     if times < _TIMES[0]:
         return 0.0
@@ -78,7 +78,7 @@ def steadiest(times: float) -> float:
 def classify(
     data: FloatArray, rate: float, estimate: ModalEstimate, suspected: BoolArray, limits: Selection
 ) -> LineClasses:
-    """Tell tones from modes.
+    """Distinguish tones from modes.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _line(
 
 
 def _multiples(frequency: FloatArray, tone: BoolArray, duration: float) -> BoolArray:
-    """Tell which frequencies lie at a multiple of a tone's, as near as chance would hardly bring any of them."""
+    """Return which frequencies are multiples of a tone's, closer than expected by chance for any of them."""
     pairs = max(len(frequency) * np.count_nonzero(tone), 1)
     result = np.zeros_like(tone)
     for base in frequency[tone]:
@@ -148,9 +148,9 @@ def _multiples(frequency: FloatArray, tone: BoolArray, duration: float) -> BoolA
 def _steady(
     lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, known: BoolArray
 ) -> BoolArray:
-    """Tell which modes are too steady to be resonances under random forces (n_modes,).
+    """Return which modes are too steady to be resonances under random forces (n_modes,).
 
-    A mode with a known tone in its band is not doubted, for what is steady there is the tone.
+    A mode with a known tone in its band is not tested, because the steady part there is the tone.
     """
     result = np.zeros_like(known)
     for i in np.argsort(estimate.damping):

@@ -1,10 +1,10 @@
 """Likelihood of a spectral line against a resonance in a narrow band.
 
-Demodulated to its centre and low-passed, a mode's signal is a complex first-order autoregression whose pole is
-``exp(-lambda dt)``, ``lambda = 2 pi f zeta``, in white noise; a tone of constant amplitude is the limit of no decay.
-The Kalman filter gives the likelihood of each decay rate exactly, for records of any length: a tone's line is as wide
-as the window, whatever that is, and has no skirts, which the random forces of a resonance bring about even in a
-record too short for it to decay.
+Demodulated to its centre and low-passed, a mode's signal is a complex first-order autoregression with the pole
+``exp(-lambda dt)``, ``lambda = 2 pi f zeta``, in white noise. A tone of constant amplitude is the limit without decay.
+The Kalman filter gives the exact likelihood of each decay rate, for records of any length. The line of a tone has the
+width of the window and no skirts. The random forces of a resonance cause skirts even in a record that is too short for
+it to decay.
 
 References
 ----------
@@ -35,7 +35,7 @@ _PADDING = 16  # finer grid in which the highest line is sought
 class LineTest:
     """Comparison of a tone with resonances in a narrow band."""
 
-    frequency: float  #: of the highest line, from the centre of the band [lines]
+    frequency: float  #: frequency of the highest line, from the centre of the band [lines]
     evidence: float  #: log likelihood of the best tone over that of the best resonance or of noise alone [-]
     decay_evidence: float  #: log likelihood of the best decay over that of none: above 2.7 for 1 % of tones [-]
     significance: float  #: log likelihood of the best tone over that of noise alone [-]
@@ -83,7 +83,7 @@ def line_test(lines: ComplexArray, centre: int, reach: int, complete: FloatArray
 
 
 def _demodulated(lines: ComplexArray, centre: int, reach: int) -> ComplexArray:
-    """Return the signal of a band about its centre, (2 reach,), whose white noise stays white."""
+    """Return the signal of a band about its centre, (2 reach,), whose white noise remains white."""
     k = np.arange(-2 * reach, 2 * reach)
     # slopes are power-complementary, so that folding leaves white noise white
     inside = (centre + k > 0) & (centre + k < len(lines))

@@ -44,7 +44,7 @@ class SpectralResonance:
     pole: complex  #: [rad/s]
     shape: ComplexArray  #: (n_channels,) of unit norm
     filter: ComplexArray  #: (n_channels,): passes `shape` and stops the shapes of close modes
-    lines: slice  #: that its bell covers
+    lines: slice  #: lines of its bell
     influence: (
         FloatArray  #: (2, n_lines) of the pole's imaginary and real part with these lines of the filtered spectrum
     )
@@ -97,7 +97,7 @@ def resonances(
 
 
 def _peaks(values: FloatArray, least: float) -> list[tuple[int, int]]:
-    """Return line and level of the peaks `least` times as high as what surrounds them, the highest first."""
+    """Return line and level of the peaks that are `least` times as high as their surroundings, the highest first."""
     padded = np.pad(values, ((_BESIDE, _BESIDE), (0, 0)))
     beside = np.stack([np.roll(padded, k, axis=0) for k in range(-_BESIDE, _BESIDE + 1) if k])[:, _BESIDE:-_BESIDE]
     lines, level = np.nonzero(np.all(values > beside, axis=0))
@@ -110,7 +110,7 @@ def _peaks(values: FloatArray, least: float) -> list[tuple[int, int]]:
 
 
 def _candidate(parts: Decomposition, line: int, level: int, duration: float) -> SpectralResonance | None:
-    """Return what a peak would be as a resonance, if a bell explains it."""
+    """Return a peak as a resonance, if a bell explains it."""
     vector = parts.vectors[line, level]
     pole = complex(-0.5 * parts.width, (line + parts.sums.first) * parts.width)
     coherence = _coherence(parts, line, vector)
@@ -120,7 +120,7 @@ def _candidate(parts: Decomposition, line: int, level: int, duration: float) -> 
 
 
 def _hidden(parts: Decomposition, one: SpectralResonance, duration: float) -> SpectralResonance | None:
-    """Return what is left near a resonance once its shape is taken out: a close mode that makes no peak of its own."""
+    """Return the residual near a resonance without its shape: a close mode without a peak of its own."""
     lines = parts.around(complex(-0.0, one.pole.imag))
     left = np.eye(len(one.shape)) - np.outer(one.shape, one.shape.conj())
     rest = left @ parts.matrix[lines] @ left
@@ -150,7 +150,7 @@ def _fitted(
     parts: Decomposition, pole: complex, shape: ComplexArray, stopped: ComplexArray, others: list[complex],
     level: int, coherence: float, duration: float,
 ) -> SpectralResonance | None:  # fmt: skip
-    """Return what a filtered spectrum shows near a pole, if that is more than chance."""
+    """Return the resonance of a filtered spectrum near a pole, if it is significant."""
     seen = _bell(parts, pole, stopped, others)
     if seen is None:
         return None
@@ -204,19 +204,19 @@ def _surroundings(values: FloatArray) -> FloatArray:
 
 
 def _near(parts: Decomposition, others: list[complex], lines: slice) -> list[complex]:
-    """Return the poles whose bells reach into some lines."""
+    """Return the poles whose bells extend into some lines."""
     first, last = parts.sums.frequency[[lines.start, lines.stop - 1]] * 2 * np.pi
     margin = 0.25 * (last - first)
     return [pole for pole in others if first - margin < pole.imag < last + margin]
 
 
 def _plausible(one: SpectralResonance, limits: Selection) -> bool:
-    """Tell whether damping and shape may be a mode's."""
+    """Return whether damping and shape are plausible for a mode."""
     return one.damping < limits.max_damping and bool(mpc(one.shape) >= limits.min_mpc)
 
 
 def _known(one: SpectralResonance, found: Sequence[SpectralResonance], limits: Selection) -> bool:
-    """Tell whether shapes found near a resonance span its own: no more modes than dimensions."""
+    """Return whether shapes found near a resonance span its own: no more modes than dimensions."""
     near = [other.shape for other in found if _overlap(one, other) or _twin(one, other, limits)]
     if not near:
         return False
@@ -225,12 +225,12 @@ def _known(one: SpectralResonance, found: Sequence[SpectralResonance], limits: S
 
 
 def _overlap(a: SpectralResonance, b: SpectralResonance) -> bool:
-    """Tell whether the bells of two resonances cover each other's peaks."""
+    """Return whether the bells of two resonances cover each other's peaks."""
     return abs(a.pole.imag - b.pole.imag) < 2 * abs(a.pole.real + b.pole.real)
 
 
 def _twin(a: SpectralResonance, b: SpectralResonance, limits: Selection) -> bool:
-    """Tell whether two resonances are one by frequency and shape."""
+    """Return whether two resonances are one by frequency and shape."""
     near = abs(a.pole.imag - b.pole.imag) < limits.max_shift * a.pole.imag
     return near and 1 - mac(a.shape, b.shape) < limits.max_mac_loss
 
@@ -259,7 +259,7 @@ def _shape(parts: Decomposition, one: SpectralResonance, found: Sequence[Spectra
 
 
 def _stop(one: SpectralResonance, others: list[SpectralResonance]) -> ComplexArray:
-    """Return a vector that passes the shape of a resonance and stops those whose bells overlap with its own."""
+    """Return a vector that passes the shape of a resonance and blocks those whose bells overlap with its own."""
     close = [
         other.shape
         for other in others
@@ -273,10 +273,10 @@ def _stop(one: SpectralResonance, others: list[SpectralResonance]) -> ComplexArr
 
 
 def residue_weight(parts: Decomposition, one: SpectralResonance, found: Sequence[SpectralResonance]) -> FloatArray:
-    """Return the weights of the lines whose sum of spectral matrices holds one shape alone, (n_lines,).
+    """Return the weights of the lines for which the sum of spectral matrices contains one shape alone, (n_lines,).
 
-    The spectral matrix is the sum of bells, each times the outer product of a shape, and a background: least squares
-    over the lines, each weighing as its scatter permits, separates the products of close modes whose shapes need not be
+    The spectral matrix is the sum of bells, each times the outer product of a shape, and a background. Least squares
+    over the lines, weighted by their scatter, separates the products of close modes, whose shapes need not be
     orthogonal.
     """
     windowed = parts.windowed(one.lines)

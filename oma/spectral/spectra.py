@@ -30,7 +30,7 @@ _LINES_AT_ONCE = 64
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SpectralSums:
-    """Sums of cross periodograms and of what the window let pass, one set a block of time.
+    """Sums of cross periodograms and of the windows' power, one set per block of time.
 
     The expectation of a sum is the Fourier transform of the correlation function times `windows`: a spectrum that is
     divided by ``windows[0]`` is a density, and a model that is to be compared with it can be given the same window
@@ -47,7 +47,7 @@ class SpectralSums:
     windows: FloatArray  #: (n_blocks, n_fft): autocorrelation of the windows, from lag 0 on
 
     def __post_init__(self) -> None:
-        """Refuse what has no mean."""
+        """Refuse invalid options."""
         if not self.windows[:, 0].sum() > 0:
             raise IdentificationError("gaps leave no complete sample: the spectrum is unknown")
 
@@ -71,7 +71,7 @@ class SpectralSums:
         return unpacked(total / (self.windows[:, 0].sum() * self.rate), self.n_channels)
 
     def influences(self, lines: slice = slice(None)) -> Iterator[ComplexArray]:
-        """Yield what each block moves the mean by, (n_lines, n_channels, n_channels); they add up to zero."""
+        """Yield the change of the mean by each block, (n_lines, n_channels, n_channels); the changes add up to zero."""
         mean, total = self.mean(lines), self.windows[:, 0].sum()
         for block, weight in zip(self.sums, self.windows[:, 0], strict=True):
             yield (
@@ -219,7 +219,7 @@ def unpacked(triangles: ComplexArray, n: int) -> ComplexArray:
 
 
 def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray, FloatArray]:
-    """Return the singular values of the one-sided spectral density matrix: what engineers look at first.
+    """Return the singular values of the one-sided spectral density matrix.
 
     Parameters
     ----------

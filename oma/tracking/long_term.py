@@ -1,9 +1,8 @@
 """Modes followed for years: they drift with the seasons, cross, vanish and return, and keep their identities.
 
-`Tracker` compares with a reference that stays as it is. Here the reference follows: log frequencies as a random walk,
-part of it common to all modes (temperature), so that those seen tell where those not seen have gone; shapes as a slow
-mean. All that is remembered is in a `Tracks`, handed in and out: the same windows give the same identities, live or
-replayed.
+`Tracker` compares with a constant reference. Here the reference follows: log frequencies as a random walk, part of it
+common to all modes (temperature), so that measured modes predict the others; shapes as a slow mean. The complete state
+is in a `Tracks`, passed in and returned: the same windows give the same identities, live or replayed.
 
 References
 ----------
@@ -24,8 +23,9 @@ from oma.tracking.track_state import Tracks, common_places, joined, no_tracks, o
 from oma.types import ComplexArray, ModalEstimate
 
 _HOUR = 3.6e12  # ns
-_TAIL = 4.0  # degrees of freedom of what a frequency may be off by: a change of the structure is no noise
-_UNSEEN = 100.0  # windows without a mode that are assumed before its first: what is new is not believed to be frequent
+_TAIL = 4.0  # degrees of freedom of frequency errors: a change of the structure is not noise
+# windows without the mode that are assumed before its first one: a new mode is not assumed to be frequent
+_UNSEEN = 100.0
 _DOUBT = 4.0  # of the cost, -2 ln likelihood: an exchange of two identities that costs less is no unlikely one
 
 
@@ -33,7 +33,7 @@ _DOUBT = 4.0  # of the cost, -2 ln likelihood: an exchange of two identities tha
 class FollowedModes:
     """Tracks of the modes of one window."""
 
-    tracks: Tracks  #: to hand in with the next window
+    tracks: Tracks  #: state for the next window
     identity: IndexArray  #: (n_modes,) of each mode of the estimate
     known: BoolArray  #: (n_modes,) seen often enough before to be a mode of the structure
     doubtful: BoolArray  #: (n_modes,) could be exchanged with another: modes so close that they mix have no identity
@@ -43,15 +43,15 @@ class FollowedModes:
 class LongTermTracker:
     """Assigns modes of a window to tracks, and lets the tracks follow them."""
 
-    common_drift: float = 4e-3  #: of all log frequencies together, standard deviation after an hour (temperature) [-]
-    own_drift: float = 2e-3  #: of each by itself, after an hour [-]
-    most_drift: float = 0.03  #: of a mode not seen for long [-]
-    n_sigma: float = 4.0  #: of prediction and estimate together, within which any mode may be [-]
-    min_mac: float = 0.5  #: of a known mode within these; two orthogonal shapes cannot both have it [-]
-    min_mac_new: float = 0.8  #: of one not known yet, and of one with its successor
-    max_jump: float = 0.08  #: of ln f: how far a change of the structure may move a mode to be its own successor
+    common_drift: float = 4e-3  #: standard deviation of all log frequencies together after an hour (temperature) [-]
+    own_drift: float = 2e-3  #: standard deviation of each log frequency alone after an hour [-]
+    most_drift: float = 0.03  #: largest deviation of a mode that was not measured for long [-]
+    n_sigma: float = 4.0  #: gate of prediction and estimate together, for any mode [-]
+    min_mac: float = 0.5  #: smallest MAC of a known mode within the gate; two orthogonal shapes cannot both have it [-]
+    min_mac_new: float = 0.8  #: the same for a mode that is not known yet, and for a mode with its successor
+    max_jump: float = 0.08  #: largest change of ln f by which a changed structure may move a mode to its successor
     novelty: float = 45.0  #: -2 ln likelihood from which a mode is rather a new one
-    shape_noise: float = 0.05  #: 1 - MAC of a shape with itself, beside its standard deviations [-]
+    shape_noise: float = 0.05  #: 1 - MAC of a shape with itself, in addition to its standard deviations [-]
     memory: int = 100  #: windows over which shapes are averaged
     confirm: int = 4  #: windows that make a mode known
     patience: float = 48.0  #: after which one seen in fewer is forgotten [h]
@@ -59,10 +59,10 @@ class LongTermTracker:
     def follow(self, tracks: Tracks | None, estimate: ModalEstimate) -> FollowedModes:
         """Give each mode of a window its identity.
 
-        One to one with the least sum of -2 ln likelihood: of Student's t about the predicted frequency, of shape, and
-        of how often a mode is seen at all. Shapes decide where modes cross, frequencies where sensors cannot tell
-        shapes apart. What continues no mode begins one; if it is seen again and the mode that it resembles is not,
-        a change of the structure has moved that mode, and the new one inherits its identity once it is known.
+        One to one with the least sum of -2 ln likelihood: of Student's t about the predicted frequency, of the shape,
+        and of the rate at which a mode is measured. Shapes decide where modes cross, frequencies where sensors do not
+        distinguish shapes. A mode that continues no track begins one. If it is measured again and the similar mode is
+        not, a change of the structure has moved that mode, and the new one inherits its identity once it is known.
 
         Parameters
         ----------
@@ -119,7 +119,7 @@ class LongTermTracker:
         return cost - 2 * np.log(often / (1 - often)), possible
 
     def _updated(self, tracks: Tracks, estimate: ModalEstimate, place: IndexArray) -> Tracks:
-        """Take in what was seen: a Kalman filter for frequencies, a slow mean for shapes."""
+        """Update with the measured modes: a Kalman filter for frequencies, a slow mean for shapes."""
         rows = np.flatnonzero(place >= 0)
         columns = place[rows]
         seen, last = tracks.seen.copy(), tracks.last.copy()
@@ -155,8 +155,8 @@ class LongTermTracker:
     def _inherited(self, tracks: Tracks) -> tuple[IndexArray, IndexArray]:
         """Let modes that just became known inherit from those they resemble and that were not seen since their first.
 
-        A single window cannot move a mode far: one false pole that resembles it would carry it off. Nor does one keep
-        it: if the first window of a mode showed a bad shape, what follows takes its place.
+        A single window cannot move a mode far: one false pole with a similar shape would change it. Nor does a single
+        window keep it: if the first window of a mode had a wrong shape, later ones replace it.
 
         Returns
         -------
@@ -172,20 +172,20 @@ class LongTermTracker:
         known = (tracks.seen >= self.confirm)[:, None]
         fits = near | (known & (shift < self.max_jump) & (agreement >= self.min_mac_new))
         fits &= heirs & (tracks.last[:, None] < tracks.first)
-        heir = assign(shift + ~known, fits)  # what is known before what is not
+        heir = assign(shift + ~known, fits)  # known modes before others
         old = np.flatnonzero(heir >= 0)
         identity = tracks.identity.copy()
         identity[heir[old]] = identity[old]
         return identity, np.flatnonzero(heir < 0)
 
     def _without_strangers(self, tracks: Tracks) -> Tracks:
-        """Forget what was seen seldom and long ago."""
+        """Delete modes that were measured rarely and long ago."""
         waiting = (tracks.time - tracks.last) / _HOUR
         return only(tracks, np.flatnonzero((tracks.seen >= self.confirm) | (waiting <= self.patience)))
 
 
 def _agreement(tracks: Tracks, estimate: ModalEstimate) -> tuple[FloatArray, FloatArray]:
-    """Return the MAC of all pairs at the common channels (n_tracks, n_modes), and what noise takes of it (n_modes,)."""
+    """Return the MAC of all pairs at the common channels (n_tracks, n_modes), and its loss by noise (n_modes,)."""
     ours, theirs = common_places(tracks, estimate)
     shape, std = estimate.shape[:, theirs], estimate.shape_std[:, theirs]
     noise = np.sum(std**2, axis=1) / np.maximum(np.sum(np.abs(shape) ** 2, axis=1), 1e-30)

@@ -1,7 +1,8 @@
 """Set-ups measured one after the other, sensors moved between them, put together through those that stayed.
 
-Each set-up is identified by itself; its shapes have a scale of their own, since nobody measures the forces. The
-references, which every set-up has, tell the scales: of each mode, set-up s saw ``phi_s = c_s r + noise`` there.
+Each set-up is identified separately. Its shapes have their own scale, because the forces are not measured. The
+references, which all set-ups have, determine the scales: for each mode, set-up s measured ``phi_s = c_s r + noise``
+there.
 
 References
 ----------
@@ -25,7 +26,7 @@ from oma.types import ComplexArray, ModalEstimate
 
 _SIGMAS = 3.0  # standard deviations a frequency may differ between set-ups
 _DRIFT = 0.01  # relative difference of frequencies always allowed for: set-ups are hours or days apart
-_MAC_LOSS = 0.2  # 1 - MAC at the references, beyond what noise explains
+_MAC_LOSS = 0.2  # loss of MAC at the references beyond that of noise
 _SWEEPS = 50
 _CLOSE = 1e-12  # of the scales, relative: two sweeps agree
 
@@ -33,9 +34,9 @@ _CLOSE = 1e-12  # of the scales, relative: two sweeps agree
 def merge(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> ModalEstimate:
     """Put the modes of several set-ups together.
 
-    Frequencies and damping are means weighted with variances, to which the scatter between set-ups is added where
-    it is larger than they state. Shapes are scaled to each other by least squares at the references, weighted with
-    their variances; what is uncertain about the scales enters the standard deviations.
+    Frequencies and damping are means weighted by variances, to which the scatter between set-ups is added if it is
+    larger than stated. Shapes are scaled to each other by least squares at the references, weighted by their variances;
+    the uncertainty of the scales is included in the standard deviations.
 
     Parameters
     ----------
@@ -84,10 +85,10 @@ def merge(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> Moda
 
 
 def match_setups(estimates: Sequence[ModalEstimate], references: Sequence[str]) -> IndexArray:
-    """Tell which modes of the set-ups are the same.
+    """Return which modes of the set-ups are the same.
 
-    One to one with the set-up that shows most modes, by frequency (three standard deviations, at least 1 % for what
-    changed between) and by the MAC at the references as far as noise lets it tell.
+    One to one with the set-up that has most modes, by frequency (three standard deviations, at least 1 % for changes in
+    between) and by the MAC at the references as far as noise permits.
 
     Parameters
     ----------
@@ -154,8 +155,8 @@ def _mean(estimates: Sequence[ModalEstimate], matched: IndexArray, name: str) ->
 def _means(value: FloatArray, std: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return weighted means over the set-ups and their standard deviations (n_modes,).
 
-    What set-ups scatter beyond their own variances, tau^2, is added to these (DerSimonian and Laird, eq. 9): a
-    structure that changed between them has no single frequency, and the mean is no surer for that.
+    The scatter of set-ups beyond their own variances, tau^2, is added to these (DerSimonian and Laird, eq. 9): a
+    structure that changed between them has no single frequency, and the mean is correspondingly uncertain.
     """
     weight = std**-2
     total = weight.sum(axis=1)

@@ -7,9 +7,10 @@ from daq import FloatArray, IndexArray
 from oma.mac import mac_matrix
 from oma.preparation import BoolArray
 
-_IMPOSSIBLE = 1e6  # beside any cost
-_LEAST_LENGTH = 1e-3  # of the longest of the model's shapes: what stands still there has that of a mode beside it
-_LEAST_MAC, _FARTHEST = 0.5, 0.3  # of a measured mode and the model's that answers to it; the latter of ln f
+_IMPOSSIBLE = 1e6  # larger than any cost
+# relative to the longest shape of the model: a mode below it has only the motion of an adjacent mode at the sensors
+_LEAST_LENGTH = 1e-3
+_LEAST_MAC, _FARTHEST = 0.5, 0.3  # limits of a pair of a measured and a model mode; the latter of ln f
 
 
 def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
@@ -34,7 +35,7 @@ def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
 
 
 def assign_gains(gain: FloatArray) -> IndexArray:
-    """Pair rows with columns one to one so that the sum of gains is largest; what gains nothing stays alone.
+    """Pair rows with columns one to one with the largest sum of gains; entries without gain remain unpaired.
 
     Parameters
     ----------
@@ -55,7 +56,7 @@ def assign_gains(gain: FloatArray) -> IndexArray:
 def mac_of_moving(shape: FloatArray, model_shape: FloatArray) -> FloatArray:
     """Return the MAC (n, k) of measured shapes (n, n_channels) with a model's (k, n_channels).
 
-    It is 0 with what stands still at the channels: the little that it moves is of a mode beside it.
+    It is 0 with a mode that does not move the channels: its small motion is that of an adjacent mode.
     """
     length = np.linalg.norm(model_shape, axis=1)
     moving = length > _LEAST_LENGTH * length.max()
@@ -69,8 +70,8 @@ def pair_modes(
 ) -> IndexArray:
     """Return for each measured mode the paired model mode, one to one; -1 if there is none.
 
-    The assignment is the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors. A pair with a
-    MAC under 0.5 or frequencies more than 30 % apart is none, and nothing answers to what no channel sees.
+    The assignment has the least sum of (1 - MAC) + |ln f / f_model|: MAC alone fails with few sensors. A MAC below 0.5
+    or frequencies more than 30 % apart are no pair, and no mode is paired with one that no channel measures.
 
     Parameters
     ----------

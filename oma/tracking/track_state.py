@@ -10,7 +10,7 @@ from daq import FloatArray, IndexArray, parse_json
 from oma.types import ComplexArray, ModalEstimate
 
 _ARRAYS = ("identity", "log_frequency", "shape", "seen", "since", "first", "last")  # of Tracks, but for the covariance
-_EXACT = 3e-4  # of ln f: what identification errs beyond the deviation it states
+_EXACT = 3e-4  # error of identification in ln f beyond the stated deviation
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -18,7 +18,7 @@ class Tracks:
     """State of the modes identified so far."""
 
     channels: tuple[str, ...]
-    time: int  #: of the last window [ns UTC]
+    time: int  #: time of the last window [ns UTC]
     identity: IndexArray  #: (n_tracks,) never given twice [-]
     log_frequency: FloatArray  #: (n_tracks,) [ln Hz]
     covariance: FloatArray  #: (n_tracks, n_tracks) of the log frequencies [-]
@@ -27,7 +27,7 @@ class Tracks:
     since: IndexArray  #: (n_tracks,) windows since the first of them, it included [-]
     first: IndexArray  #: (n_tracks,) end of the first of them [ns UTC]
     last: IndexArray  #: (n_tracks,) end of the last of them [ns UTC]
-    next_identity: int  #: of the next new mode
+    next_identity: int  #: identity of the next new mode
 
     @property
     def frequency(self) -> FloatArray:
@@ -49,7 +49,7 @@ class Tracks:
 
     @classmethod
     def from_json(cls, text: str) -> "Tracks":
-        """Read what `to_json` wrote.
+        """Read the output of `to_json`.
 
         Raises
         ------
@@ -100,7 +100,7 @@ def relative_variance(estimate: ModalEstimate) -> FloatArray:
 
 
 def common_places(tracks: Tracks, estimate: ModalEstimate) -> tuple[IndexArray, IndexArray]:
-    """Return where the channels that both have stand in the tracks and in the estimate.
+    """Return the positions of the common channels in the tracks and in the estimate.
 
     Raises
     ------

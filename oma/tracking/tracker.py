@@ -26,9 +26,11 @@ class Tracker:
     n_sigma: float = 3.0  #: standard deviations a frequency may be away, whatever the shape mixes with [-]
     floor: float = 2e-3  #: relative frequency difference always allowed for in the gate of standard deviations [-]
     max_shift: float = 0.08  #: relative frequency difference a real change may cause [-]
-    min_mac: float = 0.8  #: of a mode whose frequency has left the gate of standard deviations [-]
-    most_turned: float = 0.1  #: rad: from where on noise mixes modes, so that their shapes do not tell them apart
-    min_mac_near: float = 0.5  #: of a mode inside that gate; above it no two orthogonal shapes can be exchanged [-]
+    min_mac: float = 0.8  #: smallest MAC of a mode whose frequency is outside the gate of standard deviations [-]
+    #: rad: rotation by noise above which modes mix, so that their shapes do not distinguish them
+    most_turned: float = 0.1
+    #: smallest MAC of a mode inside that gate; above it no two orthogonal shapes can be exchanged [-]
+    min_mac_near: float = 0.5
 
     def assign(self, estimate: ModalEstimate) -> IndexArray:
         """Find the mode of the estimate that continues each mode of the reference.
@@ -83,10 +85,10 @@ class Tracker:
         return np.asarray(np.hypot(ours, estimate.frequency_std / estimate.frequency))
 
     def _mixed(self, estimate: ModalEstimate, chance: FloatArray) -> BoolArray:
-        """Tell which modes of an estimate lie among those that it cannot part from each of the reference's.
+        """Return which modes of an estimate are mixtures of modes that it does not separate.
 
-        Noise turns modes into each other by about their frequencies' deviation over the distance between them. As many
-        modes as there are channels hold every shape: that one lies among them says nothing.
+        Noise rotates modes into each other by about their frequencies' deviation divided by the distance between them.
+        A set of as many modes as channels contains every shape; this is then no evidence.
         """
         own, found = self._at_common_channels(estimate)
         apart = np.abs(np.log(self.reference.frequency / self.reference.frequency[:, None]))
