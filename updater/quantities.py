@@ -34,7 +34,7 @@ class Where(PlainValue):
     """Place of a cause on the structure, or the channels of one that sits in the measuring chain."""
 
     member: str | None = None
-    position: Vector | None = None  #: on the member's axis [m]
+    position: Vector | None = None  #: position on the member's axis [m]
     position_std: float | None = None  #: along the member [m]
     region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
     channels: tuple[str, ...] = ()
@@ -43,14 +43,14 @@ class Where(PlainValue):
 class ParameterChange(PlainValue):
     """A parameter of the model that a cause changes, in the units of engineers."""
 
-    name: str  #: as `modalwatch structure --parameters` lists it, such as `steel.E` or `support 0.ry`
+    name: str  #: name as listed by `modalwatch structure --parameters`, such as `steel.E` or `support 0.ry`
     quantity: str  #: such as `Young's modulus` or `rotational stiffness about y`
     of: str  #: material, support or joint that it belongs to
-    position: Vector | None  #: of the support, the joint or the weld [m]
+    position: Vector | None  #: position of the support, the joint or the weld [m]
     unit: str  #: Pa, N m/rad, N/m, or - for a factor of stiffness
     before: float | None  #: None for a connection that was rigid
     after: float
-    std: float  #: of `after`
+    std: float  #: standard deviation of `after`
 
     @property
     def significant(self) -> bool:

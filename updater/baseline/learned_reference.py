@@ -33,7 +33,7 @@ from updater.reference import (
 )
 from updater.structure import Body, ModelParameter, Structure, with_springs
 
-_LEAST_P = 1e-3  # of data and prior, under which the file's parameters are believed less
+_LEAST_P = 1e-3  # p of data and prior below which the priors of the file's parameters are widened
 
 
 def learn_reference(
@@ -47,16 +47,16 @@ def learn_reference(
 ) -> Reference:
     """Learn from baseline windows: average, calibrate, then the one-step update's first stage.
 
-    The model is calibrated to frequencies, then to frequencies and shapes with its modes paired anew, until its
-    parameters stand still (`updater.baseline.recalibration`). The measured modes are expanded in clusters of the
-    paired modes only and orthonormalised, so that the mass is not altered (eqs 7, 9 to 12) and the change
-    is one of stiffness (eq. 8).
+    The model is calibrated to frequencies, then to frequencies and shapes with its modes paired again, until its
+    parameters no longer change (`updater.baseline.recalibration`). The measured modes are expanded in clusters of the
+    paired modes only and orthonormalised, so that the mass is not altered (eqs 7, 9 to 12) and the change is one of
+    stiffness (eq. 8).
 
-    Measured modes without a partner in the model are only kept so that no other is taken for them;
-    `calibration.tracks` says which have one. `delays` are kept for the windows to come: they have been removed from
-    these. With `stated` the windows' own standard deviations are taken at their word; else how far they really scatter
-    is learnt from three or more of them. Where nothing but frequencies was measured (not `shaped`) the shapes serve to
-    pair modes only.
+    Measured modes without a partner in the model are kept, so that no other mode is taken for them;
+    `calibration.tracks` has those with a partner. `delays` are kept for later windows: they have been removed from
+    these. With `stated`, the standard deviations of the windows are used as stated; else their actual scatter is
+    learned from three or more windows. If only frequencies were measured (not `shaped`), the shapes only serve to pair
+    modes.
 
     Raises
     ------
@@ -161,10 +161,10 @@ def _parameter(knob: ModelParameter, value: float, std: float) -> Parameter:
 
 
 def _mistakable(measured: ModalMean, tracks: IndexArray) -> npt.NDArray[np.bool_]:
-    """Tell which tracks (n_tracks,) the sensors cannot tell from a mode that was measured too and the model has not.
+    """Return which tracks (n_tracks,) the sensors cannot distinguish from a measured mode without partner.
 
-    After a change either may be the other: a twist that they see as the bending beside it, since it has a little of
-    that. Three are left at least.
+    After a change either may be the other: for example a twist that the sensors measure as the adjacent bending mode,
+    which it contains in part. At least three tracks are left.
     """
     others = np.setdiff1d(np.flatnonzero(np.isfinite(measured.log_frequency)), tracks)
     alike = mac_matrix(measured.shape[tracks], measured.shape[others]) > SAME_SHAPE

@@ -1,8 +1,8 @@
 """Reference made from the structure file alone, for errors of the file against measured modes.
 
-Where it is far off - by more than 5 % in the median frequency - the model is moved first: its parameters are fitted to
-the measured frequencies, then to shapes too, with modes paired anew, until it rests. What the file says stays what is
-known beforehand.
+If the file is far off - by more than 5 % in the median frequency - the model is moved first: its parameters are fitted
+to the measured frequencies, then to shapes too, with modes paired again, until they no longer change. The values of the
+file remain the prior.
 """
 
 from collections.abc import Sequence
@@ -22,12 +22,12 @@ def nominal_reference(
     n_modes: int = 30,
     stated: bool = False,
 ) -> Reference:
-    """Return a reference whose baseline is the model's own modes, at the measured ones' channels.
+    """Return a reference whose baseline is the model's own modes, at the channels of the measured ones.
 
     Parameters
     ----------
-    structure : as the file says; rigid feet and joints get springs stiff enough to change nothing. If it is far off,
-        the reference is of a nearer one, and `filed` of this
+    structure : as in the file; rigid feet and joints get springs that are stiff enough to have no effect. If it is far
+        off, the reference is of a recalibrated one, and `filed` of this
     windows : (n_windows, n_tracks) modes that the model is to be compared with
     devices : that sampled the channels; the model has them in time, as well as devices are
     n_modes : of the model to keep, at least

@@ -1,8 +1,7 @@
-"""Parameters of a model fitted to measured frequencies and shapes, its modes paired anew after every step.
+"""Fit of a model's parameters to measured frequencies and shapes, with modes paired again after every step.
 
-Frequencies alone leave parameters open: they do not say which of two bearings of a symmetric girder is the softer one.
-A mode that the structure file has far from where it was measured is paired once the model is near it, and counts from
-then on.
+Frequencies alone do not determine all parameters, such as which of two bearings of a symmetric girder is softer. A mode
+that is far off in the structure file is paired once the model is close to it, and is used from then on.
 """
 
 from collections.abc import Sequence
@@ -28,7 +27,7 @@ from updater.modal_data import (
 from updater.reference import Calibration, NominalModel, Reference, best_model, calibrate, own_modes
 from updater.structure import Structure, apply_parameters, model_parameters_of
 
-FAR = 0.05  #: of ln f, in the median: a file that is more off is believed less
+FAR = 0.05  #: median of ln f: a file that is more off has wider priors
 _DELAY_STD = 2e-5  # s: filters and clocks of devices of one kind
 _MAX_ROUNDS, _AT_REST = 6, 0.1  # until no parameter moves by so much of the standard deviation of its estimate
 _N_STARTS, _SCATTER = 40, 0.7  # of a fit, and by how much ln of flexibilities scatters among them ...
@@ -41,9 +40,9 @@ class Measured:
     """Modes that a model is compared with."""
 
     windows: TrackedModes  #: (n_windows, n_tracks)
-    scatter: Scatter  #: of the windows
-    devices: Sequence[str] = ()  #: that sampled the channels; the model has them in time, as well as devices are
-    n_modes: int = 30  #: of the model to keep, at least
+    scatter: Scatter  #: scatter of the windows
+    devices: Sequence[str] = ()  #: devices of the channels; in the model they are synchronous within their uncertainty
+    n_modes: int = 30  #: smallest number of the model's modes
 
     @property
     def mean(self) -> ModalMean:
@@ -55,11 +54,11 @@ class Measured:
 class Recalibrated:
     """A model at the parameters with which it fits best."""
 
-    reference: Reference  #: of the model's own modes; `filed` is the structure file's
+    reference: Reference  #: reference with the model's own modes; `filed` is the structure file's
     value: FloatArray  #: (n_knobs,)
     std: FloatArray  #: (n_knobs,) standard deviations, prior included
     p_value: float  #: chance of a worse fit of data and prior
-    at_rest: bool  #: whether the parameters stand still
+    at_rest: bool  #: whether the parameters no longer change
 
 
 def is_far(calibration: Calibration, measured: ModalMean) -> bool:
@@ -73,15 +72,15 @@ def recalibrated(
 ) -> Recalibrated | None:
     """Return the model with the parameters with which it fits best; None where too few modes can be paired with one.
 
-    The parameters are first fitted to the frequencies, then to frequencies and shapes, modes paired anew each time,
-    until they stand still. The file's parameters stay the mean of the prior.
+    The parameters are first fitted to the frequencies, then to frequencies and shapes, with modes paired again each
+    time, until they no longer change. The file's parameters remain the mean of the prior.
 
     Parameters
     ----------
-    structure : as the file says
+    structure : as in the file
     there : reference of the file's own modes
     measured : modes to fit
-    far : whether the file is far off, so that its parameters are believed less
+    far : whether the file is far off, so that its parameters have wider priors
     start : (n_knobs,) parameters to begin with; None: fitted to the frequencies alone
     """
     found = None
@@ -150,7 +149,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
     Parameters
     ----------
     sprung : the structure to model, with springs in the place of rigid connections
-    structure : as the file says
+    structure : as in the file
     data : modes to pair the model's with
 
     Raises

@@ -32,12 +32,12 @@ class Cause(Hypotheses, Protocol):
 
     @property
     def advice(self) -> str:
-        """The measurement that would settle what is left open."""
+        """Measurement that would decide between the remaining hypotheses."""
         ...
 
     @property
     def neutral_start(self) -> FloatArray:
-        """Start of a joint fit with other causes (n_alternatives, n_parameters): what has a place has no effect yet."""
+        """Start of a joint fit with other causes (n_alternatives, n_parameters), without effect of causes with a position."""
         ...
 
     def where(self, fit: "Fit[Cause]") -> Where | None:
@@ -45,7 +45,7 @@ class Cause(Hypotheses, Protocol):
         ...
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return what was estimated."""
+        """Return the estimated parameters."""
         ...
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
@@ -107,7 +107,7 @@ class Propose(Protocol[C]):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Discrete:
-    """Common part of causes whose alternatives are equally likely and cannot be refined."""
+    """Common part of causes with equally probable alternatives without refinement."""
 
     prior_std: FloatArray
     lower: FloatArray

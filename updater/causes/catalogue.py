@@ -51,7 +51,7 @@ class Catalogue(Mapping[str, Propose[Cause]]):
         return found
 
     def __getitem__(self, name: str) -> Propose[Cause]:
-        """Return what proposes a cause."""
+        """Return the function that proposes a cause."""
         return self._all[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -104,6 +104,6 @@ _OWN: dict[str, Propose[Cause]] = {
 
 CATALOGUE: Mapping[str, Propose[Cause]] = Catalogue(_OWN)
 
-#: prior probability over that of any other cause: a body clamped on is twenty times as common as one laid along a
-#: member, and what is laid there lies on the axis here, where a body must find its offsets (1 / 15, by what they cost)
+#: prior probability relative to that of any other cause: a body at a point is twenty times as common as a distributed
+#: mass, which lies on the axis here, whereas the offsets of a body are fitted (1 / 15, the prior volume of the offsets)
 RARITY: Mapping[str, float] = {"distributed_mass": 1 / 300}

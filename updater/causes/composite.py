@@ -1,4 +1,4 @@
-"""One free cause fitted jointly with causes whose alternatives are fixed."""
+"""One free cause fitted jointly with causes at fixed alternatives."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

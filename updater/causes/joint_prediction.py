@@ -10,7 +10,7 @@ from updater.inference import Comparison, Effect, Prediction, picked, predict, r
 
 
 def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Prediction:
-    """Return what one alternative, chosen causes together, predicts; of none, the baseline, or the file's own modes."""
+    """Return the prediction of one alternative, chosen causes together; without causes, the modes before."""
     if not chosen:
         nothing = np.zeros((1, len(data.log_ratio)))
         nobody = np.empty((1, 0, data.base.shape[1]))
@@ -21,7 +21,7 @@ def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Pred
 
 
 def effect_of(chosen: Sequence[SelectedCause]) -> Effect:
-    """Return what chosen causes do together, as one alternative."""
+    """Return the joint effect of chosen causes, as one alternative."""
     together = JointHypothesis(chosen[0].cause, tuple(chosen[1:]))
     return together.effect(np.concatenate([c.theta for c in chosen])[None], np.array([chosen[0].row]))
 

@@ -18,7 +18,7 @@ def modal_section_forces(reference: Reference, stations: Mapping[int, FloatArray
 
     Parameters
     ----------
-    reference : whose model's elements are beams
+    reference : with a model of beam elements
     stations : number of a member -> distances from its start (n,) [m]
 
     Returns

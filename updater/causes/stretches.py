@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 S = TypeVar("S", bound="Stretches")
-_MOST_MEMBERS = 2000  # of structures whose stretches are looked at
+_MOST_MEMBERS = 2000  # largest number of members for which stretches are considered
 RATIO = 1.2  #: about, from one length to the next
 WITHIN = 12**-0.5  #: standard deviation of a uniform prior over one step
 _MOST = 600  # alternatives that are all fitted; of more, on a structure of many members, the most likely are
@@ -28,7 +28,7 @@ _WORTH = 6  # of the first grid's alternatives that are looked at closer
 _OF_EACH = 2  # and of each length
 _LENGTH = 2  # number of the parameter of a length, of causes that have one
 _NEXT_LENGTHS = 2 * float(np.log(RATIO))  # of a logarithm: lengths of another kind that are looked at too
-_OPEN = 10.0  # of log density under the best: what else is left open
+_OPEN = 10.0  # log density below the best: other possible places
 _MOST_OTHERS = 120  # of the likeliest that are looked at for that
 
 
@@ -36,10 +36,10 @@ _MOST_OTHERS = 120  # of the likeliest that are looked at for that
 class Kinds:
     """Kinds of stretches: lengths that act alike, or directions; as probable as they have lengths."""
 
-    size: dict[int, int]  #: of each kind, the length that is looked at first [cells, even]
+    size: dict[int, int]  #: first length of each kind [cells, even]
     step: dict[int, int]  #: then cells between middles
-    about: dict[int, tuple[int, ...]]  #: lengths that it stands for, looked at where the first is likely
-    whole: bool = False  #: whether all of a member is a length, where it is not much longer than the longest that fits
+    about: dict[int, tuple[int, ...]]  #: lengths represented by it, evaluated if the first is probable
+    whole: bool = False  #: whether all of a member is a length, if it is not much longer than the longest that fits
 
     def span(self, kind: int) -> float:
         """Return the range of the logarithm of lengths that a kind represents."""
@@ -100,7 +100,7 @@ class Stretches:
         return np.clip(self.size[rows] * np.exp(theta[:, 2] * self.span[rows]), self._least(rows), room)
 
     def _least(self, rows: IndexArray) -> FloatArray:
-        """Return the least lengths (len(rows),) [cells]: what is shorter is another cause."""
+        """Return the smallest lengths (len(rows),) [cells]: a shorter one is another cause."""
         return np.minimum(self.size[rows], min(min(sizes) for sizes in self.kinds.about.values())).astype(float)
 
     def _distances(self, fit: "Fit[Any]") -> tuple[FloatArray, FloatArray]:
@@ -145,7 +145,8 @@ class Stretches:
     def refined(self, log_density: FloatArray, theta: FloatArray) -> Self:
         """Return stretches about the likely ones: middles closer together, lengths between; others may be as likely.
 
-        Where data hardly tell a place many are. They stay as they are: a place that is left out is told to be none.
+        If the data hardly determine a place, many remain. They are kept, because a place that is left out counts as
+        excluded.
         """
         order = np.argsort(-log_density)
         of_each = [order[self.kind[order] == kind][:_OF_EACH] for kind in self.kinds.size]
@@ -174,8 +175,8 @@ class Stretches:
     ) -> FloatArray:
         """Return where the fits of finer alternatives begin (n, n_parameters).
 
-        Those nearest to what the coarser ones were fitted to begin there, so that it is not lost; all others at their
-        own middles and lengths, as strong as they add as much in all.
+        Those nearest to the fitted values of the coarser ones start there, so that these are kept; all others start at
+        their own middles and lengths, with a strength of the same total effect.
 
         Parameters
         ----------
@@ -280,7 +281,7 @@ class Stretches:
     def _spread(self, fit: "Fit[Any]") -> tuple[IndexArray, FloatArray, FloatArray, IndexArray]:
         """Return member, middle [m] and probability of every cell, and the cell of each alternative's middle.
 
-        An alternative's middle is spread evenly over what has its deviation.
+        The middle of an alternative is distributed uniformly with its deviation.
         """
         member = np.repeat(np.arange(len(self.cells.count)), self.cells.count)
         before = np.concatenate([[0], np.cumsum(self.cells.count)])
@@ -324,9 +325,9 @@ class Spread(Stretches):
 
 
 def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return how strong changes of log frequencies (n, n_compared) are in the data (n,), and what they explain (n,).
+    """Return the strengths (n,) of changes of log frequencies (n, n_compared) in the data, and the explained part (n,).
 
-    Each by itself, to first order; what is explained is of chi-square.
+    Each separately, to first order; the explained part is in chi-square.
     """
     whitener = comparison.drifting.matrix
     white, data = effect @ whitener.T, whitener @ comparison.log_ratio
@@ -335,7 +336,7 @@ def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, Fl
 
 
 def may_be_cut(structure: Structure) -> bool:
-    """Tell whether stretches of a structure are looked at: none of very many members, or of matrices."""
+    """Return whether stretches of a structure are considered: not with very many members, or external matrices."""
     return structure.external is None and len(structure.member) <= _MOST_MEMBERS
 
 
@@ -346,7 +347,7 @@ def begun(cause: S, first: tuple[FloatArray, FloatArray]) -> S:
 
     Parameters
     ----------
-    first : how strong each is (n,), and what it explains (n,); written into `cause.start`
+    first : strength (n,), and explained part (n,); written into `cause.start`
     """
     cause.start[:, 0], explained = first
     if len(explained) <= _MOST:
@@ -375,7 +376,7 @@ def _fields(cells: Cells, kinds: Kinds, rows: FloatArray, *, first: bool) -> dic
     Parameters
     ----------
     rows : (n, 5) member, first cell, cells, kind, cells between middles
-    first : whether each stands for all lengths of its kind
+    first : whether each represents all lengths of its kind
     """
     member, begin, size, kind = rows[:, :4].T.astype(np.intp)
     within = [kinds.within(int(count)) for count in cells.count]

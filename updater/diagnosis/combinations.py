@@ -1,9 +1,9 @@
 """Several causes together: found step by step, each step sought widely and followed until it rests.
 
-Every cause of the catalogue is tried beside the best so far to first order; the promising ones are fitted in turns,
-each over all its alternatives while the others give way in their parameters. Turns end where no single cause can move
-alone. So from the best, each of its causes is also put at its next place, and a rare one exchanged for a common one
-that acts much like it.
+Every cause of the catalogue is added to the best so far, to first order. The most probable combinations are fitted in
+turns, each cause over all its alternatives while the parameters of the others are fitted too. Turns end where no single
+cause changes its alternative. Each cause of the best is then also put at its next place, and a rare cause is replaced
+by a common one with a similar effect.
 """
 
 import itertools
@@ -20,8 +20,8 @@ from updater.diagnosis.weighing import OF_THE_FILE, Candidate, EvidenceCompariso
 from updater.inference import Fit, fit, foreseen, pulls
 
 _MOST = 300  # alternatives of a cause that are looked at; of more, evenly many
-_LEAST = 1.0  # of chi-square, by a step of one prior standard deviation: what does less explains nothing
-_ALIKE = 1e-6  # of the product of two squares, the determinant of what acts alike: one of them is enough
+_LEAST = 1.0  # chi-square by a step of one prior standard deviation: smaller effects explain nothing
+_ALIKE = 1e-6  # relative to the product of two squares, the determinant of similar effects: one of them is sufficient
 _FARTHEST = 3.0  # prior standard deviations that a fit begins from
 
 
@@ -29,7 +29,7 @@ _FARTHEST = 3.0  # prior standard deviations that a fit begins from
 class _Columns:
     """Effect of a unit of each parameter of each alternative on the data, besides a drift common to all frequencies."""
 
-    names: list[str]  #: of the causes
+    names: list[str]  #: names of the causes
     effect: FloatArray  #: (n, n_data) whitened
     precision: FloatArray  #: (n,) of the priors
     log_prior: FloatArray  #: (n,) of the alternatives and their causes
@@ -63,7 +63,7 @@ def likeliest_pair(weighing: EvidenceComparison) -> tuple[SelectedCause, Selecte
 
 
 def _columns(weighing: EvidenceComparison) -> _Columns | None:
-    data = replace(weighing.data, plain=weighing.data.drifting)  # sensors, too, beside a drift
+    data = replace(weighing.data, plain=weighing.data.drifting)  # sensors, too, together with a drift
     names: list[str] = []
     parts = []
     for name, cause in weighing.causes.items():
@@ -92,15 +92,15 @@ def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strengt
     return SelectedCause(cause, row, np.maximum(np.clip(theta, -reach, reach), cause.lower[row]))
 
 
-_CLOSER = 3  # pairs that are fitted, of all that are foreseen to first order; of more causes one fewer
+_CLOSER = 3  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
 _FURTHER = 3  # more pairs that are fitted where none of these fits
-_HOPELESS = 15.0  # of log evidence foreseen under the best: what is not fitted ...
-_ERRS = 0.2  # ... and of what the best is foreseen to gain: by how much first order may err
+_HOPELESS = 15.0  # predicted log evidence below the best: combinations that are not fitted ...
+_ERRS = 0.2  # ... and relative to the predicted gain of the best: error of first order
 _TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
 _NEXT = 8.0  # of log density under a cause's best place: another one that is tried
-_LIKE = {"distributed_mass": "added_mass"}  # a rare cause, and a common one that may have been foreseen as the worse
+_LIKE = {"distributed_mass": "added_mass"}  # a rare cause, and a common one with a possibly lower prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class PredictedCandidate:
     """Several causes together, of which the last has not been fitted yet."""
 
     chosen: tuple[SelectedCause, ...]
-    log_evidence: float  #: foreseen to first order, what its parameters cost left out
+    log_evidence: float  #: log evidence predicted to first order, without the prior volume of its parameters
     fewer: float  #: log evidence without the one that has not been fitted
 
     @property
@@ -131,7 +131,7 @@ class Compositions:
     def rank_by_linear_prediction(self, seeds: Sequence[Candidate]) -> list[PredictedCandidate]:
         """Predict to first order the gain of each cause in addition to each of the seeds, the best first.
 
-        What brings a mode that nobody sees is none of them: it explains too much of others' misfit.
+        Oscillators without a measured mode are left out: they explain too much of other misfits.
         """
         seeds = [s for s in seeds if not any(hides(c.cause) for c in s.chosen)]
         found = [
@@ -189,7 +189,7 @@ class Compositions:
         return every
 
     def _full(self, seed: Candidate) -> bool:
-        """Tell whether one more cause that changes frequencies would have as many parameters as there are data."""
+        """Return whether one more cause that changes frequencies would have as many parameters as data."""
         most = min(
             max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
             max(1, int(self.weighing.data.freedom // _DATA_EACH)),
@@ -210,13 +210,13 @@ class Compositions:
         )
 
     def together(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
-        """Fit the best of what was foreseen; two causes of one kind are two, and those that fail are left out."""
+        """Fit the best predictions; two causes of one kind are two, and failing ones are left out."""
         return self._fitted(self._worth_fitting(promises))
 
     def further(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
-        """Fit the best of what `together` leaves out, each of other causes: first order may err by more than it allows.
+        """Fit the best of those left out by `together`, each with other causes: the error of first order may be larger.
 
-        A body that has come to where a stretch beside it is best made up for foresees little of that stretch.
+        A body at a position that compensates for an adjacent stretch reduces the predicted effect of that stretch.
         """
         tried = [common(p.names) for p in self._worth_fitting(promises)]
         others: dict[tuple[str, ...], PredictedCandidate] = {}
@@ -227,7 +227,7 @@ class Compositions:
         return self._fitted(list(others.values())[:_FURTHER]) if others else []
 
     def _fitted(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
-        """Return what promises come to, the best also with its causes elsewhere and with others that act alike."""
+        """Return the fits of predictions, the best also with its causes at other places and with similar causes."""
         found: dict[tuple[str, ...], Candidate] = {}
 
         def keep(fitted: Candidate | None) -> None:

@@ -1,8 +1,8 @@
 """Measured modes that the baseline lacks and the model has: data for the parameters of causes that are found.
 
-A change may show a mode that was not measured before, such as a twist that a body off the axis couples to bending.
-Until the causes are known nothing says which of the model's modes it is. Then its frequency is compared with the
-model's own, whose error counts.
+A change may excite a mode that was not measured before, such as a twist that an eccentric body couples to bending.
+Until the causes are known, its counterpart in the model is unknown. Its frequency is then compared with the model's
+own, whose error counts.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from updater.inference import Comparison, reanalyse
 from updater.modal_data import ModalMean
 from updater.reference import FREQUENCY_STD
 
-_NEAR = 0.03  # of ln f, between what is measured and what the causes predict
+_NEAR = 0.03  # ln f between measured and predicted modes
 _ALIKE = 0.8  # MAC, likewise
 
 

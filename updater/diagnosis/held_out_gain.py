@@ -1,11 +1,10 @@
 """The gain of a diagnosis on data that did not choose it: of the written model, and of the changes predicted.
 
-The model's figures are those of the structure file with the causes written in, solved anew and compared with all modes
-measured; without the causes, those of the file as it was before them. The predicted changes are relative to the
-baseline, on held-out records or on each mode in its turn, so that what the model gets wrong about the structure as it
-was cancels. They decide whether the causes gain anything: a gain that may be chance is none, so the log likelihood must
-rise by more than two standard deviations of that rise, which by independent noise are the whitened distance between
-the two predictions.
+The model's figures are those of the structure file with the causes, solved again and compared with all measured modes;
+without the causes, those of the file before. The predicted changes are relative to the baseline, on held-out records or
+by cross-validation over the modes, so that errors of the model in the undisturbed state cancel. They decide whether the
+causes are an improvement: the log likelihood must rise by more than two standard deviations of that rise, which for
+independent noise are the whitened distance between the two predictions.
 """
 
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ class Gained:
 
     gain: Gain
     std: Gain  #: standard deviations of the same figures
-    significant: bool  #: whether the log likelihood of the changes has risen by more than chance may do
+    significant: bool  #: whether the log likelihood of the changes has risen by more than chance
 
 
 @dataclass(frozen=True, eq=False)

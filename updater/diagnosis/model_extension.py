@@ -1,7 +1,7 @@
 """Parameters of the extended model: refitted to the frequencies within noise.
 
-What decides between causes allows for what the reference gets wrong about a change. The next record has the very same
-error: parameters that take it up foresee that record better, though they are no nearer to what was done.
+The comparison of causes allows for errors of the reference in predicted changes. The next record has the same error:
+parameters that compensate for it predict that record better, although they are no closer to the truth.
 """
 
 from collections.abc import Sequence
@@ -31,14 +31,14 @@ def fixed(data: Comparison, chosen: Sequence[SelectedCause]) -> JointHypothesis[
 def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Cause | None) -> tuple[SelectedCause, ...]:
     """Return the drift common to all frequencies that chosen causes leave, as a factor on stiffness.
 
-    It is a nuisance, which nobody names; a model that is to agree with the next record has it all the same. None where
-    it is not significant, or where the causes have a common factor already.
+    The drift is a nuisance without a name; a model that agrees with the next record contains it. None if it is not
+    significant, or if the causes have a common factor already.
 
     Parameters
     ----------
-    data : what was measured
+    data : measured
     chosen : causes with their parameters
-    factor : the cause that stands for the drift
+    factor : cause that represents the drift
     """
     if not isinstance(factor, CommonFactor) or any(isinstance(c.cause, CommonFactor) for c in chosen):
         return ()

@@ -22,14 +22,15 @@ if TYPE_CHECKING:
     from updater.diagnosis.weighing import Candidate
     from updater.inference import Fit
 
-_SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, over which the data tell them apart
-LEAST_P = 1e-3  #: of chi-square, under which a fit is none
-_LEAST_TOLD = 1e-12  # of p and of odds: beyond it neither noise nor model is known well enough to say how much
+_SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, above which the data distinguish them
+LEAST_P = 1e-3  #: p of chi-square below which a fit is refused
+# p and ratio of probabilities below which neither noise nor model is known well enough to state a value
+_LEAST_TOLD = 1e-12
 _WORTH_NAMING = 0.05  # of the best one's posterior
 _ODD = 2.0  # standard deviations from which a frequency is named as odd
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
-_WORTH_AN_ALIAS = 1e-3  # of it, if the data cannot tell the two apart: rarer places, the same effect
+_WORTH_AN_ALIAS = 1e-3  # relative to it, if the data cannot distinguish the two: rarer places with the same effect
 
 
 def named_causes(
@@ -37,8 +38,8 @@ def named_causes(
 ) -> tuple[tuple[Cause, ...], bool, "list[Candidate]"]:
     """Return the causes with the posterior share `sure`, whether it is a single one, and all left open.
 
-    Candidates that the data cannot separate are one set: its best member stands for it with the probability of all.
-    One cause at two places is two candidates, unless one place holds that share by itself.
+    Candidates that the data cannot separate are one set: its best member represents it with the probability of all. One
+    cause at two places is two candidates, unless one place has that share alone.
     """
     found = by_place(found, sure)
     probability = shares(found)
@@ -47,7 +48,7 @@ def named_causes(
     while left:
         alike = [i for i in left if i == left[0] or _alike(data, found[left[0]], found[i])]
         if probability[left[0]] >= sure * probability[alike].sum() and any(_informed(found[i]) for i in alike):
-            alike = alike[:1]  # told apart by what is known beside the modes
+            alike = alike[:1]  # distinguished by known circumstances
         sets.append((min(1.0, float(probability[alike].sum())), alike))
         left = [i for i in left if i not in alike]
     sets.sort(key=lambda one: -one[0])
@@ -65,16 +66,16 @@ def named_causes(
 
 
 def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
-    """Tell whether the data cannot separate two causes' best predictions; a drift that both allow separates none."""
+    """Return whether the data cannot separate two causes' best predictions; a drift that both allow is ignored."""
     if one.names == other.names:
         return False  # at another place
     if any(hides(part.cause) for c in (one, other) for part in c.chosen):
-        return False  # stiffly hung it is a body: how common each is says which it is
+        return False  # on a stiff spring it is a body: their priors decide
     if _at_one_connection(one, other):
         return True
     predicted = [prediction(data, c.chosen) for c in (one, other)]
     if data.new is not None and len({p.new_frequency.shape[1] for p in predicted}) > 1:
-        return False  # one of them knows where the new mode is from
+        return False  # one of them has a new mode as evidence
     both = all(any(part.cause.drifting for part in c.chosen) for c in (one, other))
     whitener = data.drifting if both else data.plain
     first, second = (residual(data, p, whitener) for p in predicted)
@@ -84,7 +85,7 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
 def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
     """Return whether two candidates differ only by a foot or joint and a stretch next to it.
 
-    Nobody knows how a foot or a joint is made: what tells one from a stretch beside it is how the model joins them.
+    The stiffness of a real foot or joint is unknown: only its model distinguishes it from an adjacent stretch.
     """
     own, theirs = Counter(one.names) - Counter(other.names), Counter(other.names) - Counter(one.names)
     if own.total() != 1 or theirs.total() != 1:
@@ -108,12 +109,12 @@ def _position(candidate: "Candidate", name: str) -> Vector | None:
 
 
 def _informed(candidate: "Candidate") -> bool:
-    """Tell whether a thermometer or a tone speaks for or against a cause."""
+    """Return whether a thermometer or a tone is evidence for or against a cause."""
     return any(isinstance(c.cause, CommonFactor) and c.cause.informed for c in candidate.chosen)
 
 
 def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
-    """Return the causes of the first candidate, each with those that stand in its place in the others."""
+    """Return the causes of the first candidate, each with its alternatives in the others."""
     first, *others = alike
     return [
         Cause(
@@ -201,7 +202,7 @@ def modes_of(
 
     Parameters
     ----------
-    reference, event, data : what was compared
+    reference, event, data : compared
     written : (n + n_extra,) fit of the written model to the modes compared, then to those that the baseline has not
     """
     measured = [*_paired(data), *_extra(data.circumstances.extra)]
@@ -299,7 +300,7 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
 
 
 def oddest(data: Comparison, chosen: Sequence[SelectedCause]) -> str:
-    """Return a sentence on what the best explanation leaves unexplained, for the next measurement."""
+    """Return a sentence on the largest residual of the best explanation, for the next measurement."""
     predicted = prediction(data, chosen)
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
     score = (data.log_ratio - predicted.log_ratio[0]) / std

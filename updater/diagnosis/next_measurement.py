@@ -1,7 +1,8 @@
 """Choice of the next measurement: each one is tried on the predictions of the remaining hypotheses.
 
-A sensor more, four times the record, a known mass clamped on, a thermometer, a tone of known frequency: for each the
-hypotheses say what would be read, and the distance of what they say in standard deviations is how well it would decide.
+A further sensor, four times the record, a known mass, a thermometer, a tone of known frequency: the hypotheses predict
+the result of each measurement. The distance of the predictions in standard deviations measures how well it would
+decide.
 """
 
 import itertools
@@ -20,7 +21,7 @@ from updater.structure import size
 _DECIDES = 3.0  # standard deviations
 _NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good as another
 _SPACING = 0.1  # of a member's length, between places that are tried
-_SHARE = 0.02  # of the structure's mass: what is clamped on
+_SHARE = 0.02  # added mass relative to the structure's
 _LONGER = 4  # times the record
 _THERMOMETER_STD = 0.7  # K, of a difference
 _TONE_STD = 5e-4  # of ln f, as `sampling_clock` takes it
@@ -41,7 +42,7 @@ class _Trial:
 def next_measurement(
     reference: Reference, event: ModalMean, data: Comparison, bodies: AddedMass | None, open_ones: Sequence[Hypothesis]
 ) -> str:
-    """Return what to measure, in sentences.
+    """Return the measurement, in sentences.
 
     Parameters
     ----------
@@ -108,7 +109,7 @@ def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
 def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) -> Changed:
     """Return the modes that a hypothesis expects, alone or with one more effect."""
     effect = effect_of(chosen)
-    for part in chosen:  # what is denser moves less by a known mass, what is softer does not
+    for part in chosen:  # a denser part moves less by a known mass, a softer one does not
         if part.cause.name == "global_density" and isinstance(part.cause, CommonFactor):
             own = part.cause.effect(part.theta[None], np.array([part.row]))
             heavier = np.expm1(-2 * part.cause.log_factor(part.theta)) * np.eye(len(data.frequency))
@@ -143,8 +144,8 @@ def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones
 
 
 def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArray:
-    """Return what new sensors (n_points, 3, n_modes) read of the compared modes (n_points, 3, n); unit at others."""
-    n, n_modes = len(data.paired), len(data.frequency)  # what hangs on the structure has modes and motions of its own
+    """Return the reading of new sensors (n_points, 3, n_modes) in the compared modes (n_points, 3, n)."""
+    n, n_modes = len(data.paired), len(data.frequency)  # an oscillator has modes and motions of its own
     vector = picked(changed)[1][0, :n_modes, :n]
     at = data.at_channels @ vector
     scale = np.linalg.norm(at, axis=0) * np.where((at * data.shape.T).sum(0) < 0, -1, 1)
@@ -152,7 +153,7 @@ def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArra
 
 
 def _taken(reference: Reference, point: FloatArray, axis: int) -> bool:
-    """Tell whether a sensor along an axis is there already, or so near that it sees the same."""
+    """Return whether a sensor along an axis exists already, or is so near that it measures the same."""
     near = _NEAR * size(reference.structure)
     return any(
         np.linalg.norm(np.subtract(s.at, point)) < near and abs(s.direction[axis]) > 0.99 * np.linalg.norm(s.direction)

@@ -49,7 +49,7 @@ def by_place(found: Sequence[Candidate], sure: float) -> list[Candidate]:
 
     Parameters
     ----------
-    sure : share of the posterior from which on one place stands for all
+    sure : share of the posterior above which one place represents all
     """
     every = [split for candidate in found for split in _split(candidate, sure)]
     return sorted(every, key=lambda c: -round(c.log_evidence, 2))  # equals stay in their order

@@ -15,7 +15,7 @@ class Cause(PlainValue):
     where: Where | None  #: None for a cause that has no place
     parameters: dict[str, Quantity]
     cannot_be_told_from: tuple[str, ...] = ()
-    changes: tuple[ParameterChange, ...] = ()  #: of the model's own parameters, for causes that are made of them
+    changes: tuple[ParameterChange, ...] = ()  #: changes of the model's own parameters, for causes that consist of them
 
 
 class Rejected(PlainValue):
@@ -63,22 +63,22 @@ class Gain(PlainValue):
     frequency_error_percent: Pair  #: root mean square over the modes measured that the written model has
     one_minus_mac: Pair  #: mean
     log_likelihood: Pair
-    change_error_percent: Pair | None = None  #: root mean square of what changes since the baseline are mispredicted by
+    change_error_percent: Pair | None = None  #: root mean square error of predicted changes since the baseline
     n_modes: int = 0  #: measured modes that the written model has
     n_measured: int = 0  #: all that were measured
     noise_percent: float | None = None  #: frequency error that measurement noise alone would leave
-    exceeds_noise: bool = False  #: whether what the written model leaves is more than that
+    exceeds_noise: bool = False  #: whether the residual of the written model is larger
 
 
 class ReferenceStep(PlainValue):
     """Windows of the reference logs that are left out because the structure was in another state."""
 
-    start: int  #: of the first of them [ns UTC]
-    end: int  #: of the last one [ns UTC]
-    n_windows: int  #: that are left out
-    of_windows: int  #: that the reference logs have
-    frequency: tuple[float, ...]  #: of each mode seen on both sides [Hz]
-    shift_percent: tuple[float, ...]  #: of these modes, against the windows that are used [%]
+    start: int  #: start of the first of them [ns UTC]
+    end: int  #: end of the last one [ns UTC]
+    n_windows: int  #: number of windows left out
+    of_windows: int  #: number of windows of the reference logs
+    frequency: tuple[float, ...]  #: frequency of each mode measured in both states [Hz]
+    shift_percent: tuple[float, ...]  #: shift of these modes relative to the windows that are used [%]
     shift_std_percent: tuple[float, ...]  #: [%]
     p_value: float  #: probability of as clear a step in windows of one state [-]
 
@@ -109,5 +109,5 @@ class Diagnosis(PlainValue):
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
     calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
     next_measurement: str
-    failed: tuple[Failed, ...] = ()  #: what internal faults left out
+    failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
     reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs

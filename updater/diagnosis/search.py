@@ -1,13 +1,13 @@
 """Diagnosis of a change, or of an error of the model: every cause of the catalogue is fitted and compared.
 
-Laplace evidence with proper priors chooses (a cause that can be anywhere must earn its freedom); nothing at all is one
-of the hypotheses. A cause is named at a posterior of 0.8. Where a single one fits badly (chi-square p under 0.01), or
-one more promises much to first order, more together are tried, up to three, while the evidence grows. If the best of
-them does not fit (p under 1e-3, of several together 0.03; of the frequencies alone a hundredth of that) the diagnosis
-says so and names nothing. All this is first done with twice the error of a good model: first order misses less where
-less is held against it. What is found so is then judged, and taken on, with that error itself, unless the evidence says
-that the model is worse. A reference in doubt allows more error: what then leaves several times the noise of
-frequencies is no explanation, and others are sought that leave less.
+Laplace evidence with proper priors decides: a cause with many possible places must explain correspondingly more; no
+change is one of the hypotheses. A cause is named at a posterior of 0.8. If a single one fits badly (chi-square p under
+0.01), or a further one has a large predicted gain, combinations of up to three are tried, while the evidence grows. If
+the best of them does not fit (p under 1e-3, of several together 0.03; of the frequencies alone a hundredth of that),
+the diagnosis is unexplained. The search is first made with twice the error of a good model: with a larger tolerance,
+first order misses less. The result is then evaluated and continued with the actual error, unless the evidence favours
+the larger one. A poor reference permits a larger error: if the explanation then leaves several times the noise of
+frequencies, others with smaller residuals are sought.
 
 A body that was taken off, and that the structure file never had, was on while the baseline was measured: the model was
 calibrated to modes with it and without its mass. All is then done once more with a model that has the body, until the
@@ -64,12 +64,12 @@ _WELL = 0.5  # p value from which on no other pair is sought, and no stretch abo
 _RIVAL = 60.0  # ... if its log evidence is so far above that of one factor on a stretch
 _LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one place may differ
-_MUCH = 8.0  # of log evidence foreseen: where one more is tried though the fit is good
+_MUCH = 8.0  # predicted log evidence above which another cause is tried despite a good fit
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by that much
 _WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
-_MOST_LEFT = 3.0  # times what noise and a good model leave of frequencies: what leaves more does not explain them
-_SEEDS = 3  # best so far that one more is tried beside
+_MOST_LEFT = 3.0  # times the residual of noise and a good model in frequencies: an explanation with more is refused
+_SEEDS = 3  # best candidates to which another cause is added
 _MOST = 3  # causes at once
 _MOST_ROUNDS, _MASS_CONVERGED = 12, 0.01  # until the mass of a removed body changes by no more than this share ...
 _PLACE_CONVERGED = 2e-3  # ... and its place by no more than this share of the structure's size
@@ -101,11 +101,11 @@ class DiagnosisResult:
     """A diagnosis, with the model that it extends."""
 
     diagnosis: Diagnosis
-    extended: Structure | None  #: with the causes written in; None where nothing is explained
-    gained: Gained | None = None  #: what that gains, and how sure it is
+    extended: Structure | None  #: structure with the causes; None if nothing is explained
+    gained: Gained | None = None  #: gain of it, with its deviation
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
-    nearer: RecalibratedModel | None = None  #: of a file that is far off, where nothing is explained
-    calibration: Calibration | None = None  #: of `extended`, if not the reference's: with removed bodies on
+    nearer: RecalibratedModel | None = None  #: recalibrated model of a file that is far off, if nothing is explained
+    calibration: Calibration | None = None  #: calibration of `extended`, if not the reference's: with removed bodies on
     removed: tuple[Body, ...] = ()  #: bodies taken off that the structure file lacks, as they were on it
 
 
@@ -116,11 +116,12 @@ class _Case:
     reference: Reference
     event: ModalMean
     data: Comparison
-    singles: list[Candidate]  #: as searched for
+    singles: list[Candidate]  #: single causes as searched for
     weighing: EvidenceComparison
     measured: WindowModes
     heldout: WindowModes | None
-    bare: Calibration | None = None  #: of the structure file, where the reference's model has bodies that it lacks
+    #: calibration of the structure file, if the reference's model has bodies that it lacks
+    bare: Calibration | None = None
 
 
 def diagnose(
@@ -143,7 +144,7 @@ def diagnose(
     event : (n_tracks,) mean of the windows to explain
     heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
     every, heldout_every : (n_modes,) all modes of these windows, in any order; if not given those of the tracks
-    circumstances : what else is known of the event
+    circumstances : further knowledge of the event
     on_cause : called with the name of each cause before it is weighed
     only : names of the causes to which the search is limited; all of the catalogue if empty
     without : names of causes that are left out of it
@@ -240,7 +241,7 @@ def _diagnosed(
 
 
 def _worn(best: Candidate) -> bool:
-    """Tell whether stiffness has changed along most of several members: of two, or of one and of all together.
+    """Return whether stiffness has changed along most of several members: of two, or of one and of all together.
 
     A factor on all frequencies that only the modes show may be one on all stiffness, whatever it is named.
     """
@@ -280,9 +281,9 @@ def _one_sided_beside(search: EvidenceComparison, found: list[Candidate]) -> tup
 
 
 def _with_stretch(apart: EvidenceComparison, found: list[Candidate]) -> list[tuple[SelectedCause, ...]]:
-    """Return causes together of which one is a stretch that may go apart; what is last is fitted first.
+    """Return combinations with a stretch with separate axes; the last cause is fitted first.
 
-    Where one cause alone does not fit, nor more fit well, and none of these is a stretch, one is tried beside the best.
+    If one cause alone does not fit, nor several, and none of these is a stretch, one is tried together with the best.
     """
     common = next((c for c in found if len(c.chosen) > 1 and c.names.count(_STRETCH) == 1), None)
     tried = []
@@ -300,7 +301,7 @@ def _with_stretch(apart: EvidenceComparison, found: list[Candidate]) -> list[tup
 def _one_factor_beside(
     plain: EvidenceComparison, search: EvidenceComparison, found: list[Candidate]
 ) -> tuple[EvidenceComparison, list[Candidate]]:
-    """Go back to one factor where what the stretch had to explain alone is explained by another cause."""
+    """Return to one factor if another cause explains the part that the separate axes had to explain."""
     apart = found[0] if found else None
     if apart is None or len(apart.chosen) == 1 or apart.names.count(_STRETCH) != 1:
         return search, found
@@ -316,7 +317,7 @@ def _let_apart(search: EvidenceComparison) -> EvidenceComparison:
 
 
 def _nothing(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
-    """Tell whether nothing has changed: it fits, and no cause is much likelier."""
+    """Return whether nothing has changed: no change fits, and no cause is much more probable."""
     everything = [weighing.log_nothing, *(c.log_evidence for c in singles if c.effective)]
     share = weighing.log_nothing - float(logsumexp(np.array(everything)))
     return share >= np.log(1 - _SURE) and weighing.nothing.p_value >= LEAST_P
@@ -325,7 +326,7 @@ def _nothing(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
 def _beside_the_file(weighing: EvidenceComparison, singles: list[Candidate]) -> list[Candidate]:
     """Return causes in addition to a file with small errors in many places, however well one cause fits.
 
-    Files are: what is looked for beside them is else taken for what acts like it and a little like them.
+    Causes of the file come first: otherwise changes would be mistaken for similar causes.
     """
     several = Compositions(weighing)
     promises = several.rank_by_linear_prediction([c for c in singles if c.names == (OF_THE_FILE,)])
@@ -333,7 +334,7 @@ def _beside_the_file(weighing: EvidenceComparison, singles: list[Candidate]) -> 
 
 
 def _of_the_file(weighing: EvidenceComparison) -> bool:
-    """Tell whether the question is what a structure file gets wrong: in many places, each a little."""
+    """Return whether the question is about the errors of a structure file: in many places, each a little."""
     return OF_THE_FILE in weighing.causes
 
 
@@ -344,7 +345,7 @@ def _fits(best: Candidate) -> bool:
 def _within_noise(good: Comparison, best: Candidate) -> bool:
     """Return whether the frequencies are left no farther off than several times noise and the error of a good model.
 
-    A reference that is in doubt lets a fit leave more. That may be the reference's error, or another cause.
+    A poor reference permits larger residuals of a fit. They may be the reference's error, or another cause.
 
     Parameters
     ----------
@@ -358,7 +359,7 @@ def _within_noise(good: Comparison, best: Candidate) -> bool:
 def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candidate]:
     """Return explanations that leave no more than noise, several causes included; those given if there are none.
 
-    They are sought with the error of a good model, and weighed and fitted with the one that is believed.
+    They are sought with the error of a good model, and compared and fitted with the actual one.
 
     Parameters
     ----------
@@ -372,9 +373,9 @@ def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candi
 
 
 def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Case, list[Candidate]]:
-    """Weigh what a search has found anew, and what it leads to, with the model error that is believed.
+    """Evaluate the result of a search again, and continue it, with the actual model error.
 
-    As it was found it stays where the evidence says that the model is wrong by as much as was searched with.
+    The original result is kept if the evidence favours the larger model error of the search.
 
     Parameters
     ----------
@@ -395,10 +396,10 @@ def _judged(case: _Case, found: list[Candidate], data: Comparison) -> tuple[_Cas
 
 
 def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
-    """Return the best of what a search has found, fitted to other data.
+    """Return the best of a search, fitted to other data.
 
-    Two bodies are fitted too where mass is spread out, and beside a stretch that may be two other causes, as well as
-    other causes to begin with.
+    Two bodies are also fitted where mass is distributed, and next to a stretch that may be two other causes, as well as
+    other starting causes.
     """
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
@@ -415,11 +416,11 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
 
 
 def _stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bool) -> list[Candidate]:
-    """Return single causes and, where one more promises much, compositions of ever more while the evidence grows.
+    """Return single causes and, if a further one promises a large gain, combinations while the evidence grows.
 
     Parameters
     ----------
-    rough : whether it is enough that what is found is no misfit, however much one more would promise
+    rough : whether it is sufficient that the result is no misfit, whatever a further cause would gain
     """
     several = Compositions(weighing)
     for number in range(1, _MOST):
@@ -445,12 +446,12 @@ def _stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bo
 
 
 def _free(weighing: EvidenceComparison, found: Candidate) -> bool:
-    """Tell whether it is a stretch with a factor for each axis that fits so-so: as many parameters as two causes."""
+    """Return whether it is a stretch with separate axes and a mediocre fit: it has as many parameters as two causes."""
     return bool(weighing.instead) and found.names == (_STRETCH,) and found.p_value < _WELL
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:
-    """Tell whether one holds the causes of another and is no worse: most often it is the same."""
+    """Return whether one contains the causes of another and is not worse: most often it is the same."""
     return sorted(one.names) == sorted(other.names) and one.log_evidence > other.log_evidence - _SAME
 
 
@@ -474,7 +475,7 @@ def _refused(verdict: Verdict, case: _Case, best: float, advice: str) -> Diagnos
 
 
 def _failed(case: _Case) -> tuple[Failed, ...]:
-    """Return what was left out because of an internal fault."""
+    """Return the parts left out because of internal faults."""
     return tuple(Failed(part=name, error=text) for name, text in case.weighing.faults.found.items())
 
 
@@ -588,7 +589,7 @@ def _with_removed_bodies(
 def _likelier_alone(several: Compositions, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
     """Return the causes fitted together, or the bodies among them alone if these are likelier.
 
-    What else was found may have made up for the calibration without the bodies.
+    Other causes found may have compensated for the calibration without the bodies.
     """
     bodies = tuple(c for c in chosen if isinstance(c.cause, AddedMass))
     fitted = [several.coordinate_fit(each) for each in dict.fromkeys((bodies, chosen))]
@@ -623,7 +624,7 @@ def _extended(calibration: Calibration, chosen: Sequence[SelectedCause], parts: 
 
 
 def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit[Cause]]) -> Structure:
-    """Return an extended structure without springs and welds that change nothing, rounded to what is known of it."""
+    """Return an extended structure without springs and welds that have no effect, rounded to its accuracy."""
     std = calibration.physical_std()
     for part in parts:
         if isinstance(part.hypotheses, Parametric):
@@ -633,12 +634,12 @@ def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit
 
 
 def _turn(chosen: SelectedCause) -> int:
-    """Return when a cause is written: what the file gets wrong first, a factor on everything last."""
+    """Return the order in which a cause is written: errors of the file first, a factor on everything last."""
     return 0 if chosen.cause.name == OF_THE_FILE else 1 + chosen.cause.place_free
 
 
 def _next(case: _Case, left_open: list[Candidate]) -> str:
-    """Return the measurement that would decide between what is left open; empty if that is one."""
+    """Return the measurement that would decide between the remaining hypotheses; empty if there is only one."""
     if len(left_open) < 2:
         return ""
     bodies = case.weighing.causes.get("added_mass")

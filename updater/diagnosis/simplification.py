@@ -20,7 +20,7 @@ class _Stretch:
     member: str
     start: float  #: [m]
     stop: float  #: [m]
-    end_std: float  #: of either end [m]
+    end_std: float  #: standard deviation of either end [m]
     loss: float
     loss_std: float
 

@@ -31,11 +31,11 @@ class Faults:
         return self._found
 
     def attempt(self, what: str, function: Callable[[], T]) -> T | None:
-        """Return what a function returns; note a fault in it and return None.
+        """Return the result of a function; record a fault in it and return None.
 
         Parameters
         ----------
-        what : name of the cause, or names of the causes, that the function deals with
+        what : name of the cause, or names of the causes, that the function evaluates
         function : computation; a cause may be any distribution's, which may raise anything
         """
         try:
@@ -50,11 +50,11 @@ class Faults:
 
 
 PRIOR_NOTHING = 0.5
-OF_THE_FILE = "model_parameters"  #: what may stand beside any other cause
+OF_THE_FILE = "model_parameters"  #: cause that may occur together with any other
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
-_EQUAL = 0.02  # of log evidence, between causes that nothing tells apart
-_LEAST_GAIN = 10.0  # of chi-square over a common drift, or over fewer causes: what gains less does nothing itself
+_EQUAL = 0.02  # log evidence between causes that the data do not distinguish
+_LEAST_GAIN = 10.0  # chi-square relative to a common drift, or to fewer causes: a smaller gain is not an effect
 
 
 def allowed_causes(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[str, ...]:
@@ -92,10 +92,10 @@ class Candidate:
 
     chosen: tuple[SelectedCause, ...]  #: the best alternative of each
     parts: tuple[Fit[Cause], ...]  #: the fit of each, the others' uncertainty included
-    log_evidence: float  #: with the prior of the causes
+    log_evidence: float  #: log evidence with the prior of the causes
     p_value: float
-    chi_square: float  #: of the best alternatives, priors included
-    effective: bool = True  #: whether it does more than a drift common to all frequencies would
+    chi_square: float  #: chi-square of the best alternatives, priors included
+    effective: bool = True  #: whether its effect exceeds that of a drift common to all frequencies
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -103,13 +103,13 @@ class Candidate:
         return tuple(c.cause.name for c in self.chosen)
 
     def earned(self, fewer: "Sequence[Candidate]") -> bool:
-        """Tell whether all of its causes do something: a composition fits better than any of its parts does."""
+        """Return whether all of its causes have an effect: a combination fits better than any of its parts."""
         parts = [c for c in fewer if len(c.chosen) < len(self.chosen) and Counter(c.names) <= Counter(self.names)]
         return all(self.chi_square < part.chi_square - _LEAST_GAIN for part in parts)
 
 
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:
-    """Return the likeliest first; those that nothing distinguishes as they stand, whatever rounding makes of them."""
+    """Return the most probable first; indistinguishable ones in their given order, independent of rounding."""
     order = sorted(range(len(found)), key=lambda k: -found[k].log_evidence)
     steps = np.diff([-found[k].log_evidence for k in order], prepend=-np.inf) > _EQUAL
     group = dict(zip(order, np.cumsum(steps).tolist(), strict=True))
@@ -123,9 +123,9 @@ class EvidenceComparison:
     Parameters
     ----------
     on_cause : called with the name of each cause before it is weighed
-    instead : makers of causes that stand in the place of the catalogue's of that name
+    instead : makers of causes that replace those of the catalogue
     allowed : names of the causes that are considered
-    faults : collects what fails; a cause that has failed alone is considered no more
+    faults : collects failures; a cause that has failed alone is not considered further
     """
 
     reference: Reference
@@ -169,7 +169,7 @@ class EvidenceComparison:
 
     @cached_property
     def _new_for_certain(self) -> bool:
-        """Tell whether a new mode is no old one that identification took for two: near it, and of its shape."""
+        """Return whether a new mode is not an old one that identification split in two: near it, with its shape."""
         data = self.data
         if data.new is None:
             return False

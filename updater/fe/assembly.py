@@ -27,7 +27,7 @@ class _Matrix:
         self._values: list[FloatArray] = []
 
     def add(self, dofs: IntArray, blocks: FloatArray) -> None:
-        """Add blocks (n, k, k) at rows and columns (n, k); what is held (-1) is left out.
+        """Add blocks (n, k, k) at rows and columns (n, k); fixed DOFs (-1) are left out.
 
         Zeros are kept: rows of a node that have one pattern are ordered as one by the solver, which fills less.
         """

@@ -25,7 +25,7 @@ from updater.fe.factorization import Solve, factorise
 _BLOCK = 4
 _TOLERANCE = 1e-9  # of a Ritz vector's residual over its value: the value errs by the square of that
 _MOST = 20  # vectors to one mode, before giving up
-_DEPENDENT = 1e-14  # of the largest squared length in a block: what is less is rounding
+_DEPENDENT = 1e-14  # relative to the largest squared length in a block: less is rounding
 
 
 class _Basis:
@@ -37,7 +37,7 @@ class _Basis:
         self._weighed = self.vectors
 
     def beside(self, block: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the components (k, b) of vectors (n, b) in the basis, and what is left of the vectors."""
+        """Return the components (k, b) of vectors (n, b) in the basis, and the residuals of the vectors."""
         components = self._weighed.T @ block
         block = block - self.vectors @ components
         again = self._weighed.T @ block  # once is not enough for rounding, twice is
@@ -86,7 +86,7 @@ def block_lanczos(
     """
     basis, projected = _Basis(inner), np.zeros((0, 0))
     start = np.random.default_rng(0).standard_normal((mass.shape[0], _BLOCK))
-    block, _ = basis.next_block(solve(mass @ start))  # K^-1 M leaves nothing of what has no inertia
+    block, _ = basis.next_block(solve(mass @ start))  # K^-1 M removes parts without inertia
     while basis.vectors.shape[1] < _MOST * max(n, _BLOCK):
         basis.extend(block)
         components, rest = basis.beside(solve(mass @ block))
@@ -134,7 +134,7 @@ class Modes:
 
 
 class NegativeMassError(ModelError):
-    """A mass whose softest shape (n_dofs,) has a negative kinetic energy: more was taken off than moves."""
+    """A mass matrix whose softest shape (n_dofs,) has a negative kinetic energy: too much mass was removed."""
 
     def __init__(self, message: str, shape: FloatArray) -> None:
         super().__init__(message)
@@ -160,14 +160,14 @@ def lowest_modes(
     ----------
     stiffness, mass : (n_dofs, n_dofs)
     n : number of modes
-    name : of the structure, for what is raised
+    name : of the structure, for messages
     removed : whether masses were taken off, so that the mass matrix may be indefinite
     pardiso : as for `factorise`
 
     Raises
     ------
     MechanismError
-        If it is a mechanism or stands free, so that its stiffness is singular.
+        If it is a mechanism or free, so that its stiffness is singular.
     NegativeMassError
         If an imaginary frequency is lower than the first natural frequency.
     ModelError
@@ -195,13 +195,13 @@ def lowest_modes(
 
 
 def strain(stiffness: sparse.csc_array, shape: FloatArray) -> float:
-    """Return a shape's strain energy over what it would be if every DOF moved alone [-]."""
+    """Return a shape's strain energy relative to that of all DOFs moving alone [-]."""
     return float(shape @ (stiffness @ shape) / (stiffness.diagonal() @ shape**2))
 
 
 def _all(stiffness: sparse.csc_array, mass: sparse.csc_array) -> tuple[FloatArray, FloatArray]:
     """Return 1/omega^2, descending, and vectors orthonormal in K of all modes, by M b = omega^-2 K b."""
-    factorise(stiffness)  # says what is wrong with it
+    factorise(stiffness)  # raises the reason
     try:
         inverse, vector = scipy.linalg.eigh(mass.toarray(), stiffness.toarray())
     except np.linalg.LinAlgError as error:  # singular but for rounding, which a processor's own decides

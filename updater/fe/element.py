@@ -27,7 +27,7 @@ class Element:
     section: Section
     shear_flexible: bool  #: Timoshenko if true, Euler-Bernoulli if not
     tension: float = 0.0  #: axial force [N], negative in compression
-    local_y: Vector | None = None  #: roughly where the local y axis points; horizontally if not said
+    local_y: Vector | None = None  #: approximate direction of the local y axis. Default: horizontal
     turning: Vector = (1.0, 1.0, 1.0)  #: factors on the stiffness in twist and in bending about y and z [-]
     shear: float = 1.0  #: factor on the stiffness in shear and along the axis [-]
     rotary: float = 1.0  #: factor on rotary and polar inertia [-]
@@ -51,7 +51,7 @@ class Element:
         return np.array([*(self.shear * s for s in stretched), *np.multiply(self.turning, turned)])
 
     def turned(self, factor: float) -> "Element":
-        """Return the same element with a factor on what it bears bending and twist with."""
+        """Return the same element with a factor on its stiffness in bending and twist."""
         twist, about_y, about_z = self.turning
         return replace(self, turning=(factor * twist, factor * about_y, factor * about_z))
 
@@ -77,7 +77,7 @@ class Element:
         return k
 
     def geometric_stiffness(self) -> FloatArray:
-        """Return what a tension of 1 N adds to the stiffness matrix (12, 12) [1/m].
+        """Return the contribution of a tension of 1 N to the stiffness matrix (12, 12) [1/m].
 
         The tension does work as the axis turns, int (v'^2 + w'^2) / 2 dx, and as the section twists about it,
         (I_y + I_z) / A int rx'^2 / 2 dx. Exact for the shape functions; buckling loads converge with fourth order.

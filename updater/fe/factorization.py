@@ -23,7 +23,7 @@ LARGE = 20_000  # DOFs from which PARDISO gains more than its start costs
 
 
 def factorise(matrix: sparse.csc_array, *, pardiso: bool | None = None) -> Solve:
-    """Return what solves A x = b for b (n,) or (n, k).
+    """Return a function that solves A x = b for b (n,) or (n, k).
 
     Parameters
     ----------
@@ -70,5 +70,5 @@ def _pardiso(matrix: sparse.csc_array) -> Solve:
     def solve(right: FloatArray) -> FloatArray:
         return np.asarray(solver.solve(upper, right), float)
 
-    weakref.finalize(solve, solver.free_memory, everything=True)  # MKL's memory, of which Python knows nothing
+    weakref.finalize(solve, solver.free_memory, everything=True)  # memory of MKL, unknown to Python
     return solve

@@ -1,6 +1,6 @@
 """Mechanisms of a structure: the whole, or a member that a support or a joint fails to hold.
 
-Only asked once a stiffness has turned out singular, to say more than that.
+Used only after a stiffness was found to be singular, to give the reason.
 """
 
 from collections.abc import Callable
@@ -15,9 +15,9 @@ from daq import FloatArray, IntArray
 from updater.fe.factorization import factorise
 
 _WAYS = ("along x", "along y", "along z", "about x", "about y", "about z")
-_NO_STRAIN = 1e-14  # of what it would be if every DOF moved alone: rounding
+_NO_STRAIN = 1e-14  # relative to all DOFs moving alone: rounding
 _NO_FORCE = 1e-12  # likewise of the forces; a frame on soft springs has 1e-9
-_SHIFT = 1e-9  # what keeps a large singular matrix solvable
+_SHIFT = 1e-9  # shift that keeps a large singular matrix solvable
 _DENSE = 1000  # DOFs up to which all of a matrix is solved for at once
 _ALIKE = 1e-6  # relative: rounding
 _MOST = 7  # motions looked for: the rigid ones and one more
@@ -28,7 +28,7 @@ class FreeMotion:
     """Motion without strain."""
 
     whole: tuple[str, ...]  #: ways in which all of it moves together, such as `along x`
-    node: int | None  #: that moves most where parts move by themselves, None if none does
+    node: int | None  #: node with the largest motion if parts move independently, None if none does
     turns_only: bool  #: whether nodes turn without moving then
 
     def told(self, at: Callable[[int], str]) -> list[str]:
@@ -42,7 +42,7 @@ class FreeMotion:
 
 
 def free_motion(nodes: FloatArray, dofs: IntArray, stiffness: sparse.csc_array) -> FreeMotion:
-    """Return what can move without deforming.
+    """Return the parts that can move without deformation.
 
     Parameters
     ----------
@@ -65,7 +65,8 @@ def free_motion(nodes: FloatArray, dofs: IntArray, stiffness: sparse.csc_array) 
 
 def _told(whole: tuple[str, ...], moved: FloatArray, dofs: IntArray, size: float) -> FreeMotion:
     """Describe the moving parts, `moved` (n_dofs, k)."""
-    length = np.append(np.sqrt((moved**2).sum(1)), 0.0)[dofs] * ([1.0] * 3 + [size] * 3)  # the last is what is held
+    # the last entry is that of fixed DOFs
+    length = np.append(np.sqrt((moved**2).sum(1)), 0.0)[dofs] * ([1.0] * 3 + [size] * 3)
     shift, turn = length[:, :3].max(1), length[:, 3:].max(1)
     amplitude = shift if shift.max() > _ALIKE * turn.max() else turn
     return FreeMotion(
@@ -76,7 +77,7 @@ def _told(whole: tuple[str, ...], moved: FloatArray, dofs: IntArray, size: float
 
 
 def _rigid(nodes: FloatArray, dofs: IntArray, size: float, n_dofs: int) -> tuple[FloatArray, FloatArray]:
-    """Return the six rigid motions at what is held (n, 6) and at the DOFs (n_dofs, 6), turns per size."""
+    """Return the six rigid motions at fixed DOFs (n, 6) and at the others (n_dofs, 6), rotations per size."""
     full = np.zeros((*dofs.shape, 6))
     full[:, :3, :3] = np.eye(3)
     for axis in range(3):
@@ -86,7 +87,7 @@ def _rigid(nodes: FloatArray, dofs: IntArray, size: float, n_dofs: int) -> tuple
     field[dofs[dofs >= 0]] = full[dofs >= 0]
     absent = dofs < 0
     absent[:, 3:] &= (dofs[:, 3:] >= 0).any()  # matrices of nodes that only move hold no turn
-    # what is held may be held by its turning alone: weighed as if turned by a size away
+    # a part may be held against turning only: weighted as if turned by one size
     return full[absent] * np.tile([1.0] * 3 + [size] * 3, (len(dofs), 1))[absent][:, None], field
 
 

@@ -104,7 +104,7 @@ class Mesh:
         return near[0]
 
     def number(self) -> IntArray:
-        """Return the DOFs' numbers (n_nodes, 6): held ones -1, twins share what their joint leaves rigid."""
+        """Return the numbers of the DOFs (n_nodes, 6): fixed ones -1, twins share the rigid axes of their joint."""
         free = np.ones((len(self.nodes), 6), bool)
         for support in self.structure.support:
             free[self.find(support.at, "support"), [AXES.index(a) for a in support.fixed]] = False
@@ -118,7 +118,7 @@ class Mesh:
 
 
 def _refuse_miss(member: Member, points: FloatArray, off: FloatArray) -> None:
-    """Check that points (n, 3) are on a member or well off it: what misses by a hair is not joined, and meant to be."""
+    """Check that points (n, 3) are on a member or clearly off it, because near misses would not be joined."""
     missed = np.flatnonzero((off >= COINCIDENT) & (off < min(_MISS, _SHORT * member.length)))
     if len(missed):
         raise ModelError(

@@ -37,7 +37,7 @@ class Interpolation(Protocol):
 
 @dataclass(frozen=True)
 class AtNode:
-    """A node by itself: what is read there are its own DOFs."""
+    """Node whose own DOFs are read."""
 
     length: float = 0.0
 
@@ -81,7 +81,7 @@ class Model:
         Raises
         ------
         MechanismError
-            If the structure is a mechanism or stands free; it says what moves.
+            If the structure is a mechanism or free; the message states the motion.
         ModelError
             If it buckles under its preload, has fewer modes, or a body takes off more mass than moves; names the body.
         """
@@ -130,7 +130,7 @@ class Model:
         return rows if axis is None else rows[axis]
 
     def reader(self, points: FloatArray) -> sparse.csr_array:
-        """Return what reads displacements and rotations at many points on members, as `read` does at one.
+        """Return a function that reads displacements and rotations at many points on members, as `read` at one.
 
         Parameters
         ----------
@@ -237,8 +237,8 @@ class Model:
 
     @cached_property
     def _moved_mass(self) -> float:
-        """Mass of what is free, by the translation that moves the most of it [kg]."""
-        translations = np.zeros((self.n_dofs + 1, 3))  # the last row takes what is held, and is cut off
+        """Mass of the free DOFs, by the translation that moves most of it [kg]."""
+        translations = np.zeros((self.n_dofs + 1, 3))  # the last row is that of fixed DOFs, and is cut off
         for axis in range(3):
             translations[self.dofs[:, axis], axis] = 1
         moved = translations[:-1]

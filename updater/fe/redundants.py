@@ -1,8 +1,9 @@
 """States of self-stress of a structure without load: the redundants of the force method.
 
-Where a member or a spring gives, a statically determinate structure bears its loads as before. Any other shifts them to
-where it is stiff. With orthogonal states z of unit elastic energy beside the modes' actions, and the compliance C that
-is added, in modes (m) and states (s), the modal flexibility grows by C_mm - C_ms (I + C_ss)^-1 C_sm.
+If a member or a spring becomes softer, a statically determinate structure keeps its internal forces. Any other
+redistributes them to stiffer parts. With orthogonal states z of unit elastic energy, in addition to the modes' actions,
+and the added compliance C, in modes (m) and states (s), the modal flexibility increases by C_mm - C_ms (I + C_ss)^-1
+C_sm.
 
 References
 ----------
@@ -22,8 +23,8 @@ from updater.fe.model import Model
 from updater.fe.section_forces import N_ACTIONS
 from updater.structure import AXES, Axis, Joint, Member, Support
 
-_MOST = 30  # states: of more than that none are kept, and what gives is taken to bear its loads as before
-_LEAST = 1e-10  # of the largest singular value: what is less is none
+_MOST = 30  # states: with more than that none are used, and internal forces are assumed to be unchanged
+_LEAST = 1e-10  # relative to the largest singular value: less is zero
 _AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
 Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
 
@@ -39,7 +40,7 @@ class SelfStress:
     springs: dict[Spring, FloatArray]  #: forces or moments (n,) in springs
 
     def actions(self, member: Member, at: FloatArray) -> FloatArray:
-        """Return (len(at), 6, n) at distances from a member's start [m], each over the root of what bears it."""
+        """Return (len(at), 6, n) at distances from a member's start [m], each divided by the root of the stiffness."""
         found = np.zeros((len(at), N_ACTIONS, self.n))
         for start, element, force in self.ends.get(member.name, ()):
             xi = (at - start) / element.length
@@ -61,8 +62,8 @@ def _spring(connection: Support | Joint, axis: Axis) -> Spring:
 def self_stress(model: Model) -> SelfStress:
     """Return a model's states of self-stress; none of matrices from elsewhere.
 
-    They are those strains of elements and springs, each over the root of its compliance, that no displacement makes:
-    what is left of all strains beside the range of the strain-displacement matrix.
+    They are those strains of elements and springs, each divided by the root of its compliance, that no displacement
+    causes: the part of all strains outside the range of the strain-displacement matrix.
     """
     if model.structure.external is not None:
         return SelfStress(0, {}, {})

@@ -13,7 +13,7 @@ from updater.fe.model import Model
 class Ambient:
     """Independent white forces, one a row of `points` and a global axis each."""
 
-    points: tuple[tuple[float, float, float], ...]  #: on members [m]
+    points: tuple[tuple[float, float, float], ...]  #: points on members [m]
     axes: tuple[int, ...]  #: global axis of each force, 0 1 2 = x y z
     density: float  #: two-sided force spectral density of each [N2/Hz]
 
@@ -21,14 +21,14 @@ class Ambient:
 class AmbientResponse:
     """Accelerations of a structure in a given number of modes.
 
-    Forces are held constant over a sample (zero-order hold), for which the recursion of each mode,
-    z' = exp(lambda dt) z + (exp(lambda dt) - 1)/lambda f, is exact. The model may be changed while it
-    moves: displacements and velocities go on, accelerations jump, as they do when a body is clamped on.
+    Forces are constant over a sample (zero-order hold), for which the recursion of each mode, z' = exp(lambda dt) z +
+    (exp(lambda dt) - 1)/lambda f, is exact. The model may be changed during the motion: displacements and velocities
+    continue, accelerations jump, as they do when a body is clamped on.
 
     Parameters
     ----------
     model : the structure
-    read : (n_outputs, n_dofs) rows that read what is wanted, as from `Model.read`
+    read : (n_outputs, n_dofs) rows of the outputs, as from `Model.read`
     damping : (n_modes,) ratios of critical [-]
     ambient : the forces
     rate : of the simulation [Hz]

@@ -1,8 +1,8 @@
 """Rotations of a frame that a stiffness resists: of element ends and of springs.
 
-These are to flexibility what particles are to mass: in a frame without redundant members the flexibility of a hinge,
-f_j = (R K^-1 R^T)_jj, is that of its own element or spring, L / (E I), L / (G J) or 1 / k, and nobody else's. Where
-members are redundant it is less, since the others hold as well.
+Rotations are for flexibility what particles are for mass: in a frame without redundant members, the flexibility of a
+hinge, f_j = (R K^-1 R^T)_jj, is that of its own element or spring alone, L / (E I), L / (G J) or 1 / k. With redundant
+members it is less, because the others contribute.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ from updater.fe.model import Model
 from updater.structure import AXES
 
 _TURNS = AXES[3:]
-_MOST_ELEMENTS = 1000  # whose hinges are read; of more every n-th, between which increments are smooth
-_BLOCK = 256  # hinges whose flexibility is solved for at once
+_MOST_ELEMENTS = 1000  # largest number of elements with hinges; of more every n-th, between which increments are smooth
+_BLOCK = 256  # hinges whose flexibility is computed together
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,7 +28,7 @@ class Hinges:
     name: tuple[str, ...]  #: (n,) of the member; `foot 0`, `joint of ..` for a spring
     position: FloatArray  #: (n, 3) an element's middle, a spring's node [m]
     axis: IndexArray  #: (n,) of elements 0 twist, 1 and 2 bending about the local y and z; of springs the global axis
-    rows: sparse.csr_array  #: (n, n_dofs) what reads them [rad]
+    rows: sparse.csr_array  #: (n, n_dofs) rows that give their rotation [rad]
 
 
 def hinges_of(model: Model) -> Hinges:

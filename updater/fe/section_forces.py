@@ -26,7 +26,7 @@ def weighted_actions(model: Model, modes: Modes, stations: dict[int, FloatArray]
 
     Parameters
     ----------
-    model : whose elements are beams
+    model : of beam elements
     modes : (n_modes,) of the model
     stations : number of a member -> distances from its start (n,) [m]
 
@@ -80,7 +80,7 @@ def _within(model: Model, modes: Modes, span: int, x: FloatArray) -> FloatArray:
     element, local = _local(model, modes.shape, span)
     elastic = element.elastic_stiffness() @ local
     total = element.stiffness() @ local - element.consistent_mass() @ local * modes.omega**2
-    inner = np.array([-elastic[:6], elastic[6:]])  # what the left part bears at either end
+    inner = np.array([-elastic[:6], elastic[6:]])  # section forces of the left part at either end
     mean = inner.mean(0)
     inner[:, _TOTAL] = np.array([-total[:6], total[6:]])[:, _TOTAL]
     xi = (x / element.length)[:, None, None]

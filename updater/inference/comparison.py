@@ -1,7 +1,7 @@
 """Comparison of an event with the baseline: the data of every hypothesis.
 
-Ratios to the baseline, log frequencies and shapes, so that what the model gets wrong about the structure as it was
-cancels to first order.
+Ratios to the baseline, log frequencies and shapes, so that errors of the model in the undisturbed state cancel to first
+order.
 
 Four blocks of data: log frequencies; shapes; the shapes' imaginary parts, each mode turned so that its own is least
 (`lag`: complex modes of the structure itself cancel against the baseline, a late channel does not); log damping. A
@@ -25,7 +25,7 @@ class Whitener:
     """Inverse Cholesky factor of the log frequencies' covariance."""
 
     matrix: FloatArray  #: (n, n)
-    log_det: float  #: of the matrix
+    log_det: float  #: log determinant of the matrix
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,14 +52,14 @@ class NominalModes:
 class Comparison:
     """Modes now and before, at the channels, with the reference's modes to predict from."""
 
-    channels: tuple[str, ...]  #: that both have
+    channels: tuple[str, ...]  #: common channels
     tracks: IndexArray  #: (n,) indices of the tracks that entered
     paired: IndexArray  #: (n,) their model modes
     log_ratio: FloatArray  #: (n,) of frequency to the baseline's
-    log_frequency_std: FloatArray  #: (n,) of what is measured now, without the model's error
-    plain: Whitener  #: of the log ratios, if nothing but noise adds to what a hypothesis says
+    log_frequency_std: FloatArray  #: (n,) measurement now, without the model's error
+    plain: Whitener  #: whitener of the log frequency ratios under measurement noise alone
     drifting: Whitener  #: the same with a change common to all, which temperature brings
-    model_variance: FloatArray  #: (n,) of the log ratios', that is allowed for what the reference gets wrong
+    model_variance: FloatArray  #: (n,) variance of the log ratios for errors of the reference
     shaped: BoolArray  #: (n,) whether the shape was measured now; else only the frequency counts
     shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
     base: FloatArray  #: (n, n_channels) measured before, unit norm
@@ -71,19 +71,19 @@ class Comparison:
     lag_whitener: FloatArray  #: (n n_channels, n n_channels) inverse Cholesky factor, 0 where phases are not known
     lag_overdispersion: float  #: components of the imaginary part that err as one [-]
     log_damping: FloatArray  #: (n,) of damping to the baseline's; 0 where it is not known
-    log_damping_std: FloatArray  #: (n,) of what is measured, then and now; NaN where it is not known
-    damping_weight: FloatArray  #: (n,) one over the standard deviation with what is not the cause's; 0: not known
+    log_damping_std: FloatArray  #: (n,) measurement, before and now; NaN if unknown
+    damping_weight: FloatArray  #: (n,) one over the standard deviation of changes by other reasons; 0: unknown
     model_base: FloatArray  #: (n, n_channels) of the reference, unit norm
     at_channels: FloatArray  #: (n_channels, n_modes) of the reference's modes
     across: FloatArray  #: (2 n_channels, n_modes) of them along the two axes across each channel, first axes first
     frequency: FloatArray  #: (n_modes,) of the reference [Hz]
     n_stress: int = 0  #: states of self-stress of the reference's model
-    circumstances: Circumstances = NOTHING_KNOWN  #: what else is known
-    new: NewModes | None = None  #: of the circumstances, at the channels
-    filed: NominalModes | None = None  #: of a file that is far off: what is there before any cause
+    circumstances: Circumstances = NOTHING_KNOWN  #: further knowledge
+    new: NewModes | None = None  #: new modes of the circumstances, at the channels
+    filed: NominalModes | None = None  #: modes of a file that is far off: the state before any cause
 
     def trusting(self, share: float) -> "Comparison":
-        """Return the same with only a share of what log frequencies are allowed for what the reference gets wrong."""
+        """Return the same with a share of the tolerance of log frequencies for errors of the reference."""
         variance = np.diag(self.plain.matrix) ** -2 - (1 - share**2) * self.model_variance
         plain, drifting = whiteners_of(variance)
         return replace(self, plain=plain, drifting=drifting)
@@ -146,7 +146,7 @@ class Comparison:
         return heard
 
     def freedom_of_new(self, n_new: int) -> float:
-        """Return how many data new modes are, to a hypothesis that says there are `n_new`."""
+        """Return the number of data of new modes, for a hypothesis with `n_new`."""
         if self.new is None:
             return 0.0
         n_extra, n_channels = (int(n) for n in self.new.shape.shape)

@@ -22,8 +22,8 @@ from updater.inference.shape_covariance import (
 from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean, check_event
 from updater.reference import Reference, match_nominal_modes
 
-MODEL_ERROR = 0.01  #: of a mode's typical displacement: what the reference gets wrong about it at any point
-_BIAS_OF_BANDWIDTH = 0.1  # of what a mode's half bandwidth has changed by: how far identification errs otherwise then
+MODEL_ERROR = 0.01  #: relative to a mode's typical displacement: error of the reference at any point
+_BIAS_OF_BANDWIDTH = 0.1  # times the change of a mode's half bandwidth: resulting error of identification
 
 
 def compare(
@@ -39,9 +39,9 @@ def compare(
     ----------
     reference : learnt before
     event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
-    circumstances : what else is known of the event
-    model_error : of a mode's typical displacement, what the reference gets wrong about it at any point; a larger one
-        makes a rougher search that misses less
+    circumstances : further knowledge of the event
+    model_error : error of the reference at any point, relative to a mode's typical displacement; a larger one gives a
+        coarser search that misses less
 
     Raises
     ------
@@ -134,13 +134,13 @@ def _shapes_of(
 ) -> dict[str, Any]:
     """Return the data of the shapes' real parts.
 
-    Components that err together are so much less data: each is believed less, all together as much as they are worth.
+    Components with correlated errors are fewer data: each has a lower weight, all together their actual information.
 
     Parameters
     ----------
     base, event : (n,) of the modes compared
     sign : (n, 1) that turns the event's shapes to the baseline's
-    foreign : (n, n_modes, n_channels) shares of other modes, by what the reference gets wrong
+    foreign : (n, n_modes, n_channels) shares of other modes, by errors of the reference
     """
     shaped = np.asarray(np.isfinite(event.shape).all(1))
     known = shaped[:, None]
@@ -163,6 +163,6 @@ def _shapes_of(
 def _blurred(event: ModalMean, wander: float) -> FloatArray:
     """Return the share of a shape's component (n,) that a clock's wander [s] takes, here and there: 1 - cos(omega tau).
 
-    What a window's delay strays by is also what it strays by within the window, which no constant delay mends.
+    The uncertainty of a window's delay also exists within the window, where no constant delay corrects it.
     """
     return np.asarray(1 - np.cos(2 * np.pi * np.exp(event.log_frequency) * wander))

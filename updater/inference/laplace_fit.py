@@ -16,8 +16,9 @@ from updater.inference.residuals import residual
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
-_REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)  # of chi-square over the best: promised by a step that is taken
-_FEW = 150  # alternatives that go on after the first step, of more: those that are promised most
+# chi-square over the best, after the predicted step, within which a step is evaluated
+_REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)
+_FEW = 150  # alternatives that are continued after the first step: those with the best predictions
 _HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
@@ -54,7 +55,7 @@ class Hypotheses(Protocol):
         ...
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return what the alternatives `rows` do with parameters theta (len(rows), n_parameters)."""
+        """Return the effect of the alternatives `rows` with parameters theta (len(rows), n_parameters)."""
         ...
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -68,7 +69,7 @@ class Hypotheses(Protocol):
         ...
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
-        """Return alternatives closer together where the posterior is, which start from what those about them came to.
+        """Return closer alternatives near the maximum of the posterior, started from fitted neighbours.
 
         None if there is nothing between them.
 
@@ -82,7 +83,7 @@ class Hypotheses(Protocol):
 
 @runtime_checkable
 class LinearInCompliance(Protocol):
-    """Alternatives some of whose parameters only add compliance, the same one to each: exact derivatives are cheap."""
+    """Alternatives with parameters that only add compliance, the same to each: exact derivatives are cheap."""
 
     def compliance_increments(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
         """Return of such parameters a compliance (n_modes + n_stress, same), and how much of it a unit adds (n,).
@@ -106,7 +107,7 @@ class Fit(Generic[H]):
     covariance: FloatArray  #: (n_alternatives, n_parameters, n_parameters)
     chi_square: FloatArray  #: (n_alternatives,) of data and priors
     log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
-    freedom: float  #: data less what is fitted
+    freedom: float  #: number of data less fitted parameters
     off_frequencies: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
 
     @property
@@ -197,7 +198,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
         _descend(comparison, hypotheses, point, step[alive], alive)
         beyond = point.theta - step <= hypotheses.lower
         held = alive[(point.cost[alive] >= before) & beyond[alive].any(1)]
-        if len(held):  # what would leave its bounds has led astray what would not
+        if len(held):  # a parameter at its bound has misled the others
             bounded, _ = _newton(slope[held], point.residual[held], beyond[held])
             _descend(comparison, hypotheses, point, bounded, held)
         gained = before - point.cost[alive]
@@ -227,7 +228,7 @@ def _of_priors(hypotheses: Hypotheses, point: Point) -> FloatArray:
 
 
 def _newton(slope: FloatArray, residual: FloatArray, least: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return the step of each alternative (n_alternatives, n_parameters), and what of chi-square it promises.
+    """Return the step of each alternative (n_alternatives, n_parameters), and the predicted reduction of chi-square.
 
     Parameters
     ----------
@@ -338,7 +339,7 @@ def _by_parameter(matrix: FloatArray, n_parameters: int, n_rows: int) -> FloatAr
 
 
 def _groups(columns: list[int], linear: Collection[int], n_rows: int) -> list[list[int]]:
-    """Return positions in `columns` whose derivatives are computed together, those of `linear` apart."""
+    """Return positions in `columns` whose derivatives are computed together, those of `linear` separately."""
     size = max(_AT_ONCE // max(n_rows, 1), 1)
     kinds = [[i for i, k in enumerate(columns) if (k in linear) is given] for given in (False, True)]
     return [kind[start : start + size] for kind in kinds for start in range(0, len(kind), size)]

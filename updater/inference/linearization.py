@@ -1,9 +1,9 @@
 """First-order screening of very many positions of a mass, so that the exact fit examines hundreds of them only.
 
-A small mass m at a point where mode i moves by u_i changes ln omega_i by -m |u_i|^2 / 2 and turns the mode by
-m (u_i . u_k) omega_i^2 / (omega_k^2 - omega_i^2) towards mode k (Brincker et al., MSSP 45 (2014) 91-104). Whitened as
-the data are, residuals are linear in m; the best m and what it gains in chi-square have a closed form. A gain is
-compared with others only: what first order gets wrong about a large mass it gets wrong alike nearby.
+A small mass m at a point where mode i moves by u_i changes ln omega_i by -m |u_i|^2 / 2 and rotates the mode by m (u_i
+. u_k) omega_i^2 / (omega_k^2 - omega_i^2) towards mode k (Brincker et al., MSSP 45 (2014) 91-104). Whitened like the
+data, residuals are linear in m; the best m and its gain in chi-square have a closed form. Gains are only compared with
+each other: the error of first order for a large mass is similar nearby.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float
 
     Parameters
     ----------
-    comparison : what is measured now and before
+    comparison : measurement now and before
     translation : (n, 3, n_modes) of the reference's modes at the positions
     mass_std : prior of the mass [kg]
     most : positions to keep
@@ -40,7 +40,7 @@ def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Whitened residuals without a mass, and what is predicted for m = 1 kg."""
+    """Whitened residuals without a mass, and the prediction for m = 1 kg."""
 
     log_ratio: FloatArray  #: (n,)
     by_shift: FloatArray  #: (n, n) by |u_i|^2
@@ -49,7 +49,7 @@ class Linear:
 
 
 def linear_in_mass(comparison: Comparison) -> Linear:
-    """Return what a comparison leaves, and what a small mass would change of it."""
+    """Return the residuals of a comparison, and their change by a small mass."""
     square, paired = comparison.frequency**2, comparison.paired
     gap = square / square[paired, None] - 1
     gap[np.arange(len(paired)), paired] = np.inf
@@ -68,7 +68,7 @@ def linear_in_mass(comparison: Comparison) -> Linear:
 
 
 def _gain(translation: FloatArray, paired: IndexArray, linear: Linear, mass_std: float) -> FloatArray:
-    """Return what the best mass at each position (n,) gains in chi-square."""
+    """Return the gain of the best mass at each position (n,) in chi-square."""
     shift = (translation[:, :, paired] ** 2).sum(1) @ linear.by_shift.T
     slope_rest, slope_slope = shift @ linear.log_ratio, (shift**2).sum(1)
     for mode, rest, by_coupling in zip(paired, linear.shape, linear.by_coupling, strict=True):
@@ -79,7 +79,7 @@ def _gain(translation: FloatArray, paired: IndexArray, linear: Linear, mass_std:
 
 
 def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArray, FloatArray]:
-    """Return where alternatives leave the data at their start, and what a step in their parameters does to that.
+    """Return the residuals of alternatives at their start, and their change by a step of the parameters.
 
     Returns
     -------
@@ -99,10 +99,10 @@ def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, 
 
     Parameters
     ----------
-    theta : (n_parameters,) where the first `n_own` do nothing yet; the others give way with them
+    theta : (n_parameters,) where the first `n_own` have no effect yet; the others are fitted with them
     """
     n = len(hypotheses.log_prior)
-    if not n_own:  # all or nothing: no slope tells
+    if not n_own:  # all or nothing: the slope is zero
         whole = evaluate(comparison, hypotheses, np.tile(theta, (n, 1)), np.arange(n))
         return -whole.cost
     one = evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
@@ -118,7 +118,7 @@ def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, 
 
 
 def pulls(comparison: Comparison, hypotheses: Hypotheses, rows: IndexArray) -> tuple[FloatArray, FloatArray]:
-    """Return where the data are if no alternative does anything, and what a step of each does to that.
+    """Return the residuals without any effect, and their change by a step of each alternative.
 
     Returns
     -------
@@ -134,6 +134,6 @@ def pulls(comparison: Comparison, hypotheses: Hypotheses, rows: IndexArray) -> t
 
 
 def _repeated(one: Point, n: int) -> Point:
-    """Return what one alternative does as that of n: at nothing all are alike."""
+    """Return the effect of one alternative as that of n: without effect all are equal."""
     rows = np.zeros(n, np.intp)
     return Point(one.theta[rows], one.effect.rows(rows), one.changed.rows(rows), one.residual[rows])

@@ -20,10 +20,10 @@ def new_shapes(
     frequency: FloatArray,
     model_error: float,
 ) -> NewModes | None:
-    """Return those whose shape is known at the channels, None without any: what mixes two close modes is no new one.
+    """Return those with a known shape at the channels, None without any: a mixture of two close modes is not new.
 
-    Their shapes are of what shakes the structure at one place: of each mode as much as that moves there, which the
-    reference gets wrong as in `foreign_modes`, and as it answers.
+    Their shapes are those of a structure excited at one place: each mode contributes its motion there, with the errors
+    of the reference as in `foreign_modes`, and its response.
 
     Parameters
     ----------
@@ -55,9 +55,9 @@ def new_shapes(
 
 
 def shaken(at: FloatArray, frequency: FloatArray) -> FloatArray:
-    """Return how much modes of frequencies (n_modes,) answer to what shakes the structure at others [Hz].
+    """Return the response of modes of frequencies (n_modes,) to an excitation at others [Hz].
 
-    1 / (omega_r^2 / omega^2 - 1), cut where a mode would resonate: then it takes over what shakes it.
+    1 / (omega_r^2 / omega^2 - 1), limited where a mode would resonate.
     """
     gap = (frequency / at) ** 2 - 1
     return np.asarray(1 / np.where(np.abs(gap) < _NARROW, np.copysign(_NARROW, gap), gap))

@@ -10,7 +10,7 @@ from updater.inference.shape_covariance import beside, shape_covariances
 from updater.modal_data import Circumstances, ModalMean, Scatter
 from updater.reference import Reference
 
-_PHASE_BIAS = 1e-3  # of a unit shape, of its imaginary part: what identification errs beyond its noise
+_PHASE_BIAS = 1e-3  # relative to a unit shape, of its imaginary part: error of identification beyond its noise
 _LARGEST_DAMPING_STD = 1.0  # of log damping: from there on it was not measured, and is no datum
 _DAMPING_SPREAD = 0.7  # of log damping, between modes of one structure
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
@@ -49,7 +49,7 @@ def lags_of(
 
 
 def unsure_of(reference: Reference, base: ModalMean, event: ModalMean, circumstances: Circumstances) -> FloatArray:
-    """Return imaginary parts (n_devices, n, n_channels) by what is not known of each device's delay."""
+    """Return imaginary parts (n_devices, n, n_channels) by the uncertainty of each device's delay."""
     owner = [circumstances.devices.get(c) for c in event.channels]
     found = []
     for device, late in reference.delays.astray(circumstances.wander).items():

@@ -12,12 +12,12 @@ _APART = 0.02  # m on a structure of 1.5 m: stretches of the region nearer than 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Place:
-    """One of the places where the posterior is: a stretch of a member and what is nearest to it."""
+    """One place of the posterior: a stretch of a member and the nearest positions."""
 
     member: int
-    start: float  #: of the stretch, from the member's start [m]
+    start: float  #: start of the stretch, from the member's start [m]
     stop: float  #: [m]
-    probability: float  #: of the place [-]
+    probability: float  #: probability of the place [-]
     share: FloatArray  #: (n,) probability of each position, given the place; sums to one
 
 
@@ -45,9 +45,9 @@ def places(
 ) -> list[Place]:
     """Return the separate places of a posterior, the most probable first.
 
-    A mean over two places is neither: where the data cannot tell left from right it lies in the middle. So each
-    position counts for the nearest stretch of the region on its member, and every place has figures of its own.
-    Probability on members that the region leaves out belongs to no place.
+    A mean over two places would be neither: if the data cannot distinguish left from right it lies in the middle. Each
+    position therefore counts for the nearest stretch of the region on its member, and every place has its own figures.
+    Probability on members outside the region belongs to no place.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """A magnitude of unknown order: its prior is uniform in its logarithm, whatever its sign.
 
-A Gaussian prior wide enough for the largest says that small ones are unlikely, and prefers places where even a large
-magnitude would hardly show. The fit has a Gaussian one all the same, for it needs a slope everywhere; here its result
-is weighed anew.
+A Gaussian prior wide enough for the largest magnitude makes small ones improbable, and prefers places where even a
+large magnitude has hardly any effect. The fit has a Gaussian prior nevertheless, because it requires a slope
+everywhere; here its result is weighted again.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ import numpy as np
 from daq import FloatArray
 
 _POINTS = 200  # of the quadrature over the logarithm: steps are shorter than the narrowest posterior is wide
-_NARROW = 0.05  # of the magnitude: a posterior more narrow than this sees a constant prior
+_NARROW = 0.05  # relative to the magnitude: for a narrower posterior the prior is constant
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,12 +2,12 @@
 
 In mass-normalised modes B of frequencies omega a structural change is one of modal mass, M' = I + dM, and of modal
 flexibility, F' = Lambda^-1 + dF: a small eigenproblem F' M' x = x / omega'^2. Its derivatives follow from the same
-eigenvectors (`tangent`), so that a step of Gauss-Newton costs one decomposition an alternative. What gives is told as
-compliance in modes and in states of self-stress (`self_stress`), by which a redundant structure shifts its load to
-where it is stiff.
+eigenvectors (`tangent`), so that a step of Gauss-Newton costs one decomposition per alternative. Flexibility is given
+as compliance in modes and in states of self-stress (`self_stress`), by which a redundant structure redistributes its
+load to stiffer parts.
 
-What hangs on the structure by a spring of its own appends a degree of freedom: its motion beside the structure's, with
-unit mass, a flexibility 1 / omega_o^2 and a coupling in the mass matrix.
+An oscillator appends a degree of freedom: its motion relative to the structure's, with unit mass, a flexibility 1 /
+omega_o^2 and a coupling in the mass matrix.
 """
 
 from dataclasses import dataclass, fields
@@ -19,8 +19,8 @@ from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
 from updater.inference.residuals import Prediction
 
-_SPLIT = 0.05  # of a compared mode, that is what hangs on the structure: then either of two modes may be meant
-_NEAR = 0.5  # of ln f: how far what hangs on a structure may yet answer from where it is begun
+_SPLIT = 0.05  # share of an oscillator in a compared mode above which either of two modes may be its successor
+_NEAR = 0.5  # ln f: largest distance of an oscillator's mode from its start
 _OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
 _LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
@@ -35,8 +35,8 @@ class Effect:
     mass: FloatArray  #: (n_alternatives, n_modes, n_modes) change of modal mass
     #: (n_alternatives, n_modes + n_stress, same) compliance added in modes [s2], states of self-stress [-], and across
     compliance: FloatArray
-    #: (n_alternatives, n_channels, 3 n_channels) what the channels say over what is true along their own directions,
-    #: along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
+    #: (n_alternatives, n_channels, 3 n_channels) reading of the channels relative to the truth along their own
+    #: directions, along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
     chain: FloatArray
     lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
     log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's
@@ -85,7 +85,8 @@ class Effect:
             across = other.chain[:, :, k * n : (k + 1) * n]
             if across.any():  # of the place that this one's channels are read at
                 chain[:, :, k * n : (k + 1) * n] += across @ self.chain[:, :, :n]
-        share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _LEAST)  # whose lag a channel has: a swap moves it
+        # channel whose lag applies: a swap moves it
+        share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _LEAST)
         return Effect(
             mass=self.mass + other.mass,
             compliance=self.compliance + other.compliance,
@@ -114,7 +115,7 @@ def _bordered(matrix: FloatArray, border: FloatArray, corner: FloatArray) -> Flo
 
 
 def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
-    """Return the effect of nothing, whose parts are to be replaced."""
+    """Return the effect of no change, whose parts are to be replaced."""
     n_channels, n_modes = comparison.at_channels.shape
     return Effect(
         mass=np.zeros((1, n_modes, n_modes)),
@@ -160,10 +161,10 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
 
 
 def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:
-    """Append the modes that came with what hangs on the structure: most of it, and no successor of a compared one.
+    """Append the modes of an oscillator: most of its share, and not the successor of a compared one.
 
-    Where it splits a mode in two that are half its own each, the order of what is measured says which is which; where
-    only one of the two was, that is the compared mode's.
+    If it splits a mode in two of about half a share each, the order of the measured modes decides; if only one was
+    measured, it is the compared mode's.
     """
     every = np.arange(len(pick))
     for own in range(len(comparison.frequency), share.shape[1]):
@@ -215,7 +216,7 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
 
 
 def _root(flexibility: FloatArray) -> FloatArray:
-    """Return A with A A^T the flexibility (p, n, n); what is no flexibility, a step too far, is cut to the least."""
+    """Return A with A A^T the flexibility (p, n, n); an indefinite one, after too large a step, is cut to the least."""
     try:
         return np.asarray(np.linalg.cholesky(flexibility), float)
     except np.linalg.LinAlgError:
@@ -224,10 +225,10 @@ def _root(flexibility: FloatArray) -> FloatArray:
 
 
 def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effect: Effect) -> Prediction:
-    """Return what would be measured.
+    """Return the predicted measurement.
 
-    The measured baseline shape is changed by what the reference says about the change, then read by the channels; a
-    channel that is late by tau turns its part of a mode by -2 pi f tau.
+    The measured baseline shape is changed by the change of the reference, then read by the channels; a channel with a
+    delay tau rotates its component of a mode by -2 pi f tau.
 
     Parameters
     ----------
@@ -268,14 +269,14 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
 
 
 def _damped_by_own(effect: Effect, value: FloatArray, moved: FloatArray) -> FloatArray:
-    """Return log damping (n_alternatives, n) of modes that share their energy with what hangs on the structure.
+    """Return log damping (n_alternatives, n) of modes that share their energy with an oscillator.
 
     Each part damps by its share of the elastic energy, z^2 omega_o^2 / omega^2 of unit modal mass.
 
     Parameters
     ----------
     value : (n_alternatives, n) 1/omega^2 of the modes [s2]
-    moved : (n_alternatives, n_own, n) z, how they move what hangs there beside the structure
+    moved : (n_alternatives, n_own, n) z, their motion of the oscillator relative to the structure
     """
     share = np.clip(moved**2 * value[:, None] / effect.own[:, :, None], 0.0, 1.0)
     more = np.expm1(effect.own_log_damping)[:, :, None]
@@ -283,9 +284,9 @@ def _damped_by_own(effect: Effect, value: FloatArray, moved: FloatArray) -> Floa
 
 
 def _undone(chain: FloatArray) -> FloatArray | None:
-    """Return what undoes the exchanges and turns of channels (n_alternatives, n_channels, n_channels), None of none.
+    """Return the inverse of exchanges and rotations of channels (n_alternatives, n_channels, n_channels), None if none.
 
-    Each channel is taken for the one it says most of, where that is a channel of its own for each.
+    Each channel is assigned to its largest component, if these are different channels for all.
     """
     n = chain.shape[1]
     plain = (chain.reshape(-1, n * n)[:, :: n + 1] > 0).all(1, keepdims=True)
@@ -301,7 +302,7 @@ def _undone(chain: FloatArray) -> FloatArray | None:
 def _heard(
     real: FloatArray, imaginary: FloatArray, frequency: FloatArray, late: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the real part of shapes (p, n, n_channels) heard late, and the imaginary one where that has unit norm.
+    """Return the real part of shapes (p, n, n_channels) with delays, and the imaginary one where that has unit norm.
 
     Parameters
     ----------

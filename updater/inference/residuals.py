@@ -41,10 +41,9 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
 
 
 def _undone(predicted: Prediction, off: FloatArray) -> FloatArray:
-    """Return what is left of shapes (p, n, n_channels) at the channels as they were: errors in common are known there.
+    """Return residuals of shapes (p, n, n_channels) at the original channels, where common errors are known.
 
-    Where modes are close they turn into each other by what a model gets wrong. Of two channels that were exchanged that
-    says the one what is the other's.
+    Close modes rotate into each other by errors of a model. For two exchanged channels, each has the other's component.
     """
     return off if predicted.undone is None else np.asarray(off @ predicted.undone.transpose(0, 2, 1))
 
@@ -52,7 +51,7 @@ def _undone(predicted: Prediction, off: FloatArray) -> FloatArray:
 def _off_new(new: NewModes, predicted: Prediction) -> FloatArray:
     """Return whitened residuals (p, n_extra (1 + n_channels)) of new modes, each from the nearest that is predicted.
 
-    A mode that nothing predicts is nobody's: zeros. What predicts it says in its evidence what that is worth.
+    A mode that no cause predicts has zero residuals. A cause that predicts it has the corresponding evidence.
     """
     n_alternatives, n_new = predicted.new_frequency.shape
     off = np.zeros((n_alternatives, len(new.shape), 1 + new.shape.shape[1]))
@@ -62,7 +61,7 @@ def _off_new(new: NewModes, predicted: Prediction) -> FloatArray:
         nearest = np.argmin(np.abs(away), axis=1)
         off[every, nearest, 0] = away[every, nearest] / new.log_frequency_std[nearest]
         shape = predicted.new_shape[:, k]
-        moves = np.linalg.norm(shape, axis=1, keepdims=True) > 0  # not what hangs on a foot
+        moves = np.linalg.norm(shape, axis=1, keepdims=True) > 0  # not an oscillator at a foot
         beside_it = beside(new.shape[nearest], np.where(moves, shape, 1.0))
         off[every, nearest, 1:] = np.einsum("pij,pj->pi", new.whitener[nearest], beside_it)
     return off.reshape(n_alternatives, -1)

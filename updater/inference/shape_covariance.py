@@ -8,8 +8,8 @@ from daq import FloatArray, IndexArray
 from updater.modal_data import ModalMean
 from updater.reference import Reference
 
-SHAPE_BIAS = 6e-4  #: of a unit shape: what identification errs beyond its noise, otherwise once something has changed
-_MOST_TURNED = 0.5  # rad: what close modes may turn into each other by such an error
+SHAPE_BIAS = 6e-4  #: relative to a unit shape: error of identification beyond its noise, different after a change
+_MOST_TURNED = 0.5  # rad: largest rotation of close modes into each other by such an error
 _MIXED = 0.05  # rad: from about where on noise turns modes into each other most of all
 _LEAST_GAP = 1e-6  # of squared frequencies
 _MOST_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
@@ -78,10 +78,10 @@ def turned_by_noise(
 ) -> FloatArray:
     """Return how far noise turns modes into each other, with the baseline's windows and with the event's.
 
-    What stirs the frequency of a mode by s turns it towards another by about s over their distance, its real and its
-    imaginary part alike: perturbed eigenvectors (Wilkinson, 1965, ch. 2). Between modes 1 % apart, as of a tower whose
-    sides are nearly equal, that is some tenths in a window. Then it is all that is stated of the shape's components,
-    more where the other mode is the stronger one, and they err as one.
+    A scatter s of a mode's frequency rotates it towards another by about s over their distance, its real and its
+    imaginary part alike: perturbed eigenvectors (Wilkinson, 1965, ch. 2). Between modes 1 % apart, as of a tower with
+    nearly equal sides, that is some tenths in a window. It is then all of the stated deviation of the shape's
+    components, more where the other mode is larger, and they are fully correlated.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, b
     Returns
     -------
     (n, 1, n_channels)
-        Standard deviation of the turn times the imaginary part, as it lies beside the baseline's shape.
+        Standard deviation of the rotation times the imaginary part, orthogonal to the baseline's shape.
     """
     share = np.minimum((imaginary**2).sum(1), _MOST_IMAGINARY)
     turn = np.sqrt(variance.mean(1) * (3 - share)) / (1 - share)
@@ -131,7 +131,7 @@ def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) ->
 def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return omega_i^2 / |omega_k^2 - omega_i^2| (n, n_modes) before the change and after.
 
-    What is not seen after the change is taken as close as twice the mean of what the others moved allows.
+    A mode that is not measured after the change is assumed as close as twice the mean shift of the others permits.
     """
     reach = 2 * np.abs(ratio).mean()
     own, now = frequency[paired, None], (frequency[paired] * np.exp(ratio))[:, None]
@@ -153,22 +153,22 @@ def shape_covariances(variance: FloatArray, base: FloatArray, foreign: FloatArra
 
     Parameters
     ----------
-    variance : (n, n_channels) of what is measured
+    variance : (n, n_channels) of the measurement
     base : (n, n_channels) unit shapes
-    foreign : (n, n_modes, n_channels) of other modes, by what the reference gets wrong
+    foreign : (n, n_modes, n_channels) of other modes, by errors of the reference
     """
     error = beside(foreign, base[:, None])
     return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]) + error.transpose(0, 2, 1) @ error)
 
 
 def beside(shape: FloatArray, direction: FloatArray) -> FloatArray:
-    """Return what of unit shapes (..., n_channels) no multiple of others (..., n_channels) explains."""
+    """Return the part of unit shapes (..., n_channels) that no multiple of others (..., n_channels) explains."""
     direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
     return np.asarray(shape - (shape * direction).sum(-1, keepdims=True) * direction)
 
 
 def turned_back(rest: FloatArray, shape: FloatArray, base: FloatArray) -> FloatArray:
-    """Return what lies beside predicted shapes as it lies beside the baseline's, by the turn from one to the other.
+    """Return the part orthogonal to predicted shapes as it is to the baseline's, by the rotation between them.
 
     There the errors are known. A mode that has turned far towards its neighbour has as much less of itself: that is no
     error of its own.

@@ -1,9 +1,9 @@
 """Bodies removed or added at known places, identified from several records with different places.
 
-Each record is a comparison with its own reference. What a candidate does is known but for its mass, so that sets of
-candidates are compared by their evidence. Deviations between records are of three kinds. Stated noise is independent.
-Scatter is independent too: what mounting a structure anew changes by itself; its standard deviation per mode is learnt
-from all records. An error of the model is the same in all records: however many there are, it does not average out.
+Each record is a comparison with its own reference. The effect of a candidate is known except for its mass, so that sets
+of candidates are compared by their evidence. Deviations between records are of three kinds. Stated noise is
+independent. Scatter by remounting the structure is independent too; its standard deviation per mode is learned from all
+records. An error of the model is the same in all records and does not average out.
 """
 
 import itertools
@@ -185,22 +185,22 @@ class _Linear:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Stack:
-    """Log frequencies of some records under one set, linear in the masses, which all else has told to some extent."""
+    """Log frequencies of some records under one set, linear in the masses, which other data determine in part."""
 
     rest: FloatArray  #: (n_records, n_modes) at the expected masses, as all else but frequencies gives them
     slope: FloatArray  #: (n_records, n_modes, n_candidates) [1/kg]
     expected: FloatArray  #: (n_candidates,) masses as expected by the prior and by all else but frequencies [kg]
     covariance: FloatArray  #: (n_candidates, n_candidates) of these [kg2]
-    log_evidence: float  #: of all else
+    log_evidence: float  #: log evidence of everything else
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Covariance:
-    """Covariance of log frequencies: independent between records, plus what all records share, of low rank."""
+    """Covariance of log frequencies: independent between records, plus a common part of low rank."""
 
     own: FloatArray  #: (n_records, n_modes, n_modes) inverse of the part that is independent between records
-    shared: FloatArray  #: (n_records, n_modes, n_shared) columns of what is shared; their products are its covariance
-    log_det_own: float  #: of the independent part
+    shared: FloatArray  #: (n_records, n_modes, n_shared) columns of the common part; their products are its covariance
+    log_det_own: float  #: log determinant of the independent part
 
     @cached_property
     def pulled(self) -> FloatArray:

@@ -1,7 +1,7 @@
 """Accuracy of a located mass against the number of windows, and its limits.
 
-The noise of a mean of n windows falls as 1 / sqrt(n). What the baseline does not know and what the reference gets wrong
-about changes do not: from some number of windows on they decide, and more windows are of no use.
+The noise of a mean of n windows decreases with 1 / sqrt(n). The uncertainty of the baseline and the errors of the
+reference do not: from some number of windows on they dominate, and more windows are of no use.
 """
 
 from collections.abc import Callable
@@ -28,11 +28,11 @@ class AccuracyForecast:
     n: IndexArray  #: (n_steps,) windows: 1, 2, 4, ...
     distance_std: FloatArray  #: (n_steps,) [m]
     mass_std: FloatArray  #: (n_steps,) [kg]
-    windows: int  #: that the event has now
-    least_distance_std: float  #: what endless windows leave [m]
+    windows: int  #: present number of windows of the event
+    least_distance_std: float  #: deviation with an infinite number of windows [m]
     least_mass_std: float  #: [kg]
-    enough: int  #: windows from which their own noise is less than what they leave of the place's deviation
-    limited_by: Limit  #: what decides the place's deviation now
+    enough: int  #: number of windows from which their own noise is the smaller part of the deviation of the place
+    limited_by: Limit  #: limiting part of the present deviation of the place
 
     @property
     def said(self) -> str:
@@ -46,10 +46,10 @@ class AccuracyForecast:
 
 
 def sharpening(reference: Reference, event: ModalMean) -> AccuracyForecast:
-    """Tell how one located mass sharpens with more windows like those that were seen.
+    """Estimate the accuracy of one located mass with more windows of the same kind.
 
     About the most probable place the deviations are those of Gauss-Newton, with the event's own deviations scaled to n
-    windows, to none (what is left), and with the baseline's to none as well (what the model leaves).
+    windows, to none (the limit), and with the baseline's to none as well (error of the model).
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def sharpening(reference: Reference, event: ModalMean) -> AccuracyForecast:
     Raises
     ------
     ModalDataError
-        If fewer than three modes can be compared, or what is compared cannot be right.
+        If fewer than three modes can be compared, or the input is invalid.
     """
     return _sharpened(reference, event, *fit_mass(reference, event))
 
 
 def locate_mass_with_forecast(reference: Reference, event: ModalMean) -> tuple[MassChange, AccuracyForecast]:
-    """Return what `locate_mass` and `sharpening` do, by one fit; parameters and errors are theirs."""
+    """Return the results of `locate_mass` and `sharpening` from one fit; parameters and errors are theirs."""
     found, error = fit_mass(reference, event)
     return mass_change(found, error), _sharpened(reference, event, found, error)
 

@@ -21,7 +21,7 @@ from updater.reference import Convergence, Prior, Reference, SensitivityFit, fit
 _STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # prior of one node's mass, of the structure's
 _STEP = 1e-5  # kg, of the derivatives of residuals
 _MOST_NODES = 150  # of a larger model every n-th is taken
-_MOST_TAKEN = 0.9  # of a node's own mass: what a bound leaves of it
+_MOST_TAKEN = 0.9  # share of a node's own mass that a bound permits to remove
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,7 +32,7 @@ class NodalMasses:
     mass: FloatArray  #: (n,) [kg]
     mass_std: FloatArray  #: (n,) of noise and prior [kg]
     at_bound: IndexArray  #: nodes that would give more than they have
-    prior_std: float  #: of one node's mass, chosen by evidence [kg]
+    prior_std: float  #: standard deviation of one node's mass, selected by evidence [kg]
     iterations: int  #: models solved with the chosen prior
     reason: Convergence  #: why the iteration ended
 

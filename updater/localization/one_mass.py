@@ -12,11 +12,11 @@ from updater.modal_data import ModalMean
 from updater.reference import Reference
 from updater.structure import Structure
 
-MODEL_ERRORS = (0.01, 0.03)  # of a mode's typical displacement: what the reference gets wrong at best, and at worst
+MODEL_ERRORS = (0.01, 0.03)  # relative to a mode's typical displacement: error of the reference, at best and at worst
 FITS = 0.05  # of chi-square, under which the larger one is tried
 _WORTH_SAYING = 0.05  # probability of a second place that must not be kept back
 _MIRRORED = 0.05  # m: how nearly two places of a member must be mirror images to be called left and right
-_LEARNT = 0.7  # of the prior's deviation: what lies above was not learnt from the data
+_LEARNT = 0.7  # times the prior's deviation: a larger posterior deviation means that the data have no information
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,14 +30,14 @@ class Stretch:
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """One of the places where the mass may be, and what it weighs if it is there."""
+    """One possible place of the mass, and the mass there."""
 
     member: str
-    distance: float  #: from the member's start [m]
+    distance: float  #: distance from the member's start [m]
     distance_std: float  #: [m]
     mass: float  #: [kg]
     mass_std: float  #: [kg]
-    probability: float  #: of the place [-]
+    probability: float  #: probability of the place [-]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,7 +46,7 @@ class BodyShape:
 
     offset: FloatArray  #: (3,) of its centre from the member's axis, global axes [m]
     offset_std: FloatArray  #: (3,) [m], 0 along the member
-    offset_known: bool  #: whether the data say more than the prior about it
+    offset_known: bool  #: whether the data have more information about it than the prior
     inertia: float  #: about its own centre, alike about all axes [kg m2]
     inertia_known: bool
 
@@ -67,9 +67,9 @@ class MassChange:
     body: BodyShape
     alternatives: tuple[Alternative, ...]
     region: tuple[Stretch, ...]  #: 95 % credible
-    member_probability: float  #: that it is on this member [-]
+    member_probability: float  #: probability that it is on this member [-]
     p_value: float  #: chance of a worse fit if one added mass is the cause [-]
-    model_error: float  #: of a mode's typical displacement, that was allowed for [-]
+    model_error: float  #: model error that was used, relative to a mode's typical displacement [-]
     tracks: IndexArray  #: (n,) modes of the baseline that entered
     members: tuple[str, ...]  #: (n_positions,) of the profile
     position: FloatArray  #: (n_positions,) distance from the member's start [m]
@@ -85,8 +85,8 @@ class MassChange:
 def locate_mass(reference: Reference, event: ModalMean) -> MassChange:
     """Locate one added or removed mass.
 
-    Modes whose shape is not known (NaN) count by their frequencies; with none at all (`ModalMean.without_shapes`)
-    a symmetric structure leaves two places open, and `alternatives` holds both.
+    Modes without a known shape (NaN) count by their frequencies; with none at all (`ModalMean.without_shapes`) a
+    symmetric structure has two possible places, and `alternatives` holds both.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def locate_mass(reference: Reference, event: ModalMean) -> MassChange:
     Raises
     ------
     ModalDataError
-        If fewer than three modes can be compared, or what is compared cannot be right.
+        If fewer than three modes can be compared, or the input is invalid.
     """
     return mass_change(*fit_mass(reference, event))
 
@@ -176,7 +176,7 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
 
 
 def open_question(structure: Structure, change: MassChange) -> str:
-    """Return what the data cannot tell about the place, in words; empty if they leave one place only."""
+    """Return the remaining ambiguity of the place as a text; empty if there is only one place."""
     if change.told:
         return ""
     first, second = change.alternatives[:2]

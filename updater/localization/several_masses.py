@@ -16,7 +16,7 @@ from updater.reference import Reference
 _SAME = 0.02  # m: two ends nearer than this are one maximum, or nearer than two of its standard deviations
 _ROUGH = 0.1  # of a mode's displacement: the search's model error, since masses act to first order only in its scans
 _ROUNDS = 4
-_NEAR = 30.0  # of chi-square over the best: what must have come to rest
+_NEAR = 30.0  # chi-square over the best: sets that must have converged
 _NEGLIGIBLE = 5.0  # of log density under the best: sets of places that add nothing to the evidence
 _ENOUGH = 0.1  # of chi-square: rest
 
@@ -27,7 +27,7 @@ class MassChanges:
 
     masses: tuple[MassChange, ...]  #: the most probable number of them, the largest first; none if nothing was added
     probability: FloatArray  #: (most + 1,) of no mass, one, two, ... [-]
-    p_value: float  #: chance of a worse fit if this is what happened [-]
+    p_value: float  #: probability of a worse fit if this is true [-]
 
     @property
     def number(self) -> int:
@@ -52,7 +52,7 @@ def locate_masses(reference: Reference, event: ModalMean, *, most: int = 3) -> M
     Raises
     ------
     ModalDataError
-        If fewer than three modes can be compared, or what is compared cannot be right.
+        If fewer than three modes can be compared, or the input is invalid.
     """
     for error in MODEL_ERRORS:
         found = _counted(reference, event, most, error)
@@ -71,8 +71,8 @@ class _Counted:
     """Fits of none, one, two, ... masses."""
 
     single: Fit[AddedMass]
-    sets: list[Fit[Bodies]]  #: of two, three, ...
-    log_evidence: list[float]  #: of none, one, two, ..., with their prior probabilities
+    sets: list[Fit[Bodies]]  #: sets of two, three, ... bodies
+    log_evidence: list[float]  #: log evidence of none, one, two, ..., with their prior probabilities
     p_values: list[float]
 
     @property
@@ -131,10 +131,10 @@ def _positions(found: Fit[Bodies]) -> FloatArray:
 def _log_evidence(data: Comparison, found: Fit[Bodies]) -> float:
     """Return the log evidence of a number of bodies, with its Poisson prior.
 
-    The position of the body that is least certain is summed over, those of the others enter by Laplace's
-    approximation, since that of a body that hardly shows is far from a Gaussian. Sets of places whose other bodies are
-    within one another's reach count once. Of n bodies the others have (n - 1)! orders, which the prior of Bodies
-    counts; 1 / n! of the Poisson distribution leaves one of them, as does the choice which body is summed over.
+    The position of the least certain body is summed over; those of the others enter by Laplace's approximation, because
+    the density of a body with little effect is far from a Gaussian. Sets of places whose other bodies are within one
+    another's reach count once. Of n bodies the others have (n - 1)! orders, which the prior of Bodies counts; 1 / n! of
+    the Poisson distribution leaves one of them, as does the choice of the body that is summed over.
     """
     ends, members, std = _positions(found), found.hypotheses.member, _position_std(found)
     loosest = np.argmax(std, axis=1)
@@ -153,7 +153,7 @@ def _log_evidence(data: Comparison, found: Fit[Bodies]) -> float:
 def _holds(
     ends: FloatArray, members: IndexArray, other: FloatArray, of_other: IndexArray, std: FloatArray, fixed: IndexArray
 ) -> bool:
-    """Tell whether a set of places (n,) without one of them is the `fixed` places of another set, in some order."""
+    """Return whether a set of places (n,) without one of them is the `fixed` places of another set, in some order."""
     reach = np.maximum(_SAME, 2 * std[fixed])
     return any(
         same_places(np.delete(ends, k), np.delete(members, k), other[fixed], of_other[fixed], reach)

@@ -10,24 +10,24 @@ from updater.causes import PER_BODY, AddedMass, Bodies
 from updater.inference import Comparison, Fit, linearised
 
 _STARTS = 6  # sets of places of each scan from which a fit begins
-_KNOWN = 2  # sets of one mass fewer that a further mass is sought beside
+_KNOWN = 2  # sets of one mass fewer to which a further mass is added
 _SCANNED = 5000  # sets of a scan that are looked at
-_LEAST = 1e-6  # of the largest effect: what is less is none
+_LEAST = 1e-6  # relative to the largest effect: less is zero
 _APART = 0.1  # m: two starts nearer than this in every place are one
 
 
 def starts(data: Comparison, grid: AddedMass, number: int, known: Fit[AddedMass] | Fit[Bodies]) -> Bodies:
     """Return sets of places to begin from, by scans in which further masses act to first order.
 
-    Two scans, for what one misses the other finds: of all positions beside what one mass fewer came to, whose places
-    and masses may give way; and, of two masses, of all pairs.
+    Two scans, because each finds cases that the other misses: of all positions added to the result with one mass fewer,
+    whose places and masses may change; and, for two masses, of all pairs.
 
     Parameters
     ----------
     data : to explain
     grid : positions of one mass
     number : masses in a set, two at least
-    known : what one mass fewer came to
+    known : result with one mass fewer
     """
     sets = [_best_beside(data, grid, _ends(grid, known))]
     if number == 2:
@@ -44,7 +44,7 @@ def starts(data: Comparison, grid: AddedMass, number: int, known: Fit[AddedMass]
 
 
 def _to_first_order(data: Comparison, grid: AddedMass) -> tuple[FloatArray, FloatArray]:
-    """Return the whitened data (n_data,) and what a kilogram at each position does to them (n_positions, n_data)."""
+    """Return the whitened data (n_data,) and the effect of a kilogram at each position (n_positions, n_data)."""
     rest, slope = linearised(data, replace(grid, start=np.zeros(grid.start.shape)))
     return rest[0], -slope[:, :, 0]
 
@@ -115,13 +115,13 @@ def _distinct(grid: AddedMass, sets: IndexArray) -> IndexArray:
 def same_places(
     one: FloatArray, of_one: IndexArray, other: FloatArray, of_other: IndexArray, reach: FloatArray
 ) -> bool:
-    """Tell whether two sets of places are the same in some order.
+    """Return whether two sets of places are the same in some order.
 
     Parameters
     ----------
     one, other : (n,) distances from the members' starts [m]
     of_one, of_other : (n,) the members
-    reach : (n,) of the other's places: what is nearer is the same [m]
+    reach : (n,) of the other's places: smaller distances are the same place [m]
     """
     orders = (list(order) for order in itertools.permutations(range(len(one))))
     return any(bool((of_one == of_other[o]).all() and (np.abs(one - other[o]) < reach[o]).all()) for o in orders)

@@ -59,8 +59,8 @@ def choose_tracks(
 def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
     """Average the modes that most windows show.
 
-    Standard deviations are those of the means; from three windows on they are corrected by how much the windows really
-    scatter over what they state, but never made smaller.
+    Standard deviations are those of the means. From three windows on they are corrected by the ratio of actual to
+    stated scatter, but never reduced.
 
     Raises
     ------

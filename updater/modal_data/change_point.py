@@ -145,8 +145,8 @@ class _Test:
     def clearest(self) -> _Step:
         """Return the interval of the largest likelihood ratio.
 
-        Modes may move together. So the ratios of independent directions are added: those of the modes first, then the
-        principal ones of what is left without the step found.
+        Modes may move together. The ratios of independent directions are therefore added: those of the modes first,
+        then the principal ones of the residuals without the step.
         """
         possible = _intervals(len(self.y))
         step, axes = _Step(first=0, stop=0, p_value=1.0), np.eye(self.y.shape[1])
@@ -163,7 +163,7 @@ class _Test:
         return self._chance(float(self._ratio(self._principal(step))[step.first, step.stop - 1]))
 
     def _principal(self, step: _Step) -> FloatArray:
-        """Return the principal directions (p, p) of what is left without a step, as columns."""
+        """Return the principal directions (p, p) of the residuals without a step, as columns."""
         inside = self.inside(step)
         rest = self.y - np.where(inside[:, None], self.y[inside].mean(0), self.y[~inside].mean(0))
         return np.asarray(np.linalg.svd(rest)[2].T)
@@ -199,7 +199,7 @@ class _Test:
         return np.where(possible, 2 * (with_step - without), 0.0)
 
     def _environment(self, axis: FloatArray) -> FloatArray:
-        """Return the prior covariance (n, n) along a unit vector (p,) of what temperature and weather do."""
+        """Return the prior covariance (n, n) of temperature and weather along a unit vector (p,)."""
         relative = axis / self.noise
         common, own = relative.sum() ** 2, (relative**2).sum()
         lag = np.sqrt(3) * np.abs(np.subtract.outer(self.seconds, self.seconds)) / _SMOOTH_SECONDS
@@ -217,7 +217,7 @@ class _Test:
 
 
 def _intervals(n: int) -> npt.NDArray[np.bool_]:
-    """Tell which intervals (n, n), by first and last window, are neither too short nor leave too little."""
+    """Return which intervals (n, n), by first and last window, are neither too short nor leave too little."""
     length = np.arange(n) - np.arange(n)[:, None] + 1
     return np.asarray((length >= SHORTEST) & (length <= n - SHORTEST))
 
@@ -241,7 +241,8 @@ def _test_of(
 def _cleaned(value: FloatArray, stated: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Return values (n, p) without gaps and single errors, the deviation of each mode (p,), its degrees of freedom.
 
-    Deviations are taken from successive differences, which hardly contain a step, and drawn to what is stated.
+    Deviations are estimated from successive differences, which hardly contain a step, and shrunk towards the stated
+    ones.
     """
     n, p = value.shape
     window = np.arange(n)

@@ -1,6 +1,6 @@
 """Conditions of an event besides its tracked modes: temperature, tones, new modes, amplitude.
 
-All of it compares now with before. It is optional: what nobody measured is NaN or empty, and then decides nothing.
+All of it compares now with before. It is optional: unknown values are NaN or empty, and have no effect.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ class Trend:
 
     slope: FloatArray  #: (n_tracks,) d ln f / d rms [s2/m], NaN where it is not known
     slope_std: FloatArray  #: (n_tracks,) [s2/m]
-    usual: FloatArray  #: (n_tracks,) the same in the baseline, 0 where that does not say [s2/m]
+    usual: FloatArray  #: (n_tracks,) the same in the baseline, 0 if unknown [s2/m]
     usual_std: FloatArray  #: (n_tracks,) [s2/m]
     damping_slope: FloatArray  #: (n_tracks,) d ln damping / d rms [s2/m]
     damping_slope_std: FloatArray  #: (n_tracks,) [s2/m]
@@ -42,7 +42,7 @@ class Circumstances:
     extra: ModalMean | None = None  #: modes that the baseline has not
     trend: Trend | None = None
     devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
-    faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: of channels that are left out since
+    faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: faults of channels that were left out since
     wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.stationarity`)
 
@@ -55,7 +55,7 @@ def tone_ratios(before: FloatArray, now: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    before, now : (n,) frequencies [Hz]; a tone answers to the nearest one within 5 %
+    before, now : (n,) frequencies [Hz]; a tone is paired with the nearest one within 5 %
     """
     if not len(before) or not len(now):
         return np.empty(0)
@@ -104,7 +104,7 @@ def _varies(rms: FloatArray) -> bool:
 def _slopes(value: FloatArray, std: FloatArray, rms: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return slopes (n_tracks,) of values (n_windows, n_tracks), and their deviations by the scatter about them.
 
-    The scatter is pooled over tracks, relative to what each states, so that a few windows say how large it is.
+    The scatter is pooled over tracks, relative to the stated one, so that a few windows determine its size.
     """
     weight = np.where(np.isfinite(value), 1 / std**2, 0.0)
     value, total = np.where(np.isfinite(value), value, 0.0), np.maximum(weight.sum(0), 1e-300)

@@ -1,7 +1,7 @@
 """Delays of devices and channels: removed from modes window by window, restored where they are news.
 
-Shapes are compared as if all devices were in time, so that a clock's wander spoils none. What a device was late by in
-all is kept beside them: less what it was late by before, it is evidence.
+Shapes are compared as if all devices were synchronous, so that variations of a clock do not disturb them. The total
+delay of a device is stored with them: minus its earlier delay, it is evidence.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from oma import ModalEstimate
 from updater.modal_data.device_delays import NO_DELAYS, DeviceDelays, estimate_delays, learn_delays, remove_delays
 
 Delays = Mapping[str, float]
-_NEWS = 3.0  # times what is not known of a device's delay, from where on it is news
+_NEWS = 3.0  # times the uncertainty of a device's delay, above which a delay is new
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,12 +21,12 @@ class SynchronizedWindows:
     """Windows without their devices' delays."""
 
     estimates: tuple[ModalEstimate, ...]
-    devices: Mapping[str, str] = field(default_factory=dict)  #: of each channel
-    removed: tuple[Delays, ...] = ()  #: of each window: device -> taken out of it in all [s]
-    delays: DeviceDelays = NO_DELAYS  #: in all, that the windows share
+    devices: Mapping[str, str] = field(default_factory=dict)  #: device of each channel
+    removed: tuple[Delays, ...] = ()  #: per window: device -> total delay removed from it [s]
+    delays: DeviceDelays = NO_DELAYS  #: common total delays of the windows
 
     def heard(self, known: DeviceDelays) -> tuple[ModalEstimate, ...] | None:
-        """Return the windows with what devices are late by beyond known constants; None if none of them is.
+        """Return the windows with the delays beyond known constants; None if there are none.
 
         The mean over the windows is put back, not each window's wander about it; and only where that wander does not
         explain it for every device: the noise of a host's clock is no evidence, but would spoil the shapes.
@@ -38,7 +38,7 @@ class SynchronizedWindows:
         return tuple(remove_delays(e, self.devices, back) for e in self.estimates)
 
     def _beyond(self, known: DeviceDelays) -> dict[str, float]:
-        """Return what each device is late by beyond its constant [s], the mean over the windows."""
+        """Return the delay of each device beyond its constant [s], the mean over the windows."""
         mean = {d: float(np.mean([r[d] for r in self.removed])) for d in known.seconds if self._has(d)}
         return {d: late - known.seconds[d] for d, late in mean.items()}
 
@@ -56,7 +56,7 @@ def remove_device_delays(
 
     Parameters
     ----------
-    estimates, removed : of each window: modes, and device -> what has been taken out of them already [s]
+    estimates, removed : per window: modes, and device -> delay removed from them already [s]
     devices : of each channel
     """
     shared = learn_delays(estimates, devices, removed)
@@ -72,7 +72,7 @@ def remove_device_delays(
 def without_known(
     estimate: ModalEstimate, removed: Delays, devices: Mapping[str, str], late: Delays
 ) -> tuple[ModalEstimate, Delays]:
-    """Return a window's modes, and what has been removed from them, as if known delays of channels were none.
+    """Return a window's modes, and the delays removed from them, as if known delays of channels were zero.
 
     Parameters
     ----------

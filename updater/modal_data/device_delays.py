@@ -1,9 +1,9 @@
 """Time delays of devices from the phases of the modes.
 
-Shapes of lightly damped modes are real, so a phase that grows with frequency and is common to all channels of a device
-is a delay of that device's clock, which arrival times cannot show. A device's delay is a constant (its filter, its
-cable, its place on the bus); what is left beside it is the wander of the fit of its clock to arrival times, from
-window to window. The baseline teaches both: the constants, and how far windows stray from them.
+Shapes of lightly damped modes are real. A phase that grows with frequency and is common to all channels of a device is
+therefore a delay of that device's clock, which arrival times do not show. The delay of a device is a constant (its
+filter, its cable, its place on the bus); the rest is the variation of the fit of its clock to arrival times, from
+window to window. The baseline determines both: the constants, and the variation of windows about them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ from oma import ComplexArray, ModalEstimate
 
 _ITERATIONS = 8
 _LEAST_STD = 1e-6  # of a shape's entry, whatever is stated
-_ASTRAY = 3.0  # times their wander: what the mean of a stretch of time may differ by from that of another
+_ASTRAY = 3.0  # times their variation: possible difference of the means of two periods
 _SAME_MODE = 5e-3  # by which its frequency may differ from one window to the next, relative
 _LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
@@ -36,8 +36,8 @@ class DeviceDelays:
     def astray(self, wander: float = 0.0) -> dict[str, float]:
         """Return by how much a device may differ from its constant [s], in the mean of a stretch of time of its own.
 
-        Clocks wander as a random walk does: the means of two stretches of time that follow each other differ by twice
-        what windows stray within one, however many these are; and the host may be busier in the one.
+        The variation of clocks is a random walk: the means of two consecutive periods differ by twice the variation of
+        windows within one, for any number of windows; and the host may be busier in one of them.
 
         Parameters
         ----------
@@ -47,7 +47,7 @@ class DeviceDelays:
         return {name: float(np.hypot(self.std.get(name, 0.0), late)) for name in self.seconds}
 
     def beyond(self, removed: Mapping[str, float]) -> "DeviceDelays":
-        """Return what is left of them where delays [s] have been removed already."""
+        """Return the residual delays after delays [s] have been removed already."""
         return replace(self, seconds={name: late - removed.get(name, 0.0) for name, late in self.seconds.items()})
 
 
@@ -62,7 +62,7 @@ class _Fit:
     delay: FloatArray  #: (n_devices,) [s]
     covariance: FloatArray  #: (n_devices, n_devices) for phases as sure as stated [s2]
     frequency: FloatArray  #: (n_modes,) [Hz]
-    information: FloatArray  #: (n_modes, n_devices, n_devices) what each mode says of delays [1/s2]
+    information: FloatArray  #: (n_modes, n_devices, n_devices) information of each mode on delays [1/s2]
     pull: FloatArray  #: (n_modes, n_devices) which way from the fit, in sum 0 without a prior [1/s]
     misfit: float  #: sum of squares of phases over their stated deviations
     degrees_of_freedom: int
@@ -91,16 +91,16 @@ def learn_delays(
 ) -> DeviceDelays:
     """Return the constant delays that the windows of a baseline share, and how far these stray from them.
 
-    A window's delays are the constants, its clocks' wander, and the noise of its phases; the variance of the wander is
-    what the windows scatter beyond that noise (DerSimonian & Laird 1986, moments of a random-effects model). Phases
-    are off by a little that all windows of a mode share, too, and no number of windows makes less; what that leaves of
-    the constants shows where modes are left out. Devices that some windows lack have no constant.
+    The delays of a window are the constants, the variation of its clocks, and the noise of its phases; the variance of
+    the variation is the scatter of the windows beyond that noise (DerSimonian & Laird 1986, moments of a random-effects
+    model). Phases also have a small error common to all windows of a mode, which does not decrease with their number;
+    its effect on the constants is estimated by leaving out modes. Devices missing in some windows have no constant.
 
     Parameters
     ----------
     estimates : modes of each window
     devices : channel name -> device name
-    removed : of each window, device -> what has been taken out of its modes already [s]; nothing where it is empty
+    removed : per window, device -> delay removed from its modes already [s]; empty: none
     """
     removed = removed or ({},) * len(estimates)
     typical = _typical(sorted(set(devices.values())), removed)
@@ -148,13 +148,13 @@ def _of_modes(fits: Sequence[_Fit], pick: Sequence[list[int]]) -> float:
 
 
 def _typical(names: Sequence[str], removed: Sequence[Mapping[str, float]]) -> DeviceDelays:
-    """Return delays to begin at, which draw to nothing: the medians of what has been removed."""
+    """Return starting delays that have no effect on the result: the medians of the removed ones."""
     median = {name: float(np.median([r.get(name, 0.0) for r in removed])) for name in names}
     return replace(NO_DELAYS, seconds=median, wander=float("inf"))
 
 
 def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> _Fit:
-    """Fit delays from the constants, from none and from the most real shapes; return what costs least."""
+    """Fit delays from the constants, from zero and from the most real shapes; return the fit with the lowest cost."""
     names = tuple(sorted({devices[c] for c in estimate.channels}))
     column = np.array([names.index(devices[c]) for c in estimate.channels])
     n_modes, n_channels = estimate.shape.shape
@@ -195,7 +195,7 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
 def _most_real(doubled: ComplexArray, frequency: FloatArray, late: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the modes' phases (n_modes,) and the delays (n_devices,) [s] that make shapes most real, on a grid.
 
-    One device after another is moved, the one whose move gains most, while one gains.
+    One device after another is moved, the one with the largest gain first, while there is a gain.
 
     Parameters
     ----------

@@ -19,18 +19,19 @@ _LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 class Scatter:
     """Scatter of windows about their mean without a change.
 
-    Each window states a standard deviation; what the baseline really scatters over what was stated is one factor for
-    all frequencies (and one for all shapes), pooled over modes and windows, so that few windows give many degrees
-    of freedom. A shape's components err together, largely along the modes nearest in frequency.
+    Each window states a standard deviation. The ratio of the actual to the stated scatter of the baseline is one factor
+    for all frequencies (and one for all shapes), pooled over modes and windows, so that few windows give many degrees
+    of freedom. The errors of a shape's components are correlated, mainly along the modes nearest in frequency.
     """
 
-    frequency_factor: float  #: real over stated standard deviation of log frequency, as far as believed [-]
+    frequency_factor: float  #: actual over stated standard deviation of log frequency, after shrinkage [-]
     shape_factor: float  #: the same for shapes [-]
-    shape_overdispersion: float  #: how many of a shape's components err as one, by the variance of chi-square [-]
+    #: number of correlated components of a shape's error, by the variance of chi-square [-]
+    shape_overdispersion: float
     phase_factor: float  #: real over stated standard deviation of the shapes' imaginary parts [-]
-    phase_overdispersion: float  #: how many of the imaginary part's components err as one [-]
+    phase_overdispersion: float  #: the same for the imaginary part [-]
     damping_factor: float  #: real over stated standard deviation of damping [-]
-    degrees_of_freedom: int  #: of window_std
+    degrees_of_freedom: int  #: degrees of freedom of window_std
     window_std: FloatArray  #: (n_tracks,) of one window's log frequency, as windows scatter
 
     def mean(self, modes: TrackedModes) -> ModalMean:
@@ -76,9 +77,10 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
 
 
 def _believed(factor: float, freedom: int) -> float:
-    """Return the real over the stated standard deviation; less than is stated is believed as far as there are data.
+    """Return the actual over the stated standard deviation; a value below 1 is shrunk by the number of data.
 
-    Three windows of seven modes may scatter by half of what is stated, and their mean still be off by all of it.
+    Three windows of seven modes may scatter by half of the stated deviation, and their mean may still be off by all of
+    it.
     """
     if factor >= 1:
         return factor
@@ -120,7 +122,7 @@ def _overdispersion(z: FloatArray) -> float:
     """Return tr(R^2) / tr(R), pooled over modes, of the components' covariance R; one if they are independent.
 
     tr(R^2) is estimated without bias from few windows (Bai and Saranadasa, Statistica Sinica 6 (1996) 311-329), and
-    drawn towards what records of other structures showed.
+    shrunk towards the value of records of other structures.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from updater.modal_data.tracked import TrackedModes
 
 _FAR = 3.0  # standard deviations from the median of the windows
 _LARGEST_FACTOR = 3.0  # of real over stated deviations: where the same windows taught it, a slide did
-_MOST_SOFTENING = 0.1  # of ln f over the rms to its mean: some times what buildings soften in earthquakes
+_MOST_SOFTENING = 0.1  # ln f over the rms relative to its mean: a multiple of the softening of buildings in earthquakes
 _MOST_WARMING = 4e-3  # of ln f a kelvin: ten times steel's, for asphalt that stiffens and bearings that jam
 _MOST_FAR = 0.25  # of all modes in all windows: identification itself errs grossly in a few per cent
 
@@ -16,8 +16,8 @@ _MOST_FAR = 0.25  # of all modes in all windows: identification itself errs gros
 def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperature: FloatArray) -> float:
     """Return the share of modes in windows whose log frequency lies over 3 deviations from its window median.
 
-    By counts, not by squares, so that a few modes that were identified wrongly do not count as a change. What goes with
-    amplitude or temperature is none of state, as far as it may: in a few windows any slide goes with something.
+    By counts, not by squares, so that a few wrongly identified modes do not count as a change. Changes with amplitude
+    or temperature are not changes of state, within limits: in a few windows any drift correlates with something.
 
     Parameters
     ----------
@@ -49,5 +49,5 @@ def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperat
 
 
 def is_steady(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperature: FloatArray) -> bool:
-    """Tell whether windows scatter as those of one state do; parameters as for `far_share`."""
+    """Return whether windows scatter like those of one state; parameters as for `far_share`."""
     return far_share(windows, scatter, rms, temperature) <= _MOST_FAR

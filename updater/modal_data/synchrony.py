@@ -26,7 +26,7 @@ class Asynchrony:
     delays: Mapping[str, tuple[float, float]]
     """Channel -> delay against the median channel and its standard deviation, of those that differ from it [s]."""
     mpc: float  #: median of the modes as measured [-]
-    mpc_synchronous: float  #: the same with delays removed, each mode by what the other modes show [-]
+    mpc_synchronous: float  #: the same with delays removed, for each mode by the delays of the other modes [-]
 
     @property
     def words(self) -> str:

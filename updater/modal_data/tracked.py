@@ -176,7 +176,7 @@ def _std_of_mean(std: FloatArray, n: IndexArray) -> FloatArray:
 
 
 def check_windows(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> None:
-    """Refuse windows whose modes are no modes.
+    """Refuse windows with invalid modes.
 
     Parameters
     ----------

@@ -20,24 +20,24 @@ from updater.reference import (
 )
 
 _WORST_CONDITION = 30.0  # of [A B2]: beyond it noise decides, and smaller clusters are taken
-_NEGLIGIBLE = 1e-9  # of the largest: a deviation, or a singular value of what inputs err, that is rounding
+_NEGLIGIBLE = 1e-9  # relative to the largest: a deviation, or a singular value of input errors, that is rounding
 _LEAST_WINDOWS = 3  # of the baseline with all modes of the event, to learn a deviation from
 
 
 @dataclass(frozen=True, eq=False)
 class Increments:
-    """Increments at n places and what moves them."""
+    """Increments at n places and the effect of the inputs on them."""
 
     value: FloatArray  #: (n,)
-    noise: FloatArray  #: (n, n_inputs) what one standard deviation of each input moves it by
+    noise: FloatArray  #: (n, n_inputs) effect of one standard deviation of each input
     common: FloatArray  #: (n,) the same of a common change of all frequencies
 
     def deviations(self, variance: FloatArray) -> FloatArray:
-        """Return what each input moves them by (n, n_inputs + 1), noise scaled to a variance (n,) or () of z."""
+        """Return the effect of each input (n, n_inputs + 1), noise scaled to a variance (n,) or () of z."""
         return np.column_stack([np.sqrt(variance)[..., None] * self.noise, self.common])
 
 
-#: increments of an event beside a baseline, of some tracks
+#: increments of an event relative to a baseline, for some tracks
 Method = Callable[[ModalMean, ModalMean, IndexArray], Increments]
 
 
@@ -87,7 +87,7 @@ class NullDistribution:
         return np.asarray(np.divide(found.value, std, out=np.zeros_like(std), where=std > _NEGLIGIBLE * std.max()))
 
 
-#: how the shapes of an event's tracks are expanded in modes (at channels, omega), paired with some of them
+#: expansion of the shapes of an event's tracks in modes (at channels, omega), paired with some of them
 Expansion = Callable[
     [ModalMean, ModalMean, IndexArray, tuple[FloatArray, FloatArray], IndexArray], list[ExpandedChange]
 ]
@@ -98,7 +98,7 @@ def expand_shapes(
 ) -> list[ExpandedChange]:
     """Expand the shapes themselves, to the paper's letter; parameters as for `expand_changes`.
 
-    What the clusters cannot hold of the structure as it was becomes an increment, also where nothing has changed.
+    The part of the undisturbed structure's shape outside the clusters becomes an increment, also without a change.
     """
     del base
     at_channels, omega = modes
@@ -118,7 +118,7 @@ def expand_changes(
     event, base : (n_tracks,) means
     tracks : (m,) those that are expanded
     modes : (n_modes, n_channels) at the channels and (n_modes,) angular frequencies of the modes to expand in
-    paired : (m,) mode that each track answers to
+    paired : (m,) mode that is paired with each track
     """
     at_channels, omega = modes
     for largest in range(LARGEST_CLUSTER, 0, -1):
@@ -133,7 +133,7 @@ def expand_changes(
 
 
 def covariance_root(spread: FloatArray) -> FloatArray:
-    """Return (n, rank) with the covariance of (n, n_inputs): a cluster of a few modes holds what many channels err."""
+    """Return (n, rank) with the covariance of (n, n_inputs): few modes contain the errors of many channels."""
     left, value, _ = np.linalg.svd(spread, full_matrices=False)
     kept = value > _NEGLIGIBLE * value[0]
     return np.asarray(left[:, kept] * value[kept])

@@ -32,7 +32,7 @@ _MAX_ROWS = 2000  # increments that are compared; of more every n-th, between wh
 _FITS = 0.05  # of chi-square: with a worse fit the larger error is tried
 #: error of the reference's modes at the position of the mass, over a mode's typical displacement
 _MODEL_ERROR, _LARGE_ERROR = 0.03, 0.08
-_OUTSIDE_ERROR = 0.2  # with which the region is drawn of what does not fit one mass
+_OUTSIDE_ERROR = 0.2  # model error with which the region is calculated if no single mass fits
 _OFFSET_STD = 0.02  # m on a structure of 1.5 m: offset of the body's centre from the member's axis
 _GYRATION = 0.02  # m on such a structure: its radius of gyration
 _MIN_SINGULAR = 1e-6  # of the largest: combinations of increments that noise hardly moves
@@ -57,7 +57,7 @@ class IncrementLocation:
     position: FloatArray  #: (3,) [m]
     member: str
     region: tuple[tuple[str, FloatArray, FloatArray], ...]  #: 95 %: member and ends (3,), (3,) of stretches [m]
-    mass: float  #: that fits at the position; of the order of the change [kg]
+    mass: float  #: fitted mass at the position; of the order of the change [kg]
     p_value: float  #: probability of a worse fit if one mass is the cause [-]
     fits: bool  #: whether one mass explains the increments
     is_located: bool  #: whether it does and the region is short
@@ -77,7 +77,7 @@ class _Candidates:
     point: FloatArray  #: (n, 3) [m]
     translation: FloatArray  #: (n, 3, n_modes) [1/sqrt(kg)]
     rotation: FloatArray  #: (n, 3, n_modes)
-    length: FloatArray  #: (n,) length that each position stands for [m]
+    length: FloatArray  #: (n,) length that each position represents [m]
     offset: FloatArray  #: (n, 3, 3) standard deviations of the offset of a body's centre in three directions [m]
 
     def only(self, kept: IndexArray | npt.NDArray[np.bool_]) -> "_Candidates":
@@ -167,7 +167,7 @@ class IncrementLocator:
         return kept, self._bounded((common / information)[kept])
 
     def _bounded(self, mass: FloatArray) -> FloatArray:
-        """Return masses within what can be added or removed, none exactly 0."""
+        """Return masses within possible added or removed masses, none exactly 0."""
         mass = np.clip(mass, -LARGEST_REMOVED * self._total, self._total)
         return np.where(mass == 0, _LEAST_MASS * self._total, mass)
 
@@ -181,7 +181,7 @@ class IncrementLocator:
         return mass[:, None, None] * (_gram(p.translation, p.translation) + inertia)
 
     def _spread(self, p: _Candidates, response: "_Response", mass: FloatArray, error: float) -> FloatArray:
-        """Return what the model's error and the body's unknown shape move the increments by (n, rank, n_inputs)."""
+        """Return the effect (n, rank, n_inputs) of the model's error and the body's unknown shape on the increments."""
         error = error * self._reference.doubt
         by_mass = response.by_mass.reshape(len(response.measured), *2 * (p.translation.shape[2],))
         by_mode = 2 * np.einsum("rik,pai->prak", by_mass, p.translation) * (error * self._typical)
@@ -210,7 +210,7 @@ class IncrementLocator:
         """Return the answer from the posterior density (n,) over all positions, the largest 1."""
         p, structure = self._places, self._reference.structure
         best, members = int(np.argmax(density)), structure.member
-        half = 0.5 * float(p.length.max())  # a position stands for what is nearer to it than to the next
+        half = 0.5 * float(p.length.max())  # a position represents the points that are nearest to it
         region = [
             (members[m], max(a - half, 0.0), min(b + half, members[m].length))
             for m, a, b in credible(p.member, p.distance, density, density * p.length / (density @ p.length))
@@ -286,7 +286,7 @@ class _Response:
         return np.asarray(self._base + shape / np.where(np.abs(along) < _MIN_SEEN, _MIN_SEEN, along) - self._expected)
 
     def _second_order(self, frequency_std: FloatArray, shape_std: FloatArray) -> FloatArray:
-        """Return the second moment (rank, rank) of what noise (m,), (m, n_channels) adds beyond the first order.
+        """Return the second moment (rank, rank) of noise (m,), (m, n_channels) beyond the first order.
 
         Combinations of increments that noise hardly moves to first order are moved by its square: by close modes that
         turn into each other. Half the sum of two draws of opposite sign has no first order.

@@ -19,9 +19,9 @@ class Particles:
     """The calibrated structure with particle masses, one-step updated to the baseline (the first stage)."""
 
     model: Model
-    before: Modes  #: of the model itself
+    before: Modes  #: modes of the model itself
     modes: Modes  #: [A B2] of the first stage
-    paired: IndexArray  #: (n_tracks,) mode that answers to each track, -1 where none does
+    paired: IndexArray  #: (n_tracks,) mode paired with each track, -1 if none
     at_channels: FloatArray  #: (n_modes, n_channels) of the baseline's channels
     node: IndexArray  #: (n,) node of each free translation, every one once
     direction: IndexArray  #: (n,) its direction, 0..2
@@ -45,7 +45,7 @@ class Particles:
 
 
 def lump(reference: Reference) -> Particles:
-    """Put a reference's mass in particles and take the one-step update's first stage anew."""
+    """Lump a reference's mass in particles and repeat the first stage of the one-step update."""
     baseline = reference.baseline
     model = build_model(reference.structure, shear_flexible=True)
     before = model.modes(len(reference.frequency))

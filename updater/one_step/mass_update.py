@@ -1,7 +1,7 @@
 """The one-step update's second stage: nodal mass increments, their deviations, flags, and the place of one mass.
 
-What is expanded is the change of each shape since the baseline, in a cluster of modes that the model alone decides:
-what the clusters cannot hold of the baseline's own shapes cancels, and unchanged data give no increment at all.
+The change of each shape since the baseline is expanded, in a cluster of modes that depends on the model alone: the part
+of the baseline's own shapes outside the clusters cancels, and unchanged data give no increment.
 """
 
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ from updater.reference import ExpandedChange, Reference
 
 @dataclass(frozen=True, kw_only=True)
 class Flag:
-    """A node and direction whose increment is no chance."""
+    """Node and direction with a significant increment."""
 
     node: int
     direction: int  #: 0, 1, 2 for x, y, z
@@ -45,12 +45,13 @@ class MassUpdate:
     totals: FloatArray  #: (3,) sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: FloatArray  #: (3,) [kg]
     z_limit: float  #: |z| that one undisturbed event in 100 passes anywhere [-]
-    flagged: tuple[Flag, ...]  #: beyond it, by distance from the location
-    location: IncrementLocation | None  #: of one mass that explains all increments best; None if nothing is flagged
+    flagged: tuple[Flag, ...]  #: significant increments, by distance from the location
+    #: location of one mass that explains all increments best; None if nothing is flagged
+    location: IncrementLocation | None
 
 
 class MassUpdater:
-    """The second stage for one reference; what it needs of the model is made once.
+    """The second stage for one reference; quantities of the model are computed once.
 
     Parameters
     ----------
@@ -85,7 +86,8 @@ class MassUpdater:
         found = self._increments(event, self._reference.baseline, tracks)
         share = at.share(at.paired[tracks])
         normalised = normalised_increments(found.value, 1 / at.mass, share / at.mass)
-        # a direction that the updated modes hardly move says nothing: its share is endless, its increment none
+        # a direction in which the updated modes hardly move has no information: its share is infinite, its increment
+        # none
         share = np.where(np.isfinite(normalised), share, np.inf)
         limit = self._nothing.limit(event, tracks, np.flatnonzero(np.isfinite(normalised)))
         variance = self._nothing.variance(tracks)

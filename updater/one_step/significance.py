@@ -1,9 +1,9 @@
 """Significance of mass increments: a limit on the largest |z| that few windows can support.
 
-An empirical 99th percentile does not exist for 8 to 24 baseline windows. The propagated covariance says how increments
-move together, the windows say how far it is right at each place: their variance of z, drawn towards the mean over all
-places (a moderated t statistic; Smyth 2004). How the largest of these is distributed while nothing changes is
-simulated with both: windows to learn from and an event to judge, a few thousand times.
+An empirical 99th percentile does not exist for 8 to 24 baseline windows. The propagated covariance gives the
+correlation of increments. The windows show its error at each place: their variance of z, shrunk towards the mean over
+all places (a moderated t statistic; Smyth 2004). The distribution of the largest of these without a change is simulated
+with both: windows to learn from and an event to judge, a few thousand times.
 
 References
 ----------
@@ -38,8 +38,8 @@ def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> f
 
     Parameters
     ----------
-    noise : (n, n_inputs) what one standard deviation of each input moves each increment by
-    common : (n,) what one of a common change of all frequencies does, which windows teach nothing of
+    noise : (n, n_inputs) effect of one standard deviation of each input on each increment
+    common : (n,) the same for a common change of all frequencies, about which windows give no information
     degrees_of_freedom : of the variances learnt from windows: one fewer than there are; 0 if none were
     """
     every = -(-len(noise) // _MOST_PLACES)
@@ -62,7 +62,7 @@ def _correlation_root(noise: FloatArray) -> FloatArray:
     Other than singular vectors, which are free in sign and mix where values are equal, it is a smooth function of the
     correlation, so that the limit simulated with it does not depend on how a processor rounds.
     """
-    left = noise.copy()  # what the pivots so far leave unexplained
+    left = noise.copy()  # part that the pivots so far leave unexplained
     preference = np.linspace(1.0, 1.0 - _PREFERENCE, len(noise))
     columns: list[FloatArray] = []
     for _ in range(min(noise.shape)):

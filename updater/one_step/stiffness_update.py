@@ -41,7 +41,7 @@ class StiffnessUpdate:
 
 
 class StiffnessUpdater:
-    """The second stage for one reference, of stiffness; what it needs of the model is made once.
+    """The second stage for one reference, of stiffness; quantities of the model are computed once.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ import numpy as np
 from daq import FloatArray
 from updater.errors import PairingError
 
-_SINGULAR = 1e6  # condition of [A B2]: two measured modes stand for one of the structure
+_SINGULAR = 1e6  # condition of [A B2]: two measured modes correspond to one of the structure
 _LEAST_SHARE = 1e-3  # eq. 14 divides by the updated modes' share of 1/M: below this it is noise
 _LEAST_OF_LARGEST = 1e-2  # or below this part of the largest share, if a fine mesh makes all shares small
 
@@ -79,7 +79,7 @@ def update_stiffness(
 def refuse_singular(t: FloatArray, replaced: FloatArray, *, worst: float = _SINGULAR) -> None:
     """Check that the measured modes (n_modes, m) are independent of each other and of the modes that are kept.
 
-    det [A B2] = det B det(E^T T): what is left of the measured modes in the replaced ones decides.
+    det [A B2] = det B det(E^T T): the components of the measured modes in the replaced ones decide.
 
     Raises
     ------

@@ -28,11 +28,12 @@ Stretches = list[tuple[float, float]]
 
 _N_MODES = 30
 _USUAL = 0.01  # m between places
-_PLACES, _MOST_PLACES = 600, 2400  # on all members, more than a centimetre apart: usually, and where a target asks it
-_PLACES_WITHIN = 2.5  # places to a distance that is to be told apart
+# on all members, more than a centimetre apart: default, and maximum if a target requires it
+_PLACES, _MOST_PLACES = 600, 2400
+_PLACES_WITHIN = 2.5  # places per distance that is to be resolved
 _STILL = 1e-6  # of the largest signature: a body there moves nothing
 _WHOLE = 1e3  # m: a place that nothing is known of
-_OFFSET_STD = 0.02  # m: how far a body's centre may lie beside the member's axis, unknown
+_OFFSET_STD = 0.02  # m: unknown offset of a body's centre from the member's axis
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -41,11 +42,11 @@ class DetectabilityStudy:
 
     record: Record
     reference: Reference  #: the structure file taken at its word, with the errors expected of a record's modes
-    places: AddedMass  #: where a body may be: positions and modal motions, which sensors do not change
+    places: AddedMass  #: possible places of a body: positions and modal motions, which do not depend on sensors
 
     @cached_property
     def bodies(self) -> AddedMass:
-        """A body at any of these places, compared with what the sensors see."""
+        """A body at any of these places, compared by the measurable modes."""
         return replace(
             self.places, reference=self.reference, comparison=compare(self.reference, self.reference.baseline)
         )
@@ -180,19 +181,19 @@ def sharpest(data: FloatArray, bodies: AddedMass, mass: float) -> tuple[FloatArr
 
 
 def study_detectability(structure: Structure, record: Record, within: float | None = None) -> DetectabilityStudy:
-    """Return what the structure's sensors would tell.
+    """Return the expected accuracy of the structure's sensors.
 
     Parameters
     ----------
     structure : with at least two sensors
     record : how long is measured, before and after
-    within : distance to be told apart [m]; places are a centimetre apart, or farther on long members, unless given
+    within : distance to be resolved [m]. Default: places a centimetre apart, or farther on long members
 
     Raises
     ------
     ModelError
-        If the structure is a mechanism, its sensors see fewer than three modes, or it has far more places than can be
-        told apart in useful time.
+        If the structure is a mechanism, its sensors measure fewer than three modes, or it has far more places than can
+        be evaluated in useful time.
     """
     spacing = _spacing(structure, within)
     model = best_model(structure)

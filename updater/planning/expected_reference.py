@@ -10,7 +10,8 @@ from updater.planning.record_noise import Record, shape_errors
 from updater.reference import Calibration, Reference
 
 UNSEEN = 0.05  #: share of a mode's largest motion under which sensors do not see it [-]
-_STILL = 1e-6  # of a typical motion, 1 / sqrt(total mass): what moves less only turns, a bar about its axis
+# relative to a typical motion, 1 / sqrt(total mass): a smaller one is only a rotation, of a bar about its axis
+_STILL = 1e-6
 _ALIKE = 0.9  # MAC at the sensors of two modes that are as good as one
 
 

@@ -15,7 +15,7 @@ from updater.planning.record_noise import Record
 from updater.planning.sensor_placement import Choice, best_additional_sensor
 from updater.structure import Sensor, Structure
 
-ALIKE = 0.9  #: MAC at the sensors above which two modes cannot be told apart by their shapes [-]
+ALIKE = 0.9  #: MAC at the sensors above which two modes cannot be distinguished by their shapes [-]
 _NODES = 60  # at which one sensor more is tried
 _TYPICAL = 0.01  # of the structure's mass: the body that one more sensor is to locate
 
@@ -28,9 +28,10 @@ class ModeVisibility:
     modes: Modes
     at_sensors: FloatArray  #: (n_modes, n_sensors) mass-normalised [1/sqrt(kg)]
     seen: FloatArray  #: (n_modes,) largest motion at a sensor over the largest anywhere [-]
-    auto_mac: FloatArray  #: (n_modes, n_modes) MAC of the modes at the sensors [-]; NaN for one that none of them sees
-    record: Record  #: how long is measured, before a change and after
-    outlook: DetectabilityStudy | None  #: of a body anywhere; None where the sensors are too few for that
+    #: (n_modes, n_modes) MAC of the modes at the sensors [-]; NaN for modes that no sensor measures
+    auto_mac: FloatArray
+    record: Record  #: record lengths, before a change and after
+    outlook: DetectabilityStudy | None  #: study of a body anywhere; None if the sensors are too few
     too_few: str  #: why, if so
 
     @property
@@ -39,12 +40,12 @@ class ModeVisibility:
         return np.asarray(motion(self.model, self.modes) / largest_motion(self.model, self.modes)[:, None, None])
 
     def alike(self, mode: int) -> tuple[int, ...]:
-        """Return the other modes that are seen, but whose shapes the sensors cannot tell from this one's."""
+        """Return the other measurable modes whose shapes the sensors cannot distinguish from this one's."""
         others = np.flatnonzero(np.nan_to_num(self.auto_mac[mode]) > ALIKE)
         return tuple(int(k) for k in others if k != mode and self.is_seen(int(k)) and self.is_seen(mode))
 
     def is_seen(self, mode: int) -> bool:
-        """Tell whether a sensor sees enough of a mode."""
+        """Return whether a sensor measures a mode sufficiently."""
         return bool(self.seen[mode] >= UNSEEN)
 
     @property
@@ -64,26 +65,26 @@ class ModeVisibility:
 
     @property
     def unseen(self) -> tuple[int, ...]:
-        """The modes that no sensor sees."""
+        """Modes that no sensor measures."""
         return tuple(k for k in range(len(self.seen)) if not self.is_seen(k))
 
     @property
     def pairs_alike(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of seen modes that the sensors cannot tell apart by their shapes."""
+        """Pairs of measurable modes that the sensors cannot distinguish by their shapes."""
         return tuple((k, other) for k in range(len(self.seen)) for other in self.alike(k) if other > k)
 
 
 def look(
     structure: Structure, n_modes: int, record: Record | None = None, within: float | None = None
 ) -> ModeVisibility:
-    """Return what the sensors see of the lowest modes, and of a body.
+    """Return the visibility of the lowest modes, and of a body.
 
     Parameters
     ----------
     structure : Structure
-    n_modes : asked for; a coarse mesh may have fewer
-    record : how long is measured before a change and after; ten minutes unless given
-    within : how near a body is to be located [m]; a centimetre, or more on long members, unless given
+    n_modes : requested; a coarse mesh may have fewer
+    record : record lengths before a change and after. Default: ten minutes
+    within : required accuracy of the location of a body [m]. Default: a centimetre, or more on long members
 
     Raises
     ------
@@ -124,7 +125,7 @@ def _auto_mac(at_sensors: FloatArray, largest: FloatArray) -> FloatArray:
 def clearer(sight: ModeVisibility) -> tuple[Sensor, ModeVisibility] | None:
     """Return the additional sensor that measures most unmeasured modes and distinguishes most pairs.
 
-    None if there is nothing to mend, or no one sensor that mends any of it.
+    None if there is nothing to improve, or no single sensor that improves it.
     """
     best, least = None, _blur(sight)
     if least[:2] == (0, 0):

@@ -30,10 +30,10 @@ class Target:
 
     mass: float  #: [kg]
     within: float = 0.05  #: largest distance of the answer from the truth [m]
-    chance: float = 0.95  #: of an alarm and an answer within that
+    chance: float = 0.95  #: probability of an alarm and an answer within that
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be asked for."""
+        """Refuse invalid requests."""
         if not 0 < abs(self.mass) < np.inf:
             raise ValueError(f"mass: expected a number of kg other than 0, found {self.mass!r}")
         if not 0 < self.within < np.inf:
@@ -56,10 +56,10 @@ class _Signatures:
 class _Draws:
     """Standard normal numbers behind the errors of the played records, the same for records of every length."""
 
-    frequency: FloatArray  #: (n_draws, n) of what is measured
-    frequency_model: FloatArray  #: (n_draws, n) of what the model gets wrong
-    mixing: FloatArray  #: (n_draws, n, n_modes) of what other modes add to a shape
-    shape_model: FloatArray  #: (n_draws, n, n_channels) of what the model gets wrong
+    frequency: FloatArray  #: (n_draws, n) errors of the measurement
+    frequency_model: FloatArray  #: (n_draws, n) errors of the model
+    mixing: FloatArray  #: (n_draws, n, n_modes) contributions of other modes to a shape
+    shape_model: FloatArray  #: (n_draws, n, n_channels) errors of the model
     blur: FloatArray  #: (n_draws, n, n_channels) of the channels' own noise
 
 
@@ -69,7 +69,7 @@ class LocalizationSimulation:
     Parameters
     ----------
     outlook : the structure and its sensors
-    target : what is to be found
+    target : mass to be found
 
     Raises
     ------
@@ -139,7 +139,7 @@ class LocalizationSimulation:
         known, base = self._signatures, outlook.reference.baseline
         try:
             data = compare(outlook.reference, _event(base, known.log_ratio[0, place], known.shape[0, place]))
-        except ModalDataError:  # the body makes two modes look like one: what is refused is not found
+        except ModalDataError:  # the body makes two modes look like one: refused, so not found
             return 0.0
         error = self._errors(outlook, data)
         shift = known.log_ratio[0, place] + error[0]
@@ -189,7 +189,7 @@ def _draw(outlook: DetectabilityStudy) -> _Draws:
 
 
 def _signatures(outlook: DetectabilityStudy, mass: float, rows: IndexArray) -> _Signatures:
-    """Compute the exact effect of the body, and what offsets and a radius of gyration would change of it."""
+    """Compute the exact effect of the body, and its derivatives by offsets and a radius of gyration."""
     bodies = outlook.bodies
     std = bodies.prior_std
     theta = np.zeros((len(rows), len(std)))
@@ -215,7 +215,7 @@ def _predicted(outlook: DetectabilityStudy, theta: FloatArray, rows: IndexArray)
 
 
 def _event(base: ModalMean, log_ratio: FloatArray, shape: FloatArray) -> ModalMean:
-    """Return what would be measured without an error, as sure as the baseline."""
+    """Return the error-free measurement, with the deviations of the baseline."""
     unit = base.shape + shape
     unit = unit / np.linalg.norm(unit, axis=1, keepdims=True)
     return replace(base, log_frequency=base.log_frequency + log_ratio, shape=unit)

@@ -18,7 +18,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from oma.selection import uncertainty_law
 
-_OVER_THE_LAW = 1.1  # what identification reaches, as docs/oma.md measures it
+_OVER_THE_LAW = 1.1  # ratio reached by identification, as measured in docs/oma.md
 _YEAR = 365.25 * 86400  # s
 
 
@@ -26,8 +26,8 @@ _YEAR = 365.25 * 86400  # s
 class Record:
     """Length of the records before and after a change, and the permitted rate of false alarms."""
 
-    seconds: float = 600.0  #: of each of the two records [s]
-    damping: float = 0.005  #: of all modes, which a structure file does not tell [-]
+    seconds: float = 600.0  #: length of each of the two records [s]
+    damping: float = 0.005  #: damping of all modes, which a structure file does not have [-]
     highest: float = 400.0  #: frequency up to which modes are identified [Hz]
     channel_noise: float = (
         0.005  #: amplitude of each channel's own noise in the band of a resonance over that's own [-]
@@ -35,7 +35,7 @@ class Record:
     false_alarms_per_year: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse what is no record."""
+        """Refuse invalid records."""
         for name in ("seconds", "damping", "highest", "channel_noise", "false_alarms_per_year"):
             if not 0 < getattr(self, name) < np.inf:
                 raise ValueError(f"{name}: expected a positive number, found {getattr(self, name)!r}")
@@ -55,7 +55,7 @@ class Record:
         Parameters
         ----------
         frequency : (n_modes,) of all modes [Hz]
-        measured : (n,) those whose shapes are wanted
+        measured : (n,) modes whose shapes are evaluated
 
         Returns
         -------

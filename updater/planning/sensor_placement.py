@@ -35,7 +35,7 @@ class Choice:
 def mean_position_std(outlook: DetectabilityStudy, mass: float) -> float:
     """Return how sure the place of a mass is (geometric mean over all places) [m].
 
-    Where a bound is beyond all members' length nothing is known, and no sensor is rewarded for a little less of that.
+    Where a bound is beyond all members' length nothing is known, and no sensor is rewarded for slightly less.
     """
     place, _ = outlook.bound(mass)
     share = outlook.places.weight / outlook.places.weight.sum()
@@ -53,7 +53,7 @@ def best_additional_sensor(outlook: DetectabilityStudy, mass: float) -> Choice:
 def backward_elimination(outlook: DetectabilityStudy, mass: float) -> list[Choice]:
     """Return sets of ever fewer sensors, each without the one that a mass' place needs least.
 
-    The last is the smallest that sees three modes with two sensors.
+    The last one is the smallest that measures three modes with two sensors.
     """
     found: list[Choice] = []
     sensors = outlook.reference.structure.sensor

@@ -20,7 +20,7 @@ class SensorSet:
     channels: tuple[str, ...]
     places: IndexArray  #: (n,) of the outlook, where the body was tried
     seconds: FloatArray  #: (n,) of the record before and of that after [s]; infinite where a day's do not suffice
-    length: FloatArray  #: (n,) of members that each place stands for [m]
+    length: FloatArray  #: (n,) length of members that each place represents [m]
 
     def share_found(self, seconds: float) -> float:
         """Return the share of the members' length on which records so long [s] find the body."""
@@ -43,7 +43,7 @@ class Plan:
     present: SensorSet
     fewer: tuple[SensorSet, ...]  #: ever fewer of them
     left_out: tuple[str, ...]  #: channels in the order in which they are left out
-    more: SensorSet  #: with one more
+    more: SensorSet  #: set with one more sensor
     more_at: tuple[float, float, float]  #: [m]
     more_along: tuple[float, float, float]
 

@@ -1,8 +1,8 @@
 """Physical parameters of the structure fitted to the baseline's frequencies, before the one-step update.
 
-By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), what each support and
-joint gives, and how much stiffer than their axes members are where they meet. Density is not
-fitted: frequencies alone cannot tell it from stiffness.
+By the iterative sensitivity method: Young's modulus of each material (with its shear modulus), the flexibility of each
+support and joint, and the additional stiffness of members where they meet. Density is not fitted: frequencies alone do
+not distinguish it from stiffness.
 """
 
 from dataclasses import dataclass, replace
@@ -40,14 +40,14 @@ from updater.structure import (
     welded,
 )
 
-FREQUENCY_ERROR = 2e-3  #: of ln f: what no parameter of a beam model explains
+FREQUENCY_ERROR = 2e-3  #: ln f: residual that no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
-_SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less there is not seen
+_SEEN = 1e-3  # relative to the largest simulated mode at the sensors: a smaller motion is not measured
 _MOST_MODES = 120  # of the model
 _REACH = 6.0  # times the highest frequency that was measured, that modes should go to ...
 _MOST_FOR_REACH = 60  # ... as far as so many do
-_ALIKE = 0.9  # share of a shape from which on it answers to the model's modes as the file has them, no doubt
-UNLIKE = 0.7  #: under which it does not, once the model is nearly right
+_ALIKE = 0.9  # share of a shape above which it certainly corresponds to the model's modes of the file
+UNLIKE = 0.7  #: share below which it does not, once the model is nearly right
 _CLOSE = 0.03  # of ln f: modes that turn into each other
 _STEP = 1e-4  # of ln of a weld's stiffness, in the finite difference of an element's matrix
 
@@ -59,7 +59,7 @@ class Parameter:
     name: str  #: such as `support 0 ry`
     value: float  #: factor of stiffness, c E I / L, along an axis c E I / L^3, or share that a weld takes [-]
     std: float
-    at_bound: bool  #: that it would leave what is possible if it could
+    at_bound: bool  #: whether it is at a bound
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -77,7 +77,7 @@ class Calibration:
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
     reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
-    knobs: tuple[ModelParameter, ...]  #: what was fitted, or might be
+    knobs: tuple[ModelParameter, ...]  #: parameters that were fitted, or could be
 
     @property
     def fitted(self) -> bool:
@@ -132,7 +132,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
 
     Parameters
     ----------
-    structure : as the file says
+    structure : as in the file
     measured : (n_tracks,) modes; channels name sensors of the structure
     n_modes : model modes to keep, at least: more where sensors see few of them
 
@@ -163,7 +163,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
         model_parameters_of(structure),
         np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE),
     )
-    if 3 <= len(alike) < n_nominal:  # what else answers is told better by a model that is nearly right
+    if 3 <= len(alike) < n_nominal:  # others are paired better by a model that is nearly right
         first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
         nearer = best_model(apply_parameters(structure, knobs, first.value))
         close = nearer.modes(len(modes.frequency))
@@ -198,7 +198,7 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
 def share_within(measured: ModalMean, answers: IndexArray, frequency: FloatArray, seen: FloatArray) -> FloatArray:
     """Return the share (n_tracks,) of each shape that is spanned by model modes near the paired one.
 
-    Close modes turn into each other by what no model knows; 0 where none answers.
+    Close modes rotate into each other by unknown errors; 0 if none corresponds.
     """
     found = np.zeros(len(answers))
     for track in np.flatnonzero(answers >= 0).tolist():
@@ -215,10 +215,11 @@ def _likeness(measured: ModalMean, answers: IndexArray, seen: FloatArray) -> Flo
 
 
 def enough_modes(model: Model, rows: FloatArray, highest: float, n_measured: int, *, n_modes: int = 30) -> Modes:
-    """Return modes of which sensors see some beyond what was measured: what a change does is made of those.
+    """Return modes, some of them measurable beyond the highest measured one: a change's effect consists of them.
 
-    Of a plane frame with sensors in its plane most of the first thirty may be across it, or turn it; of a long beam
-    they may end at three times what was measured, which is not enough for the kink that a soft stretch is.
+    For a plane frame with sensors in its plane, most of the first thirty modes may be out of plane or torsional; for a
+    long beam they may end at three times the highest measured frequency, which is not sufficient for the kink of a soft
+    stretch.
 
     Parameters
     ----------
@@ -252,7 +253,7 @@ def _prior(knobs: list[ModelParameter]) -> Prior:
 class _Misfit:
     """Log frequencies of the structure with parameters x over the measured ones.
 
-    A parameter may carry a mode across another, so that partners are looked for anew at each x.
+    A parameter may move a mode across another, so that partners are searched again at each x.
     """
 
     def __init__(self, structure: Structure, knobs: list[ModelParameter], measured: ModalMean, n_modes: int) -> None:

@@ -7,21 +7,22 @@ import numpy as np
 from daq import FloatArray, IndexArray
 
 LARGEST_CLUSTER = 4
-_WORST_CONDITION = 10.0  # of a cluster at the sensors: beyond it they cannot tell its modes apart
+_WORST_CONDITION = 10.0  # condition of a cluster at the sensors above which they cannot separate its modes
 
 
 def expand(shape: FloatArray, model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int) -> FloatArray:
     """Return t (n_modes,) so that the measured shape is `model_shape.T @ t`, eqs 9 to 11.
 
     The cluster grows from the paired mode outwards by |omega_k^2 - omega_i^2|; its size is the one with the least
-    leave-one-sensor-out error (Brincker et al., MSSP 45 (2014) 91-104), of those whose modes the sensors tell apart.
+    leave-one-sensor-out error (Brincker et al., MSSP 45 (2014) 91-104), among those whose modes the sensors can
+    separate.
 
     Parameters
     ----------
     shape : (n_channels,) measured, real
     model_shape : (n_modes, n_channels) of the model at the channels
     omega : (n_modes,) [rad/s]
-    paired : the model mode that the measured one answers to
+    paired : the model mode that is paired with the measured one
     largest : most modes in a cluster
     """
     near = _outwards(omega, paired)[: min(largest, len(shape) - 1)]
@@ -36,16 +37,16 @@ def _outwards(omega: FloatArray, paired: int) -> IndexArray:
 
 
 def well_posed_cluster(model_shape: FloatArray, omega: FloatArray, paired: int, *, largest: int) -> IndexArray:
-    """Return the largest cluster of modes about the paired one that the sensors can tell apart.
+    """Return the largest cluster of modes about the paired one that the sensors can separate.
 
-    It depends on the model alone, so that what is expanded in it is a smooth function of the data: a cluster chosen
-    anew by the leave-one-out error of noisy shapes jumps in size, and the increments with it (345 to 505 g).
+    It depends on the model alone, so that the expansion is a smooth function of the data: a cluster selected anew by
+    the leave-one-out error of noisy shapes jumps in size, and the increments with it (345 to 505 g).
 
     Parameters
     ----------
     model_shape : (n_modes, n_channels) of the model at the channels
     omega : (n_modes,) [rad/s]
-    paired : the model mode that the measured one answers to
+    paired : the model mode that is paired with the measured one
     largest : most modes in a cluster
     """
     near = _outwards(omega, paired)[: min(largest, model_shape.shape[1] - 1)]
@@ -53,15 +54,15 @@ def well_posed_cluster(model_shape: FloatArray, omega: FloatArray, paired: int, 
 
 
 def _told_apart(model_shape: FloatArray, near: IndexArray) -> list[int]:
-    """Return in how many of the modes near one, counted outwards, the sensors tell them all apart; one alone always."""
+    """Return how many of the modes near one, counted outwards, the sensors separate; one alone always."""
     sizes = range(2, len(near) + 1)
     return [1, *(n for n in sizes if np.linalg.cond(model_shape[near[:n]]) < _WORST_CONDITION)]
 
 
 def _left_out_error(shape: FloatArray, cluster: FloatArray) -> float:
-    """Sum of squares of each sensor beside what the others say of it, by the least modes where they leave that open.
+    """Sum of squares of each sensor relative to the prediction of the others, by the least modes where it is open.
 
-    Not from the hat matrix: of a mode that one sensor alone tells it says nothing over nothing.
+    Not from the hat matrix: for a mode that only one sensor measures it is zero over zero.
     """
     every = np.arange(len(shape))
     others = np.array([np.delete(every, i) for i in every])
@@ -76,7 +77,7 @@ def orthonormal(t: FloatArray) -> FloatArray:
 
 
 def orthonormal_slope(t: FloatArray, column: int, slope: FloatArray) -> FloatArray:
-    """Return the derivative (m * m, k) of `orthonormal`, flattened by rows, by what moves one column of t (m, m).
+    """Return the derivative (m * m, k) of `orthonormal`, flattened by rows, with respect to one column of t (m, m).
 
     With t = U P, W = U^T dt - dt^T U and dU = U Z: Z P + P Z = W, which the axes of P solve entry by entry.
 
@@ -96,7 +97,7 @@ def orthonormal_slope(t: FloatArray, column: int, slope: FloatArray) -> FloatArr
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ExpandedChange:
-    """A measured mode as the reference's and what has changed since the baseline, at unit norm (eq. 12)."""
+    """A measured mode as the reference's plus its change since the baseline, at unit norm (eq. 12)."""
 
     t: FloatArray  #: (n_modes,)
     by_event: FloatArray  #: (n_modes, n_channels) derivative by the event's shape
@@ -118,8 +119,8 @@ def expand_change(
 ) -> ExpandedChange:
     """Expand the change of a shape (n_channels,) since the baseline's in a cluster of modes.
 
-    Each of the two is expanded by eqs 9 to 12; their difference is added to the paired mode. What the cluster cannot
-    hold of the structure as it was cancels, and an unchanged shape is the paired mode itself.
+    Each of the two is expanded by eqs 9 to 12; their difference is added to the paired mode. The part of the
+    undisturbed shape outside the cluster cancels, and an unchanged shape is the paired mode itself.
     """
     inverse = np.zeros((len(model_shape), len(shape)))
     inverse[cluster] = np.linalg.pinv(model_shape[cluster].T)

@@ -1,7 +1,7 @@
 """The fit of a written structure to measured modes: its own modes as they follow from the file, and nothing else.
 
-A diagnosis predicts changes about measured modes, so that what the model gets wrong about the structure as it was
-cancels. A structure file has no baseline to correct it: what it gets wrong is in its frequencies.
+A diagnosis predicts changes about measured modes, so that errors of the model in the undisturbed state cancel. A
+structure file has no baseline to correct it: its errors are in its frequencies.
 """
 
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ def fit_of_model(
     ----------
     structure : as it is in a file
     measured : (n_modes,) in any order
-    expected : (n_modes,) frequencies that modes are paired by whose shape was not measured [Hz]
+    expected : (n_modes,) frequencies by which modes without a measured shape are paired [Hz]
     overdispersion : components of a shape that err as one [-]
     """
     modes, seen, own = own_modes(best_model(structure), measured)

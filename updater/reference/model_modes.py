@@ -7,10 +7,10 @@ from updater.fe import Model, Modes
 from updater.modal_data import ModalMean
 from updater.reference.calibration import channel_rows, enough_modes
 
-FREQUENCY_STD = 2e-3  #: of ln f: model error of a beam model, whatever its parameters
-SHAPE_STD = 0.01  #: of a unit shape's components: gains are known to half a per cent, places to millimetres
+FREQUENCY_STD = 2e-3  #: ln f: error of a beam model, for any parameters
+SHAPE_STD = 0.01  #: relative to a unit shape's components: gains are known to half a per cent, positions to millimetres
 _TURNED = 0.02  # rad that sensors are turned by: share of the motion across them that they read
-_STILL = 1e-9  # of a mode at the sensors [1/sqrt(kg)]: what moves less is not seen
+_STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured
 
 
 def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[Modes, IndexArray, ModalMean]:
@@ -19,7 +19,7 @@ def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[
     Parameters
     ----------
     model : whose sensors have the channels
-    measured : modes that say which channels, up to which frequency and how many
+    measured : modes with the channels, the highest frequency and the number
     n_modes : to solve for, at least
     """
     rows, highest = channel_rows(model, measured.channels), float(np.exp(np.nanmax(measured.log_frequency)))

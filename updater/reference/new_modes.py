@@ -12,13 +12,13 @@ from updater.reference.reference import NEAR, SAME_SHAPE, Reference
 _NEAR = 0.05  # of ln f: how far a mode may have moved, and how near others are that it mixes with
 _ALIKE = 0.8  # share of a shape that is of them
 _FEWEST = 3  # modes that a diagnosis compares
-_SEEN = 0.1  # of what the modes that were measured move sensors by
+_SEEN = 0.1  # relative to the motion of sensors by the measured modes
 
 
 def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray, IndexArray]:
     """Return the mode of each of the baseline's tracks (n_tracks,), -1 for none, and which modes are new (n_new,).
 
-    One of two modes that are close was perhaps not told from the other before: what the model has there is not new.
+    One of two close modes was perhaps not separated from the other before: a counterpart of the model is not new.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ def matched_and_new(reference: Reference, event: ModalMean) -> tuple[IndexArray,
 def _without_doubles(
     reference: Reference, event: ModalMean, found: IndexArray, new: IndexArray
 ) -> tuple[IndexArray, IndexArray]:
-    """Leave out what looks alike where the model has a mode that sensors hardly see: either may be the other.
+    """Leave out similar modes where the model has a mode that sensors hardly measure: either may be the other.
 
-    A twist has a little of the bending beside it, and that is what they see of it.
+    A twist contains a part of the adjacent bending mode, and the sensors measure this part.
     """
     found = found.copy()
     for track in np.flatnonzero(reference.ambiguous_tracks & (found[: len(reference.baseline.n)] >= 0)).tolist():
@@ -62,9 +62,9 @@ def _without_rivals(
 ) -> tuple[IndexArray, IndexArray]:
     """Leave out a mode of the baseline whose shape changed so much that either of two modes may have followed it.
 
-    A bearing that loses most of its stiffness takes each mode half of the way to the next one's shape and frequency.
-    Two modes of the event that answer and are alike are no rivals: something hangs on the structure and splits one.
-    Modes left out are data again once causes are found (`updater.diagnosis.further_modes`). At least three are left.
+    A bearing that loses most of its stiffness moves each mode half of the way to the next one's shape and frequency.
+    Two similar modes of the event are no rivals: an oscillator splits one. Modes left out are data again once causes
+    are found (`updater.diagnosis.further_modes`). At least three are left.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def _without_rivals(
 
 
 def matched_surely(reference: Reference, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:
-    """Return the event's modes in the order of the baseline's tracks, NaN where there is none or it is in doubt.
+    """Return the event's modes in the order of the baseline's tracks, NaN if there is none or it is uncertain.
 
     Parameters and errors as for `matched`.
     """
@@ -98,7 +98,7 @@ def matched_surely(reference: Reference, event: ModalMean, heard: ModalMean | No
 
 
 def _answers(event: ModalMean, mode: int, frequency: float, shapes: FloatArray) -> bool:
-    """Tell whether a mode is near a frequency [Hz], and its shape a mixture of others (n_channels, n)."""
+    """Return whether a mode is near a frequency [Hz], and its shape a mixture of others (n_channels, n)."""
     if not abs(event.log_frequency[mode] - np.log(frequency)) < _NEAR:
         return False
     shape = event.shape[mode]

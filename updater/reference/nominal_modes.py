@@ -22,6 +22,6 @@ def match_nominal_modes(reference: Reference, filed: NominalModel, channels: tup
     unlike = 1 - mac_matrix(reference.at_channels(channels).T, there.at_channels(channels).T)
     apart = np.abs(apart - np.median(np.diag(apart)))
     row, answer = linear_sum_assignment(unlike + apart)
-    found: IndexArray = np.argmin(apart, axis=1)  # of a mode that is left over: the nearest
+    found: IndexArray = np.argmin(apart, axis=1)  # nearest of the remaining modes
     found[row] = answer
     return found

@@ -27,8 +27,8 @@ _WELD_STEP = 1e-3  # of the share of its flexibility that a joint zone loses
 class ParameterSensitivity:
     """One model parameter and its effect on the natural frequencies, to first order."""
 
-    name: str  #: as in `Updating.fixed`, such as `steel.E` or `support 0.ry`
-    unit: str  #: of `filed` and `step`
+    name: str  #: name as in `Updating.fixed`, such as `steel.E` or `support 0.ry`
+    unit: str  #: unit of `filed` and `step`
     filed: float  #: value in the structure file; infinite for a rigid connection
     step: float  #: value one prior standard deviation on the side that the slope is taken to: softer, or stiffer welds
     change: FloatArray  #: (n_modes,) relative change of each frequency by that step [-]

@@ -14,9 +14,9 @@ from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.structure import Structure
 
 SAME_SHAPE = 0.9  #: MAC, and
-NEAR = 0.05  #: of ln f: modes that may be taken for each other
-_HIDDEN = 0.05  # of what modes usually move sensors by: what moves them less they hardly see
-_GOOD = 1e-3  # rms of ln f: how well a good model answers to the baseline
+NEAR = 0.05  #: ln f: modes that may be mistaken for each other
+_HIDDEN = 0.05  # relative to the usual motion of sensors by modes: a smaller one is hardly measured
+_GOOD = 1e-3  # rms of ln f: agreement of a good model with the baseline
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,11 +28,11 @@ class Reference:
     scatter: Scatter
     frequency: FloatArray  #: (n_modes,) measured where a track answers, the model's elsewhere [Hz]
     shape: FloatArray  #: (n_dofs, n_modes) mass-normalised [A B2], in the order of the model's modes
-    windows: TrackedModes  #: of the baseline: what undisturbed windows look like
+    windows: TrackedModes  #: windows of the baseline, without a change
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
     unpaired_modes: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
     measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
-    filed: "NominalModel | None" = None  #: of a structure file that is far off: what it says
+    filed: "NominalModel | None" = None  #: nominal model of a structure file that is far off
 
     @property
     def structure(self) -> Structure:
@@ -46,7 +46,7 @@ class Reference:
 
     @property
     def known(self) -> ModalMean:
-        """All modes of the baseline, the tracks first: what the modes of other windows may be."""
+        """All modes of the baseline, the tracks first: candidates for the modes of other windows."""
         return self.baseline if self.unpaired_modes is None else self.baseline.joined(self.unpaired_modes)
 
     @property
@@ -63,8 +63,8 @@ class Reference:
     def doubt(self) -> float:
         """Factor on the model error, relative to a model that agrees with the baseline as it should.
 
-        At least 1. What it gets wrong about the structure as it was says so: a body that nobody told it of, say. A
-        baseline that is not known well says little for it.
+        At least 1. Errors of the model in the undisturbed state increase it, such as a body missing in the file. An
+        uncertain baseline is weak evidence for a good model.
         """
         calibrated = np.log(self.calibration.modes.frequency[self.paired])
         off = np.maximum(np.abs(calibrated - self.baseline.log_frequency), self.baseline.log_frequency_std)
@@ -99,12 +99,12 @@ class Reference:
 class NominalModel:
     """Inconsistent structure file, for which causes are sought about a recalibrated model.
 
-    Modes pair wrongly there, and what little causes do to them is not what they do to the structure's.
+    Modes are paired incorrectly there, and small causes do not have the same effect on them as on the structure.
     """
 
     reference: Reference  #: the model as it is in the file
     value: FloatArray  #: (n_knobs,) of the nearer model's parameters
-    far: bool  #: whether the file is so far off that its parameters are believed less
+    far: bool  #: whether the file is so far off that its parameters have wider priors
 
 
 def first_stage(model: Model, modes: Modes, paired: IndexArray, baseline: ModalMean) -> Modes:

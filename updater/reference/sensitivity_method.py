@@ -1,7 +1,7 @@
 """The iterative sensitivity method, the paper's alternative to one step: parameters until model and measurement agree.
 
-Whitened residuals r(x) and a prior, which regularises: what the data do not show stays where it was. The cost
-|r(x)|^2 + |(x - x0) / s|^2 is lowered by Gauss-Newton steps in a trust region, inside bounds, with exact sensitivities.
+Whitened residuals r(x) and a prior, which regularises: parameters without information keep their values. The cost
+|r(x)|^2 + |(x - x0) / s|^2 is reduced by Gauss-Newton steps in a trust region, inside bounds, with exact sensitivities.
 
 References
 ----------
@@ -53,11 +53,11 @@ class Problem(Protocol):
 class Prior:
     """Prior of parameters (n,)."""
 
-    mean: FloatArray  #: what the prior draws to
+    mean: FloatArray  #: mean of the prior
     std: FloatArray
     lower: FloatArray
     upper: FloatArray
-    start: FloatArray  #: where the iteration begins
+    start: FloatArray  #: start of the iteration
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -67,7 +67,7 @@ class SensitivityFit:
     value: FloatArray  #: (n,)
     std: FloatArray  #: (n,) of noise and prior, where no bound holds
     at_bound: npt.NDArray[np.bool_]  #: (n,) parameters that a bound holds
-    chi_square: float  #: of data and prior
+    chi_square: float  #: chi-square of data and prior
     log_evidence: float  #: Laplace's, of the parameters that no bound holds; up to the data's own constant
     iterations: int  #: models solved on the way
     reason: Convergence  #: why it ended

@@ -41,7 +41,7 @@ class Entry(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
 
-_LEAST_BEGINNING = 2  # letters of a word, from which on they stand for it
+_LEAST_BEGINNING = 2  # letters of a word from which on they represent it
 
 
 def meant(word: str, known: Collection[str]) -> str:

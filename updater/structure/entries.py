@@ -19,7 +19,7 @@ _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
 
 class Material(Entry):
-    """An isotropic, linear elastic material; in a file, `poisson_ratio` may stand for the shear modulus."""
+    """An isotropic, linear elastic material; in a file, `poisson_ratio` may replace the shear modulus."""
 
     youngs_modulus: Positive  #: E [Pa]
     shear_modulus: Positive  #: G [Pa]
@@ -41,7 +41,7 @@ class Material(Entry):
 
 
 class External(Entry):
-    """Stiffness and mass that another program made; one npz file may stand for all three.
+    """Stiffness and mass of another program; one npz file may contain all three.
 
     Members are then straight lines of the matrices' nodes, and have neither material, section nor elements.
     """
@@ -49,7 +49,7 @@ class External(Entry):
     stiffness: Path  #: Matrix Market, or npz
     mass: Path
     dofs: Path  #: CSV with node, x, y, z, axis of every row, or npz
-    factor: Positive = 1.0  #: of the stiffness, as calibrated [-]
+    factor: Positive = 1.0  #: factor of the stiffness, as calibrated [-]
 
     @model_validator(mode="before")
     @classmethod
@@ -71,11 +71,11 @@ class Member(Entry):
     name: str
     start: Vector = Field(alias="from")  #: [m]
     end: Vector = Field(alias="to")  #: [m]
-    material: str = ""  #: "" where matrices stand for it
+    material: str = ""  #: "" for external matrices
     section: str = ""
-    elements: Annotated[Count, Field(ge=1)] = 0  #: of equal length; 0 where matrices stand for them
+    elements: Annotated[Count, Field(ge=1)] = 0  #: elements of equal length; 0 for external matrices
     preload: Number = 0.0  #: axial force, positive in tension [N]
-    local_y: Vector | None = None  #: roughly where the section's y axis points; horizontally if not said
+    local_y: Vector | None = None  #: approximate direction of the section's y axis. Default: horizontal
 
     @model_validator(mode="after")
     def _has_axes(self) -> Self:
@@ -111,7 +111,7 @@ class Member(Entry):
 class Mesh(Entry):
     """Mesh of members that state no number of elements."""
 
-    element_length: Positive  #: at most [m]
+    element_length: Positive  #: maximum length [m]
 
 
 class Support(Entry):
@@ -143,13 +143,13 @@ class Segment(Entry):
     member: str
     at: Vector  #: its middle [m]
     extent: Positive  #: its length [m]
-    stiffness: Positive = 1.0  #: factor on what it bears bending and twist with [-]
+    stiffness: Positive = 1.0  #: factor on its stiffness in bending and twist [-]
     bending: tuple[Positive, Positive] = (
         1.0,
         1.0,
     )  #: beside that, on bending about the member's local y and z axes [-]
-    torsion: Positive = 1.0  #: beside that, on twist [-]
-    shear_stiffness: Positive = 1.0  #: factor on what it bears shear and axial force with [-]
+    torsion: Positive = 1.0  #: additional factor on twist [-]
+    shear_stiffness: Positive = 1.0  #: factor on its stiffness in shear and along the axis [-]
     mass: Number = 0.0  #: more over its length, spread along it as the member's own is [kg]
     gyration: NotNegative = 1.0  #: square of that mass's radii of gyration over that of the section [-]
 
@@ -177,10 +177,10 @@ class Oscillator(Entry):
     An appendage, a loose part, a tuned damper.
     """
 
-    at: Vector  #: the point of the member it hangs on [m]
+    at: Vector  #: point of the member where it is attached [m]
     direction: Vector
     mass: Positive  #: [kg]
-    frequency: Positive  #: of it alone, its foot held [Hz]
+    frequency: Positive  #: natural frequency with its foot fixed [Hz]
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
@@ -192,13 +192,13 @@ class Oscillator(Entry):
 class Recorder(Entry):
     """Recorder of the sensors."""
 
-    clock: Positive = 1.0  #: frequencies as it says them over what they are [-]
+    clock: Positive = 1.0  #: ratio of indicated to true frequencies [-]
 
 
 class Updating(Entry):
     """Choice of the model parameters that may be updated. Names are listed by `modalwatch structure --parameters`."""
 
-    fixed: tuple[str, ...] = ()  #: names of parameters that keep the value of the file; `*` stands for any characters
+    fixed: tuple[str, ...] = ()  #: names of parameters that keep the value of the file; `*` represents any characters
     bounds: dict[str, tuple[Positive, Positive]] = Field(default_factory=dict)  #: least and greatest value, by name
 
     @model_validator(mode="after")
@@ -223,8 +223,9 @@ class Entries(Entry):
     segment: tuple[Segment, ...] = ()
     body: tuple[Body, ...] = ()
     oscillator: tuple[Oscillator, ...] = ()
-    sensor: tuple[Sensor, ...] = ()  #: as mounted
-    sensors: dict[str, Correction] = Field(default_factory=dict)  #: of their channels, by the sensor's own name
+    sensor: tuple[Sensor, ...] = ()  #: sensors as mounted
+    #: corrections of their channels, by the sensor's own name
+    sensors: dict[str, Correction] = Field(default_factory=dict)
     recorder: Recorder | None = None
     updating: Updating = Updating()
 
@@ -262,8 +263,8 @@ class Entries(Entry):
     def part_at(self, member: Member, distance: float) -> tuple[Material, Vector, float, float]:
         """Return a member's material at a distance from its start [m] as segments make it, and factors.
 
-        Those on stiffness in twist and in bending about the local y and z axes, that in shear and along the axis, and
-        that on rotary and polar inertia beside the density's.
+        Factors on stiffness in twist and in bending about the local y and z axes, on that in shear and along the axis,
+        and on rotary and polar inertia in addition to the density's.
         """
         material, area = self.material[member.material], self.section[member.section].area
         here = [s for start, end, s in self.segments_of(member) if start <= distance <= end]

@@ -16,18 +16,18 @@ from updater.structure.structure import Structure
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
-_BEARING_PRIOR = 1e-4  # of c E I / L^3: what a nominally rigid bearing gives along an axis
-_STATED_PRIOR = 1.0  # of a spring's flexibility over what the file says: it may be twice that, or half
-_LEAST_STATED = 0.1  # of the flexibility that the file says
+_BEARING_PRIOR = 1e-4  # times c E I / L^3: prior flexibility of a nominally rigid bearing along an axis
+_STATED_PRIOR = 1.0  # relative to a spring's flexibility in the file: it may be twice that, or half
+_LEAST_STATED = 0.1  # relative to the flexibility in the file
 _RIGID = 1e-6  # the least flexibility of a turn, c E I / L
 _UNMOVED = 1e-8  # the least of a bearing, c E I / L^3
-_WELD_PRIOR = 0.5  # of the share of its flexibility that a joint's zone lacks beside the members' own
+_WELD_PRIOR = 0.5  # relative to the flexibility that a joint's zone lacks compared with the members
 _WELDED = 0.95  # the most
 _THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
 _MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
 _OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may have: it may be rounded
 _PLACE_DIGITS = 6  # of a weld's place and extent in metres
-_START = 0.05  # of its standard deviation: where what is nominally rigid or not welded begins
+_START = 0.05  # times its standard deviation: start of nominally rigid or unwelded parameters
 TURNS = AXES[3:]
 Meeting = tuple[str, Vector]  #: a member, and where it meets others
 
@@ -42,13 +42,13 @@ class ModelParameter:
     """
 
     name: str
-    key: str  #: by which a person chooses it, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
+    key: str  #: name of the parameter, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
     prior: float  #: standard deviation about the mean
     kind: Literal["stiffness", "support", "joint", "weld"]
     target: str = ""  #: material, index of the support, or member
-    at: Vector = (0.0, 0.0, 0.0)  #: of a joint or weld [m]
+    at: Vector = (0.0, 0.0, 0.0)  #: position of a joint or weld [m]
     axis: Axis = "x"
-    mean: float = 0.0  #: what is expected
+    mean: float = 0.0  #: expected value
     lower: float = -np.inf  #: least value
     upper: float = np.inf  #: greatest value
 
@@ -137,7 +137,7 @@ def _matches(structure: Structure, knob: ModelParameter, pattern: str) -> bool:
 
 
 def _bounded(structure: Structure, knob: ModelParameter) -> ModelParameter:
-    """Return a parameter with the bounds that the structure sets; what the file has rigid has no greatest stiffness."""
+    """Return a parameter with the bounds of the structure; rigid connections of the file have no greatest stiffness."""
     for pattern, bounds in structure.updating.bounds.items():
         if _matches(structure, knob, pattern):
             lower, upper = sorted(fitted_value(structure, knob, bound) for bound in bounds)
@@ -189,8 +189,8 @@ def _filed_modulus(structure: Structure, knob: ModelParameter) -> float:
 
 
 def all_knobs(structure: Structure) -> list[ModelParameter]:
-    """Return the stiffness of each material and what each foot, bearing and joint may give."""
-    if structure.external is not None:  # one factor is all that can be said of matrices from elsewhere
+    """Return the parameters of each material, foot, bearing and joint."""
+    if structure.external is not None:  # external matrices have only one factor
         return [ModelParameter(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")]
     knobs = [
         ModelParameter(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
@@ -225,7 +225,7 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
 
 
 def may_give(support: Support) -> list[Axis]:
-    """Return the fixed axes that may give a little: turns, and what a bearing, which lets something turn, holds."""
+    """Return the fixed axes with a possible flexibility: rotations, and the restrained axes of a bearing."""
     clamped = all(a in support.fixed or a in support.stiffness for a in TURNS)
     return [a for a in support.fixed if a in TURNS or not clamped]
 
@@ -334,7 +334,7 @@ def connection_of(structure: Structure, knob: ModelParameter) -> Support | Joint
 
 
 def is_of(structure: Structure, connection: Support | Joint, knob: ModelParameter) -> bool:
-    """Tell whether a parameter is a connection's flexibility."""
+    """Return whether a parameter is a connection's flexibility."""
     if isinstance(connection, Joint):
         return knob.kind == "joint" and connection.member == knob.target and _same(connection.at, knob.at)
     return knob.kind == "support" and connection.at == structure.support[int(knob.target)].at
@@ -368,7 +368,7 @@ def _sprung(support: Support, axis: Axis, spring: float) -> Support:
 
 
 def flexibility_unit(structure: Structure, axis: Axis) -> float:
-    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: what flexibilities count in."""
+    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: units of flexibilities."""
     unit = bending_stiffness(structure)
     return unit if axis in TURNS else unit / max(member.length for member in structure.member) ** 2
 

@@ -106,7 +106,7 @@ class Box(Shape):
         return _Constants(area, (moment[0], moment[1]), self._torsion(outer, inner), self._shear())
 
     def _torsion(self, outer: float, inner: float) -> float:
-        """Bredt's closed cell and what the wall resists by itself, EN 10219-2 annex B."""
+        """Bredt's closed cell and the resistance of the wall itself, EN 10219-2 annex B."""
         b, h, t = self.width, self.height, self.thickness
         radius = (outer + inner) / 2  # of the wall's middle line
         around = 2 * (b + h - 2 * t) - 8 * _CORNER * radius
@@ -121,7 +121,7 @@ class Box(Shape):
 class IBeam(Shape):
     """A doubly symmetric I, its web along z; rolled ones have a root radius (EN 10365)."""
 
-    width: Positive  #: of the flanges
+    width: Positive  #: width of the flanges
     height: Positive
     web: Positive  #: thickness
     flange: Positive  #: thickness
@@ -146,7 +146,7 @@ class IBeam(Shape):
         return _Constants(area, (strong, weak), self._torsion(), (5 / 6 * 2 * b * t / area, self._shear_of_web()))
 
     def _torsion(self) -> float:
-        """Return what strips resist, less their ends, more the junctions (El Darwish & Johnston 1965)."""
+        """Return the resistance of strips, less their ends, plus the junctions (El Darwish & Johnston 1965)."""
         b, h, s, t, r = self.width, self.height, self.web, self.flange, self.root_radius
         circle = ((r + s / 2) ** 2 + (r + t) ** 2 - r**2) / (2 * r + t)  # diameter inscribed at a junction
         junction = 2 * s / t * (0.145 + 0.1 * r / t) * circle**4

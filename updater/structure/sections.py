@@ -1,6 +1,6 @@
 """Cross-sections: by their constants, or by a shape that gives them.
 
-Local axes: x along the member, y across (horizontal, unless the member says otherwise), z square to both. A shape's
+Local axes: x along the member, y across (horizontal, unless the member states it), z orthogonal to both. A shape's
 width is along y and its height along z.
 """
 
@@ -40,7 +40,7 @@ class Section(Entry):
 
 
 def _wrong_measure(shape: str, error: ValidationError) -> str:
-    """Say which measure of a shape is wrong; one that is not known may be what is missing, and comes first."""
+    """Return which dimension of a shape is wrong; an unknown one may be the missing one, and comes first."""
     found = error.errors()
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     where = " ".join([shape, *(str(part) for part in first["loc"])])

@@ -16,7 +16,7 @@ class Sensor(Entry):
     channel: str
     at: Vector  #: [m]
     direction: Vector
-    gain: Number = 1.0  #: what the channel says over what is true [-]
+    gain: Number = 1.0  #: reading of the channel over the true value [-]
 
     @model_validator(mode="after")
     def _has_direction(self) -> Self:
@@ -35,10 +35,11 @@ class Sensor(Entry):
 class Correction(Entry):
     """Correction of the signal of a sensor's channel; the entry of the sensor stays as mounted."""
 
-    gain: Number = 1.0  #: what the channel says over what it should, beside the sensor's own; 0: nothing [-]
+    #: reading of the channel over the expected one, in addition to the sensor's own gain; 0: no signal [-]
+    gain: Number = 1.0
     sign: Literal[1, -1] = 1  #: -1 where plus and minus are exchanged
-    delay: Number = 0.0  #: how late the channel is [s]
-    channel: str | None = None  #: that carries the sensor in logs, where it is not the one of its name
+    delay: Number = 0.0  #: delay of the channel [s]
+    channel: str | None = None  #: channel of the sensor in logs, if it differs from its name
 
 
 @lru_cache(maxsize=4096)

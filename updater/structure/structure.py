@@ -20,7 +20,7 @@ class Structure(Entries):
     @model_validator(mode="before")
     @classmethod
     def _cut_members(cls, content: object) -> object:
-        """Count the elements of members that leave it to the mesh; what is wrong in them is found later."""
+        """Count the elements of members without a stated number; their errors are found later."""
         if not isinstance(content, dict) or "mesh" not in content:
             return content
         try:
@@ -76,7 +76,7 @@ def _cut(member: dict[str, Any], element_length: float) -> dict[str, Any]:
 
 
 def size(structure: Structure) -> float:
-    """Return the longest member over that of the usual frame: what a body's offset or a neighbourhood scales by."""
+    """Return the longest member relative to that of the usual frame: the scale of offsets and neighbourhoods."""
     return max(member.length for member in structure.member) / _USUAL
 
 
@@ -87,5 +87,5 @@ def extent(structure: Structure) -> float:
 
 
 def fineness(structure: Structure) -> float:
-    """Return what spacings of places scale by: small structures need smaller ones, large ones bear the usual."""
+    """Return the scale of spacings of places: smaller for small structures, the usual for large ones."""
     return min(1.0, size(structure))

@@ -71,7 +71,7 @@ def parse_structure(text: str, path: Path | str = "structure.toml") -> Structure
 
 
 def _wrong(error: ValidationError, content: dict[str, Any]) -> str:
-    """Say in one line which entry is wrong and how; a key that is not known may explain the rest, and comes first."""
+    """Return in one line which entry is wrong and why; an unknown key may explain the rest, and comes first."""
     found = error.errors()
     first = next((e for e in found if e["type"] == "extra_forbidden"), found[0])
     place = _place(first["loc"], content)
@@ -144,8 +144,8 @@ def dump_structure(structure: Structure, onto: str | None = None, *, note: str =
 
     Parameters
     ----------
-    structure : what to write
-    onto : text of a structure file; only what differs from it is changed, and its comments stay
+    structure : to write
+    onto : text of a structure file; only differences are changed, and its comments are kept
     note : comment in each support, joint, segment, body, oscillator, member or sensor that the text does not have
 
     Raises

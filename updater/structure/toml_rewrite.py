@@ -1,7 +1,7 @@
 """structure.toml changed where a structure has changed: comments, order and figures stay as they were written.
 
-Entries of a list answer to each other by name, channel or place. What a file leaves to be worked out (a section by its
-shape, elements by the mesh) stays so until it changes.
+Entries of a list are matched by name, channel or position. Derived values (a section by its shape, elements by the
+mesh) remain derived until they change.
 """
 
 from collections import Counter
@@ -16,7 +16,7 @@ from tomlkit.items import Float as TomlFloat
 Content = dict[str, Any]
 Key = tuple[object, ...]
 
-#: what tells the entries of a list apart
+#: fields that identify the entries of a list
 _NAMES: dict[str, tuple[str, ...]] = {
     "member": ("name",),
     "sensor": ("channel",),
@@ -29,13 +29,13 @@ _NAMES: dict[str, tuple[str, ...]] = {
 
 
 def rewrite(text: str, old: Content, new: Content, brief: Content, note: str) -> str:
-    """Return the text with what differs between two contents changed.
+    """Return the text with the differences between two contents.
 
     Parameters
     ----------
     text : TOML that `old` was read from
     old, new : all fields of the structure as it was and as it is now
-    brief : `new` without what is left at its default, for entries that are added
+    brief : `new` without default values, for entries that are added
     note : comment put into entries that are added, or nothing
     """
     document = tomlkit.parse(text)
@@ -63,15 +63,15 @@ def _rewrite_corrections(document: tomlkit.TOMLDocument, old: Content, new: Cont
             _merge(tables[name], old[name], new[name])
         else:
             table = _table(brief[name], note)
-            table.trivia.indent = "\n" if len(tables) else ""  # the first stands apart by itself
+            table.trivia.indent = "\n" if len(tables) else ""  # the first is separated by a blank line
             tables.append(name, table)
     if not tables:
         del document["sensors"]
 
 
 def _merge(table: Any, old: Content, new: Content) -> None:  # noqa: ANN401  tomlkit's tables have no common type
-    """Change a table's values where they differ, and take out what is no longer there."""
-    worked_out = any(key not in new for key in table)  # such as `shape`, which stands for other keys
+    """Change a table's values where they differ, and remove obsolete ones."""
+    worked_out = any(key not in new for key in table)  # such as `shape`, which replaces other keys
     for key, value in new.items():
         if key in old and old[key] == value and not (worked_out and key not in table):
             continue
@@ -145,7 +145,7 @@ def _table(content: Content, note: str) -> Table:
 
 
 def _keys(key: str, entries: list[Content]) -> list[Key]:
-    """Return what each entry is known by; of several at a place, which of them it is."""
+    """Return the identity of each entry; for several at a position, their number."""
     seen: Counter[str] = Counter()
     found: list[Key] = []
     for entry in entries:
@@ -156,7 +156,7 @@ def _keys(key: str, entries: list[Content]) -> list[Key]:
 
 
 def _append(entries: Any, content: Content, note: str) -> None:  # noqa: ANN401  an array of tables, or of inline ones
-    """Add an entry after the last; comments that end the last one head what follows, and stay there."""
+    """Append an entry after the last; trailing comments belong to the following entry, and stay there."""
     if not isinstance(entries, AoT):
         entries.append(_item(content))
         return

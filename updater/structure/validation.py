@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from daq import FloatArray
     from updater.structure.entries import Entries, Joint, Member
 
-MAX_ELEMENTS = 20_000  #: of a structure: some 120,000 degrees of freedom
+MAX_ELEMENTS = 20_000  #: elements of a structure: some 120,000 degrees of freedom
 MAX_SENSORS = 1000  #: covariances of all pairs of channels are held in memory
 _SHORTEST = 1e-3  # of its member's length, extent of a segment
 _ROUNDING = 1e-9  # of a factor that is 0
@@ -44,7 +44,7 @@ def check_names(structure: Entries) -> None:
     Raises
     ------
     ValueError
-        Naming the entry and what is not defined or given twice.
+        Naming the entry that is not defined or given twice.
     """
     for member in structure.member if structure.external is None else ():
         if not member.elements:
@@ -71,7 +71,7 @@ def _known(kind: str, name: str, field: str, value: str, known: Collection[str])
 
 
 def check_places(structure: Entries) -> None:
-    """Check that what is fixed to members lies on them, and that joints have something to join.
+    """Check that parts fixed to members lie on them, and that joints connect members.
 
     Raises
     ------

@@ -117,7 +117,7 @@ def _rounded_spring(connection: _Connection, axis: Axis, std: float) -> _Connect
 
 
 def _rounded_weld(segment: Segment, std: float | None) -> Segment:
-    """Return a segment with its stiffness rounded if it is of a weld, whose factor has a deviation."""
+    """Return a segment with its stiffness rounded if it is of a weld whose factor has a deviation."""
     if std is None:
         return segment
     return segment.model_copy(update={"stiffness": _rounded(segment.stiffness, std)})

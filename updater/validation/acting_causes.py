@@ -9,15 +9,16 @@ from updater.reference import Reference
 from updater.structure import Correction, Structure
 from updater.validation.modal_correlation import modes_with_causes
 
-_OF_THE_CHAIN = ("sensor", "recorder")  # parts of a structure that are the measuring chain's, beside `sensors`
+# parts of a structure that belong to the measuring chain, in addition to `sensors`
+_OF_THE_CHAIN = ("sensor", "recorder")
 
 
 def with_acting(reference: Reference, extended: Structure) -> Reference:
-    """Return a reference whose baseline has the shapes that the structure with its causes should have.
+    """Return a reference whose baseline has the shapes expected with the causes in the structure.
 
-    Frequencies stay: how far they have moved says how much of a change is not known. What causes do to the measuring
-    chain is left out, but for channels that were exchanged: each is judged by the sensor that it carries, or both would
-    seem to say nothing.
+    Frequencies are unchanged: their shift measures how much of a change is unknown. Effects of causes on the measuring
+    chain are left out, except exchanged channels: each is evaluated with its actual sensor, or both would appear
+    faulty.
 
     Parameters
     ----------

@@ -1,10 +1,10 @@
 """Gain, polarity and delay of all channels against the baseline, fitted together before any cause is sought.
 
-Every channel is predicted from all others through the modes: unit shapes say how large it should be beside them, and
-their imaginary parts how late it is. Only ratios and differences mean anything, and of channels that no mode moves
-together (along x and along y, on a symmetric frame) not even these; so most channels are taken to be about as right as
-sensors usually are, and a few to be anything: Student's t, by reweighting. What a change of the structure does to
-shapes is in the errors (`updater.inference.shape_covariance`), as far as the frequencies show a change.
+Every channel is predicted from all others through the modes: unit shapes give its relative size, and their imaginary
+parts its delay. Only ratios and differences are determined, and for channels that no mode moves together (along x and
+along y, on a symmetric frame) not even these. Most channels are therefore assumed to have the usual accuracy of
+sensors, and a few any error: Student's t, by reweighting. The effect of a structural change on shapes is in the errors
+(`updater.inference.shape_covariance`), as far as the frequencies show a change.
 
 References
 ----------
@@ -35,14 +35,14 @@ class SensorHealth:
     """Of each channel, relative to the baseline and to most others."""
 
     channels: tuple[str, ...]
-    gain: FloatArray  #: (n_channels,) over what it was; negative: its polarity is turned [-]
+    gain: FloatArray  #: (n_channels,) relative to the previous gain; negative: reversed polarity [-]
     gain_std: FloatArray  #: (n_channels,) [-]
     delay: FloatArray  #: (n_channels,) later than it was [s]; NaN where phases are not known
     delay_std: FloatArray  #: (n_channels,) [s]
 
     @property
     def reversed(self) -> tuple[str, ...]:
-        """Channels whose polarity has turned: their gain is under zero by four deviations."""
+        """Channels with reversed polarity: their gain is below zero by four deviations."""
         return tuple(c for c, g, s in zip(self.channels, self.gain, self.gain_std, strict=True) if g < -4 * s)
 
 
@@ -71,7 +71,7 @@ def sensor_health(reference: Reference, event: ModalMean, circumstances: Circums
     ----------
     reference : learnt before
     event : (n_tracks,) mean of windows since, devices' delays beyond the baseline's left in
-    circumstances : channels' devices, of whose clocks the wander is known
+    circumstances : devices of the channels, with the known variation of their clocks
 
     Raises
     ------
@@ -119,6 +119,6 @@ def _beside_most(
     for _ in range(_REWEIGHTED):
         posterior = np.linalg.inv(data + np.diag(weight))
         value = posterior @ pull
-        spread = value**2 + np.diag(posterior)  # what is not known may be large
+        spread = value**2 + np.diag(posterior)  # unknown values may be large
         weight = (_FREEDOM + 1) / (_FREEDOM * usual**2 + spread)
     return value, np.sqrt(np.diag(posterior))

@@ -1,8 +1,8 @@
 """Measured against simulated modes, sensors and residual forces, before any cause is sought.
 
-Modes are set against each other by frequency and MAC; what has no partner on either side is listed. A sensor is
-judged by all paired modes together: COMAC, and how far it lies from where the simulated shapes put it, each shape at
-its own best scale, beside what noise alone would give.
+Modes are compared by frequency and MAC; those without a partner on either side are listed. A sensor is evaluated by all
+paired modes together: COMAC, and its difference from the simulated shapes, each with its best scale, compared with that
+of noise alone.
 
 References
 ----------
@@ -24,7 +24,7 @@ from updater.structure import Structure
 
 _ROOM = 1.1  # of the highest measured frequency: up to here a simulated mode should have been seen
 _MODAL = tuple(field.name for field in fields(ModalMean) if field.name != "channels")
-_SEEN = 1e-3  # of the largest simulated mode at the sensors: what moves less there is not expected to be seen
+_SEEN = 1e-3  # relative to the largest simulated mode at the sensors: a smaller motion is not expected to be measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,7 +40,8 @@ class ModalCorrelation:
     off_std: FloatArray  #: (n_simulated,) of both [-]
     mac: FloatArray  #: (n_simulated, n_measured); NaN where a shape was not measured
     comac: FloatArray  #: (n_channels,)
-    residual: FloatArray  #: (n_channels,) what simulated shapes leave of the measured, over their root mean square [-]
+    #: (n_channels,) residual of the measured shapes against the simulated ones, relative to their root mean square [-]
+    residual: FloatArray
     residual_std: FloatArray  #: (n_channels,) root mean square of it that noise alone would leave [-]
 
     @property
@@ -100,7 +101,7 @@ def known(modes: ModalMean) -> ModalMean:
 
 
 def _by_sensor(model: ModalMean, now: ModalMean) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return COMAC, residual and what noise leaves of it (n_channels,) of paired modes."""
+    """Return COMAC, residual and its noise (n_channels,) of paired modes."""
     along = (now.shape * model.shape).sum(1, keepdims=True) / (model.shape**2).sum(1, keepdims=True)
     expected = along * model.shape
     cross = np.abs(now.shape * expected).sum(0) ** 2
@@ -114,8 +115,8 @@ def _by_sensor(model: ModalMean, now: ModalMean) -> tuple[FloatArray, FloatArray
 def modes_before(reference: Reference, highest: float) -> ModalMean:
     """Return the modes that a reference expects: its baseline's, and the model's others that sensors should see.
 
-    A mode of the baseline that none of the model's answers to surely stands for the one that comes nearest: what was
-    measured before is no news, however far the model is from it.
+    A mode of the baseline without a confident match in the model represents the nearest one: a mode that was measured
+    before is not new, however far off the model is.
 
     Parameters
     ----------
@@ -138,9 +139,9 @@ def modes_before(reference: Reference, highest: float) -> ModalMean:
 def modes_with_causes(reference: Reference, extended: Structure, expected: ModalMean) -> ModalMean:
     """Return the modes that a reference expects once causes are written into its structure.
 
-    The difference between the two models is added to what is expected, so that what both get wrong is left as it is;
-    a mode that only the extended one has, of an attached oscillator, is taken from it. Channels that were exchanged say
-    just what the other one did: that is no difference to add.
+    The difference between the two models is added to the expected modes, so that their common errors remain; a mode
+    that only the extended one has, of an attached oscillator, is taken from it. Exchanged channels have the signals of
+    each other: that is not a difference to add.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ def as_written(extended: Structure, like: ModalMean) -> ModalMean:
 
 
 def _carried(own: Structure, extended: Structure, channels: tuple[str, ...]) -> tuple[str, ...]:
-    """Return what the sensors of these channels are carried by with the causes; as before if that is not among them."""
+    """Return the channels of the sensors with the causes; unchanged if these are not among them."""
     carrier = dict(zip(own.channels, extended.channels, strict=True))
     carried = tuple(carrier[channel] for channel in channels)
     return carried if set(carried) == set(channels) else channels
@@ -191,7 +192,7 @@ def _of_model(structure: Structure, like: ModalMean, channels: tuple[str, ...] |
 
 
 def _simulated(like: ModalMean, log_frequency: FloatArray, shape: FloatArray) -> ModalMean:
-    """Return modes of a model, as sure as those of `like` are in the median; what a model does not know is NaN."""
+    """Return modes of a model, with the median deviations of `like`; unknown values are NaN."""
     n = len(log_frequency)
     given: dict[str, Any] = {
         "n": np.zeros(n, np.intp),

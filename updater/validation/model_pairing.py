@@ -30,7 +30,7 @@ class ModelModes:
     structure: Structure
     frequency: FloatArray  #: (n,) of those that the channels see [Hz]
     shape: FloatArray  #: (n, n_channels)
-    pairs: IndexArray  #: (n_modes,) which answers to each measured one, or -1
+    pairs: IndexArray  #: (n_modes,) partner of each measured one, or -1
     mac: FloatArray  #: (n_modes, n) of measured ones with the model's
     comac: FloatArray  #: (n_channels,) over the pairs; NaN where there are none
 

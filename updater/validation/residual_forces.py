@@ -1,15 +1,15 @@
 """Residual forces of measured modes in the equations of the model, by place on the structure.
 
-A measured mode psi of frequency omega, expanded on the model, leaves r = (K - omega^2 M) psi: nothing where the model
-is right. Sensors are few, so that psi is the smoothest field that agrees with them within their noise: its residual
-forces are drawn from a prior, as of elements whose stiffness is wrong (by r^T K^-1 r) or of masses that are (by
-r^T M^-1 r), whose size the data choose (evidence). That is a minimum dynamic residual expansion in the model's modes;
-r is linear in the data, so that it has a deviation.
+A measured mode psi of frequency omega, expanded on the model, has the residual r = (K - omega^2 M) psi: zero if the
+model is right. With few sensors, psi is the smoothest field that agrees with them within their noise: its residual
+forces are drawn from a prior, as of elements whose stiffness is wrong (by r^T K^-1 r) or of masses that are (by r^T
+M^-1 r), whose size is determined by evidence. This is a minimum dynamic residual expansion in the model's modes; r is
+linear in the data, so that it has a deviation.
 
-What is left over can be read as stiffness that is missing, K d = r, or as mass that is, omega^2 M a = r: along the
-structure the strain of d is set against the mode's own, the motion a against the mode's. Each reading alone explains
-one mode; over all modes, stiffness couples them as omega_i omega_k and mass as omega_i^2, so that the evidence for
-the two priors tells which reading is the better one. What else it may be is for a diagnosis to weigh.
+The residual can be interpreted as missing stiffness, K d = r, or as missing mass, omega^2 M a = r: along the structure
+the strain of d is compared with the mode's own, the motion a with the mode's. Each interpretation alone explains one
+mode; over all modes, stiffness couples them as omega_i omega_k and mass as omega_i^2, so that the evidence for the two
+priors shows the better one. Other interpretations are left to a diagnosis.
 
 References
 ----------
@@ -36,7 +36,7 @@ Reading = Literal["stiffness", "mass"]
 _SIZES = np.geomspace(1e-4, 1.0, 41)  # of a relative error of K or M between two modes, that the data may choose
 _FREE = 30.0  # prior standard deviation of a mode's own share: as good as none
 _LEAST_GAP = 1e-3  # of squared frequencies, relative: nearer modes mix freely
-_QUIET = 0.05  # of the mean strain or motion, added everywhere: a place without any says nothing, not everything
+_QUIET = 0.05  # relative to the mean strain or motion, added everywhere: a place without any has no information
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,8 +59,8 @@ def force_balance(reference: Reference, event: ModalMean) -> ForceBalance:
 
     Parameters
     ----------
-    reference : whose model is asked; what it gets wrong about its own baseline cancels to first order
-    event : (n_tracks,) what was measured, in the order of the baseline's tracks
+    reference : with the model; its errors in its own baseline cancel to first order
+    event : (n_tracks,) measurement, in the order of the baseline's tracks
 
     Raises
     ------
@@ -80,7 +80,7 @@ def force_balance(reference: Reference, event: ModalMean) -> ForceBalance:
 class _LeftOver:
     """Residual forces of one mode by the model's modes, r = M B rho."""
 
-    omega2: float  #: of the measured mode [rad2/s2]
+    omega2: float  #: squared frequency of the measured mode [rad2/s2]
     shape: FloatArray  #: (n_modes,) the expanded mode, its own share one
     rho: FloatArray  #: (n_modes,) [rad2/s2]
     noise: FloatArray  #: (n_modes, n_sources) a factor of rho's covariance
@@ -118,15 +118,15 @@ def _left_over(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _Expansion:
-    """A measured mode to be expanded in the model's, whose shares t have a Gaussian prior."""
+    """A measured mode to be expanded in the model's, whose components t have a Gaussian prior."""
 
     paired: int
     at: FloatArray  #: (n_channels, n_modes) of the model's modes
     omega2: FloatArray  #: (n_modes,) theirs [rad2/s2]
-    now2: float  #: of the measured mode
+    now2: float  #: squared frequency of the measured mode
     seen: FloatArray  #: (n_channels,) measured, on the scale of the model's
     variance: FloatArray  #: (n_channels,)
-    log_variance: float  #: of its frequency
+    log_variance: float  #: variance of its log frequency
     reading: Reading
 
     def _prior(self, size: float) -> FloatArray:
@@ -203,8 +203,8 @@ def _along(readers: _Readers, modes: list[_LeftOver], omega2: FloatArray | None)
     Parameters
     ----------
     readers : of strain or of motion
-    modes : what is left over
-    omega2 : (n_modes,) of the model's modes, by which stiffness answers to forces [rad2/s2]; None for mass
+    modes : residual
+    omega2 : (n_modes,) of the model's modes, by which stiffness responds to forces [rad2/s2]; None for mass
     """
     missing, there, variance = np.zeros((3, readers.nodes.shape[0]))
     for mode in modes:

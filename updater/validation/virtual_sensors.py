@@ -3,10 +3,10 @@
 About every resonance the signals are modelled as S = sum_k q_k |H_k|^2 phi_k phi_k^T + N: modes phi_k with the measured
 frequencies and damping, forced by white noise of density q_k, and noise N. The best linear prediction of a sensor by
 all others follows from S^-1 at once, x_c - (S^-1 x)_c / (S^-1)_cc: a modal filter whose weights change with frequency,
-so that near a resonance its mode speaks alone. N is what the measured spectral matrix itself cannot predict of a
-sensor, 1 / (S^-1)_cc of it, whatever the shapes: what is missed beyond that is what shapes or sensors get wrong.
-Between resonances, where all modes speak a little, nothing is predicted. Modes that were not measured are taken to be
-forced as the others are in the median: of what is missed, some is theirs.
+so that near a resonance its mode dominates. N is the part of a sensor that the measured spectral matrix itself cannot
+predict, 1 / (S^-1)_cc of it, for any shapes: an error beyond that is caused by shapes or sensors. Between resonances,
+with small contributions of all modes, nothing is predicted. Modes that were not measured are assumed to be forced as
+the others in the median: some of the error is theirs.
 
 References
 ----------
@@ -31,7 +31,7 @@ _MOST = 1 << 16  # samples that are looked at
 _BELL = 1.5  # half-power bandwidths each way of a resonance that are looked at: farther off other modes speak
 _LINES = 2  # a channel, each way of a resonance at least: from fewer no spectral matrix is known
 _SHOWN = 40  # lines of the spectra about a resonance
-_DAMPING = 0.005  # of a mode whose damping was not measured
+_DAMPING = 0.005  # damping ratio of a mode whose damping was not measured
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -40,14 +40,14 @@ class VirtualSensing:
 
     channels: tuple[str, ...]
     rate: float  #: [Hz]
-    start: int  #: of the first sample [ns UTC]
+    start: int  #: time of the first sample [ns UTC]
     measured: FloatArray  #: (n_samples, n_channels) [m/s2]
     predicted: FloatArray  #: (n_samples, n_channels) [m/s2]
-    error: FloatArray  #: (n_channels,) root mean square of what the prediction misses, over the signal's [-]
+    error: FloatArray  #: (n_channels,) root mean square of the prediction error, relative to the signal's [-]
     expected: FloatArray  #: (n_channels,) the same of the best linear prediction that there is [-]
     frequency: FloatArray  #: (n_lines,) of the spectra, means over neighbours; NaN between resonances [Hz]
     spectrum: FloatArray  #: (n_lines, n_channels) of the measured signals [(m/s2)^2/Hz]
-    missed: FloatArray  #: (n_lines, n_channels) of what the prediction misses [(m/s2)^2/Hz]
+    missed: FloatArray  #: (n_lines, n_channels) prediction error [(m/s2)^2/Hz]
 
 
 def virtual_sensing(
@@ -58,9 +58,9 @@ def virtual_sensing(
     Parameters
     ----------
     recording : signals; of the longest stretch without a gap the last 2^16 samples
-    simulated : (n,) whose shapes are tried
-    measured : (n_measured,) whose frequencies and damping tell when each mode speaks; a mode that was not measured
-        keeps the simulated frequency
+    simulated : (n,) modes whose shapes are tested
+    measured : (n_measured,) modes whose frequencies and damping determine their resonances; a mode that was not
+        measured keeps the simulated frequency
     compared : other simulated modes, whose resonances are evaluated as well: models are compared on the same lines
 
     Raises
@@ -152,7 +152,7 @@ def _resonances(measured: ModalMean, which: IndexArray) -> FloatArray:
 
 
 def _about(resonances: FloatArray, lines: FloatArray, least: int) -> list[IndexArray]:
-    """Return the lines about resonances, those that overlap together; what the spectrum does not hold is left out."""
+    """Return the lines about resonances, overlapping ones together; lines outside the spectrum are left out."""
     step = float(lines[1] - lines[0])
     inside = np.zeros(len(lines), bool)
     for frequency, width in resonances:
@@ -164,7 +164,7 @@ def _about(resonances: FloatArray, lines: FloatArray, least: int) -> list[IndexA
 
 
 def _left_out(spectrum: ComplexArray, lines: FloatArray, modes: _Modes) -> tuple[ComplexArray, FloatArray]:
-    """Return what the others miss of each sensor (n_lines, n_channels), and the power they must miss (n_channels,).
+    """Return each sensor's prediction error by the others (n_lines, n_channels), and its minimum (n_channels,).
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """A rigid body clamped on anywhere, or one taken off: modal mass I + m (Phi_s^T Phi_s + r^2 Theta_s^T Theta_s).
 
-Phi_s are the three translations of the body's centre, which may lie beside the member's axis: its two offsets are
-fitted with a prior, because where two modes are close (a symmetric column's first two) even a centimetre turns their
-planes. Theta_s are the rotations there, r the body's radius of gyration, taken alike about all axes: 3 cm change a mode
-at 400 Hz by as much as the noise.
+Phi_s are the three translations of the body's centre, which may be off the member's axis. Its two offsets are fitted
+with a prior, because where two modes are close (a symmetric column's first two) even a centimetre rotates their planes.
+Theta_s are the rotations there, r the body's radius of gyration, equal about all axes: 3 cm change a mode at 400 Hz by
+as much as the noise.
 """
 
 from dataclasses import dataclass, replace
@@ -34,21 +34,22 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.inference import Fit
 
-DENSITY_STD = 0.015  # of the structure's own mass: frequencies tell a body, a spring or a force only as a share of it
+# relative to the structure's mass: frequencies determine a body, a spring or a force only as a share of it
+DENSITY_STD = 0.015
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
 _KEPT = 100  # nodes, each of which may be on several members
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
-_ARRIVED = 300.0  # of log density under the best: what is farther may not have come to where it could
+_ARRIVED = 300.0  # log density below the best: alternatives below it may not have converged
 _MOST_FINE = 120  # fine positions on one member
 _MOST_FINE_IN_ALL = 480
 _FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off, if as heavy
 _LARGE_SHARE = 0.15  # of a mode's mass
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
-LARGEST_REMOVED = 0.1  # of the structure's mass: what can be taken off without taking the structure
-OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of a body's centre beside the member's axis
+LARGEST_REMOVED = 0.1  # share of the structure's mass: largest removed mass
+OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of the offset of a body's centre from the member's axis
 _BEGUN_BESIDE = 0.1  # of that, where fits begin
 GYRATION_STD = 0.03**2  # m2 on such a frame, prior of its squared radius of gyration
 
@@ -98,7 +99,7 @@ class AddedMass:
 
     @property
     def weight(self) -> FloatArray:
-        """Length that each position stands for (n,) [m]; between far ones there are others, which are unlikely."""
+        """Length that each position represents (n,) [m]; positions between distant ones are improbable."""
         members = np.unique(self.member)
         return np.concatenate([_lengths(self.position[self.member == m], self.gap) for m in members])
 
@@ -122,7 +123,7 @@ class AddedMass:
         return np.asarray(moved.transpose(0, 2, 1) @ moved)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what the mass's own prior, uniform in its logarithm, makes of the evidence."""
+        """Return the correction of the evidence for the mass's own prior, uniform in its logarithm."""
         return self.magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
 
     def magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
@@ -138,7 +139,7 @@ class AddedMass:
     def refined(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass | None":
         """Return the positions and, where one comes near the best, many more about it; none if it is near everywhere.
 
-        They start from what those about them came to, but from none that got nowhere.
+        They start from the fitted values of neighbouring alternatives that have converged.
         """
         near, arrived = (log_density > log_density.max() - less for less in (_NEAR, _ARRIVED))
         most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
@@ -272,7 +273,7 @@ class AddedMass:
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:
     """Return a position every `spacing` [m] of every member; where that is very many, the most likely of the nodes.
 
-    A centimetre unless given where the longest member is of a metre and a half, else in proportion to it.
+    Default: a centimetre if the longest member is 1.5 m long, else in proportion to it.
     """
     members = reference.structure.member
     spacing = _COARSE * size(reference.structure) if spacing is None else spacing
@@ -352,7 +353,7 @@ def _axes_along(direction: Vector, local_y: Vector | None) -> FloatArray:
 def _first_order(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
     """Return d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies; hardly an offset, no inertia.
 
-    On the axis itself of a structure that is symmetric about it no slope says that a body may hang beside it.
+    On the axis of a structure that is symmetric about it, the slope with respect to an offset is zero.
     """
     whitener = comparison.drifting.matrix
     effect = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1) @ whitener.T

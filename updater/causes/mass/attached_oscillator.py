@@ -1,12 +1,12 @@
 """Oscillator attached to the structure: a loose part, an appendage, a damper.
 
-It brings a mode that was not there. With z its motion beside the structure's along its direction d, times the root of
-its mass, the modes' mass matrix grows by m Phi^T Phi and is bordered by m^1/2 Phi^T d, the flexibility by
-1 / omega_o^2: exact in the reference's modes. The new mode's shape is the structure shaken at one place, which says
-where; how far the other modes make way says how heavy it is.
+It adds a new mode. With z the motion relative to the structure along its direction d, times the root of its mass, the
+modes' mass matrix increases by m Phi^T Phi and is bordered by m^1/2 Phi^T d, the flexibility by 1 / omega_o^2: exact in
+the reference's modes. The shape of the new mode is the structure excited at one place, which determines the position;
+the shifts of the other modes determine the mass.
 
-Where no mode is seen that the reference does not know, its own may move the sensors too little to be seen: then its
-frequency can be any, and how the other modes make way says all there is.
+If no mode is measured that the reference does not have, its own mode may move the sensors too little to be measured.
+Its frequency is then free, and only the shifts of the other modes contain information.
 """
 
 from dataclasses import dataclass, replace
@@ -38,25 +38,26 @@ _MASS_STD = 0.1  # of the structure's mass, Gaussian prior while it is fitted
 _LEAST_MASS = 1e-4  # of the structure's mass
 _DAMPING_STD = 1.0  # of ln of its own damping over the modes': a third of it to three times as much
 _TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
-_STEP = 0.15  # of ln f between own frequencies that are begun from where no mode tells; their prior's deviation too
-_TOLD = 0.05  # of ln f between those whose probabilities are told
-_STILL = 1e-4  # of ln f: what does not give
+_STEP = 0.15  # step of ln f between starting frequencies if no mode determines it; also the deviation of their prior
+_TOLD = 0.05  # step of ln f between frequencies with stated probabilities
+_STILL = 1e-4  # standard deviation of ln f that counts as fixed
 _BEYOND = 1.3  # times the lowest and the highest mode that is seen: farther off it is a mass, or not there
-_CHANCE = 0.1  # probability of a new mode that is nobody's, or was not seen before
-_UNSEEN = 0.01  # of an oscillator whose mode no sensor sees, over one that is seen: a body clamped on acts much like it
+_CHANCE = 0.1  # probability of a new mode without a cause, or one that was not measured before
+# prior of an oscillator without a measured mode, relative to one with it: a rigid body has a similar effect
+_UNSEEN = 0.01
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AttachedOscillator:
     """Places, directions and new modes; parameters are mass [kg], ln f from the new mode's, and ln of its own damping.
 
-    The latter is over that of the structure's modes, which share it as they share its energy. Of one whose mode is not
-    seen, places, directions and frequencies to begin from.
+    The latter is relative to that of the structure's modes, which share it as they share its energy. If its mode is not
+    measured, positions, directions and starting frequencies.
     """
 
     reference: Reference
     comparison: Comparison
-    new: NewModes | None  #: those seen that the reference does not know; None: it is one whose mode is not seen
+    new: NewModes | None  #: new modes that the reference does not have; None: the oscillator's mode is not measured
     log_frequency: FloatArray  #: (n_begun,) of the new modes, or that are begun from [ln Hz]
     member: IndexArray  #: (n,) of the structure's members
     position: FloatArray  #: (n,) distance from the member's start [m]
@@ -92,7 +93,7 @@ class AttachedOscillator:
         return np.tile([0.1 * _LEAST_MASS * self._total, -np.inf, -np.inf], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return the mass that rides on the structure, and what is coupled with it."""
+        """Return the mass that moves with the structure, and its coupling."""
         at, mass = self.translation[rows], theta[:, 0]
         along = np.take_along_axis(at, self.axis[rows, None, None], axis=1)[:, 0]
         omega = 2 * np.pi * np.exp(self.log_frequency[self.mode[rows]] + theta[:, 1])
@@ -110,7 +111,8 @@ class AttachedOscillator:
         if self.new is None:
             return np.asarray(mass + np.log(_UNSEEN))
         explained = _log_explained(self.new, self.comparison.overdispersion)[np.unique(self.mode)]
-        return np.asarray(mass + explained.mean())  # of several new modes alike: beside others only one is left here
+        # several new modes are equivalent: together with others only one remains here
+        return np.asarray(mass + explained.mean())
 
     def _magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
         """Return posteriors of masses under a prior uniform in the logarithm; of its two signs one is possible."""
@@ -199,7 +201,8 @@ class AttachedOscillator:
     def _tunings(self, fit: "Fit[Cause]") -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return own frequencies at the best place (n,) [ln Hz], their variances and probabilities.
 
-        A mode that is not seen may lie where hardly any mode tells: far from a Gaussian about where fits have ended.
+        A mode that is not measured may be in a range where hardly any mode is sensitive to it: its density is far from
+        a Gaussian about the fitted values.
         """
         best = fit.best
         at = float(self.log_frequency[self.mode[best]] + fit.theta[best, 1])
@@ -234,7 +237,7 @@ class AttachedOscillator:
 
 
 class _Held(AttachedOscillator):
-    """One that is tuned to what it is begun from."""
+    """An oscillator with its starting frequency fixed."""
 
     @property
     def prior_std(self) -> FloatArray:
@@ -243,7 +246,7 @@ class _Held(AttachedOscillator):
 
 
 def propose_attached_oscillator(reference: Reference, comparison: Comparison) -> AttachedOscillator | None:
-    """Return the places and directions whose shaking looks most like a new mode, or that make way most like it.
+    """Return the positions and directions with the best agreement with a new mode, or with the shifts of the others.
 
     None if every new mode is one that the reference has.
     """
@@ -287,7 +290,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
 
 
 def hides(cause: object) -> bool:
-    """Tell whether a cause is an oscillator whose mode is not seen."""
+    """Return whether a cause is an oscillator whose mode is not measured."""
     return isinstance(cause, AttachedOscillator) and cause.new is None
 
 
@@ -298,7 +301,7 @@ def _begun(comparison: Comparison) -> FloatArray:
 
 
 def _log_explained(new: NewModes, overdispersion: float) -> FloatArray:
-    """Return the log density of new modes (n_extra,) that fit to their noise, over that of modes that are nobody's.
+    """Return the log density of new modes (n_extra,) that fit to their noise, relative to modes without a cause.
 
     The latter come with a small probability, anywhere near in frequency, with any shape: uniform on half the sphere.
     """

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _LEAST = 1e-4  # of the structure's mass
-_GYRATION_STD = 0.7  # of g: nobody knows how a load lies
+_GYRATION_STD = 0.7  # relative to g: the distribution of a load around the axis is unknown
 _REMOVABLE = 0.9  # of a stretch's own mass
-#: from a sixth of the longest member to all of it: what is shorter is a body
+#: from a sixth of the longest member to all of it: a shorter one is a body
 _LENGTHS = Kinds(
     size={70: 70, 120: 120, 220: 220},
     step={70: 20, 120: 30, 220: 40},
@@ -58,7 +58,7 @@ class DistributedMass(Spread):
 
     @property
     def lower(self) -> FloatArray:
-        """Only what is there can be taken off."""
+        """Not more mass can be removed than exists."""
         there = _REMOVABLE / 1.5 * self.own[self.member] * self.size * self.cells.length[self.member]
         least = np.full((len(there), 4), -np.inf)
         least[:, 0] = -np.minimum(there, LARGEST_REMOVED * self._total)
@@ -76,7 +76,7 @@ class DistributedMass(Spread):
         return self.matrix(self.mass, turned, theta, rows)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what a mass of any order makes of the evidence."""
+        """Return the correction of the evidence for a mass of any order of magnitude."""
         std, most = np.sqrt(covariance[:, 0, 0]), self._total
         return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_LEAST * most, most=most).log_ratio
 
@@ -90,7 +90,7 @@ class DistributedMass(Spread):
         }
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Add a segment of the stretch's mass; what is taken off takes no more rotary inertia than is there."""
+        """Add a segment of the stretch's mass; a removed mass removes at most the existing rotary inertia."""
         member, at, extent = self.stretch(row, theta)
         mass, gyration = float(theta[0]), float(1 + theta[3])
         if mass < 0:

@@ -1,6 +1,7 @@
 """First-order estimate of the place of an attached oscillator.
 
-What answers at omega acts along its spring like a mass m / (1 - omega_i^2 / omega^2) on mode i, and like m across it.
+A mass on a spring that responds at omega acts along the spring like m / (1 - omega_i^2 / omega^2) on mode i, and like m
+across it.
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ _SAME_FREQUENCY, _SAME_SHAPE = 0.1, 0.6  # of ln f, and MAC: a mode of the refer
 
 
 def not_known(reference: Reference, comparison: Comparison) -> IndexArray:
-    """Return the new modes that the reference has none for: what it has was there before, and was not seen."""
+    """Return the new modes without a counterpart in the reference; a counterpart existed before."""
     new = comparison.new
     assert new is not None
     others = np.setdiff1d(np.arange(len(reference.frequency)), reference.paired)
@@ -63,9 +64,10 @@ def shaking(
 def hung(
     comparison: Comparison, translation: FloatArray, own: FloatArray, largest: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Return what a mass on a spring at each place, in each direction, leaves of chi-square, and where a fit begins.
+    """Return the chi-square residual of a mass on a spring at each position, in each direction, and the start of a fit.
 
-    What answers at omega acts along its direction like m / (1 - omega_i^2 / omega^2) on mode i, and like m across it.
+    A mass that responds at omega acts along its direction like m / (1 - omega_i^2 / omega^2) on mode i, and like m
+    across it.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def hung(
 
     Returns
     -------
-    for each own frequency: (n, 3) minus what is gained in chi-square, and (n, 3, 2) mass [kg] and zero
+    for each own frequency: (n, 3) minus the gain in chi-square, and (n, 3, 2) mass [kg] and zero
     """
     linear, paired = linear_in_mass(comparison), comparison.paired
     along = translation[:, :, paired]  # (n, 3, n_compared)

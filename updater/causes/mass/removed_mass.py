@@ -21,7 +21,7 @@ _STEP = 0.05  # between ratios that are tried
 def mass_outside_model(
     mass: float, gram: FloatArray, omega: FloatArray, paired: IndexArray, whitener: FloatArray
 ) -> float:
-    """Return the mass [kg] of a body whose removal changes frequencies as taking `mass` off the model does.
+    """Return the mass [kg] of a body whose removal has the same effect as removing `mass` from the model.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def mass_outside_model(
     target = np.log(_omega(identity - mass * gram, omega) / omega)[paired]
 
     def misfit(ratio: float) -> float:
-        bare = omega.copy()  # of the structure without the body, whose loaded frequencies are the reference's
+        bare = omega.copy()  # frequencies of the structure without the body; with the body they are the reference's
         for _ in range(_MAX_ITERATIONS):
             step = omega / _omega(identity + ratio * mass * gram, bare)
             bare *= step

@@ -27,7 +27,7 @@ PER_BODY = 5  # shift from the start [m], mass [kg], two offsets [m], squared ra
 class Bodies:
     """Bodies near places; an alternative is a set of places, its parameters `PER_BODY` for each body."""
 
-    grid: AddedMass  #: of one mass, which knows the reference and the data
+    grid: AddedMass  #: grid of one mass, with reference and data
     member: IndexArray  #: (n_alternatives, n_bodies)
     place: FloatArray  #: (n_alternatives, n_bodies) distance from the member's start [m]
     start: FloatArray  #: (n_alternatives, n_bodies * PER_BODY) where the fit begins
@@ -91,7 +91,7 @@ class Bodies:
 
     @cached_property
     def _splines(self) -> dict[int, tuple[CubicSpline, float]]:
-        """Translation, rotation and what offsets add (12, n_modes) along each member with a body, and its length.
+        """Translation, rotation and increments by offsets (12, n_modes) along each member with a body, and its length.
 
         Not at the grid's positions: of a large structure's those that are unlikely for one mass are left out.
         """
@@ -106,7 +106,7 @@ class Bodies:
         return found
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what the masses' own priors make of the evidence, each by its own deviation."""
+        """Return the correction of the evidence for the masses' own priors, each by its own deviation."""
         mass = theta.reshape(-1, PER_BODY)[:, 1]
         variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, PER_BODY)[:, 1]
         found = self.grid.magnitude(mass, np.sqrt(variance)).log_ratio

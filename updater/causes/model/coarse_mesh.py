@@ -1,9 +1,9 @@
 """The structure file's mesh is too coarse: the model's upper modes lie too high, the more the higher.
 
-A question about a structure file alone, asked where no reference was learnt: a baseline's measured modes have no mesh.
-The same structure on elements a quarter as long gives frequencies and shapes X in the coarse model's modes, and with
-them the flexibility X Lambda'^-1 X^T. Not asked of matrices from elsewhere, whose elements nobody knows; lumped mass
-and missing shear cannot be in a file's model, which has neither.
+This cause applies to a structure file without a learned reference: measured modes of a baseline have no mesh. The same
+structure with elements a quarter as long gives frequencies and shapes X in the coarse model's modes, and with them the
+flexibility X Lambda'^-1 X^T. It does not apply to external matrices, whose elements are unknown. Lumped mass and
+missing shear cannot occur in a file's model.
 """
 
 from dataclasses import dataclass, replace

@@ -1,8 +1,8 @@
 """Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, all at once.
 
-A question about a structure file alone, asked where no reference was learnt: a baseline's calibration has answered it.
-All parameters that a calibration would fit have the prior that they have there. Each of them adds compliance, of a
-material's members, of a spring, or takes that of a joint's zone away.
+This cause applies to a structure file without a learned reference: otherwise the calibration has fitted these
+parameters. All parameters of a calibration have the same priors here. Each of them adds compliance of a material's
+members or of a spring, or reduces that of a joint's zone.
 """
 
 from dataclasses import dataclass, replace
@@ -35,12 +35,13 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.inference import Fit
 
-_STIFFNESS_STD = 0.05  # of ln E, density's share included, which frequencies cannot tell from it
-_GIVES = 0.1  # of c E I / L: what a foot or joint may that a file has rigid, for nobody has looked
+_STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
+_GIVES = 0.1  # times c E I / L: prior flexibility of a foot or joint that is rigid in the file
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
-_TURNED = slice(3, None)  # twist and bending: what a joint's zone has less of
+_TURNED = slice(3, None)  # twist and bending, which are reduced in a joint's zone
 _LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
-_TOLD = 0.7  # of its prior standard deviation: a parameter that the data leave less is one they tell of
+# times the prior standard deviation: a parameter with a smaller posterior deviation is determined by the data
+_TOLD = 0.7
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,10 +49,10 @@ class ModelParameters(Discrete):
     """One alternative: all parameters relative to the file."""
 
     comparison: Comparison
-    filed: Structure  #: as in the file
+    filed: Structure  #: structure as in the file
     knobs: tuple[ModelParameter, ...]
-    said: FloatArray  #: (n_knobs,) what the file's model has for them
-    moved: FloatArray  #: (n_knobs,) what the reference's model has over that
+    said: FloatArray  #: (n_knobs,) values of the file's model
+    moved: FloatArray  #: (n_knobs,) values of the reference's model relative to those
     compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds to the reference's model
     name: str = "model_parameters"
     place_free: bool = True
@@ -86,7 +87,7 @@ class ModelParameters(Discrete):
         return np.array([knob.kind == "stiffness" for knob in self.knobs])
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what is left of the priors, and of the posteriors, above the least values."""
+        """Return the parts of priors and posteriors above the least values."""
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         kept = log_ndtr((theta - self.lower) / std) - log_ndtr(-self.lower / self.prior_std)
         return np.asarray(kept.sum(1))
@@ -101,7 +102,7 @@ class ModelParameters(Discrete):
     def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
         """Return the parameters that differ significantly from the file's, as in the file and as fitted.
 
-        Left out are those whose posterior is as wide as their prior, and those within two deviations of the file.
+        Parameters with a posterior as wide as their prior, and those within two deviations of the file, are left out.
         """
         return tuple(self._change(k, float(fit.theta[0, k]), std) for k, std in self._significant(fit))
 
@@ -137,7 +138,7 @@ class ModelParameters(Discrete):
         )
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Write the new values of all parameters that move; what stays rigid or without a weld gets no entry."""
+        """Write the new values of all changed parameters; rigid connections and absent welds get no entry."""
         del row
         moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
         value = self.said + np.minimum(theta, self._upper)
@@ -176,7 +177,7 @@ def _prior(knob: ModelParameter, wider: float) -> float:
 
 
 def _said(model: Model, knob: ModelParameter) -> float:
-    """Return what the model has for a parameter."""
+    """Return the model's value of a parameter."""
     if knob.kind in ("stiffness", "weld"):
         return 0.0
     return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
@@ -188,7 +189,7 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
     Parameters
     ----------
     value : that the reference's model has
-    file : in whose units flexibilities count
+    file : structure whose units of flexibility are used
     """
     model = reference.model
     members = model.structure.member

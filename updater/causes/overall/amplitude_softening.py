@@ -1,10 +1,10 @@
 """Frequencies fall as the structure shakes harder: feet and joints that slip, bolts that gape, cracks that open.
 
-Told from all else by windows of several levels: their log frequencies go with the rms, ln f_i = a_i + b_i rms, which no
-linear cause brings about. A slope b_i = s_i - omega_i^2 / 2 sum_a c_a mu_ia^2 has a share of feet and joints, whose
-flexibilities c_a about each axis grow with the rms (mu_ia is the mode's displacement under a unit couple there), and
-one that modes have in common, nearly. If the event's mean level is another than the baseline's, the same c and s say
-how far its frequencies have moved by that alone, and its shapes.
+Windows of several levels distinguish this cause from all others: their log frequencies depend on the rms, ln f_i = a_i
++ b_i rms, which no linear cause has. A slope b_i = s_i - omega_i^2 / 2 sum_a c_a mu_ia^2 has a part of feet and joints,
+whose flexibilities c_a about each axis increase with the rms (mu_ia is the mode's displacement under a unit couple
+there), and one that modes have nearly in common. If the mean level of the event differs from the baseline's, the same c
+and s give the resulting shifts of its frequencies and shapes.
 """
 
 from dataclasses import dataclass, replace
@@ -30,20 +30,20 @@ if TYPE_CHECKING:
 
 _FALL = 0.01  # of ln f over the spread of the windows' rms: prior standard deviation
 _OWN = 0.1  # share of that variance which is a mode's own
-_BIAS = 1e-4  # of ln f over the spread of rms: what identification itself brings
+_BIAS = 1e-4  # ln f over the spread of rms: bias of identification
 _DAMPING_RISE = 0.5  # of ln damping over that spread
 _STIFFEST = 0.7  # of a connection's flexibility, that amplitude may take off
-_CURVED = 0.3  # of what a straight line says of the mean level: friction and gaps are no straight lines
+_CURVED = 0.3  # relative to a straight line at the mean level: friction and gaps are not linear
 
-Connection = tuple[Springs, int]  # a foot or joint: the cause that knows it, and the alternative with all of its axes
+Connection = tuple[Springs, int]  # foot or joint: its cause, and the alternative with all of its axes
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AmplitudeSoftening(Discrete):
     """One alternative; parameters are standard scores.
 
-    Of what the windows tell about the growing flexibilities and about the modes' own slopes, of the damping's slope,
-    and of how far the law is from a straight line.
+    Of the windows' increasing flexibilities and the modes' own slopes, of the slope of damping, and of the deviation of
+    the law from a straight line.
     """
 
     comparison: Comparison
@@ -52,7 +52,7 @@ class AmplitudeSoftening(Discrete):
     couple: FloatArray  #: (n_axes, n_modes + n_stress) mu [s2] of every axis of them that can turn, and self-stress
     least: FloatArray  #: (n_axes,) flexibility that can be taken off [rad/(N m)], negative
     by_axis: FloatArray  #: (n, n_axes) slope of each compared mode for a unit flexibility a m/s2
-    mean: FloatArray  #: (n_axes + n,) of flexibilities a rms and the modes' own slopes, told by the windows
+    mean: FloatArray  #: (n_axes + n,) flexibilities per rms and the modes' own slopes, from the windows
     root: FloatArray  #: (n_axes + n, n_axes + n) of their covariance
     damping: tuple[float, float]  #: mean and standard deviation of the slope of log damping [s2/m]
     log_trend: float  #: log likelihood of the windows' slopes over that without the cause
@@ -91,7 +91,7 @@ class AmplitudeSoftening(Discrete):
         return np.full(len(theta), self.log_trend)
 
     def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: several connections may slip, and what has no place."""
+        """Return none: several connections may slip, and the common part has no position."""
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the mean slope of log frequencies, and that of log damping."""
@@ -177,7 +177,7 @@ def _connections(reference: Reference, comparison: Comparison) -> tuple[Connecti
 
 
 def _turning(connection: Connection) -> FloatArray:
-    """Return what unit couples about the axes that can turn do (n_axes, n_modes + n_stress)."""
+    """Return the effect of unit couples about the free axes (n_axes, n_modes + n_stress)."""
     springs, number = connection
     couple = springs.couple[number]
     return np.asarray(couple[couple.any(1)])

@@ -1,8 +1,8 @@
 """One factor on all frequencies without a change of shapes: common part of its four causes.
 
-Stiffness, density, temperature and the sampling clock say the very same of one record. Each has the same wide prior, so
-that none is preferred where nothing tells them apart; what is known beside the record (a temperature, a tone) makes a
-maker's prior narrow, and then it is told.
+Stiffness, density, temperature and the sampling clock have the same effect in one record. Each has the same wide prior,
+so that none is preferred without further data. Known circumstances (a temperature, a tone) give a narrow prior for one
+of them, which distinguishes it.
 """
 
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ class CommonFactor(Discrete):
 
     @property
     def compliance(self) -> FloatArray:
-        """Compliance (n_modes + n_stress, same) of what the factor is on: Lambda^-1 in modes [s2]."""
+        """Compliance (n_modes + n_stress, same) affected by the factor: Lambda^-1 in modes [s2]."""
         own = (2 * np.pi * self.comparison.frequency) ** -2.0
         return np.diag(np.concatenate([own, np.ones(self.comparison.n_stress)]))
 

@@ -1,7 +1,7 @@
 """Damping has changed, of all modes alike or of one; frequencies and shapes have not.
 
-Friction in a loose bolt, a damper, what lies on the structure, the wind. The beam model has no damping, so that an
-extended structure is the same structure.
+Friction in a loose bolt, a damper, attached objects, wind. The beam model has no damping, so that the extended
+structure is the same structure.
 """
 
 from dataclasses import dataclass, replace
@@ -67,7 +67,7 @@ class DampingChange(Discrete):
 
 
 def propose_damping_change(reference: Reference, comparison: Comparison) -> DampingChange | None:
-    """Return all modes and each whose damping is known before and now; None if there are fewer than two."""
+    """Return all modes and each with known damping before and now; None if there are fewer than two."""
     del reference
     known = comparison.damping_weight > 0
     if known.sum() < 2:

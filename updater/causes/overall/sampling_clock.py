@@ -39,7 +39,7 @@ class SamplingClock(CommonFactor):
         return np.full(len(theta), self.log_tones)
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return the clock's error: frequencies as read over what they are, less one."""
+        """Return the error of the clock: indicated over true frequencies, less one."""
         value, std = self.found(fit)
         factor = float(np.exp(value))
         return {"error": Quantity(value=factor - 1, std=factor * std, unit="-")}

@@ -1,7 +1,7 @@
 """Steel grows softer as it grows warmer: -dE/E = 3 to 4 parts in 10,000 a kelvin. Joints do with it, the ground not.
 
-Without a thermometer any change of temperature explains one factor on all frequencies. With one it says what the factor
-must be, to how well the law is known.
+Without a thermometer, any change of temperature explains one factor on all frequencies. With one, the factor follows
+from it, to the accuracy of the law.
 
 References
 ----------
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
 
 SOFTENING = 3.5e-4  # 1/K, of Young's modulus
 SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel
-_LEAST_WARMER = 1.0  # K, under which no softening a kelvin is told
+_LEAST_WARMER = 1.0  # K, below which no softening per kelvin is stated
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Temperature(OwnFactor):
     """The structure is warmer or colder."""
 
-    warmer: float  #: measured [K], NaN if nobody did
+    warmer: float  #: measured temperature rise [K], NaN if unknown
     name: str = "temperature"
     advice: str = "Record at another temperature, with a thermometer on the structure."
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return how much warmer it is; with a thermometer, also what a kelvin takes off stiffness over mass."""
+        """Return the temperature rise; with a thermometer, also the loss of stiffness over mass per kelvin."""
         value, std = self.found(fit)
         warmer = -2 * value / SOFTENING
         if abs(self.warmer) > _LEAST_WARMER:
@@ -57,7 +57,7 @@ class Temperature(OwnFactor):
         return {"warmer": Quantity(value=warmer, std=spread, unit="K")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
-        """Scale all materials and joints to what they are at this temperature."""
+        """Scale all materials and joints to their values at this temperature."""
         del row
         return stiffened(structure, float(np.exp(2 * self.log_factor(theta))), ground=False)
 

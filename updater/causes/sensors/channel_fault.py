@@ -25,7 +25,7 @@ class Chain(Discrete):
     """Alternatives that are channels, pairs of them, or all of a device."""
 
     comparison: Comparison
-    channels: tuple[tuple[str, ...], ...]  #: of each alternative
+    channels: tuple[tuple[str, ...], ...]  #: channels of each alternative
     place_free: bool = False
 
     def where(self, fit: "Fit[Cause]") -> Where:
@@ -41,8 +41,8 @@ class Chain(Discrete):
 def groups_of(reference: Reference, comparison: Comparison) -> list[tuple[str, ...]]:
     """Return the channels that a fault may befall together: every one alone, and those of a device.
 
-    Devices are known from the log; where they are not, channels at one place are taken for one. What befalls all
-    channels alike is none: nothing would show it.
+    Devices are known from the log; otherwise channels at one position count as one device. A change common to all
+    channels is not a fault, because it has no effect.
     """
     devices, heard = comparison.circumstances.devices, reference.structure.heard
     place = {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in heard}
@@ -60,7 +60,7 @@ def corrected(
     sign: Literal[1, -1] = 1,
     delay: float = 0.0,
 ) -> Structure:
-    """Return a structure whose sensors, named as logs have them, are known for what more their channels do."""
+    """Return a structure with further corrections of its sensors, named as in logs."""
     found = dict(structure.sensors)
     for sensor, heard in zip(structure.sensor, structure.heard, strict=True):
         if heard.channel in channels:
@@ -71,7 +71,7 @@ def corrected(
 
 
 def exchanged(structure: Structure, first: str, second: str) -> Structure:
-    """Return a structure two of whose sensors come in on each other's channels; what these do stays with them."""
+    """Return a structure with two sensors on each other's channels; corrections stay with the channels."""
     known = [structure.sensors.get(s.channel, Correction()) for s in structure.sensor]
     at = {h.channel: i for i, h in enumerate(structure.heard)}
     found = dict(structure.sensors)

@@ -23,7 +23,7 @@ class SensorDead(Chain):
     """Channels without a signal, jointly; there is no parameter."""
 
     hears: FloatArray  #: (n_alternatives, n_channels) 0 for the channels of each that are compared
-    without_signal: bool  #: whether they are those that identification left out without a signal
+    without_signal: bool  #: whether they were left out by identification for lack of a signal
     name: str = "sensor_dead"
     advice: str = "Tap next to the sensor. If its channel does not respond, check the cable, then replace the sensor."
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _STD = 2e-3  # s: filters of other settings, stations on a bus, clocks that are not disciplined
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
-_WORTH = 100.0  # of chi-square: what a fault must explain for several to begin at theirs together
+_WORTH = 100.0  # chi-square that a fault must explain, so that several faults start with theirs together
 _MOST_FAULTS = 8  # that are looked for so
 _PHASE_STEP = 0.5  # rad of the highest mode between them: a fit finds its way within one
 
@@ -71,8 +71,7 @@ def propose_sensor_delay(reference: Reference, comparison: Comparison) -> Sensor
 def begin_at(reference: Reference, comparison: Comparison) -> tuple[FloatArray, FloatArray]:
     """Return gains (n_channels,) of 1, -1 or 0, and delays [s], to begin at where many channels are judged at once.
 
-    One by one, what explains most of what is left: a channel that is turned or says nothing, a channel or a device
-    that is late.
+    One by one, the fault that explains most of the residual: a reversed or dead channel, a delayed channel or device.
     """
     n = len(comparison.channels)
     late = np.array([[float(c in group) for c in comparison.channels] for group in groups_of(reference, comparison)])

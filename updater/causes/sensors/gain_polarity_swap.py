@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _GAIN_STD = 0.3  # of a gain's logarithm
-_LATE_STD = 1e-4  # s, of one device beside another
+_LATE_STD = 1e-4  # s, of one device relative to another
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorGain(Chain):
-    """A channel whose gain has changed; the parameter is its logarithm."""
+    """A channel with a changed gain; the parameter is its logarithm."""
 
     name: str = "sensor_gain"
     advice: str = "Turn the sensor by 180 degrees about a horizontal axis: gravity calibrates it."
@@ -36,7 +36,7 @@ class SensorGain(Chain):
         return replace(none, chain=chain)
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return the gain over what it was."""
+        """Return the gain relative to the previous one."""
         gain = float(np.exp(fit.theta[fit.best, 0]))
         return {"gain": Quantity(value=gain, std=gain * float(fit.covariance[fit.best, 0, 0] ** 0.5), unit="-")}
 

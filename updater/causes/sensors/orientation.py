@@ -1,8 +1,9 @@
 """A sensor that points elsewhere than it should, or a device that is turned with all its sensors.
 
-A channel of direction d then reads R(theta) d: its own direction less, and the two across it by the sines, which the
-reference's modes know at its place. Turning a sensor about its own direction shows nothing. Where it pointed before is
-known to a degree or two, which the baseline has in its shapes: of what it reads across that is as much its own.
+A channel of direction d then reads R(theta) d: less of its own direction, and the two across it by the sines, which the
+reference's modes have at its position. A rotation about the sensor's own direction has no effect. Its previous
+direction is known to a degree or two; the baseline has this in its shapes, and the same share of the reading across it
+is its own.
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
 _TRIED = 0.3  # rad: angles from which a fit may start, of both signs
-_ASKEW = 0.02  # rad: what any sensor is
+_ASKEW = 0.02  # rad: usual misalignment of a sensor
 _ALONG = 1e-3  # of a direction's part across an axis, under which turning about it shows nothing
 _TURNS = ("about_x", "about_y", "about_z")
 
@@ -34,7 +35,8 @@ _TURNS = ("about_x", "about_y", "about_z")
 class SensorOrientation(Chain):
     """A channel turned about two axes across it, or a device about one.
 
-    Parameters are the angles, and how far from right angles what it read before was from what it reads across [rad].
+    Parameters are the angles, and the deviation of the previous direction from a right angle to the one it now reads
+    [rad].
     """
 
     axes: FloatArray  #: (n_alternatives, 2, 3) of each angle; zeros where there is no second
@@ -63,7 +65,7 @@ class SensorOrientation(Chain):
         return np.zeros(self.lower.shape)
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return what each channel reads of its own direction and of those across it."""
+        """Return the reading of each channel of its own direction and of those across it."""
         vector = np.einsum("pk,pkx->px", theta[:, :2], self.axes[rows])
         turn = Rotation.from_rotvec(vector).as_matrix()
         now = np.einsum("pxy,cy->pcx", turn, self.mounted[:, 0])

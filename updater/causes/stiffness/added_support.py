@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STD = 2.0  # of ln(1 + k f), while it is fitted
-_LEAST, _MOST = 0.003, 7.0  # of it: from what hardly shows to what stands still
+_LEAST, _MOST = 0.003, 7.0  # range relative to it: from hardly visible to fixed
 _LARGE = 3e6  # points times DOFs, of which only the kept modes' flexibility is known
 _DIRECTIONS = Kinds(
     size={0: 0, 1: 0, 2: 0}, step={0: 12, 1: 12, 2: 12}, about={0: (0,), 1: (0,), 2: (0,)}
@@ -73,7 +73,7 @@ class SupportSpring(Stretches):
         return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what a stiffness of any order makes of the evidence; half of that prior would pull."""
+        """Return the correction of the evidence for a stiffness of any order; half of that prior would bias it."""
         std = np.sqrt(covariance[:, 0, 0])
         found = log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
         return np.asarray(found + np.log(2))
@@ -133,7 +133,7 @@ def _first_order(cause: SupportSpring) -> tuple[FloatArray, FloatArray]:
 def _points(reference: Reference) -> tuple[Cells, FloatArray, FloatArray]:
     """Return the modes' mu (n_edges, 3, n_modes) and the static flexibility (n_edges, 3) at all cells' edges.
 
-    What the updated modes give in place of the model's own, and what the model gives beyond the modes kept.
+    Motion of the updated modes in place of the model's own, and static flexibility beyond the modes used.
     """
     model, modes = reference.model, reference.calibration.modes
     cells = cut(model.structure.member)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _STD = 0.3  # of the force over that of buckling, while it is fitted
 _LEAST, _MOST = 0.003, 3.0  # of its magnitude
-_COMPRESSED = -0.9  # of buckling: no structure stands beyond
+_COMPRESSED = -0.9  # relative to buckling: no structure is stable beyond
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,7 +51,7 @@ class AxialForce(Discrete):
         return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what a force of any order makes of the evidence."""
+        """Return the correction of the evidence for a force of any order."""
         std = np.sqrt(covariance[:, 0, 0])
         return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
 

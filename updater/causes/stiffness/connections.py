@@ -34,18 +34,18 @@ _GIVES = 1e-2  # and at least of c E I / L^3
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Springs(Discrete):
-    """Connections with springs; parameters are flexibilities added about, or along, x y z, over what is usual for them.
+    """Connections with springs; parameters are flexibilities added about, or along, x y z, in usual units.
 
-    Alternatives are each connection's axes that may have changed, singly and together: an axis that has not, or that
-    the data cannot show, must not count for or against a connection. Each is there twice, begun from no change and from
-    what the frequencies say to first order: where modes cross on the way, one of them may not arrive. What turned
-    freely begins no stiffer than the member is: only about there its stiffness moves a mode.
+    Alternatives are the possibly changed axes of each connection, singly and together: an unchanged axis, or one
+    without effect on the data, must not affect the evidence. Each is there twice, started from no change and from the
+    frequencies to first order: where modes cross on the way, one of them may not converge. A free axis starts with the
+    stiffness of the member, because only there its stiffness moves a mode.
     """
 
     name: str
     advice: str
     comparison: Comparison
-    structure: Structure  #: that has the connections
+    structure: Structure  #: structure with the connections
     connections: tuple[Support | Joint, ...]  #: (n,) of each alternative
     axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
     active: BoolArray  #: (n, 3) of which each alternative changes these
@@ -73,12 +73,12 @@ class Springs(Discrete):
         return Where(member=member, position=found.at, position_std=0.0, region=((found.at, found.at),))
 
     def deviations(self, fit: "Fit[Cause]") -> float:
-        """Return by how many standard deviations the spring that changed most differs from what it was."""
+        """Return the change of the most changed spring in standard deviations."""
         std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
         return float(np.max(np.abs(fit.theta[fit.best]) / std, where=self.active[fit.best], initial=0.0))
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return the stiffness about or along each axis in which it differs significantly from what it was."""
+        """Return the stiffness about or along each axis with a significant change."""
         found = {}
         for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
             own = float(fit.covariance[fit.best, a, a] ** 0.5)
@@ -123,7 +123,7 @@ class Springs(Discrete):
         return connection.model_copy(update={"stiffness": {**connection.stiffness, **new}})
 
     def _now(self, connection: Support | Joint, row: int, theta: FloatArray) -> list[tuple[int, Axis, float]]:
-        """Return an alternative's axes that change, with their number and what a connection's springs are then."""
+        """Return the changed axes of an alternative, with their number and the present springs of a connection."""
         old = _stiffness(connection)
         return [
             (a, axis, float(1 / (1 / old[axis] + theta[a] / self.unit[row, a])))
@@ -172,7 +172,7 @@ def _springs(
     structure = reference.structure
     sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
     if not sprung or structure.external is not None:
-        return None  # of matrices from elsewhere nobody knows E I / L
+        return None  # E I / L of external matrices is unknown
     stiffness, bending, unit = _stiffness_and_unit(structure, sprung)
     own, of_member = unit / stiffness, unit / bending
     both = np.zeros((*stiffness.shape, len(comparison.frequency) + comparison.n_stress))
@@ -209,8 +209,8 @@ def _stiffness_and_unit(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return (n, 3) stiffness about or along three axes, infinite where held, E I / L, and 1 / c of a parameter of one.
 
-    One that is loose gives so much more (`LOOSE`): where it turns by E I / L, where it slides by its own spring.
-    What turns freely may lock.
+    The flexibility of a loose connection is so much larger (`LOOSE`): by E I / L where it turns, by its own spring
+    where it slides. A free axis may lock.
     """
     stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
     bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])

@@ -1,8 +1,8 @@
 """A stretch of a member that has lost stiffness, or gained some: a crack, a loosened splice, a patch.
 
-One factor 1 - loss on what it bears bending and twist with adds modal flexibility
-dF = loss / (1 - loss) int A^T A dx / (omega_r^2 omega_s^2), A the modes' weighed internal actions: the unit-load
-method, with self-stress exact in all modes and nearly so in thirty. How much of that it loses in shear is left open.
+One factor 1 - loss on its stiffness in bending and twist adds modal flexibility dF = loss / (1 - loss) int A^T A dx /
+(omega_r^2 omega_s^2), A the modes' weighed internal actions: the unit-load method, with self-stress exact in all modes
+and nearly so in thirty. The share of the loss in shear is a parameter.
 """
 
 from dataclasses import dataclass, replace
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 _STD = 1.0  # of ln of the factor on stiffness, while it is fitted
 _LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two
-_STIFFEST = -1.0  # what a stretch may gain, as a logarithm
-SHEAR = 0.5  #: as much softer in shear and along the axis: a crack hardly is, a softer material all of it
-SOFTEST = 7.0  #: beyond which a hinge is a hinge
-#: from 1/75 of the longest member to half of it; near each other they act alike
+_STIFFEST = -1.0  # logarithm of the largest gain of stiffness
+SHEAR = 0.5  #: share of the loss in shear and along the axis: little for a crack, all for a softer material
+SOFTEST = 7.0  #: beyond it the stretch is a hinge
+#: from 1/75 of the longest member to half of it; similar lengths have similar effects
 LENGTHS = Kinds(
     size={8: 8, 30: 30, 90: 90},
     step={8: 10, 30: 14, 90: 28},
@@ -76,7 +76,7 @@ class LocalStiffness(Spread):
         return np.stack([np.ones(len(theta)), np.minimum(SHEAR + theta[:, 3], 1.0)], axis=1)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return what a loss of any order makes of the evidence."""
+        """Return the correction of the evidence for a loss of any order."""
         std = np.sqrt(covariance[:, 0, 0])
         return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
 
@@ -151,7 +151,7 @@ def _flexibility(reference: Reference) -> tuple[Cells, FloatArray]:
 
 
 def compliances(reference: Reference, actions: tuple[slice, ...]) -> tuple[Cells, FloatArray]:
-    """Return cells, and what stretches give by each of some actions, summed from each member's start.
+    """Return cells, and the compliance of stretches by each of some actions, summed from each member's start.
 
     The latter (n_compliances, n_edges, n_modes + n_stress, same).
     """

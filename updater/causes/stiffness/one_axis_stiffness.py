@@ -1,9 +1,9 @@
 """A stretch of a member that has lost stiffness about one axis more than about the other: a saw cut, a loose flange.
 
-As `local_stiffness`, but what it bears bending about either axis of the section with and what it bears twist with are
-let go apart: 1 - loss about one axis, and of the compliance that this adds a share, from none to all, about the other
-and in twist. Only what is short and is lost is looked at so: what is gained, or lost along half a member, about one
-axis and with shares of its own elsewhere acts like much that is in no catalogue.
+As `local_stiffness`, but with separate factors for bending about either axis of the section and for twist: 1 - loss
+about one axis, and a share, from none to all, of the added compliance about the other axis and in twist. Only short
+losses are considered: gains, or losses along half a member with such shares, are similar to changes outside the
+catalogue.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _SHARE = 0.3  # of the compliance about the axis, about the other and in twist: a cut of a third of the depth adds it
 _ABOUT_Z = 1000  # beyond the kinds about y, those about z
-_BEGUN = 0.05  # the least that a fit begins with: at its bound it would not know the way
+_BEGUN = 0.05  # smallest start of a fit: at its bound the gradient is zero
 _SHORT = (8, 30)  # kinds of lengths
 _ALTERNATIVES = tuple((kind, kind + axis) for axis in (0, _ABOUT_Z) for kind in _SHORT)
 _KINDS = Kinds(
@@ -39,14 +39,14 @@ _KINDS = Kinds(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OneSidedStiffness(LocalStiffness):
-    """Stretches of all members about y or z; the last two parameters are what the other axis has, and twist, of that.
+    """Stretches of all members about y or z; the last two parameters are the shares of the other axis and of twist.
 
     Compliances are about y and z, in twist and in shear.
     """
 
     @property
     def prior_std(self) -> FloatArray:
-        """Of what any stretch has, and of the shares less those of a cut."""
+        """Standard deviation of the parameters of any stretch, and of the shares minus those of a cut."""
         return np.append(super().prior_std, [_SHARE, _SHARE])
 
     @property
@@ -62,7 +62,7 @@ class OneSidedStiffness(LocalStiffness):
         return np.tile([0.0, -np.inf, -np.inf, -SHEAR, -_SHARE, -_SHARE], (len(self.member), 1))
 
     def shares(self, theta: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return what is added about y and z, in twist and in shear (len(rows), 4), over that about the axis."""
+        """Return the compliance added about y and z, in twist and in shear (len(rows), 4), relative to the axis."""
         about_z = self.kind[rows] >= _ABOUT_Z
         other, twist = np.minimum(_SHARE + theta[:, 4:6], 1.0).T
         shear = np.minimum(SHEAR + theta[:, 3], 1.0)

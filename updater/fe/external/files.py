@@ -1,6 +1,6 @@
 """Stiffness and mass that another program made, read from Matrix Market or npz files and checked.
 
-What the rows mean stands in a DOF table: node, its place and the axis (x y z rx ry rz) of every row.
+A DOF table gives the meaning of the rows: node, its position and the axis (x y z rx ry rz) of every row.
 """
 
 import csv
@@ -26,15 +26,15 @@ _DAMAGED = (
     *(OSError, ValueError, KeyError, TypeError, IndexError, EOFError, ArithmeticError, MemoryError),
     *(BadZipFile, zlib.error, NotImplementedError, DataError),
 )
-_SYMMETRIC = 1e-8  # of the largest entry: what digits cut off in a text file may leave
-_ROUNDING = 1e-8  # of a DOF's own mass: what digits cut off leave of an eigenvalue that is zero
+_SYMMETRIC = 1e-8  # relative to the largest entry: error of truncated digits in a text file
+_ROUNDING = 1e-8  # relative to a DOF's own mass: error of an eigenvalue of zero by truncated digits
 _DENSE = 300  # DOFs up to which all eigenvalues are solved for
 _COLUMNS = ("node", "x", "y", "z", "axis")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Matrices:
-    """Symmetric matrices and what their rows are."""
+    """Symmetric matrices and the meaning of their rows."""
 
     stiffness: sparse.csc_array  #: (n_dofs, n_dofs) [N/m, N, N m]
     mass: sparse.csc_array  #: (n_dofs, n_dofs) [kg, kg m, kg m2]
@@ -45,7 +45,7 @@ class Matrices:
 def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
     """Read Matrix Market files and a DOF table (CSV with the columns node, x, y, z, axis, a line a row).
 
-    One npz file may stand for all three: `save_matrices` says what is in it.
+    One npz file may contain all three, as written by `save_matrices`.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _changed(path: Path) -> int:
 
 @lru_cache(maxsize=4)
 def _read(stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int]) -> Matrices:
-    """Read what the files hold, once for every time they were changed."""
+    """Read the files, once for every change of them."""
     k, m = _matrix(stiffness[0], "stiffness"), _matrix(mass[0], "mass")
     nodes, dofs = _table(table[0])
     n = int(dofs.max(initial=-1)) + 1
@@ -151,7 +151,7 @@ def _check_indices(data: FloatArray, indices: IndexArray, indptr: IndexArray) ->
 
 
 def _check_stated(path: Path) -> None:
-    """Refuse a Matrix Market file whose lines are not as its head states: scipy's reader crashes on some of them."""
+    """Refuse a Matrix Market file whose lines do not match its header: scipy's reader crashes on some of them."""
     rows, columns, entries, form, field, _ = mminfo(path)
     size = path.stat().st_size
     if max(rows, columns) > _MAX_ROWS or entries > size:

@@ -97,7 +97,7 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
 
 
 def _elements(pairs: IndexArray, nodes: FloatArray, turning: BoolArray) -> tuple[tuple[int, int, Line], ...]:
-    """Return what lies between pairs (n, 2) of nodes; what is alike and points the same way is one thing."""
+    """Return the elements between pairs (n, 2) of nodes; equal ones with the same direction are one element."""
     along = nodes[pairs[:, 1]] - nodes[pairs[:, 0]]
     turns = turning[pairs].any(1)
     kinds, which = np.unique(np.column_stack([np.round(along, 9), turns]), axis=0, return_inverse=True)
@@ -137,7 +137,7 @@ def _node(support: Support, tree: KDTree) -> int:
 
 
 def _held(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray) -> IntArray:
-    """Return the rows (n,) of what the file holds."""
+    """Return the rows (n,) of the file."""
     rows = [dofs[_node(s, tree), AXES.index(axis)] for s in supports for axis in s.fixed]
     return np.array([row for row in rows if row >= 0], np.int32)
 
