@@ -7,7 +7,7 @@ MonitorError
     ResultsError    a log, folder or file of which nothing can be shown; names it
     StartError      it could not start: a device, a port, a folder
     RecordLengthError   logs too short for the windows that an analysis needs (a ValueError as well)
-StateError          modes of one state of the structure that cannot be compared; a ValueError, as what it comes from
+StateError          modes of one state of the structure that cannot be compared; a ValueError, like its cause
 """
 
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Literal
 
 from daq import one_line
 
-State = Literal["reference", "current", "heldout"]  #: of the structure: as it was, as it is, as it is but not used
+State = Literal["reference", "current", "heldout"]  #: state of the structure: before, now, now but held out
 
 
 class MonitorError(Exception):

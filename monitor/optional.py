@@ -12,8 +12,8 @@ T = TypeVar("T")
 class OptionalWork:
     """Optional work: diagnosis, self-tests, sensor health. A failure is reported, and monitoring continues.
 
-    The process of the analysis would end with it before the window's result is told, and again with the next window,
-    as long as whatever it is stands: nobody would ever hear of the alarm.
+    Without this, an exception would end the analysis process before the window's result is reported, and again with the
+    next window: the alarm would never be reported.
     """
 
     def __init__(self) -> None:
@@ -27,7 +27,7 @@ class OptionalWork:
             self._failed.append(text)
 
     def found(self, what: str, find: Callable[[], T]) -> T | None:
-        """Return what is found, None where that fails."""
+        """Return the result, None if it fails."""
         try:
             return find()
         except Exception as error:  # noqa: BLE001 - whatever it is, the alarm comes first
@@ -35,7 +35,7 @@ class OptionalWork:
             return None
 
     def failed(self) -> list[str]:
-        """Return what has failed since the last time, in words."""
+        """Return the failures since the last time, as a text."""
         failed, self._failed = self._failed, []
         return failed
 
@@ -44,7 +44,7 @@ _log = logging.getLogger(__name__)
 
 
 def run_optional(what: str, make: Callable[[], T]) -> T | None:
-    """Return what a function makes; log a fault in it, in one line, and return None.
+    """Return the result of a function; log a fault in it, in one line, and return None.
 
     Parameters
     ----------

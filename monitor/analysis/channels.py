@@ -22,7 +22,7 @@ class ChannelCheck:
 
     path: Path  #: settings or log
     n_channels: int
-    highest: float  #: up to where modes are identified [Hz]
+    highest: float  #: highest frequency of identified modes [Hz]
     without_sensor: tuple[str, ...]  #: channels that are no sensor of the structure
     without_channel: tuple[str, ...]  #: sensors that nothing measures
 
@@ -38,7 +38,7 @@ def check_channels(structure: Structure, path: Path) -> ChannelCheck:
     Raises
     ------
     SettingsError, LogError
-        If the file cannot be read or does not tell its channels.
+        If the file cannot be read or has no channels.
     """
     channels, highest = _of_settings(load_settings(path)) if path.suffix == ".toml" else _of_log(path)
     names = tuple(channel.name for channel in channels)

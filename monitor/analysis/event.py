@@ -1,6 +1,6 @@
 """Event: the modes and circumstances of some windows, as a diagnosis compares them with a reference.
 
-The live alarm and `diagnose` both come this way.
+The live alarm and `diagnose` both use this function.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ def event_of(
 
     Parameters
     ----------
-    reference : of the structure as it was, or as its file says
+    reference : of the structure before the change, or as in its file
     windows : modes of each window, the delays of their devices removed
     tracks : for each window (n_modes,) indices into its modes, or -1
     now, before : conditions in these windows, and in the baseline's if there are any

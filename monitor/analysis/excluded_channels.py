@@ -8,11 +8,11 @@ _COPIES = "contain identical samples (error of cabling or export?)"
 
 
 def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict[str, str]]:
-    """Return groups of channels that contain identical samples, and the other channels with what is wrong with them.
+    """Return groups of channels with identical samples, and the other channels with their faults.
 
     Parameters
     ----------
-    given_up : channel -> what is wrong with it
+    given_up : channel -> fault
     """
     other_of = {name: _copied(fault, given_up) for name, fault in given_up.items()}
     groups: list[set[str]] = []
@@ -31,7 +31,7 @@ def _copied(fault: str, names: Mapping[str, str]) -> str | None:
 
 
 def by_reason(given_up: Mapping[str, str]) -> list[tuple[tuple[str, ...], str]]:
-    """Return groups of channels, and what is wrong with each: alike samples, or the same fault."""
+    """Return groups of channels, and the fault of each: identical samples, or the same fault."""
     same, rest = told_apart(given_up)
     alike: dict[str, tuple[str, ...]] = {}
     for name, fault in rest.items():

@@ -30,13 +30,14 @@ _FILE_MAY_BE_OFF = "model_parameters"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Explanation:
-    """A diagnosis with what it rests on."""
+    """A diagnosis with its basis."""
 
     explained: DiagnosisResult
-    sought: Reference  #: that the causes were sought with: of a file that is far off, a nearer model's
+    #: reference with which the causes were sought; for a file that is far off, that of the recalibrated model
+    sought: Reference
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
-    event: ModalMean  #: (n_tracks,) those that this reference knows, as they were compared
-    circumstances: Circumstances  #: of the logs
+    event: ModalMean  #: (n_tracks,) modes known to this reference, as compared
+    circumstances: Circumstances  #: circumstances of the logs
 
     @property
     def reference(self) -> Reference:
@@ -66,11 +67,11 @@ def explain(
     only: Collection[str] = (),
     without: Collection[str] = (),
 ) -> Explanation:
-    """Explain what has changed since reference logs; without them, what the structure file gets wrong about logs.
+    """Explain the change since reference logs; without them, the errors of the structure file.
 
     Parameters
     ----------
-    structure : as its file says
+    structure : as in its file
     before, now : the reference logs, if there are any, and those to explain; of the reference logs, the windows of
         the state that most of them show are used
     heldout : logs that the fit must not see, to measure the gain on
@@ -81,7 +82,7 @@ def explain(
     Raises
     ------
     StateError
-        If fewer than three modes can be compared, or modes cannot be right; says of which state.
+        If fewer than three modes can be compared, or modes are invalid; names the state.
     """
     steps: tuple[ReferenceStep, ...] = ()
     with _blamed_on("reference" if before else "current"):
@@ -139,7 +140,7 @@ def _blamed_on(state: State) -> Iterator[None]:
 def explain_change(
     structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
 ) -> DiagnosisResult:
-    """Explain what has changed since the reference logs; errors as for `explain`."""
+    """Explain the change since the reference logs; errors as for `explain`."""
     return explain(structure, before, after, heldout).explained
 
 

@@ -37,7 +37,7 @@ class KnownBody(_Entry):
     name: Annotated[str, Field(min_length=1)]
     mass: _Positive  #: [kg]
     mass_std: _Positive | None = None  #: [kg]; None: a tenth of the mass
-    change: Literal["removed", "added"] = "removed"  #: what may have happened to it
+    change: Literal["removed", "added"] = "removed"  #: possible change
 
 
 class KnownRecord(_Entry):
@@ -47,7 +47,7 @@ class KnownRecord(_Entry):
     """
 
     name: str | None = None
-    at: tuple[tuple[_Coordinate, _Coordinate, _Coordinate], ...]  #: of each body, on a member's axis [m]
+    at: tuple[tuple[_Coordinate, _Coordinate, _Coordinate], ...]  #: position of each body, on a member's axis [m]
     before: tuple[_Positive, ...] | str  #: [Hz], or a file
     after: tuple[_Positive, ...] | str  #: [Hz], or a file
     before_std: tuple[_Positive, ...] | None = None  #: [Hz]; None: 0.1 %
@@ -105,7 +105,7 @@ class KnownBodies(_Entry):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodiesResult:
-    """Bodies that changed, with what was read."""
+    """Bodies that changed, with the input."""
 
     content: KnownBodies
     selection: BodySelection
@@ -126,7 +126,7 @@ def read_known_bodies(path: Path) -> KnownBodies:
     Raises
     ------
     BodiesError
-        Naming the file, the field, what was expected and what was found.
+        Naming the file, the field, the expected and the found value.
     """
     try:
         return KnownBodies.model_validate(parse_toml(path.read_text(encoding="utf-8")))
@@ -171,7 +171,7 @@ def select_known_bodies(path: Path) -> BodiesResult:
     Raises
     ------
     BodiesError
-        Naming the file, the record and what is wrong.
+        Naming the file, the record and the fault.
     StructureError, LogError
         If a file that it names cannot be used.
     """

@@ -19,9 +19,9 @@ from daq import (
 )
 from monitor.settings import parse_attached
 
-EDGE_SAMPLES = 40  #: at the ends of a record, which the alignment of devices in time leaves out
+EDGE_SAMPLES = 40  #: samples at the ends of a record, which the alignment of devices in time leaves out
 _PAUSE = 5.0  # s of silence between two records
-_PAUSING = 0.1  # of what is held: a logger that is silent for longer in all records now and then
+_PAUSING = 0.1  # share of silence in a log above which its logger is assumed to pause
 
 
 def log_channels(log: AnyLog) -> tuple[Channel, ...]:
@@ -66,8 +66,8 @@ def log_rate(log: AnyLog) -> float:
 class Held:
     """Amount of data of a device in a log."""
 
-    seconds: float  #: in all
-    record: float  #: in the usual one of its records, between pauses; all of it where it does not pause
+    seconds: float  #: total length
+    record: float  #: usual length of one record, between pauses; the total length if there are none
 
 
 def log_held(log: AnyLog) -> Held:

@@ -20,7 +20,7 @@ from updater import (
 )
 from updater.modal_data import NOTHING_REMOVED, SynchronizedWindows, choose_tracks, remove_device_delays, without_known
 
-_PERIODS = 250  # of the structure's first mode in a window: what identification needs
+_PERIODS = 250  # periods of the structure's first mode in a window, required for identification
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
 _MOST_WINDOWS = 24
 _LEAST_WINDOWS = 3  # from which their own scatter is learnt
@@ -33,12 +33,12 @@ class Observation:
 
     windows: Windows
     estimates: tuple[ModalEstimate, ...]
-    tracks: tuple[IndexArray, ...]  #: for each window (n_tracks,) indices into its modes, or -1
+    tracks: tuple[IndexArray, ...]  #: per window (n_tracks,) indices into its modes, or -1
     temperature: FloatArray  #: (n_windows,) mean over the devices [degC], NaN where none has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]
-    lateness: SynchronizedWindows = NOTHING_REMOVED  #: what the devices were late by, which the estimates are without
+    lateness: SynchronizedWindows = NOTHING_REMOVED  #: delays of the devices, removed from the estimates
     shaped: bool = True  #: whether shapes were measured; else only frequencies count
-    stated: bool = False  #: whether deviations are taken at their word: too few windows to learn their scatter from
+    stated: bool = False  #: whether deviations are used as stated: too few windows to learn their scatter
     sample: Recording | None = None  #: signals of the last window, the devices' delays removed; None: not kept
 
     @property
@@ -69,7 +69,7 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
 
     Parameters
     ----------
-    structure : its first mode says how much identification needs
+    structure : its first mode determines the required length
     shortest : duration of the shortest log [s]
     n_logs : how many there are
     record : length of a record of a logger that pauses, in which a window lies if it can [s]
@@ -141,7 +141,7 @@ def follow(
 
     Parameters
     ----------
-    windows : what identification made of them
+    windows : identified
     devices : of each channel
     seen : start [ns UTC], temperature [degC] and rms [m/s2] of every window, those that gave no modes included
     sample : signals of the last window, to be kept

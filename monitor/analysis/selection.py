@@ -21,7 +21,8 @@ class Selection:
     without: tuple[str, ...] = ()  #: causes that are left out
     without_channels: tuple[str, ...] = ()  #: channels that are left out
     without_modes: tuple[float, ...] = ()  #: frequencies of modes that are left out [Hz]
-    fixed: tuple[str, ...] = ()  #: names of model parameters that keep the file's value, beside the file's own list
+    #: names of model parameters that keep the file's value, in addition to the file's own list
+    fixed: tuple[str, ...] = ()
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)  #: least and greatest value by name
 
     def of_structure(self, structure: Structure) -> Structure:

@@ -30,7 +30,7 @@ from updater.modal_data import fuse, windows_of_one_state
 _MAX_COLUMNS = 120  # blocks of time in a series; neighbours are averaged down to that
 _EDGE = 2  # least blocks on each side of a change
 _PERMUTATIONS = 4000
-_CLEAR = 40  # permutations as uneven as what was found, after which its p-value is known to a sixth
+_CLEAR = 40  # permutations as uneven as the found split, after which its p-value is known to a sixth
 _N_PARTS = 6  # that a single window is cut into where a change is suspected
 _SUSPICION = 0.05  # rate at which a stationary record is looked at twice
 _FALSE_CHANGE = 1e-3  # rate at which a difference between both sides counts by chance
@@ -117,7 +117,7 @@ class _Step:
 
     time: int  #: [ns UTC]
     time_std: float  #: [s]
-    probability: float  #: of so uneven a split by chance [-]
+    probability: float  #: probability of so uneven a split by chance [-]
 
 
 def _step(windows: Windows) -> _Step | None:

@@ -1,7 +1,7 @@
 """The temperature that windows are judged by where a site has a thermometer of its own: a function of the log.
 
-One thermometer is followed through, not now this and now another one: the step between two would pass for a change of
-the structure. Where it fails, the devices' own thermometers go on for it, less what they differed by before.
+Only one thermometer is used at a time: the step between two would look like a change of the structure. If it fails, the
+devices' own thermometers replace it, corrected for their earlier difference.
 """
 
 import math
@@ -24,14 +24,14 @@ class SiteTemperature:
 
     Parameters
     ----------
-    stale_minutes : age beyond which a reading says nothing of a window
+    stale_minutes : age beyond which a reading is not used for a window
     offset : of the thermometer against the devices' mean, of the run before [K]; NaN if not known
     """
 
     def __init__(self, stale_minutes: float, offset: float = math.nan) -> None:
         self._stale = round(stale_minutes * 60e9)
         self._readings: list[tuple[int, float]] = []  # time [ns UTC] and temperature [degC]
-        self.offset = offset  #: of it against the devices' mean, averaged over the last windows [K]
+        self.offset = offset  #: its difference from the devices' mean, averaged over the last windows [K]
 
     def take(self, event: Event) -> None:
         """Process an item of the log."""

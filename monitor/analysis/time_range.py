@@ -47,7 +47,7 @@ class TimeRange:
 
     @property
     def whole(self) -> bool:
-        """Tell whether no limit is given."""
+        """Return whether no limit is given."""
         return self.start is None and self.stop is None
 
     def of_log(self, log: Path | PartedLog, say: Callable[[str], object] = lambda _: None) -> AnyLog:
@@ -60,12 +60,12 @@ class TimeRange:
         """Return the parts of logs within the range, without logs that are outside it.
 
         Several logs are one record here: offsets count from the first scan of the earliest one, or from the end of the
-        latest one. What lies beyond the record is cut off.
+        latest one. A range is limited to the record.
 
         Parameters
         ----------
         logs : of one structure
-        say : called with the range in words, if there is one
+        say : called with the range as a text, if there is one
 
         Raises
         ------

@@ -13,7 +13,7 @@ _LEAST_SPREAD = 0.1  # of amplitudes, standard deviation over mean
 
 
 def trends_beside(observation: Observation) -> tuple[FrequencyTrend, ...]:
-    """Return a straight line a mode over temperature and over amplitude; none over what hardly varied.
+    """Return one straight line per mode over temperature and over amplitude; none over hardly varying ones.
 
     A line's deviation is that of the windows' stated ones, or of their scatter about it where that is larger.
     """

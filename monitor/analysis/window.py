@@ -1,4 +1,4 @@
-"""Identified window, reduced to what is saved over a restart."""
+"""Identified window, reduced to the part that is saved for a restart."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,19 +12,19 @@ from updater.modal_data import DeviceDelays, without_known
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Window:
-    """One window's modes and what goes with them; its signals stand in the log only."""
+    """One window's modes and circumstances; its signals are in the log only."""
 
     index: int  #: counted from 0, over restarts
     start: int  #: [ns UTC]
     end: int  #: [ns UTC]
     temperature: float  #: mean over the devices [degC], NaN if none has a sensor
-    rms: float  #: of the acceleration, over all channels [m/s2]
+    rms: float  #: rms of the acceleration, over all channels [m/s2]
     harmonics: FloatArray  #: (n_harmonics,) tones [Hz]
     left_out: Mapping[str, ChannelFault]  #: channels that are not in the estimate
-    estimate: ModalEstimate  #: as identified, known delays of channels removed
+    estimate: ModalEstimate  #: modes as identified, with known delays of channels removed
     delays: Mapping[str, float]  #: device -> taken out of `estimate` [s]
-    synchronized: ModalEstimate  #: the same without what is known of the devices' delays
-    removed: Mapping[str, float]  #: device -> what that was in all [s]
+    synchronized: ModalEstimate  #: the same with known delays of the devices removed
+    removed: Mapping[str, float]  #: device -> total delay removed [s]
 
 
 def window_of(
@@ -35,12 +35,12 @@ def window_of(
     late: Mapping[str, float],
     known: DeviceDelays,
 ) -> Window:
-    """Return what is kept of a window.
+    """Return the part of a window that is kept.
 
     Parameters
     ----------
     index : its number
-    recording, found : its signals, and what was identified in them
+    recording, found : its signals, and their identification
     devices : of each channel
     late : channel -> known delay, of the structure file [s]
     known : delays of the devices that the baseline has shown

@@ -72,14 +72,14 @@ def rig(
 def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-        os.environ.setdefault(name, "1")  # small matrices beside a stream: more threads only take its time
+        os.environ.setdefault(name, "1")  # small matrices in parallel to a stream: more threads only take its time
     sys.exit(_run())
 
 
 def _run() -> int:
     try:
         app(prog_name="modalwatch")
-    except SystemExit as end:  # typer has said what was wrong with the arguments
+    except SystemExit as end:  # typer has printed the error of the arguments
         return int(end.code or DONE)
     except KeyboardInterrupt:
         return INTERRUPTED

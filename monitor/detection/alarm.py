@@ -31,7 +31,7 @@ class AlarmRules:
     hold_windows: int = 2  #: windows in a row over the limit that raise it
     clear_windows: int = 2  #: calm windows in a row that clear it
     clear_below: float = 1.0  #: a window is calm under this share of the limit; between the two it decides nothing [-]
-    latched: bool = False  #: whether an alarm stands until it is acknowledged, calm or not
+    latched: bool = False  #: whether an alarm stays active until it is acknowledged, even if the windows are calm
     cooldown: int = 0  #: an alarm raised again within this time continues the previous alarm [ns]
     flapping_changes: int = 6  #: alarms raised and cleared within `flapping_span` from which on it flaps
     flapping_span: int = 0  #: [ns]
@@ -49,17 +49,17 @@ class AlarmRules:
 class Change:
     """Change of the alarm by a window or a person."""
 
-    kind: Kind  #: "state": what `state` says; others leave or repeat it
-    state: State  #: from now on
-    lasted: int | None = None  #: of an alarm that ends: from when it was raised [ns]
-    quiet: bool = False  #: nobody need be woken: it flaps, or goes on
+    kind: Kind  #: "state": as in `state`; others do not change it
+    state: State  #: new state
+    lasted: int | None = None  #: duration of an alarm that ends [ns]
+    quiet: bool = False  #: no notice is needed: it flaps, or continues
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
     """Condition after some windows.
 
-    `acknowledged`: raised, and a person knows. `latched`: over, but a person must say so. Both are the state "alarm".
+    `acknowledged`: raised, and a person knows it. `latched`: over, but not acknowledged. Both are the state "alarm".
     """
 
     rules: AlarmRules
@@ -76,12 +76,12 @@ class Alarm:
         return self.condition if self.condition in ("normal", "watch") else "alarm"
 
     def evaluate(self, time: int, level: float) -> tuple["Alarm", tuple[Change, ...]]:
-        """Return the condition after one more window, and what it changed.
+        """Return the condition after one more window, and its changes.
 
         Parameters
         ----------
-        time : end of the window [ns UTC]; where it is before that of the last one, the clock has been set back:
-            what lies ahead of it is forgotten, lest an alarm be quiet for as long
+        time : end of the window [ns UTC]; if it is before that of the last one, the clock was set back: later times are
+            discarded, otherwise an alarm would be quiet for as long
         level : its novelty over the limit [-]; not-a-number decides nothing, but breaks every run
         """
         over, calm = level > 1, level < self.rules.clear_below
@@ -103,7 +103,7 @@ class Alarm:
         return self, ()
 
     def accept(self, time: int) -> tuple["Alarm", Change]:
-        """Return the condition once what raised the alarm is the new normal; the next alarm is a new one."""
+        """Return the condition once the changed state is the new reference; the next alarm is a new one."""
         lasted = self._lasted(time)
         after = replace(self, condition="normal", run=0, raised=None, cleared=None)
         return after, Change(kind="accepted", state="normal", lasted=lasted)

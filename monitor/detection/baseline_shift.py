@@ -20,9 +20,9 @@ class Shift:
 
 
 def shift_of(watched: LawState, judged: Sequence[ScoredWindows]) -> Shift:
-    """Return how far windows of the changed structure lie from what the law predicts.
+    """Return the distance of windows of the changed structure from the prediction of the law.
 
-    Their own errors are averaged down; what moves slowly was there in all of them alike, and is not.
+    Their own errors are averaged; slow movements are common to all of them and are not reduced.
 
     Parameters
     ----------
@@ -43,14 +43,14 @@ def shift_of(watched: LawState, judged: Sequence[ScoredWindows]) -> Shift:
 def shifted(watched: LawState, shift: Shift, *, back: bool = False) -> LawState:
     """Return a state whose law predicts the changed frequencies, with temperature and scatter kept.
 
-    The shift is known as well as its deviations say; that much less is known of the law's constant. A mode that is not
-    seen is expected where it was. Averages begin anew.
+    The uncertainty of the shift is that of its deviations; it is added to that of the law's constant. A mode without a
+    shift is expected at its previous frequency. Averages start again.
 
     Parameters
     ----------
     watched : law and averages of before
     shift : from `shift_of`
-    back : take it back; what the law has learnt since stays
+    back : undo it; later learning of the law is kept
     """
     sign = -1.0 if back else 1.0
     law = replace(watched.law, centre=watched.law.centre + sign * np.nan_to_num(shift.log_frequency))

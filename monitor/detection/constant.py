@@ -11,7 +11,7 @@ _YEAR = 365.25 * 86400.0  # s, in which the constant wanders by `FEARED_STD`
 
 
 def less_sure(law: Law, variance: FloatArray) -> Law:
-    """Return a law of the same coefficients, whose constant has that much more variance (..., n_tracks), whitened."""
+    """Return a law with the same coefficients and additional variance of its constant (..., n_tracks), whitened."""
     common = law.common
     along = (common**2 * variance).sum(-1)
     unknown = law.unknown.copy()

@@ -1,7 +1,7 @@
 """Linear regression with errors that are partly independent and partly an Ornstein-Uhlenbeck process.
 
-The share of the correlated part and its time constant are not known: both are integrated over a grid, weighted by
-marginal likelihood. Standard deviations thus contain what a short record leaves open of the autocorrelation.
+The share of the correlated part and its time constant are unknown: both are integrated over a grid, weighted by
+marginal likelihood. Standard deviations thus include the uncertainty of the autocorrelation in a short record.
 
 References
 ----------
@@ -18,7 +18,7 @@ from scipy.linalg import cholesky, solve_triangular
 
 from daq import FloatArray
 
-SHARES = (0.3, 0.7, 0.95)  #: of the correlated part in the error variance, beside none
+SHARES = (0.3, 0.7, 0.95)  #: shares of the correlated part in the error variance, in addition to none
 _ITERATIONS = 4  # of the error variance, which weighs the coefficients' prior
 
 

@@ -23,7 +23,7 @@ from monitor.detection.temperature_terms import Climate, first_climate, follow, 
 from monitor.detection.trend import WeeklyMeans, add_windows, no_weeks
 from monitor.detection.window_variance import Scatter, ScatterState, first_scatter, follow_scatter, regressors
 
-WEIGHTS = (0.2, 0.02)  #: of the newest window, in the quick and the slow average
+WEIGHTS = (0.2, 0.02)  #: weight of the newest window, in the quick and the slow average
 DetectorName = Literal["jump", "quick drift", "slow drift"]
 DETECTORS: tuple[DetectorName, ...] = ("jump", "quick drift", "slow drift")
 GUARD = 72  #: windows that must stay calm before older ones are learnt from
@@ -33,18 +33,19 @@ _FREEDOMS = 1.25  # ratio of the degrees of freedom that limits are computed for
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LawState:
-    """A law and what watching by it has come to; leading dimensions are sites."""
+    """A law and the state of monitoring with it; leading dimensions are sites."""
 
     law: Law
     watching: DetectionSettings
     climate: Climate  #: temperatures so far
     average: FloatArray  #: (2, ..., n_tracks) of the whitened deviations
-    average_lasting: FloatArray  #: (2, ..., n_tracks, n_tracks) covariance of what lasts, as averaged in `average`
+    #: (2, ..., n_tracks, n_tracks) covariance of lasting movements, as averaged in `average`
+    average_lasting: FloatArray
     scatter: ScatterState  #: variance common to all modes
     average_variance: FloatArray  #: (2, ...) the same as averaged in `average`
-    runs: SingleModeRuns  #: of windows in which one mode alone is inconsistent
-    weekly: WeeklyMeans  #: of the windows learnt from since the baseline
-    age: float = 0.0  #: since the baseline [s]
+    runs: SingleModeRuns  #: runs of windows in which one mode alone is inconsistent
+    weekly: WeeklyMeans  #: weekly means of the windows learned from since the baseline
+    age: float = 0.0  #: time since the baseline [s]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,21 +56,22 @@ class ScoredWindows:
     limit: FloatArray  #: (3, ..., n_windows)
     terms: FloatArray  #: (..., n_windows, 5, q)
     whitened: FloatArray  #: (..., n_windows, n_tracks)
-    variance: FloatArray  #: (..., n_windows) of what is new in a window, over the stated one of the law
+    #: (..., n_windows) variance of the new errors of a window, relative to the stated one of the law
+    variance: FloatArray
     age: FloatArray  #: (n_windows,) since the baseline [s]
-    carried: npt.NDArray[np.bool_]  #: (..., n_windows) whether temperatures are unsure for want of readings
+    carried: npt.NDArray[np.bool_]  #: (..., n_windows) whether temperatures are uncertain for lack of readings
     waiting: npt.NDArray[
         np.intp
     ]  #: (..., n_windows) mode that alone would be over a limit, not for long enough; else -1
 
     @property
     def over(self) -> npt.NDArray[np.bool_]:
-        """Tell for each window (..., n_windows) whether any detector is over its limit."""
+        """Return for each window (..., n_windows) whether any detector is above its limit."""
         return np.asarray((self.value > self.limit).any(0))
 
     @property
     def teaching(self) -> FloatArray:
-        """Return what the law may learn from (..., n_windows, n_tracks): no window of unsure temperature."""
+        """Return the data for learning (..., n_windows, n_tracks): no window with an uncertain temperature."""
         return np.where(self.carried[..., None], np.nan, self.whitened)
 
 
@@ -125,10 +127,10 @@ def judge(
     std: FloatArray | None = None,
     rms: FloatArray | None = None,
 ) -> tuple[ScoredWindows, LawState]:
-    """Judge windows by the law; a window over the jump's limit, or whose temperature is unsure, enters no average.
+    """Judge windows by the law; windows above the jump's limit, or with an uncertain temperature, enter no average.
 
-    Parameters are those of `start`; without `std`, windows state what the law's baseline did. The law is not changed:
-    `accept` does that.
+    Parameters are those of `start`; without `std`, windows have the stated deviations of the law's baseline. The law is
+    not changed: `accept` does that.
     """
     law, p = watched.law, log_frequency.shape[-1]
     temperatures, climate = follow(watched.climate, temperature, seconds)
@@ -207,9 +209,9 @@ def _entering(
     single: npt.NDArray[np.bool_],
     mode: npt.NDArray[np.intp],
 ) -> FloatArray:
-    """Return what enters the averages: no window that is a jump, or all but its mode if that alone is inconsistent.
+    """Return the data for the averages: no window that is a jump, or all but its mode if that alone is inconsistent.
 
-    Below the limit, too, what one mode deviates by given the others is clipped: a wrong pole is no drift.
+    Below the limit, too, the deviation of one mode given the others is clipped: a wrong pole is not a drift.
     """
     most = np.arange(deviation.shape[-1]) == mode[..., None]
     left_out = over[..., None] & (most | ~single[..., None])
@@ -272,7 +274,7 @@ def _averaged_variance(level: FloatArray, variance: FloatArray, taken: FloatArra
 
 
 def _averaged_lasting(average: FloatArray, lasting: FloatArray, taken: FloatArray, weight: float) -> FloatArray:
-    """Return an upper bound (..., n_windows, n_tracks, n_tracks) of an average's covariance due to what lasts.
+    """Return an upper bound (..., n_windows, n_tracks, n_tracks) of an average's covariance by lasting movements.
 
     The square of a weighted mean is at most the weighted mean of squares, however correlated the windows are.
     """
@@ -294,7 +296,7 @@ def _lag(watching: DetectionSettings) -> int:
 def _limits(law: Law, scatter: Scatter, watching: DetectionSettings) -> tuple[FloatArray, FloatArray]:
     """Return limits of jumps (..., n_windows, (p + 1) p), by lasting directions and modes seen, and of drifts (..., 2).
 
-    What is open of a window's own variance is so much less of an average's as one window is of that.
+    The uncertainty of a window's own variance counts in an average by the weight of one window.
     """
     known, unsure = 1 / law.freedom[..., None], scatter.log_variance / 2
     shares = np.array([1.0, *(weight * (2 - weight) for weight in WEIGHTS)])

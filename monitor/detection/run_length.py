@@ -78,7 +78,7 @@ def drift_limit(n: int, freedom: float, weight: float, watching: DetectionSettin
 def _limit(rate: FloatArray, n: int, freedom: float, wanted: float) -> float:
     """Return the distance over n at which the rate, averaged over the variance's posterior, is the wanted one.
 
-    `rate` is that of a known variance at `_DISTANCES`; beyond, its logarithm goes on straight.
+    `rate` is that of a known variance at `_DISTANCES`; beyond, its logarithm is extrapolated linearly.
     """
     known = np.log(np.maximum(rate, 1e-280))
     variance, share = _variances(freedom)

@@ -33,18 +33,18 @@ def normal_score(t: FloatArray, freedom: FloatArray) -> FloatArray:
 def alone(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
     """Return each mode's deviation from its prediction by the others, over the standard deviation.
 
-    Where all modes move by much together a wrong value of one is small for that mode, and large for how it lies to the
-    others. Arguments are those of `distance`; returned are (..., n_tracks), NaN where a mode is missing.
+    If all modes move by much together, a wrong value of one is small for that mode, and large relative to the others.
+    Arguments are those of `distance`; returned are (..., n_tracks), NaN where a mode is missing.
     """
     precision = np.asarray(np.linalg.inv(_known(deviation, covariance)), dtype=np.float64)
     return _alone(deviation, precision)[0]
 
 
 def tamed(deviation: FloatArray, covariance: FloatArray, freedom: FloatArray) -> FloatArray:
-    """Return deviations made normal by `normal_score`: each mode given the others, then what modes do together.
+    """Return deviations normalised by `normal_score`: each mode given the others, then the common movement of all.
 
-    The most improbable mode comes first. A wrong value of one mode would else pass for a part of what modes do
-    together, whose reduction is shared by all of them; what modes do together hardly changes a mode given the others.
+    The least probable mode comes first. A wrong value of one mode would otherwise count as a part of the common
+    movement, whose reduction is shared by all of them; the common movement hardly changes a mode given the others.
 
     Parameters
     ----------

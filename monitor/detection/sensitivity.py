@@ -18,7 +18,7 @@ _MUCH = 3.0  # times as large as where the law is sure
 class Detectable:
     """Smallest lasting changes that bring a detector to its limit if errors are zero, as log frequencies."""
 
-    alike: float  #: of all modes alike
+    alike: float  #: change of all modes alike
     each: FloatArray  #: (n_tracks,) of one mode alone; infinite where no detector finds it
 
 
@@ -60,9 +60,9 @@ def least_unsure(watched: LawState, judged: ScoredWindows) -> float | None:
     Returns
     -------
     float or None
-        Of all log frequencies alike, the window being otherwise where the law predicts. None where the temperature is
-        read and it is less than three times what it would be, long after the baseline, if the law were sure of itself,
-        or no mode was seen.
+        For a change of all log frequencies alike, in a window with the predicted values otherwise. None if the
+        temperature is read and the change is less than three times that of a certain law, long after the baseline, or
+        if there are no modes.
     """
     law = watched.law
     sure = replace(law, unknown=np.zeros_like(law.unknown))

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from daq import FloatArray
 
-MAX_HOLD_WINDOWS = 36  #: that a change of one mode alone is waited for at most
+MAX_HOLD_WINDOWS = 36  #: longest wait for a change of one mode alone
 _ORDINARY = 0.99  # quantile of chi-square up to which the other modes are taken for unchanged
 _INCONSISTENT_SCORE = 4.0  # standard deviations from which a mode given the others is inconsistent ...
 _ORDINARY_SCORE = 2.5  # ... and up to which it is ordinary
@@ -38,8 +38,8 @@ class SingleModeRuns:
     def hold(self, rate: float) -> IndexArray:
         """Return how many windows (...,) a run must have before it counts.
 
-        The probability of a run that long is that of a geometric length whose probability to continue is known from
-        ended runs (a beta distribution); times the rate of runs, it is to be the stated rate of false alarms.
+        The probability of a run of that length is that of a geometric distribution whose probability to continue is
+        known from ended runs (a beta distribution); times the rate of runs, it is the stated rate of false alarms.
 
         Parameters
         ----------
@@ -62,8 +62,8 @@ def no_runs(shape: tuple[int, ...]) -> SingleModeRuns:
 def most_inconsistent(squared: FloatArray, score: FloatArray, n: IndexArray) -> tuple[BoolArray, IndexArray]:
     """Return whether one mode alone is inconsistent, and which one is the most inconsistent.
 
-    It must be beyond what noise makes of one mode, and the others ordinary without it. With at most half of the modes
-    seen, the others are too few to be evidence of an unchanged structure.
+    It must be beyond the noise of one mode, and the others ordinary without it. With at most half of the modes
+    measured, the others are too few to be evidence of an unchanged structure.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ def most_inconsistent(squared: FloatArray, score: FloatArray, n: IndexArray) -> 
 def wait(runs: SingleModeRuns, single: IndexArray, score: FloatArray, rate: float) -> tuple[BoolArray, SingleModeRuns]:
     """Return which windows (..., n_windows) do not count yet, and the runs after them.
 
-    A run goes on through windows that lack its mode, or in which that mode is under the limits but not ordinary.
+    A run continues through windows without its mode, or with that mode below the limits but not ordinary.
 
     Parameters
     ----------

@@ -3,8 +3,8 @@
 Log frequencies are whitened by the deviations that windows state. About the law they scatter in three ways, which
 are kept apart because they average differently over windows:
 
-- fast: identification's own error, new in every window; one factor on what is stated, from successive differences;
-- slow: what the baseline moved by beside, its dominant subspace; wind, sun, moisture, load. It is never averaged down;
+- fast: error of identification, new in every window; one factor on the stated one, from successive differences;
+- slow: other movements of the baseline, its dominant subspace; wind, sun, moisture, load. It does not average out;
 - unknown: the law's own uncertainty, small where temperatures have been seen and wide where not.
 
 Every array may have leading dimensions, one entry a site.
@@ -29,17 +29,17 @@ from monitor.detection.temperature_terms import N_TERMS, THERMOMETER_STD, prior_
 
 BoolArray = npt.NDArray[np.bool_]
 
-CHUNK = 24  #: windows learnt from at once; what their mean moves by is slow
-FEARED_STD = 3e-4  #: of what an environment not yet seen may do to all log frequencies alike, and to each
+CHUNK = 24  #: windows learned from at once; movements of their means are slow
+FEARED_STD = 3e-4  #: possible effect of an environment not yet observed on all log frequencies alike, and on each
 _FEARED_WORTH = 2.0  # degrees of freedom that its variance is worth
 _FITTED = 4.0  # degrees of freedom that the law of temperature takes from residuals
 _YEAR_WORTH = 15.6e6  # s that an unmeasured temperature's seasons are worth: half a year
-_WEIGHTINGS = 3  # of windows where it freezes, by what the law misses of freezing
+_WEIGHTINGS = 3  # iterations of the weights of windows at freezing, by the errors of the law at freezing
 _FEARED_SECONDS = 6 * 3600.0  # in which that comes
 _THERMOMETER = np.array([0.15, 0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.5])  # K, that the thermometer's deviation may be ...
 _THERMOMETER_PRIOR = -0.5 * (np.log(_THERMOMETER / THERMOMETER_STD) / 0.7) ** 2  # ... and the logarithm of how likely
 _LASTING = 0.5  # of the fast variance: a direction that varies more for long makes successive windows alike
-COMMON_STD = 3e-3  # of what an unmeasured temperature does to all log frequencies alike (steel 0.018 %/K)
+COMMON_STD = 3e-3  # effect of an unmeasured temperature on all log frequencies alike (steel 0.018 %/K)
 _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
 _EVEN_WORTH = 24.0  # ... and that modes scatter by the same times these
 _MOST_FREEDOM = 1e4
@@ -76,15 +76,15 @@ class Law:
     centre: FloatArray  #: (..., n_tracks) log frequency that whitened ones are counted from
     scale: FloatArray  #: (..., n_tracks) standard deviation stated by a window
     measured: BoolArray  #: (...,) whether temperature is
-    step: float  #: from one window to the next [s]
+    step: float  #: interval of windows [s]
     sums: Sums
     coefficient: FloatArray  #: (..., q, n_tracks)
     unknown: FloatArray  #: (..., 2, q, q) covariance of the coefficients: common, own
     fast: FloatArray  #: (...,) variance new in every window, over the one predicted for it (`scatter`)
     freedom: FloatArray  #: (...,) degrees of freedom it is known with
     slow: FloatArray  #: (..., n_tracks, n_tracks) covariance that lasts, whitened
-    feared: FloatArray  #: (..., n_tracks, n_tracks) the same of what the baseline was too short to see
-    rank: npt.NDArray[np.intp]  #: (...,) of what lasts
+    feared: FloatArray  #: (..., n_tracks, n_tracks) the same for movements for which the baseline was too short
+    rank: npt.NDArray[np.intp]  #: (...,) rank of lasting movements
     tail: FloatArray  #: (...,) degrees of freedom of a deviation's tail
     thermometer: FloatArray  #: (...,) standard deviation of the thermometer's as the structure's temperature [K]
 
@@ -98,16 +98,16 @@ class Law:
         return (log_frequency - self.centre[..., None, :]) / self.scale[..., None, :]
 
     def residual(self, terms: FloatArray, whitened: FloatArray) -> FloatArray:
-        """Return what the law does not predict (..., n_windows, n_tracks)."""
+        """Return the residuals of the law (..., n_windows, n_tracks)."""
         return whitened - terms[..., 0, :] @ self.coefficient
 
     def lasting(self, terms: FloatArray, age: FloatArray | None = None) -> FloatArray:
-        """Return the covariance (..., n_windows, n_tracks, n_tracks) of what averaging does not make less.
+        """Return the covariance (..., n_windows, n_tracks, n_tracks) that averaging does not reduce.
 
         Parameters
         ----------
         terms : (..., n_windows, 5, q)
-        age : (n_windows,) since the baseline [s], from which on what is feared may have come; None: long ago
+        age : (n_windows,) since the baseline [s], from which on unseen movements may have occurred; None: long ago
         """
         unknown = self.unsure(terms)
         along = self.common[..., :, None] * self.common[..., None, :]
@@ -137,7 +137,7 @@ class Law:
         return np.asarray(terms[..., 1:, :] @ self.coefficient[..., None, :, :] * std[..., None, :, None])
 
     def freezing(self, terms: FloatArray) -> FloatArray:
-        """Return the variance (..., n_windows, 2) of what regressors miss of freezing: common direction, across it."""
+        """Return the variance (..., n_windows, 2) of the regressors' errors at freezing: common direction, across."""
         moved = self.by_temperature(terms)[..., 2:, :]
         along = (moved @ self.common[..., None, :, None])[..., 0]
         across = np.maximum((moved**2).sum(-1) - along**2, 0.0) / max(self.scale.shape[-1] - 1, 1)
@@ -146,7 +146,7 @@ class Law:
         return np.asarray(unknown + np.stack([(along**2).sum(-1), across.sum(-1)], axis=-1))
 
     def come(self, age: FloatArray | None) -> FloatArray:
-        """Return the share of the variance of what is feared that may have come by then (..., n_windows).
+        """Return the share of the variance of unseen movements that may have occurred by then (..., n_windows).
 
         A short baseline is one moment, which differs from a later one by twice the variance; a long one averages it.
         """
@@ -176,7 +176,7 @@ class Law:
 
 
 def _unseen(watched: FloatArray) -> FloatArray:
-    """Return the weight (...,) of the prior in the variance of what lasts, after that time of windows [s].
+    """Return the weight (...,) of the prior in the variance of lasting movements, after that time of windows [s].
 
     Movements of some hours show their variance with one degree of freedom in that time.
     """
@@ -208,7 +208,7 @@ def first_law(
     measured : (...,) whether temperature is
     lag : windows from one to the next that shares no sample with it
     step : from one window to the next [s]
-    variance : (..., n_windows) predicted for each, over the stated one; unless given, that is the same for all
+    variance : (..., n_windows) predicted for each, relative to the stated one. Default: the same for all
     """
     variance = np.ones(log_frequency.shape[:-1]) if variance is None else variance
     centre = np.nanmedian(log_frequency, axis=-2)
@@ -225,7 +225,7 @@ def _first_law(blank: Law, log_frequency: FloatArray, terms: FloatArray, lag: in
     cleaned = np.where(np.abs(whitened) > _WILD * usual[..., None, None], np.nan, whitened)
     age = log_frequency.shape[-2] * blank.step
     law = learn(blank, terms, cleaned, lag=lag, age=age, variance=variance)
-    for _ in range(2):  # what was rejected about the median is judged again about the law
+    for _ in range(2):  # values rejected about the median are judged again about the law
         cleaned = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
         law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag, age=age, variance=variance)
     return law
@@ -236,8 +236,8 @@ def learn(
 ) -> Law:
     """Return the law after more windows, whitened by it; a window of NaN teaches nothing.
 
-    The longer ago watching began (`age` [s]), the more of what is feared may be in them. `variance` (..., n_windows) is
-    predicted for each, over the stated one.
+    The longer monitoring lasts (`age` [s]), the larger the part of unseen movements in them. `variance` (...,
+    n_windows) is predicted for each, relative to the stated one.
     """
     variance = np.ones(whitened.shape[:-1]) if variance is None else variance
     kept = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
@@ -252,8 +252,8 @@ def learn(
 def _regressed(law: Law, terms: FloatArray, kept: FloatArray, age: float, variance: FloatArray) -> Law:
     """Return the law with the coefficients after more windows.
 
-    What the regressors miss of freezing is in proportion to the coefficients, so that windows in which frost does
-    nothing determine these well. Weights and coefficients are thus found in turn.
+    Errors of the regressors at freezing are proportional to the coefficients; windows in which frost has no effect
+    determine these well. Weights and coefficients are therefore found alternately.
     """
     share, value = np.isfinite(kept).mean(-1), terms[..., 0, :]
     filled = _filled(law, terms, kept)
@@ -277,7 +277,7 @@ def _half_squares(residual: FloatArray, lag: int, variance: FloatArray) -> Float
 
 
 def _uneven(law: Law, log_frequency: FloatArray, terms: FloatArray, lag: int, variance: FloatArray) -> FloatArray:
-    """Return how many times the stated deviations each mode scatters by (..., n_tracks), beside what all do alike.
+    """Return the ratio of the scatter of each mode to the stated deviations (..., n_tracks), without the common part.
 
     A mode that is now and then taken for its neighbour would else make the others' scatter look large, too.
     """
@@ -337,14 +337,14 @@ def _with_scatter(blank: Law, law: Law) -> Law:
 
 
 def _wild(law: Law, terms: FloatArray, whitened: FloatArray, age: float, variance: FloatArray) -> BoolArray:
-    """Tell which values (..., n_windows, n_tracks) of that age lie too far from the law to teach it."""
+    """Return which values (..., n_windows, n_tracks) of that age are too far from the law to learn from."""
     lasting = np.diagonal(law.lasting(terms, np.array([age])), axis1=-2, axis2=-1)
     expected = (law.fast[..., None] * variance)[..., None] + lasting
     return np.asarray(law.residual(terms, whitened) ** 2 > _WILD**2 * expected)
 
 
 def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
-    """Return whitened frequencies with missing modes put where the law and the common part of the others say."""
+    """Return whitened frequencies with missing modes predicted by the law and the common part of the others."""
     residual = law.residual(terms, whitened)
     seen = np.isfinite(residual)
     along = law.common[..., None, :]
@@ -355,8 +355,8 @@ def _filled(law: Law, terms: FloatArray, whitened: FloatArray) -> FloatArray:
 def _noise(law: Law, terms: FloatArray, age: float, variance: FloatArray) -> FloatArray:
     """Return the variance (..., 2, n_windows) of the common and of the own part of one window, for the regression.
 
-    A movement stays for many windows, so that together they determine it no better than one does. So does what the
-    law's regressors miss of freezing.
+    A movement lasts for many windows, so that together they determine it no better than one does. The same applies to
+    errors of the law's regressors at freezing.
     """
     come = np.array([1.0, -np.expm1(-age / _FEARED_SECONDS)])
     alike = _alike(law, age)
@@ -413,8 +413,8 @@ def _solve(law: Law, information: FloatArray, moment: FloatArray) -> Law:
 def _own_share(law: Law, terms: FloatArray, variance: FloatArray) -> FloatArray:
     """Return the share (..., n_windows) of a window's own error in its variance with that of freezing.
 
-    Windows count by it as evidence of slow movements and of the thermometer's deviation. What the regressors miss of
-    freezing would else be taken for either of these, and be added to the variance of freezing a second time.
+    Weight of windows as evidence of slow movements and of the thermometer's deviation. Errors of the regressors at
+    freezing would otherwise count as either of these, and be added to the variance of freezing a second time.
     """
     freezing, p = law.freezing(terms), law.scale.shape[-1]
     own = law.fast[..., None] * variance
@@ -463,10 +463,10 @@ def _means(residual: FloatArray, variance: FloatArray, share: FloatArray) -> tup
 
 
 def _thermometer(law: Law, terms: FloatArray, residual: FloatArray, variance: FloatArray, share: FloatArray) -> Law:
-    """Return the law with the thermometer's deviation learnt from what residuals do along the law's slope.
+    """Return the law with the thermometer's deviation learned from residuals along the law's slope.
 
-    Means over `CHUNK` windows are normal with the variance of identification and that of the thermometer. What else
-    moves frequencies that way counts as the thermometer's. The first means are fitted by the law, and no evidence.
+    Means over `CHUNK` windows are normal with the variance of identification and that of the thermometer. Other
+    movements in that direction count as the thermometer's. The first means are fitted by the law, and are no evidence.
     """
     means, weights, shares = _means(residual, variance, share)
     n = means.shape[-2]
@@ -488,9 +488,9 @@ def _thermometer(law: Law, terms: FloatArray, residual: FloatArray, variance: Fl
 
 
 def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the covariances of what lasts: seen in means over hours and in windows beside that; and feared.
+    """Return the covariances of lasting movements: in means over hours, in windows relative to these; and unseen ones.
 
-    What the environment may do that the baseline was too short to see is feared, the less the more was seen.
+    Unseen movements of the environment are assumed, the fewer the more was observed.
     """
     n = np.mean(sums.n_product, axis=(-2, -1))
     n_means = np.maximum(sums.n_means, 1)
@@ -507,7 +507,7 @@ def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArra
 
 
 def _uniform(law: Law, share: FloatArray, common_std: float, own_std: float) -> FloatArray:
-    """Return the covariance of a relative change of all frequencies alike, and of each beside, times a share."""
+    """Return the covariance of a relative change of all frequencies alike, and of each alone, times a share."""
     inverse = 1 / law.scale
     own = own_std**2 * inverse[..., None] ** 2 * np.eye(inverse.shape[-1])
     return np.asarray(share[..., None, None] * (common_std**2 * inverse[..., :, None] * inverse[..., None, :] + own))
@@ -516,7 +516,7 @@ def _uniform(law: Law, share: FloatArray, common_std: float, own_std: float) -> 
 def _dominant(covariance: FloatArray, n: FloatArray, noise: FloatArray) -> FloatArray:
     """Return the covariance of the directions that vary more than chance makes any vary.
 
-    Few windows of a slow movement show it a few times only; its variance is taken larger by what that leaves open.
+    A few windows show a slow movement only a few times; its variance is enlarged by the corresponding uncertainty.
 
     Parameters
     ----------
@@ -538,10 +538,11 @@ def _dominant(covariance: FloatArray, n: FloatArray, noise: FloatArray) -> Float
 
 
 def _tail(law: Law, terms: FloatArray, residual: FloatArray, age: float, variance: FloatArray) -> Law:
-    """Return the law with what the residuals tell of their tails: the likelihood of Student's distributions.
+    """Return the law with tails learned from the residuals: the likelihood of Student's distributions.
 
-    What is wild counts as if it were just that: one wrong mode in a short baseline tells of no tail. Nor does what is
-    feared and has not come: windows nearer to the law than that allows are not the narrow middle of a heavy tail.
+    Wild values count at the limit: one wrong mode in a short baseline is no evidence of a tail. Nor are unseen
+    movements that have not occurred: windows nearer to the law than these permit are not the narrow middle of a heavy
+    tail.
     """
     fast = (law.fast[..., None] * variance)[..., None]
     value, vector = np.linalg.eigh(law.lasting(terms, np.array([age])) + fast[..., None] * np.eye(residual.shape[-1]))

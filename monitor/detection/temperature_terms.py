@@ -29,10 +29,10 @@ _ICE, _OWN_ICE = 6e-3, 3e-3  # 1/K, ... and where it freezes: the Z24 bridge's m
 _N_LATE = (_N_MEMORIES - 1) * len(_FREEZING_LATE)
 N_TERMS = 2 + _N_MEMORIES + len(KNOTS) + _N_LATE
 _OF_FROST = np.concatenate([np.zeros(1 + _N_MEMORIES), np.isin(KNOTS, _FREEZING), np.ones(_N_LATE)])
-THERMOMETER_STD = 1.0  #: of the devices' temperature as the structure's, before any is measured [K]
+THERMOMETER_STD = 1.0  #: deviation of the devices' temperature from the structure's, before any is measured [K]
 _RATE, _SWING = 1 / 3600, 4.0  # K/s, K: rms rate and distance from the mean of days, before any is measured ...
 _CLIMATE_WORTH = 86400.0  # s of readings that this is worth
-_FRONT = 3.0  # K in a day by which weather wanders beside the day's cycle
+_FRONT = 3.0  # K per day by which weather varies in addition to the daily cycle
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -70,7 +70,7 @@ class Temperatures:
     """Temperatures by which windows are judged; leading dimensions (..., n_windows)."""
 
     air: FloatArray  #: reading, or the last one before [degC]; NaN if there was none
-    air_std: FloatArray  #: of the last reading as the present temperature [K]; zero where there is a reading
+    air_std: FloatArray  #: deviation of the last reading as the present temperature [K]; zero with a reading
     lagged: FloatArray  #: (..., 5) temperatures of structures of five inertias [degC]
     lagged_std: FloatArray  #: (..., 5) [K]
 
@@ -99,8 +99,8 @@ def first_climate(temperature: FloatArray) -> Climate:
 def follow(climate: Climate, temperature: FloatArray, seconds: FloatArray) -> tuple[Temperatures, Climate]:
     """Return the temperatures of windows, and the climate after them.
 
-    Between two readings the air's temperature is taken for a straight line. After the last one it stays what it was,
-    with a standard deviation that grows as the site's temperature usually changes.
+    Between two readings the air's temperature is interpolated linearly. After the last one it is constant, with a
+    standard deviation that grows as the site's temperature usually changes.
 
     Parameters
     ----------
@@ -161,9 +161,9 @@ def _ramp(passed: FloatArray) -> FloatArray:
 def terms(temperatures: Temperatures) -> FloatArray:
     """Return the regressors and four deviations of them (..., 5, N_TERMS).
 
-    Regressors are constant, temperature, how far the past differs from it, hinges in the shortest memory, and what
-    hinges at freezing are in the longer ones beside that. Where no reading ever was, the constant alone. Deviations
-    are those by a kelvin, by missing readings, by freezing of unknown inertia, and by a kelvin where it freezes.
+    Regressors are constant, temperature, difference of past temperatures from it, hinges in the shortest memory, and
+    the difference of the hinges at freezing in the longer ones. Without any reading, the constant alone. Deviations are
+    those by a kelvin, by missing readings, by freezing of unknown inertia, and by a kelvin at freezing.
     """
     air, lagged = temperatures.air, temperatures.lagged
     known = np.isfinite(air)[..., None]
@@ -179,7 +179,7 @@ def terms(temperatures: Temperatures) -> FloatArray:
 
 
 def _frost(air: FloatArray, lagged: FloatArray) -> FloatArray:
-    """Return the standard deviation of the regressors beside the constant (..., N_TERMS - 1) due to freezing.
+    """Return the standard deviation of the regressors without the constant (..., N_TERMS - 1) due to freezing.
 
     Inside a structure temperatures lie anywhere between those of the air and of its past, also because latent heat
     holds parts at the freezing point. Below it, where the slope may be large, the law's value is taken as uniform
@@ -197,7 +197,7 @@ def _hinges(temperature: FloatArray) -> FloatArray:
 
 
 def _varying(air: FloatArray, lagged: FloatArray) -> FloatArray:
-    """Return the regressors beside the constant (..., N_TERMS - 1)."""
+    """Return the regressors without the constant (..., N_TERMS - 1)."""
     lagged = lagged[..., _REGRESSED]
     hinges = _hinges(lagged[..., 0])
     colder = np.minimum(lagged[..., None] - _FREEZING_LATE, 0.0)  # (..., memory, knot)
@@ -214,8 +214,8 @@ def prior_std(scale: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     Returns
     -------
-    common : of what all modes have alike, along the whitened common direction
-    own : of each mode beside that; both in the whitened frequencies' units
+    common : of the common part of all modes, along the whitened common direction
+    own : of each mode without it; both in the whitened frequencies' units
     """
     size = np.sqrt((1 / scale**2).sum(-1))[..., None]
     frozen = np.isin(KNOTS, _FREEZING)

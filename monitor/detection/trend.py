@@ -1,8 +1,8 @@
 """Slow trends of natural frequencies: a constant rate of change, the effects of temperature and season removed.
 
-The detectors' law learns from calm windows and so follows whatever is slow. Weekly means of the same windows are kept
-beside it for years. Their regression on time, temperature and season gives each mode's rate, with a standard deviation
-that allows for autocorrelation. A week averages over the cycles of the day and of working days.
+The detectors' law is learned from calm windows and therefore follows slow changes. Weekly means of the same windows are
+kept for years. Their regression on time, temperature and season gives each mode's rate, with a standard deviation that
+includes autocorrelation. A week averages over the cycles of the day and of working days.
 """
 
 from dataclasses import dataclass, replace
@@ -19,10 +19,10 @@ WEEK = 7 * 86400.0  #: s
 YEAR = 365.25 * 86400.0  #: s
 SIGNIFICANT = 4.0  #: standard deviations at which a rate is reported ...
 INSIGNIFICANT = 2.0  #: ... and under which a reported one is withdrawn
-LEAST_WEEKS = 8  #: with windows, before any rate is estimated
+LEAST_WEEKS = 8  #: weeks with windows, before a rate is estimated
 _MOST_WEEKS = 522  # ten years: older weeks are dropped
 _CONSTANTS = (1.5, 5.0, 15.0, 50.0, 150.0)  # weeks, of the autocorrelation: up to much longer than a record
-_RATE_STD = 0.02  # per year, of what a structure that stands may do
+_RATE_STD = 0.02  # prior rate of a structure [per year]
 _HARMONICS = np.array([1.0, 2.0])  # of the year
 _UNMEASURED = 10 / 3  # times `COMMON_STD`: seasons without a thermometer, frost included
 _WILD = 4.5  # robust standard deviations about the median of successive windows, from which a value is left out
@@ -50,9 +50,9 @@ class Trend:
 
     rate: FloatArray  #: (n_tracks,) per year [-]
     std: FloatArray  #: (n_tracks,)
-    common_rate: float  #: of the mean over all modes, per year [-]
+    common_rate: float  #: rate of the mean over all modes, per year [-]
     common_std: float
-    seconds: float  #: from the first week to the last [s]
+    seconds: float  #: time from the first week to the last [s]
 
     @property
     def score(self) -> float:
@@ -66,7 +66,7 @@ class Trend:
 class TrendWatch:
     """The present trend, and the one last reported."""
 
-    week: int = -1  #: in which it was last estimated
+    week: int = -1  #: week of the last estimate
     present: Trend | None = None  #: significant one
     reported: Trend | None = None  #: the same at the last event; None before any and where that withdrew it
 
@@ -75,9 +75,9 @@ NO_TREND = TrendWatch()  #: before any is estimated
 
 
 def follow_trend(watch: TrendWatch, weekly: WeeklyMeans) -> tuple[TrendWatch, bool]:
-    """Return the trend after more windows, and whether it is to be reported; it is estimated anew once per week.
+    """Return the trend after more windows, and whether it is to be reported; it is estimated once per week.
 
-    A trend stands from `SIGNIFICANT` deviations on until it has fewer than `INSIGNIFICANT`. It is reported when it
+    A trend is active from `SIGNIFICANT` deviations on until it has fewer than `INSIGNIFICANT`. It is reported when it
     begins and ends, and when its rates differ from those reported by `SIGNIFICANT` deviations.
     """
     week = int(weekly.week[-1]) if len(weekly.week) else -1
@@ -124,7 +124,7 @@ def add_windows(
     age : (n_windows,) since the baseline [s]
     terms : (..., n_windows, q) regressors of temperature
     deviation : (..., n_windows, n_tracks) log frequencies about the law's centre [-], NaN where not to be used
-    residual : (..., n_windows, n_tracks) what the law leaves of them, by which wild values are recognised
+    residual : (..., n_windows, n_tracks) residuals of the law, by which wild values are recognised
     """
     off = np.abs(residual - _median(residual))
     kept = np.where(off > _WILD * 1.4826 * _median(off), np.nan, deviation)

@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from daq import parse_json
 
-_LOCK = threading.Lock()  # between what is appended and what is removed, of any spool of this process
+_LOCK = threading.Lock()  # between appending and removing, of any spool of this process
 _LARGEST = 64 * 10**6  # bytes
 
 
@@ -27,7 +27,7 @@ class Spool:
 
     @property
     def waiting(self) -> bool:
-        """Tell whether anything waits."""
+        """Return whether entries are waiting."""
         return self.path.exists()
 
     @property
@@ -56,17 +56,17 @@ class Spool:
         return 0
 
     def deliver(self, take: Callable[[list[str]], None], batch: int) -> int:
-        """Hand on what waits, oldest first, `batch` lines at a time; return how many.
+        """Deliver the waiting entries, oldest first, `batch` lines at a time; return their number.
 
-        What `take` raises is passed on, and everything stays: taking must bear being given a line twice. A line
-        that was cut is left out.
+        Exceptions of `take` are passed on, and everything stays: `take` must accept a line twice. An incomplete line is
+        left out.
         """
         if not self.waiting:
             return 0
         count = 0
         with self.path.open("rb") as file:
             with _LOCK:
-                end = self.size  # amid what is appended later there may be half a line
+                end = self.size  # later entries may be incomplete
             while lines := list(islice(_lines(file, end), batch)):
                 take(lines)
                 count += len(lines)
@@ -75,7 +75,7 @@ class Spool:
         return count
 
     def _forget(self, file: BinaryIO) -> None:
-        """Remove what was read; what another thread has appended meanwhile stays.
+        """Remove the entries that were read; entries appended meanwhile by another thread stay.
 
         A file that is not the spool any more has been delivered and removed by another thread.
         """

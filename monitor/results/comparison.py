@@ -17,11 +17,11 @@ class ModeComparison(_Part):
     simulated: float | None  #: frequency without the causes [Hz]
     measured: float | None  #: [Hz]
     off_percent: float | None  #: measured against simulated, without the causes [%]
-    std_percent: float | None  #: standard deviation of it: noise, and what the model is not expected to know [%]
+    std_percent: float | None  #: standard deviation: noise, and expected errors of the model [%]
     mac: float | None  #: [-]
-    off_percent_after: float | None = None  #: with the causes [%]
+    off_percent_after: float | None = None  #: the same with the causes [%]
     mac_after: float | None = None  #: [-]
-    compared: bool = True  #: whether causes are sought with it: the reference has it, and it is surely the same mode
+    compared: bool = True  #: whether causes are sought with it: the reference has it, and the match is certain
 
 
 class ChannelHealth(_Part):
@@ -38,13 +38,13 @@ class SensorComparison(_Part):
 
     channel: str
     comac: float  #: [-]
-    residual: float  #: of the shapes' typical component [-]
-    noise: float  #: what noise alone would leave of the residual [-]
+    residual: float  #: residual relative to the shapes' typical component [-]
+    noise: float  #: residual of noise alone [-]
     comac_after: float | None = None
     residual_after: float | None = None
-    missed: float | None = None  #: by the prediction from the other sensors, over the signal [-]
+    missed: float | None = None  #: error of the prediction from the other sensors, relative to the signal [-]
     missed_after: float | None = None
-    missed_least: float | None = None  #: by the best linear prediction that there is [-]
+    missed_least: float | None = None  #: smallest error of a linear prediction [-]
     health: ChannelHealth | None = None
 
 
@@ -62,24 +62,24 @@ class SignalComparison(_Part):
     """A sensor's signal about the resonances, measured and predicted from the others by the model with the causes."""
 
     channel: str
-    start: float  #: of the samples, from the log's window [s]
+    start: float  #: time of the samples from the start of the log's window [s]
     step: float  #: between samples [s]
     measured: tuple[float, ...]  #: [m/s2]
     predicted: tuple[float, ...]  #: [m/s2]
-    frequency: tuple[float | None, ...]  #: of the spectra, None between resonances [Hz]
-    spectrum: tuple[float | None, ...]  #: of what was measured [(m/s2)^2/Hz]
-    missed: tuple[float | None, ...]  #: of what the prediction without the causes misses [(m/s2)^2/Hz]
-    missed_after: tuple[float | None, ...]  #: with the causes; as without them where there are none
+    frequency: tuple[float | None, ...]  #: frequencies of the spectra, None between resonances [Hz]
+    spectrum: tuple[float | None, ...]  #: spectrum of the measurement [(m/s2)^2/Hz]
+    missed: tuple[float | None, ...]  #: spectrum of the prediction error without the causes [(m/s2)^2/Hz]
+    missed_after: tuple[float | None, ...]  #: the same with the causes; without them if there are none
 
 
 class FrequencyTrend(_Part):
-    """A mode's frequency over what goes with it, window by window, with a straight line through it."""
+    """A mode's frequency over another quantity, per window, with a straight line."""
 
     mode: float  #: mean frequency [Hz]
     over: str  #: temperature or amplitude
     unit: str
-    at: tuple[float, ...]  #: of each window [unit]
-    change_percent: tuple[float, ...]  #: from the mean [%]
+    at: tuple[float, ...]  #: value of each window [unit]
+    change_percent: tuple[float, ...]  #: change from the mean [%]
     std_percent: tuple[float, ...]
     slope: float  #: [%/unit]
     slope_std: float
@@ -89,7 +89,7 @@ class PlaceDensity(_Part):
     """Probability of a cause along the structure."""
 
     cause: str
-    member: tuple[str, ...]  #: of each place
+    member: tuple[str, ...]  #: member of each place
     position: tuple[Vector, ...]  #: [m]
     density: tuple[float, ...]  #: [1/m]
 
@@ -97,7 +97,7 @@ class PlaceDensity(_Part):
 class DiscrepancyResult(_Part):
     """All of it."""
 
-    modes: tuple[ModeComparison, ...]  #: pairs and what was simulated only, then what was measured only
+    modes: tuple[ModeComparison, ...]  #: pairs and unpaired simulated modes, then unpaired measured ones
     rows: tuple[float, ...]  #: simulated frequencies of the MAC's rows [Hz]
     columns: tuple[float, ...]  #: measured frequencies of its columns [Hz]
     mac: tuple[tuple[float | None, ...], ...]  #: empty where no shapes were measured
@@ -106,5 +106,5 @@ class DiscrepancyResult(_Part):
     signals: tuple[SignalComparison, ...] = ()
     trends: tuple[FrequencyTrend, ...] = ()
     places: tuple[PlaceDensity, ...] = ()
-    gain_std: Gain | None = None  #: standard deviations of what the causes gain, where that is more than chance
+    gain_std: Gain | None = None  #: standard deviations of the gain, if it is significant
     note: str = ""  #: why a part is missing

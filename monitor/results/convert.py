@@ -90,7 +90,7 @@ def reference_result(
     ----------
     reference : as it is now
     time : from when on [ns UTC]
-    tracks : (n_modes,) whose modes these are
+    tracks : (n_modes,) of these modes
     accepted : in order
     """
     calibration, model = reference.calibration, reference.model

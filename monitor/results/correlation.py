@@ -66,7 +66,7 @@ def discrepancy_result(
     ----------
     reference : that was diagnosed
     measured : (n_modes,) all measured modes, in any order
-    explained : the diagnosis, whose extended structure stands for what is simulated with the causes
+    explained : diagnosis, whose extended structure gives the simulation with the causes
     recording : signals to predict from each other, without the devices' delays; None to leave that out
     trends : of the windows
     health : of each channel
@@ -110,7 +110,7 @@ def _correlation(simulated: ModalMean, measured: ModalMean, *, shaped: bool) -> 
 
 
 def _only_sensors(explained: DiagnosisResult) -> bool:
-    """Tell whether faults of sensors are all that is wrong: then forces left over are theirs, not the structure's."""
+    """Return whether only sensor faults were found: residual forces are then theirs, not the structure's."""
     causes = explained.diagnosis.causes
     return bool(causes) and all(c.where is not None and c.where.channels and not c.where.position for c in causes)
 
@@ -160,10 +160,9 @@ def _number(value: float) -> float | None:
 
 
 def _compared(reference: Reference, expected: ModalMean, told: ModalMean, before: ModalCorrelation) -> BoolArray:
-    """Tell which of the modes that are expected (n_simulated,) take part in the search for causes.
+    """Return which of the expected modes (n_simulated,) are used in the search for causes.
 
-    Those of the baseline do, where what was measured is surely the same mode; of those that were not seen none is in
-    doubt.
+    Those of the baseline with a certain match; those that were not measured are not uncertain.
     """
     base = reference.baseline.log_frequency
     known, sure = (np.isin(expected.log_frequency, f) for f in (base, base[np.isfinite(told.log_frequency)]))
@@ -265,7 +264,7 @@ def _balance(found: ForceBalance) -> BalanceResult:
 
 
 def _signals(before: VirtualSensing, after: VirtualSensing | None) -> tuple[SignalComparison, ...]:
-    """Return the sensors that are missed most beyond what must be missed."""
+    """Return the sensors with the largest prediction errors beyond the unavoidable ones."""
     excess = np.sqrt(np.maximum(before.error**2 - before.expected**2, 0))
     return tuple(_signal(before, after or before, int(c)) for c in np.argsort(-excess, kind="stable")[:_WORST])
 

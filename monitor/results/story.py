@@ -79,7 +79,7 @@ class RunResults:
 
     @property
     def closed_by(self) -> AcceptedShift | None:
-        """The acceptance that ended the last alarm; None where that ended by itself, stands, or was taken back."""
+        """Acceptance that ended the last alarm; None if it ended by itself, is active, or was undone."""
         stood = [alarm.time for alarm in self.alarms if alarm.state == "alarm"]
         newest = self.accepted[-1] if self.accepted else None
         return newest if newest and stood and self.accepted_at(newest) >= stood[-1] else None

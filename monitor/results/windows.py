@@ -16,7 +16,7 @@ Phase = Literal["learning", "watching", "alarm"]
 
 
 def _number(value: object) -> object:
-    """Take null for not-a-number, as which a log holds what is not finite."""
+    """Convert null to not-a-number: a log has null for values that are not finite."""
     return math.nan if value is None else value
 
 
@@ -32,7 +32,7 @@ class _Result(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
 
     def payload(self) -> dict[str, Any]:
-        """Return JSON-ready values; what is not finite as null, so that any reader of JSON takes them."""
+        """Return JSON values; values that are not finite become null, so that any reader of JSON accepts them."""
         values: dict[str, Any] = json.loads(self.model_dump_json())
         return values
 
@@ -45,7 +45,7 @@ class ModeResult(_Result):
     frequency_std: Number  #: [Hz]
     damping: Number  #: [-]
     damping_std: Number  #: [-]
-    shift_percent: float | None = None  #: of frequency against the baseline [%]
+    shift_percent: float | None = None  #: shift of frequency relative to the baseline [%]
     shift_std_percent: float | None = None  #: its standard deviation, baseline's share included [%]
     shape: list[float]  #: real part at each channel, unit norm [-]
 
@@ -54,8 +54,8 @@ class DetectorFigure(_Result):
     """Result of one detector for a window."""
 
     detector: DetectorName
-    value: Number  #: squared distance from what the law predicts, over the number of modes [-]
-    limit: Number  #: that it passes by chance at the rate below [-]
+    value: Number  #: squared distance from the prediction of the law, divided by the number of modes [-]
+    limit: Number  #: limit that it exceeds by chance at the rate below [-]
     false_alarms_per_year: float  #: its share of the stated rate
 
 
@@ -63,16 +63,16 @@ class Unsure(_Result):
     """Result of a window where the law is uncertain, as at temperatures not seen before."""
 
     least_percent: float  #: smallest change of all frequencies alike that would have been a jump [%]
-    temperature: Number  #: of the window [degC]
-    coldest: Number  #: of the baseline's windows [degC]
+    temperature: Number  #: temperature of the window [degC]
+    coldest: Number  #: lowest temperature of the baseline's windows [degC]
     warmest: Number  #: [degC]
     silent_hours: float | None = (
-        None  #: since the last temperature reading, if there was one and the window has none [h]
+        None  #: time since the last temperature reading, if there was one and the window has none [h]
     )
 
     @property
     def outside(self) -> bool:
-        """Tell whether the baseline has not seen the temperature."""
+        """Return whether the temperature is outside the range of the baseline."""
         return self.temperature < self.coldest or self.temperature > self.warmest
 
 
@@ -80,8 +80,8 @@ class SingleMode(_Result):
     """Mode that alone would put windows over a limit, which a wrong pole does, too, for some windows."""
 
     mode: int  #: identity
-    windows: int  #: in a row so far
-    needed: int  #: from which on it is taken for a change
+    windows: int  #: consecutive windows so far
+    needed: int  #: number from which on it counts as a change
 
 
 class ModeTrend(_Result):
@@ -95,29 +95,31 @@ class ModeTrend(_Result):
 class TrendResult(_Result):
     """Slow trend of the frequencies since the baseline, the effects of temperature and season removed."""
 
-    weeks: float  #: that it is estimated from
-    percent_per_year: float  #: of the mean over all modes
+    weeks: float  #: weeks of data
+    percent_per_year: float  #: rate of the mean over all modes
     std_percent_per_year: float
     modes: list[ModeTrend]  #: null rates of those that too few weeks show
 
 
 class DetectableChange(_Result):
-    """Smallest lasting changes of frequency that bring a detector to its limit, by what is learnt so far."""
+    """Smallest lasting changes of frequency that bring a detector to its limit, with the present law."""
 
-    alike_percent: Number  #: of all modes alike [%]
-    modes_percent: list[Number]  #: of each mode alone, by identities from 1 on, not finite where not detectable [%]
+    alike_percent: Number  #: change of all modes alike [%]
+    #: change of each mode alone, by identities from 1 on, not finite where not detectable [%]
+    modes_percent: list[Number]
     thermometer: bool  #: whether the baseline has temperatures
 
 
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
-    t2: Number  #: of the detector nearest to its limit, or farthest over it [-]
-    limit: Number  #: of the same [-]
+    t2: Number  #: value of the detector nearest to its limit, or farthest above it [-]
+    limit: Number  #: limit of the same [-]
     modes: list[int]  #: identities of the modes that entered
     detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
-    unsure: Unsure | None = None  #: where changes must be at least three times what they must be by a sure law
-    single_mode: SingleMode | None = None  #: where one mode alone is inconsistent, not for long enough to be a change
+    #: if changes must be at least three times as large as with a certain law to be detected
+    unsure: Unsure | None = None
+    single_mode: SingleMode | None = None  #: if one mode alone is inconsistent, not yet for long enough to be a change
     detectable: DetectableChange | None = None  #: in the conditions of the window
     trend: TrendResult | None = None  #: significant slow trend, unless forgiven; it is no part of the distance
 
@@ -148,32 +150,32 @@ class OtherPlace(_Result):
     """Another possible place of the mass."""
 
     member: str
-    position: Vector  #: on the member's axis [m]
+    position: Vector  #: position on the member's axis [m]
     position_std: Number  #: along the member [m]
-    mass: float  #: that it has if it is there [kg]
+    mass: float  #: mass if it is there [kg]
     mass_std: Number  #: [kg]
-    probability: float  #: of the place [-]
+    probability: float  #: probability of the place [-]
 
 
 class MassAnswer(_Result):
     """Place and size of an added mass, from all windows since the change."""
 
     member: str
-    position: Vector  #: on the member's axis [m]
+    position: Vector  #: position on the member's axis [m]
     position_std: Number  #: along the member [m]
     mass: float  #: [kg]
     mass_std: Number  #: [kg]
     region: list[Interval]  #: 95 % credible
-    member_probability: float  #: that it sits on this member [-]
-    p_value: Number  #: of the fit: chance of a worse one if a mass is the cause [-]
+    member_probability: float  #: probability that it is on this member [-]
+    p_value: Number  #: probability of a worse fit if a mass is the cause [-]
     n_windows: int  #: windows that entered
     profile: list[ProfilePoint]
-    outlook: str = ""  #: what more windows would give, and when they no longer do
+    outlook: str = ""  #: accuracy with more windows, and its limit
     others: list[OtherPlace] = []  #: places that the data leave open besides, as on a symmetric frame's other arm
 
 
 class FlaggedDof(_Result):
-    """A node and direction whose mass increment is beyond what undisturbed windows show."""
+    """Node and direction with a mass increment beyond those of undisturbed windows."""
 
     node: int  #: index into `ReferenceResult.nodes`
     direction: Literal["x", "y", "z"]
@@ -189,7 +191,7 @@ class IncrementPlace(_Result):
     position: Vector  #: [m]
     radius: float  #: distance to the farthest end of the region [m]
     region: list[Interval]  #: 95 %
-    mass: float  #: of the order of the change [kg]
+    mass: float  #: mass of the order of the change [kg]
     p_value: float  #: probability of a worse fit if one mass is the cause [-]
 
 
@@ -199,7 +201,7 @@ class MassIncrements(_Result):
     place: IncrementPlace | None = None  #: None if nothing is flagged
     increment: list[Vector]  #: (n_nodes,) by direction, diag(M_u) - diag(M) [kg]
     increment_std: list[Vector]  #: [kg]
-    normalised: list[tuple[float | None, float | None, float | None]]  #: eq. 14 [kg]; None where it says nothing
+    normalised: list[tuple[float | None, float | None, float | None]]  #: eq. 14 [kg]; None where it is undetermined
     normalised_std: list[tuple[float | None, float | None, float | None]]  #: [kg]
     totals: Vector  #: sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: Vector  #: [kg]
@@ -225,19 +227,19 @@ class WindowResult(_Result):
     start: int  #: [ns UTC]
     end: int  #: [ns UTC]
     phase: Phase
-    channels: list[str]  #: of the shapes
+    channels: list[str]  #: channels of the shapes
     faults: dict[str, str] = {}  #: channels that are not among those, and why
     modes: list[ModeResult]
     novelty: Novelty | None = None
     answer: MassAnswer | None = None
     increments: MassIncrements | None = None
-    diagnosis: Diagnosis | None = None  #: since the baseline
-    discrepancy: DiscrepancyResult | None = None  #: what it rests on
+    diagnosis: Diagnosis | None = None  #: diagnosis since the baseline
+    discrepancy: DiscrepancyResult | None = None  #: basis of the diagnosis
     spectrum: Spectrum | None = None
-    sensors: dict[str, ChannelHealth] = {}  #: from time to time, over the windows since the last time
-    rms: dict[str, float] = {}  #: of each channel [m/s2]
+    sensors: dict[str, ChannelHealth] = {}  #: at intervals, over the windows since the last time
+    rms: dict[str, float] = {}  #: rms of each channel [m/s2]
     problem: str | None = None  #: why the window gave no modes
-    skipped: bool = False  #: whether it was left out, the analysis having fallen behind; a replay leaves it out too
+    skipped: bool = False  #: whether it was left out because the analysis was behind; a replay leaves it out too
 
 
 class ReferenceMode(_Result):
@@ -245,23 +247,24 @@ class ReferenceMode(_Result):
 
     id: int
     frequency: float  #: [Hz]
-    frequency_std: Number  #: of the baseline mean [Hz]
+    frequency_std: Number  #: deviation of the baseline mean [Hz]
     damping: Number  #: [-]
-    model_frequency: float  #: of the structure file before calibration [Hz]
+    model_frequency: float  #: frequency of the structure file before calibration [Hz]
     mac: float  #: measured against model before the update [-]
-    displacement: list[Vector]  #: at each node, largest 1 [-]
+    displacement: list[Vector]  #: displacement of each node, largest 1 [-]
 
 
 class AcceptedShift(_Result):
-    """A change of the structure that somebody has accepted: provenance, and what the courses of the modes jump by."""
+    """A change of the structure accepted by a person: provenance, and the steps of the frequencies of the modes."""
 
     time: int  #: when it became the reference [ns UTC]
     raised: int  #: when the alarm was [ns UTC]
-    cause: str  #: in a person's words
+    cause: str  #: cause in a person's words
     by: str
-    found: str  #: what the diagnosis said
-    n_windows: int  #: that the new reference was learnt from
-    shift_percent: list[float | None]  #: of each mode's frequency; None of one that is hidden and not watched [%]
+    found: str  #: text of the diagnosis
+    n_windows: int  #: number of windows of the new reference
+    #: shift of each mode's frequency; None for a hidden mode, which is not monitored [%]
+    shift_percent: list[float | None]
     shift_std_percent: list[float | None]  #: likewise [%]
 
 
@@ -277,7 +280,7 @@ class ReferenceResult(_Result):
     calibrated: dict[str, tuple[float, float]]  #: parameter -> value, standard deviation
     delays: dict[str, tuple[float, float]] = {}  #: device -> constant delay against their mean, standard deviation [s]
     delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
-    accepted: list[AcceptedShift] = []  #: since the baseline, in order
+    accepted: list[AcceptedShift] = []  #: accepted changes since the baseline, in order
 
     @property
     def late(self) -> dict[str, float]:
@@ -290,9 +293,9 @@ class SelfTestResult(_Result):
 
     time: int  #: [ns UTC]
     mass: float  #: [kg]
-    places: int  #: that it was tried at
-    detected: int  #: at so many the alarm would have been raised within six windows
-    passed: bool  #: at half of them at least
+    places: int  #: number of places tried
+    detected: int  #: number of places at which the alarm would have been raised within six windows
+    passed: bool  #: whether these are at least half
     last_passed: int | None  #: when a test has last passed, this one included [ns UTC]
 
     @property
@@ -312,18 +315,18 @@ class AlarmResult(_Result):
     """A change of the alarm."""
 
     time: int  #: end of the window that caused it, or when a person acknowledged it [ns UTC]
-    state: State  #: from now on
+    state: State  #: new state
     text: str
     window: Annotated[int, Field(ge=0)]  #: the last one analysed by then
-    kind: Kind = "state"  #: what happened, if not just that
-    lasted: float | None = None  #: of an alarm that ends [s]
-    quiet: bool = False  #: nobody need be woken: it flaps, or goes on
-    since: int | None = None  #: of an alarm that stands over a restart: when it was raised [ns UTC]
+    kind: Kind = "state"  #: further event
+    lasted: float | None = None  #: duration of an alarm that ends [s]
+    quiet: bool = False  #: no notice is needed: it flaps, or continues
+    since: int | None = None  #: for an alarm that continues over a restart: when it was raised [ns UTC]
 
     @property
     def raised(self) -> bool:
-        """Tell whether this is an alarm's beginning."""
+        """Return whether this is the beginning of an alarm."""
         return self.state == "alarm" and self.kind == "state"
 
 
-Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult  #: what the analysis finds
+Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult  #: results of the analysis

@@ -40,10 +40,10 @@ class Motion(Protocol):
 class DeviceSource:
     """Measurement of the world by one device, as the `SampleSource` of its emulator.
 
-    Scan k is the filtered motion at start + k / rate, between simulated samples where its clock says so. The filter
-    passes 0.35 of the rate within 0.001 dB, stops -80 dB from 0.51 of it on, and being of linear phase delays every
-    scan alike, by 16 scans and 3 simulated samples: 16.75 ms at 1000 Hz, as the filter of a device does; and by the
-    device's own `delay` beyond that.
+    Scan k is the filtered motion at start + k / rate, between simulated samples by its clock. The filter passes 0.35 of
+    the rate within 0.001 dB, and stops -80 dB from 0.51 of it on. Having linear phase, it delays every scan equally, by
+    16 scans and 3 simulated samples: 16.75 ms at 1000 Hz, as the filter of a device does; the device's own `delay` is
+    added.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from monitor.rig.world import World
 from updater import Structure
 
 _TICK = 0.004  # s of wall time between servings
-_LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may make up for: what a pty just holds; a third of a FIFO
+_LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may catch up: the capacity of a pty; a third of a FIFO
 _SMOOTHING = 0.1  # of the time between servings
 
 Place = str | CanAddress  #: serial port or CAN node
@@ -41,7 +41,7 @@ class PlayReport:
 class _LeashedClock:
     """A clock that catches up in steps after this process was held up.
 
-    Without it, what became due meanwhile would overflow the ports, though no real device would have been held up; and
+    Without it, data due after a delay would overflow the ports, although no real device would have been delayed; and
     one device would run far ahead of the others.
     """
 
@@ -56,7 +56,7 @@ class _LeashedClock:
         return min(self._clock.now(), self._limit)
 
     def lengthen(self) -> None:
-        """Allow another step: twice what servings are apart lately, so that a busy machine is kept up with too."""
+        """Permit another step: twice the recent interval of servings, so that a busy machine keeps up."""
         wall = time.monotonic()
         self._interval += _SMOOTHING * (wall - self._last - self._interval)
         self._last = wall
@@ -72,8 +72,8 @@ def play(
 ) -> PlayReport:
     """Play a scenario until its duration is over or `stop` is set.
 
-    The structure moves from the beginning; devices sample from when they are told to. The timeline counts from the
-    moment the last of them began; a device not queried for yet keeps everything waiting.
+    The structure moves from the beginning; devices sample when they are started. The timeline counts from the start of
+    the last of them; a device that was not started yet delays everything.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class _Rig:
     places: dict[str, Place] = field(default_factory=dict)
 
     def add(self, device: RigDevice, source: DeviceSource, clock: HostClock) -> None:
-        """Put a device where the scenario wants it."""
+        """Add a device of the scenario."""
         error = device.clock_error
         if device.node is None:
             serial = EmulatedEpson(source, clock, serial_number=serial_number(device), clock_error=error)

@@ -21,7 +21,7 @@ _ORIGIN = 1_767_225_600_000_000_000  # 2026-01-01: where scaled time begins
 
 
 def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayReport:
-    """Run a rig as this process, whose signal handlers it takes, until it is over, SIGTERM or SIGINT.
+    """Run a rig as this process, including signal handlers, until it is over, SIGTERM or SIGINT.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
     scenario = load_scenario(path)
     structure = load_rig_structure(path, scenario)
     for old in (ports, report):
-        old.unlink(missing_ok=True)  # nobody shall take an earlier rig's for this one's
+        old.unlink(missing_ok=True)  # an earlier rig's file must not be mistaken for this one's
     now = time.time_ns()
     clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
     stop = _stopped_by_signals()
@@ -55,7 +55,7 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
 
 
 def load_rig_structure(path: Path, scenario: Scenario) -> Structure:
-    """Return a scenario's nominal structure, on which all its devices and bodies stand.
+    """Return a scenario's nominal structure, with the positions of all its devices and bodies.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def _stopped_by_signals() -> threading.Event:
 
 
 def _write(path: Path, content: object) -> None:
-    """Write a file so that a reader sees it whole or not at all."""
+    """Write a file atomically."""
     part = path.with_name(path.name + ".part")
     try:
         part.write_text(json.dumps(content), encoding="utf-8")

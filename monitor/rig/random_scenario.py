@@ -5,7 +5,7 @@ import numpy as np
 from monitor.rig.scenario import RigDevice, RigEvent, Scenario, Truth, Vector
 from updater import Body
 
-#: where the T-frame's six accelerometers sit, and which of their axes are analysed
+#: positions of the T-frame's six accelerometers, and their analysed axes
 T_DEVICES: dict[str, tuple[Vector, str]] = {
     "col_037": ((0.0, 0.0, 0.37), "xy"),
     "col_074": ((0.0, 0.0, 0.74), "xy"),
@@ -14,9 +14,9 @@ T_DEVICES: dict[str, tuple[Vector, str]] = {
     "beam_left": ((-0.40, 0.0, 1.48), "yz"),
     "beam_right": ((0.40, 0.0, 1.48), "yz"),
 }
-#: which of them sit on a CAN bus, and their ids on it; the others have serial ports
+#: accelerometers on a CAN bus, and their ids; the others have serial ports
 T_NODES = {"beam_left": 2, "beam_right": 3}
-#: where a body may be clamped on: the whole crossbeam, and the column above 0.5 m
+#: possible positions of a body: the whole crossbeam, and the column above 0.5 m
 _STRETCHES: tuple[tuple[Vector, Vector], ...] = (
     ((-0.40, 0.0, 1.48), (0.40, 0.0, 1.48)),
     ((0.0, 0.0, 0.50), (0.0, 0.0, 1.48)),
@@ -75,7 +75,7 @@ def _draw_truth(random: np.random.Generator) -> Truth:
 
 
 def _draw_body(random: np.random.Generator) -> Body:
-    """Draw a steel block somewhere on the stretches, every centimetre alike, its centre 1 to 2 cm beside the axis."""
+    """Draw a steel block on the stretches, uniformly, with its centre 1 to 2 cm off the axis."""
     place, along = _draw_place(random)
     mass = float(random.uniform(0.150, 0.300))
     edge2 = (mass / _STEEL) ** (2 / 3) * random.uniform(0.7, 1.3, 3)  # m2, of a block not quite a cube

@@ -22,24 +22,24 @@ class RigDevice(Table):
     """One emulated triaxial accelerometer; its axes are the structure's."""
 
     name: Annotated[str, Field(min_length=1)]
-    at: Vector  #: on a member [m]
-    clock_error: Annotated[float, Field(gt=-0.01, lt=0.01)] = 0.0  #: of its oscillator, 1e-6 = 1 ppm fast
-    delay: Annotated[float, Field(ge=0, lt=0.02)] = 0.0  #: of its filter beyond what all devices have [s]
-    node: Annotated[int, Field(ge=1, le=127)] | None = None  #: on the rig's CAN bus; None: it has a serial port
+    at: Vector  #: position on a member [m]
+    clock_error: Annotated[float, Field(gt=-0.01, lt=0.01)] = 0.0  #: error of its oscillator, 1e-6 = 1 ppm fast
+    delay: Annotated[float, Field(ge=0, lt=0.02)] = 0.0  #: delay of its filter beyond that of all devices [s]
+    node: Annotated[int, Field(ge=1, le=127)] | None = None  #: id on the rig's CAN bus; None: it has a serial port
 
 
 class Truth(Table):
     """True properties of the structure, unknown to the monitor."""
 
-    stiffness_factor: Factor = 1.0  #: of E and G
+    stiffness_factor: Factor = 1.0  #: factor of E and G
     density_factor: Factor = 1.0
     foot_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: about x y z, times L / (E I) of the longest member [-]
-    joint_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: of every joint, alike [-]
+    joint_flexibility: Flexibility = (0.0, 0.0, 0.0)  #: flexibility of every joint [-]
     damping: Annotated[tuple[Damping, ...], Field(min_length=8, max_length=200)] = (0.005,) * 24
     """ratio of each simulated mode [-]"""
     gain_scatter: NotNegative = 0.005  #: standard deviation of channel gains [-]
-    noise_density: NotNegative = 2e-6  #: of the sensors, one-sided [m/s2/sqrt(Hz)]
-    force_density: NotNegative = 5e-9  #: of each ambient force, two-sided [N2/Hz]
+    noise_density: NotNegative = 2e-6  #: noise density of the sensors, one-sided [m/s2/sqrt(Hz)]
+    force_density: NotNegative = 5e-9  #: density of each ambient force, two-sided [N2/Hz]
     forces_per_member: Annotated[int, Field(ge=1, le=100)] = 3
     """places where ambient forces act, in both cross directions"""
 
@@ -57,7 +57,7 @@ class Scenario(Table):
 
     structure: str  #: path of the structure's file, from the scenario's; "t_structure" is the shipped one
     seed: Annotated[int, Field(ge=0, lt=1 << 63)]
-    rate: Annotated[float, Field(ge=1, le=1e5)] = 1000.0  #: highest that devices may be asked for [Hz]
+    rate: Annotated[float, Field(ge=1, le=1e5)] = 1000.0  #: highest rate of devices [Hz]
     duration: NotNegative  #: [s] of data after the last device began to sample; 0 = for ever
     device: Annotated[tuple[RigDevice, ...], Field(min_length=1, max_length=200)]
     truth: Truth = Truth()
@@ -80,7 +80,7 @@ def load_scenario(path: Path) -> Scenario:
     Raises
     ------
     SettingsError
-        Naming the file, the key and what was found there.
+        Naming the file, the key and the found value.
     """
     try:
         return Scenario.model_validate(parse_toml(path.read_text(encoding="utf-8")))

@@ -1,7 +1,7 @@
 """The structure as it really is: finer than the reference model, different in kind, and shaken by its surroundings.
 
-Timoshenko elements of 10 mm with consistent mass stand on a flexible foot and joint; bodies are clamped on at the very
-sample. Deviations are relative, so that any frame of straight members can be played.
+Timoshenko elements of 10 mm with consistent mass on a flexible foot, with flexible joints; bodies are clamped on
+exactly at their sample. Deviations are relative, so that any frame of straight members can be simulated.
 """
 
 from collections import deque
@@ -19,7 +19,7 @@ OVERSAMPLING = 4  #: simulated samples a scan at the scenario's rate
 LEAD = 4000  #: simulated samples before the world's origin, for the devices' filters to look back on
 _MESH = 0.01  # m
 _CHUNK = 0.25  # s simulated at once
-_KEPT = 4.0  # s of motion that devices may still ask for
+_KEPT = 4.0  # s of motion that devices may still request
 _SETTLED = (
     4.0  # time constants of the slowest mode, after which the motion is taken as stationary (1 - e^-8 of its power)
 )
@@ -81,13 +81,13 @@ def passes(member: Member, point: Vector) -> bool:
 class World:
     """The motion at all devices, simulated as far as it is requested.
 
-    The same scenario and the same times of its events give the same motion to the last bit, in whatever pieces it is
-    asked for. Memory is bounded: motion older than a few seconds is forgotten.
+    The same scenario and the same times of its events give the same motion to the last bit, for any division into
+    pieces. Memory is bounded: motion older than a few seconds is discarded.
 
     Parameters
     ----------
     structure : nominal
-    scenario : what is true instead, and what happens
+    scenario : true properties, and events
     """
 
     def __init__(self, structure: Structure, scenario: Scenario) -> None:
@@ -136,7 +136,7 @@ class World:
         return Ambient(points=tuple(points), axes=tuple(axes), density=self._scenario.truth.force_density)
 
     def sample(self, time: int) -> float:
-        """Return which simulated sample, whole and part, a time [ns UTC] is; the first time asked for is the origin."""
+        """Return the simulated sample, whole and part, of a time [ns UTC]; the first requested time is the origin."""
         if self._origin is None:
             self._origin = time
         return LEAD + (time - self._origin) * 1e-9 * self.rate
@@ -147,7 +147,7 @@ class World:
         Raises
         ------
         ValueError
-            If an event would come before what is simulated already.
+            If an event would be before the time already simulated.
         """
         samples = [round(self.sample(time + round(event.at * 1e9))) for event in self._events]
         if samples and samples[0] < self._n_simulated:

@@ -74,14 +74,14 @@ def run(
 
     Parameters
     ----------
-    site : what is connected and how it is watched
-    stop : ends it; what has arrived by then is logged and analysed
+    site : devices and settings
+    stop : ends it; data received by then are logged and analysed
     on_result : called in this thread with everything that is found
-    live : shows what is logged, if given
+    live : shows the log, if given
     takers : called in the log's thread with all that is logged; they must not wait
-    recalled : of the run before, to go on from
-    mended : what was done to logs that earlier runs left without an end, in words
-    reread : asked now and then for new settings to go on with; None if there are none
+    recalled : state of the run before, to be continued
+    mended : repairs of logs that earlier runs left without an end, as texts
+    reread : called at intervals for new settings; None if there are none
 
     Raises
     ------

@@ -39,21 +39,21 @@ _MOST_WINDOWS, _MOST_SECONDS = 10.0, 600.0  # that may wait: windows, but second
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Analysis:
-    """Both, not started yet: what is fed waits until the worker is."""
+    """Both, not started yet: data wait until the worker is ready."""
 
     keeper: ResilientWriter
     worker: Worker
 
 
 def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], memory: str) -> Analysis:
-    """Begin a log, with everything attached that a replay needs, and what will analyse it.
+    """Begin a log, with all attachments for a replay, and its analysis.
 
     Parameters
     ----------
     site : that is watched
     clock : of the data
-    tell : called with what befalls the disk, in the log's thread
-    memory : text of what to go on from; empty for nothing
+    tell : called with events of the disk, in the log's thread
+    memory : text of the state to be continued; empty for none
 
     Raises
     ------
@@ -118,7 +118,7 @@ def most_waiting(site: Site) -> float:
 
 
 def analysed_alike(one: Site, other: Site) -> bool:
-    """Tell whether two sites' settings ask for the same log and analysis."""
+    """Return whether two sites' settings have the same log and analysis."""
     return _key(one) == _key(other)
 
 
@@ -142,8 +142,8 @@ def _retention(recorder: RecorderSettings) -> Retention:
 
 _POLL = 0.2  # s
 _LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
-_LAST_WORDS = 20.0  # s that one which gives way to another is waited for: the watchdog is fed four times a minute
-_REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until an analysis that died is started again; doubled each time
+_LAST_WORDS = 20.0  # longest wait for the end of a replaced analysis [s]: the watchdog is fed four times per minute
+_REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until a dead analysis is restarted; doubled each time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,8 +165,8 @@ class LogAndAnalysis:
     clock : of the data
     on_result : called with everything that is found
     hand_on : called in the log's thread with all that is logged
-    lost : tells which devices are lost: that stands in each log
-    recalled : of the run before, to go on from
+    lost : returns the lost devices, for each new log
+    recalled : state of the run before, to be continued
     """
 
     def __init__(
@@ -179,7 +179,7 @@ class LogAndAnalysis:
         recalled: LoadedState,
     ) -> None:
         self.site, self._clock, self._on_result, self._hand_on, self._lost = site, clock, on_result, hand_on, lost
-        self._refused, self._kept = recalled.refused, recalled.text or ""  # what to go on from, by now
+        self._refused, self._kept = recalled.refused, recalled.text or ""  # present state to be continued
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, clock, self._take, self._kept)
         self._worker: Worker | None = self._analysis.worker  # that the log's thread feeds
@@ -212,7 +212,7 @@ class LogAndAnalysis:
         self._log.put(Event(topic=f"/event/{what}", time=self._clock.now(), payload=payload))
 
     def turn(self) -> None:
-        """Log and hand on what is found, for a moment; begin anew what has died or will never catch up."""
+        """Log and pass on results, for a moment; restart parts that have died or cannot catch up."""
         self._report()
         if self._revive_at and time.monotonic() >= self._revive_at:
             self.renew("the analysis had died")
@@ -226,7 +226,7 @@ class LogAndAnalysis:
     def renew(self, why: str) -> None:
         """Begin a new log and analysis amid the stream: each item goes into one of the logs, none into both.
 
-        What comes while the old analysis says its last word stands in the old log, and is not analysed.
+        Data that arrive during the last results of the old analysis are in the old log, and are not analysed.
         """
         old = self._analysis
         if self._worker is not None:
@@ -235,7 +235,7 @@ class LogAndAnalysis:
         try:
             new = new_analysis(self.site, self._clock, self._take, self._remembered())
         except Exception as error:  # noqa: BLE001 - whatever it is, recording goes on
-            self._mourn(error)  # the old log goes on, without an analysis, until there is room for another
+            self._mourn(error)  # the old log continues, without an analysis, until there is room for another one
             return
         self._analysis, self._revive_at = new, 0.0
         self._logs.append(new.keeper)
@@ -247,7 +247,7 @@ class LogAndAnalysis:
             self.say("device_failed", {"device": name, "why": "it was lost before"})
 
     def finish(self) -> None:
-        """Let what has arrived be logged, and analysed as far as that goes in a while: service managers do not wait."""
+        """Log the received data, and analyse them as far as possible in a while: service managers do not wait."""
         self._say_stopped()
         self._hear_out(_LAST_SECONDS)
 
@@ -297,13 +297,13 @@ class LogAndAnalysis:
         return {"log": self._log.waiting, "analysis": self._worker.waiting if self._worker else 0}
 
     def _problem(self, log: ResilientWriter | FinishedLog) -> str | None:
-        """Tell what is not in a log, and why."""
+        """Return which part is not logged, and why."""
         if isinstance(log, FinishedLog) or self._log.failure is None:
             return log.problem
         return "; ".join(filter(None, (log.problem, f"nothing more is written: {self._log.failure}")))
 
     def _hear_out(self, seconds: float) -> None:
-        """Wait for the analysis to say its last word, so long at most; what it leaves out then stands in the log."""
+        """Wait for the last results of the analysis, for a limited time; the log states what it leaves out."""
         end = time.monotonic() + seconds
         while self._report():
             if time.monotonic() > end:
@@ -322,7 +322,7 @@ class LogAndAnalysis:
             self._refused = None
 
     def _remembered(self) -> str:
-        """Return what the new analysis goes on from: what the old one kept, as far as it is of the same watch."""
+        """Return the starting state of the new analysis: the saved one of the old analysis, as far as it is valid."""
         if not self._kept:
             return ""
         structure = parse_structure(self.site.structure_text)
@@ -336,7 +336,7 @@ class LogAndAnalysis:
         self._worker = new.worker
 
     def _report(self) -> bool:
-        """Log and hand on what the analysis has found; False once it has said its last word, or has died."""
+        """Log and pass on the results of the analysis; False once it has ended, or has died."""
         if self._worker is None:
             time.sleep(_POLL)
             return False
@@ -363,7 +363,7 @@ class LogAndAnalysis:
         self._revive_after = _REVIVE_FIRST
 
     def _mourn(self, error: Exception) -> None:
-        """Go on without an analysis for a while: one that dies at once, again and again, is not to fill the disk."""
+        """Continue without an analysis for a while: one that dies at once, again and again, must not fill the disk."""
         self._worker = None
         self._revive_at = time.monotonic() + self._revive_after
         self.say("analysis_failed", {"why": str(error) or type(error).__name__, "again_in_s": self._revive_after})

@@ -18,7 +18,7 @@ _LONGEST = 4096  # bytes
 
 
 def _one_line(text: str) -> str:
-    """Return words without what is no letter: line breaks part the lines of logs, and a zero no database takes."""
+    """Return a text without control characters: line breaks separate the lines of logs, and databases refuse zeros."""
     return "".join(letter if letter.isprintable() else " " for letter in text).strip()
 
 
@@ -43,8 +43,8 @@ class Acceptance(OperatorCommand):
     """Acceptance: the change that raised the alarm is intended, or explained, and becomes the new reference."""
 
     kind: Literal["accept"] = "accept"
-    cause: Annotated[CommandText, Field(min_length=1)]  #: what it is, in a person's words
-    alarm: int | None = None  #: when the alarm that is meant was raised [ns UTC]; the one that stands
+    cause: Annotated[CommandText, Field(min_length=1)]  #: cause in a person's words
+    alarm: int | None = None  #: time at which the alarm was raised [ns UTC]. Default: the active one
 
 
 class UndoAcceptance(OperatorCommand):

@@ -13,7 +13,7 @@ from monitor.service.servers.live_view import LiveView
 from monitor.service.servers.web import WebServer, web_process
 from monitor.service.site import Site
 
-_AGAIN_SECONDS = 60.0  # until what died is served again
+_AGAIN_SECONDS = 60.0  # interval until a failed server is restarted
 TopicPayload = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
@@ -23,7 +23,7 @@ class Outputs:
     Parameters
     ----------
     site : that is watched
-    live : the live view, started by somebody else; None for none
+    live : the live view, started elsewhere; None for none
     """
 
     def __init__(self, site: Site, live: LiveView | None) -> None:
@@ -32,7 +32,7 @@ class Outputs:
         self._web = ExitStack()
         self._server: WebServer | None = None
         self._web_failed: str | None = None  # why there is no server
-        self._dead: dict[str, float] = {}  # what is not served -> when it is tried again, by time.monotonic [s]
+        self._dead: dict[str, float] = {}  # failed server -> time of the next attempt, by time.monotonic [s]
 
     def __enter__(self) -> Self:
         """Start all but the live view.
@@ -51,11 +51,11 @@ class Outputs:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Bring out what waits, and end."""
+        """Write the waiting items, and end."""
         self._undo.close()
 
     def put(self, item: Item) -> None:
-        """Hand on what was logged; never waits."""
+        """Pass on a logged item; never blocks."""
         FAILURES.attempt("history", self._history.put, item)
         for courier in self._couriers:
             FAILURES.attempt("notices", courier.put, item)
@@ -86,7 +86,7 @@ class Outputs:
                     yield f"/event/{name}_recovered", {}
 
     def show_again(self) -> str | None:
-        """Serve the live view again, without what it has shown; return why that cannot be."""
+        """Restart the live view, without earlier data; return the reason of a failure."""
         if self._live:
             self._live.restart(self._site.settings, self._site.structure_text, self._site.site_text)
         return self._live.problem if self._live else None
@@ -122,9 +122,9 @@ class Outputs:
         }
 
     def renew(self, site: Site, *, analysed_alike: bool) -> Iterator[str]:
-        """Put others in the place of those whose settings have changed; yield which, or why one cannot be served.
+        """Replace the outputs whose settings have changed; yield their names, or the reason of a failure.
 
-        What comes for history and notices meanwhile waits: the old ones may still write to files that the new share.
+        New items for history and notices wait meanwhile: the old ones may still write to shared files.
         """
         before, now = self._site.settings, site.settings
         self._site = site

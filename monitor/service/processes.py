@@ -23,9 +23,9 @@ _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # as glibc's malloc.h
 
 @contextmanager
 def deaf_to_stop_signals() -> Iterator[None]:
-    """Have processes that are started here never hear SIGINT, SIGTERM and SIGHUP, which they inherit.
+    """Make processes started here ignore SIGINT, SIGTERM and SIGHUP.
 
-    Terminals and service managers send them to the whole group: when to end is for the parent alone to say.
+    Terminals and service managers send them to the whole group: the parent alone decides when to end.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
@@ -41,10 +41,10 @@ def _c_library() -> ctypes.CDLL:
 
 
 def give_back_memory() -> None:
-    """Have glibc's malloc give back what is free, and not keep a heap a thread; others are left as they are.
+    """Configure glibc's malloc to return free memory, without a heap per thread; other libraries are unchanged.
 
-    By itself it keeps more with every large block that was ever freed: a watch of years would hold what it needed in
-    its worst moment, in pieces. To be called before threads are started.
+    By default it keeps more with every large block that was ever freed: a monitor of years would hold its largest past
+    demand, in pieces. To be called before threads are started.
     """
     mallopt = getattr(_c_library(), "mallopt", None)
     if mallopt:
@@ -53,7 +53,7 @@ def give_back_memory() -> None:
 
 
 def spare_what_is_loaded() -> None:
-    """Have the garbage collector never look again at what there is by now: modules stay for good.
+    """Exclude existing objects from garbage collection: modules stay for good.
 
     To look at all of it takes 45 ms, in which no thread runs, and so Python waits until a quarter as many objects have
     come since: as long lay garbage.
@@ -70,10 +70,9 @@ class _Malloc(ctypes.Structure):
 
 
 def held_memory() -> dict[str, int]:
-    """Return what is in use: the number of Python's blocks, and bytes of glibc's heaps where there are such.
+    """Return the memory in use: the number of Python's blocks, and bytes of glibc's heaps if available.
 
-    A process has more of the system, since allocators keep pieces between what is in use. A leak shows here, years
-    before it shows there.
+    A process holds more memory, because allocators keep pieces between used ones. A leak shows here years earlier.
     """
     held = {"blocks": sys.getallocatedblocks()}
     mallinfo2 = getattr(_c_library(), "mallinfo2", None)
@@ -85,7 +84,7 @@ def held_memory() -> dict[str, int]:
 
 
 def trim_memory() -> None:
-    """Have glibc's malloc give back now what is free, also in the midst of its heaps; others are left as they are."""
+    """Make glibc's malloc return free memory now, also inside its heaps; other libraries are unchanged."""
     malloc_trim = getattr(_c_library(), "malloc_trim", None)
     if malloc_trim:
         malloc_trim(0)
@@ -107,7 +106,7 @@ def environment(values: Mapping[str, str]) -> Iterator[None]:
 
 
 class LastWords:
-    """Why a child process ended, sent by itself; its traceback would reach nobody but a terminal."""
+    """Reason why a child process ended, sent by itself; its traceback would only reach a terminal."""
 
     def __init__(self) -> None:
         self._receiver, self.sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
@@ -146,17 +145,17 @@ def handed_over(outgoing: "Queue[T]") -> None:
     """Leave the reading end of a queue to the child that has been started with it.
 
     Once the child dies, the thread that feeds the queue ends. As long as the end was open here too, it would wait for
-    room in a pipe that nobody reads, for good, and so would all that waits behind it.
+    room in a pipe without a reader, for good, and so would everything behind it.
     """
     reader: Connection = getattr(outgoing, _READER)
     reader.close()
 
 
 def received(inbox: "Queue[T]") -> Iterator[T]:
-    """Yield what comes from the parent, for as long as it lives: one that was killed can tell nobody to end.
+    """Yield the items of the parent, as long as it is alive: a killed parent cannot send an end.
 
-    The child gives up its copy of the writing end, so that the pipe ends with the parent, amid an item if need be. As
-    long as that was open, a child waited for good for the rest of what its parent was saying when it was killed.
+    The child closes its copy of the writing end, so that the pipe ends with the parent, inside an item if necessary. As
+    long as that was open, a child waited for good for the rest of an item of its killed parent.
     """
     writer: Connection = getattr(inbox, _WRITER)
     writer.close()

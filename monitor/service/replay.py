@@ -44,14 +44,14 @@ class ReplayReport:
 
     found: list[Result]
     logged: list[Result]
-    attached: Mapping[str, str]  #: name -> text: what the log has attached, with the settings that were used
-    memory: str  #: what to go on from, as text; empty if nothing was said
+    attached: Mapping[str, str]  #: name -> text: attachments of the log, with the settings that were used
+    memory: str  #: state to be continued, as text; empty if there was none
     window_seconds: float  #: length of a window [s]
     from_beginning: bool = True  #: False for an excerpt with a later start: its baseline is not that of the live run
 
     @cached_property
     def comparison(self) -> ReplayComparison:
-        """Return how far the replay repeats what was found live."""
+        """Return the agreement of the replay with the live results."""
         return compare_results(self.found, self.logged)
 
     @property
@@ -70,12 +70,12 @@ def replay(
     log : its path, all files of a run, or an excerpt: one that does not begin with the log learns a baseline of its own
     site : settings to use instead of those attached to the log
     on_result : called with everything that is found
-    given : over what the settings attached to the log say
+    given : overrides of the settings attached to the log
 
     Raises
     ------
     LogError
-        If the log cannot be read, is damaged, has no settings attached, or devices that the settings do not know.
+        If the log cannot be read, is damaged, has no settings attached, or has devices unknown to the settings.
     SettingsError
         If the settings attached cannot be used.
     """
@@ -119,13 +119,13 @@ def replay(
 
 
 def _attached(attached: Mapping[str, str], texts: tuple[str, str], memory: str) -> dict[str, str]:
-    """Return what a watched log gets: as in the log, but with the settings and the memory that were used."""
+    """Return the attachments of a watched log: as in the log, but with the settings and the state that were used."""
     rest = {name: text for name, text in attached.items() if name != MEMORY}
     return rest | {"structure.toml": texts[0], "site.toml": texts[1]} | ({MEMORY: memory} if memory else {})
 
 
 def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> list[Result]:
-    """Return the live results that a replay can repeat: of an excerpt up to the last window that it completes."""
+    """Return the live results that a replay can repeat: of an excerpt up to the last complete window."""
     if not isinstance(log, LogExcerpt) or log.stop == END:
         return logged
     last = max((result.end for result in found if isinstance(result, WindowResult)), default=BEGINNING)
@@ -133,7 +133,7 @@ def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> l
 
 
 def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
-    """Write a log anew with what a replay of it has found, as if it had been watched so.
+    """Write a log again with the results of a replay, as if it had been monitored so.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def _how_to(log: AnyLog, why: str) -> str:
 
 
 def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
-    """Return what the run went on from, as far as it is of the watch that is replayed; else nothing."""
+    """Return the starting state of the run, if it belongs to the replayed baseline; else nothing."""
     text = attached.get(MEMORY, "")
     found = (
         check_saved_state(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1]))
@@ -218,7 +218,7 @@ def _until_last(worker: Worker) -> Iterator[WorkerMessage]:
 
 
 def logged_results(log: AnyLog) -> Iterator[Result]:
-    """Yield the results that stand in a log; errors as for `read_log`."""
+    """Yield the results in a log; errors as for `read_log`."""
     for event in read_events(log):
         result = event_result(event)
         if result is not None:

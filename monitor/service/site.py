@@ -39,7 +39,7 @@ class Site:
 
     @property
     def state(self) -> Path:
-        """Folder for what outlives a run."""
+        """Folder for data that outlive a run."""
         return self.folder / self.settings.state
 
 
@@ -49,7 +49,7 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
     Parameters
     ----------
     path : of the file
-    given : KEY=VALUE each, over what the file and the environment say
+    given : KEY=VALUE each, which override the file and the environment
 
     Raises
     ------

@@ -36,12 +36,12 @@ class SiteRun:
 
     Parameters
     ----------
-    site : what is connected and how it is watched
+    site : devices and settings
     on_result : called with everything that is found
-    live : shows what is logged, if given
+    live : shows the log, if given
     takers : called in the log's thread with all that is logged
-    recalled : of the run before, to go on from
-    mended : what was done to logs that earlier runs left without an end, in words
+    recalled : state of the run before, to be continued
+    mended : repairs of logs that earlier runs left without an end, as texts
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class SiteRun:
             stack.enter_context(self._outlets)
             stack.callback(lambda: self._thermometer.close())
             self._read_temperature()
-            with suppress(OSError):  # a state folder that takes nothing is told elsewhere
+            with suppress(OSError):  # a state folder without write permission is reported elsewhere
                 inbox_of(self._site.state)
             stack.enter_context(self.logs)
             if self._mended:
@@ -90,7 +90,7 @@ class SiteRun:
         self._undo.close()
 
     def turn(self) -> bool:
-        """Log and hand on what is found, for a moment; tell whether a second is over since that was told last."""
+        """Log and pass on results, for a moment; return whether a second is over since the last time."""
         if not FAILURES.attempt("log and analysis", self.logs.turn):
             time.sleep(_POLL)
         for part, said in (
@@ -117,9 +117,9 @@ class SiteRun:
         self._second_over = self.vitals.write(self._state())
 
     def _sweep(self) -> None:
-        """Free what refers to itself in circles: for so little as comes here Python does that once in hours.
+        """Free circular references: with few objects Python does that once in hours.
 
-        What that and the faults since leave free in pieces goes back to the system.
+        Memory that is thereby freed in pieces is returned to the system.
         """
         if time.monotonic() >= self._sweep_due:
             gc.collect()
@@ -127,7 +127,7 @@ class SiteRun:
             self._sweep_due = time.monotonic() + _SWEEP
 
     def finish(self) -> None:
-        """Let what has arrived be logged, and analysed as far as that goes in a while."""
+        """Log the received data, and analyse them as far as possible in a while."""
         self._devices.stop()
         self.logs.finish()
 
@@ -140,13 +140,13 @@ class SiteRun:
     def reload(self, site: Site) -> None:
         """Continue with other settings: only affected parts are restarted.
 
-        What may be refused is tried before anything is changed. A part that fails all the same is named in the event,
-        and costs no other part its change.
+        Parts that may be refused are tested before anything is changed. A part that fails nevertheless is named in the
+        event, and does not affect the others.
 
         Raises
         ------
         SettingsError
-            If they take a restart; all goes on as it was.
+            If they require a restart; everything continues as before.
         StartError
             If a driver has no such place or rate, or no log can be written there; likewise.
         """
@@ -192,7 +192,7 @@ class SiteRun:
         self._devices.resume(drivers, stopped if alike else {})
 
     def _follow_clock(self) -> None:
-        """Go on by the host's clock where that has been set: all devices are told their time anew, in another log."""
+        """Follow the host's clock after it was set: all devices get new times, in another log."""
         clock = self._clock
         if not isinstance(clock, SystemClock) or abs(clock.off) < _STEP or time.monotonic() < self._step_due:
             return
@@ -202,7 +202,7 @@ class SiteRun:
         self._devices.stop()
         clock.follow()
         self.logs.renew("the clock was set")
-        self._outlets.show_again()  # scans are counted anew
+        self._outlets.show_again()  # scans are counted from the start
         self._devices.resume(drivers, {})
 
     def _read_temperature(self) -> None:
@@ -219,7 +219,7 @@ class SiteRun:
             FAILURES.attempt("journal", taker, item)
 
     def _state(self) -> dict[str, Any]:
-        """Return what is well or not beside the devices and windows."""
+        """Return the state of parts other than devices and windows."""
         more = {
             "disk_free": _free(logs_of(self._site)),
             "temperature": self._reads.problem if self._reads else None,
@@ -246,4 +246,4 @@ def _free(folder: Path) -> int:
     try:
         return shutil.disk_usage(folder).free
     except OSError:
-        return 0  # not there any more: writing tells
+        return 0  # no longer there: writing will show it

@@ -77,7 +77,7 @@ class DeviceStatus:
     looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: last block, scans
 
     def look(self, now: float) -> dict[str, Any]:
-        """Return what others are told at a time [s, monotonic]."""
+        """Return the published status at a time [s, monotonic]."""
         heard = now if self.heard is None or now - self.heard > _LUMP else self.heard  # scans come in lumps
         self.looks.append((heard, self.scans))
         then, scans = self.looks[0]
@@ -94,15 +94,15 @@ class DeviceStatus:
 class Pace:
     """Interval of windows in wall time."""
 
-    step: float  #: from one to the next [s]
+    step: float  #: interval [s]
     window: float  #: their length: the first takes that long [s]
-    tests: bool = True  #: whether there are self-tests now and then: if not, the last one says nothing any more
+    tests: bool = True  #: whether there are self-tests: if not, the last one is obsolete
 
 
 class MonitorStatus:
     """Gathers the state of a run; called from the log's thread and the main one.
 
-    All ages are by the clock that nobody sets: the file has them as they were when it was written.
+    All ages are by a monotonic clock: the file has them at the time of writing.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ class MonitorStatus:
         self._due = 0.0
 
     def take(self, item: Item) -> None:
-        """Take what was logged."""
+        """Add a logged item."""
         with self._lock:
             if isinstance(item, Block):
                 self._heard(item)
@@ -153,13 +153,13 @@ class MonitorStatus:
                 self._happened(item)
 
     def follow(self, devices: tuple[str, ...], pace: Pace, device_of: Mapping[str, str]) -> None:
-        """Follow these devices from now on, whose first window begins now; what is known of those that stay is kept."""
+        """Follow these devices from now on, whose first window begins now; the state of continued ones is kept."""
         with self._lock:
             self._devices = {name: self._devices.get(name, DeviceStatus()) for name in devices}
             self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
     def said(self) -> Iterator[TopicPayload]:
-        """Yield topic and payload of what is to be told of the devices since the last time."""
+        """Yield topic and payload of device events since the last time."""
         while self._said:
             yield self._said.popleft()
 
@@ -186,7 +186,7 @@ class MonitorStatus:
             return f"{state}; {devices}" + (f", lost: {', '.join(lost)}" if lost else "")
 
     def write(self, more: dict[str, Any]) -> bool:
-        """Write the file once a second, with what else is known; a disk that does not take it is said elsewhere.
+        """Write the file once per second, with further values; disk failures are reported elsewhere.
 
         Returns
         -------
@@ -253,7 +253,7 @@ class MonitorStatus:
                 self._compare(event.payload)
 
     def _compare(self, payload: dict[str, Any]) -> None:
-        """Take note of a device that is another one than in the run before: ports may have been given out anew."""
+        """Report a device that differs from the one in the run before: ports may have been reassigned."""
         name = str(payload["device"])
         found = {key: value for key, value in payload.items() if key not in ("device", "filter_delay")}
         known = self._identities.get(name, found)
@@ -279,14 +279,14 @@ class MonitorStatus:
             self._listen(result)
             self._learnt = result.phase != "learning"
             if not self._learnt:
-                self._self_test, self._novelty = None, {}  # they were of what is not known any more
+                self._self_test, self._novelty = None, {}  # they belong to an obsolete baseline
             self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
             self._novelty = self._window["novelty"] or self._novelty
             self._window["n_modes"] = len(result.modes)
             self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
 
     def _listen(self, window: WindowResult) -> None:
-        """Take note of channels that windows do not hear any more, or hear again; a lost device is told as such."""
+        """Update the channels without data, and those with data again; a lost device is reported separately."""
         lost = {name for name, device in self._devices.items() if device.lost}
         faults = {c: why for c, why in window.faults.items() if self._device_of.get(c) not in lost}
         self._unheard = self._unheard.after(window.model_copy(update={"faults": faults}))
@@ -297,7 +297,7 @@ class MonitorStatus:
 
 
 def last_written(path: Path) -> dict[str, Any]:
-    """Return what a file of vitals tells of the run before; nothing if it cannot be read."""
+    """Return the content of the status file of the run before; empty if it cannot be read."""
     try:
         found = parse_json(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 from monitor.results.events import TOPIC_STOPPED
 
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
-#: glibc gives back at once what was large, in a watch of years; keeps it in a replay, which takes a quarter less so
+#: glibc returns large blocks at once, for a monitor of years; it keeps them in a replay, which is a quarter faster so
 _GIVEN_BACK = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
 _KEPT = {"MALLOC_MMAP_THRESHOLD_": "1000000000", "MALLOC_TRIM_THRESHOLD_": "4000000000"}
 
@@ -51,9 +51,9 @@ class Worker:
     Parameters
     ----------
     structure, site : texts of the structure's and the site's TOML
-    memory : text of the memory to go on from; empty for none
+    memory : text of the saved state to be continued; empty for none
     capacity : items that may wait before `feed` blocks; 0 = never blocks
-    keep : whether what to go on from after a restart is told too, after each item that lets something be said
+    keep : whether the state for a restart is sent too, after each item with results
     skipped : windows to leave out, by number, as in a log that is replayed; None: those of a backlog
     """
 
@@ -87,7 +87,7 @@ class Worker:
     def __exit__(self, *_: object) -> None:
         """End the process if it has not ended by itself."""
         self._inbox.cancel_join_thread()
-        self._process.kill()  # it does not heed SIGTERM
+        self._process.kill()  # it does not react to SIGTERM
         self._process.join()
 
     @property
@@ -149,7 +149,7 @@ class _Task:
     memory: str
     keep: bool
     skipped: frozenset[int] | None
-    newest: _Shared  #: until when signals have come [ns UTC]
+    newest: _Shared  #: time up to which signals have arrived [ns UTC]
 
 
 def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | None]") -> None:
@@ -170,7 +170,7 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
             outbox.put(SavedState(memory_text(pipeline.memory)))
         if said and task.skipped is None:
             trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
-    outbox.cancel_join_thread()  # the parent was killed: nobody will ever read what is still on its way
+    outbox.cancel_join_thread()  # the parent was killed: the remaining items will not be read
 
 
 def _pipeline(task: _Task) -> "Pipeline":

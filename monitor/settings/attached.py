@@ -37,7 +37,7 @@ def attachable(text: str) -> str:
 
     Parameters
     ----------
-    text : of SITE.toml, with what overrides it; also as logs of earlier versions hold it
+    text : of SITE.toml, with overrides; also as in logs of earlier versions
     """
     try:
         content = parse_toml(text)

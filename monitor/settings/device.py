@@ -93,7 +93,7 @@ class DeviceSettings(Section):
     @model_validator(mode="before")
     @classmethod
     def _three_axes(cls, given: object) -> object:
-        """Say more of axes that no device has where a log is played, whose devices may have been columns of a file."""
+        """Extend the message on missing axes for replayed logs, whose devices may have been columns of a file."""
         if isinstance(given, dict) and "log" in given and isinstance(channels := given.get("channels"), dict):
             more = [str(axis) for axis in channels if axis not in AXES]
             if more:

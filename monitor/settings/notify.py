@@ -59,7 +59,7 @@ class NotifySettings(Section):
         for name, secret in headers.items():
             line = name + revealed(secret)
             if not line.isascii() or not line.isprintable():
-                raise ValueError(f"{name}: expected ASCII without line breaks")  # what servers may be sent
+                raise ValueError(f"{name}: expected ASCII without line breaks")  # characters permitted in HTTP
         return headers
 
     @field_validator("webhook", "mqtt")

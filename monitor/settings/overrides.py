@@ -1,8 +1,8 @@
 """Settings from the environment and the command line: over the file's, and written into the text that is logged.
 
-A run's log holds the settings that it ran with, so that a replay needs neither the environment nor the command line of
-then: what overrides is put into the text of SITE.toml before that is read. pydantic-settings merges values but
-keeps no text, and its errors do not say which source a value is from.
+The log of a run holds its complete settings, so that a replay needs neither the environment nor the command line:
+overrides are put into the text of SITE.toml before it is read. pydantic-settings merges values but keeps no text, and
+its errors do not name the source of a value.
 """
 
 import os
@@ -24,19 +24,19 @@ _KEY = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*")
 class Override:
     """A setting given elsewhere than in the file."""
 
-    said: str  #: where it was given, for errors
-    keys: tuple[str, ...]  #: of tables; in `device` and `notify` a number from 0, or a device's name
-    value: Any  #: as TOML has it
+    said: str  #: source, for errors
+    keys: tuple[str, ...]  #: keys of tables; in `device` and `notify` a number from 0, or a device's name
+    value: Any  #: value as in TOML
 
 
 def overrides(arguments: Sequence[str] = (), environment: Mapping[str, str] | None = None) -> tuple[Override, ...]:
-    """Return what overrides a file, the strongest last: the environment, then the command line.
+    """Return the overrides of a file, the strongest last: the environment, then the command line.
 
     Parameters
     ----------
     arguments : KEY=VALUE each, such as analysis.window_seconds=300 or device.beam_left.rate=500
-    environment : of the process unless given; variables such as MODALWATCH_ANALYSIS__WINDOW_SECONDS count, and
-        MODALWATCH__STATE for what is in no section; others of that beginning, without two underscores, do not
+    environment : Default: that of the process; variables such as MODALWATCH_ANALYSIS__WINDOW_SECONDS are used, and
+        MODALWATCH__STATE for settings outside sections; others with that prefix, without two underscores, are not
 
     Raises
     ------
@@ -63,7 +63,7 @@ def _of_argument(argument: str) -> Override:
 
 
 def _value(text: str) -> Any:  # noqa: ANN401 - whatever TOML can say
-    """Return a TOML value; anything that is none is a string as it stands, so that paths need no quotes."""
+    """Return a TOML value; any other text is a string, so that paths need no quotes."""
     try:
         return tomllib.loads(f"value = {text}\n")["value"] if "\n" not in text else text
     except tomllib.TOMLDecodeError:

@@ -24,13 +24,13 @@ def parse_settings(
     Parameters
     ----------
     text : of the file
-    path : what errors name
-    origins : place of a setting -> what errors name instead, as it was not given in the file
+    path : named in errors
+    origins : setting -> source named in errors, if it was not given in the file
 
     Raises
     ------
     SettingsError
-        Naming the file, the key, what was found and, for a key nobody knows, the nearest right word.
+        Naming the file, the key, the found value and, for an unknown key, the nearest valid word.
     """
     try:
         content = parse_toml(text)
@@ -80,11 +80,11 @@ def _check_sync(settings: Settings, path: Path | str) -> None:
 
 
 def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]:
-    """Read a settings file and put in what overrides it.
+    """Read a settings file and apply overrides.
 
     Returns
     -------
-    text : of the file, with what overrides it
+    text : of the file, with overrides
     settings : the same, read; files that devices name are found from anywhere
 
     Raises
@@ -104,12 +104,12 @@ def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]
 
 
 def load_settings(path: Path) -> Settings:
-    """Read a settings file, with what the environment says instead; errors as for `read_settings`."""
+    """Read a settings file, with overrides of the environment; errors as for `read_settings`."""
     return read_settings(path, overrides())[1]
 
 
 def _from_folder(settings: Settings, folder: Path) -> Settings:
-    """Return settings whose files - DBC, logs, temperature - are found from anywhere."""
+    """Return settings whose files - DBC, logs, temperature - have absolute paths."""
 
     def found(device: DeviceSettings) -> DeviceSettings:
         files = {"dbc": device.dbc, "log": device.log}
@@ -129,7 +129,7 @@ def _from_folder(settings: Settings, folder: Path) -> Settings:
 
 
 def _explained(error: ValidationError, path: Path | str, origins: Mapping[tuple[str, ...], str]) -> SettingsError:
-    # a misspelt key is also a missing one: say the former
+    # a misspelt key is also a missing one: the former is reported
     first: Any = min(error.errors(), key=lambda e: e["type"] != _NO_SUCH)
     place = tuple(str(part) for part in first["loc"])
     origin = next((said for keys, said in origins.items() if place[: len(keys)] == keys), path)
@@ -143,7 +143,7 @@ def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of p
     if first["type"] == "missing":
         return "is missing"
     said = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    whole = isinstance(first["input"], dict) or "found" in said  # a section says enough by its name
+    whole = isinstance(first["input"], dict) or "found" in said  # for a section the name is sufficient
     found = said if whole or _may_be_secret(place) else f"{said.partition(', unable')[0]}, found {first['input']!r:.80}"
     if first["type"] == "literal_error":
         return found + nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])

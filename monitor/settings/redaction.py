@@ -47,7 +47,7 @@ def redacted_topic(url: str) -> str:
 
 
 def secrets_of_address(url: str) -> Iterator[str]:
-    """Yield what may be a secret in an address: itself, user, password, path, and values of its query."""
+    """Yield possible secrets in an address: itself, user, password, path, and values of its query."""
     yield url
     try:
         place = urlsplit(url)

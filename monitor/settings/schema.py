@@ -177,7 +177,7 @@ class WebSettings(Section):
 
 
 class ViewerSettings(Section):
-    """Live view, served on 127.0.0.1. Leave the section out for none."""
+    """Live view, served on 127.0.0.1. Without the section there is none."""
 
     port: Annotated[int, Field(ge=1, le=65534)] = 9876
     """Port of the live results; signals use the next one. Without a `[viewer]` section there is no live view."""

@@ -11,7 +11,7 @@ _SMALLEST, _LARGEST = 1e-20, 1e9  # of a number with a fraction that is not 0
 
 
 class Table(BaseModel):
-    """A table of a file of settings: frozen, refusing keys it does not know and numbers that cannot be meant."""
+    """Table of a settings file: frozen, unknown keys and implausible numbers are errors."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -29,10 +29,10 @@ class Table(BaseModel):
 
 
 class Section(Table):
-    """A table of SITE.toml: every setting is spelled here, with its default, and said what it means, once.
+    """A table of SITE.toml: every setting is defined here once, with its default and its description.
 
-    The text below a field is its description: in `modalwatch settings`, in the JSON Schema and, as a test sees to, in
-    the table of docs/monitor.md. A field without a default of its own has an example.
+    The text below a field is its description: in `modalwatch settings`, in the JSON Schema and, checked by a test, in
+    the table of docs/monitor.md. A field without a default has an example.
     """
 
     model_config = ConfigDict(

@@ -26,12 +26,12 @@ _HEAD = """\
 
 
 def _example(section: type[Section]) -> dict[str, Any]:
-    """Return what a section needs at least, from the examples of the fields that have no default."""
+    """Return the minimum content of a section, from the examples of the fields without a default."""
     fields = section.model_fields.items()
     return {name: (field.examples or [None])[0] for name, field in fields if field.is_required()}
 
 
-#: as few settings as a site can have: one device on a serial port
+#: the minimum settings of a site: one device on a serial port
 EXAMPLE = Settings(
     structure=_example(Settings)["structure"],
     device=(
@@ -41,7 +41,7 @@ EXAMPLE = Settings(
 
 
 def annotated(settings: Settings = EXAMPLE) -> str:
-    """Return settings as TOML that reads back equal, each with what it means; secrets as `**********`."""
+    """Return settings as TOML that reads back equal, each with its description; secrets as `**********`."""
     plain = {name: field for name, field in Settings.model_fields.items() if section_of(field.annotation) is None}
     blocks = ["\n".join(_setting(name, field, getattr(settings, name)) for name, field in plain.items())]
     for name, field in Settings.model_fields.items():
@@ -74,7 +74,7 @@ def _table(head: str, section: type[Any], given: Section | None) -> Iterator[str
 
 
 def _given(head: str, section: Section) -> str:
-    """Return one more section of a kind that has been told: what it has beside the defaults."""
+    """Return one more section of a documented kind: only values that differ from the defaults."""
     values = section.model_dump(exclude_defaults=True, exclude_none=True)
     return "\n".join([head, *(f"{name} = {_toml(value)}" for name, value in values.items())])
 

@@ -10,7 +10,7 @@ from monitor.text.quantities import duration_text, utc
 
 
 def change_said(change: Change, result: WindowResult) -> str:
-    """Return what a window changed, and where."""
+    """Return the change of a window, with its location."""
     score = result.novelty
     figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
     if change.kind == "latched":

@@ -12,24 +12,22 @@ from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, Pair
 from updater.quantities import ParameterChange, Quantity, Where
 
-_LEAST_P = 1e-12  # that is told as it is
+_LEAST_P = 1e-12  # smallest p that is stated
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
 _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
-_SHARES = frozenset(
-    {"loss", *_LOSSES, "error", "damping"}
-)  # of parameters without a unit, those that are told in per cent
-_COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: down to where it is told in whole mm, from where on in m
-_MANY, _FEW = 6, 3  # parameters of a cause: of more than so many, so many are told in a line
-_LARGE = 10.0  # kg: smaller masses are told in grams
-CLEAR_ODDS = 5.0  #: log evidence from which only one reading of the forces left over is shown
+_SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
+_COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
+_MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
+_LARGE = 10.0  # kg: smaller masses are given in grams
+CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
 SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
 
 
 def fit_text(answer: MassAnswer) -> str:
-    """Return how well a mass fits what was measured, and in how many windows."""
+    """Return the quality of the fit of a mass, and the number of windows."""
     p = f"= {answer.p_value:.2g}" if answer.p_value > _LEAST_P else f"under {_LEAST_P:.0e}"
     return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
 
@@ -45,7 +43,7 @@ def quantity_text(quantity: Quantity) -> str:
 def parameter_text(name: str, quantity: Quantity) -> str:
     """Return a cause's parameter in the unit that is spoken: lengths in mm, delays in ms, angles in degrees.
 
-    A gain and a factor stay numbers; a share is what is lost, or off.
+    A gain and a factor are numbers; a share is a loss or an error.
     """
     scale, unit = _SPOKEN.get(quantity.unit, (1.0, ""))
     if quantity.unit.startswith("N"):
@@ -85,7 +83,7 @@ def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
 
 
 def _parameter_name(cause: Cause, change: ParameterChange) -> str:
-    """Return the quantity, with what it belongs to where the cause itself has no place."""
+    """Return the quantity, with its place if the cause itself has none."""
     if cause.where is not None:
         return change.quantity
     place = " at ({:g}, {:g}, {:g}) m".format(*change.position) if change.position else ""
@@ -125,18 +123,18 @@ def cause_text(cause: Cause) -> str:
     )
 
 
-MARK = "*"  #: of a mode that is not `compared`
+MARK = "*"  #: mark of a mode that is not `compared`
 NOT_COMPARED = "not used: no confident match in the reference"
 
 
 def failed_text(failed: Failed) -> str:
-    """Return what an internal fault left out of an answer."""
+    """Return the parts left out of an answer by an internal fault."""
     part = " and ".join(map(plain, failed.part.split(" and ")))
     return f"internal error, {part} was not considered: {failed.error}"
 
 
 def mass_text(answer: MassAnswer) -> str:
-    """Say what was found in one line."""
+    """Return the answer in one line."""
     places: list[MassAnswer | OtherPlace] = [answer, *answer.others]
     return " or ".join(_place_text(place) for place in places)
 
@@ -152,7 +150,7 @@ def _place_text(place: MassAnswer | OtherPlace) -> str:
 
 
 def change_text(diagnosis: Diagnosis) -> str:
-    """Say what has changed where something has, as a part of a sentence."""
+    """Return the change, if there is one, as a part of a sentence."""
     if diagnosis.verdict == "nothing_to_explain":
         return "too little to name a cause"
     if not diagnosis.causes:
@@ -212,7 +210,7 @@ def change_data_text(gain: Gain) -> str:
 
 
 def missed_text(sensors: Sequence[SensorComparison]) -> str:
-    """Say what the prediction of each sensor from the others misses of all signals; empty where none was made."""
+    """Return the share of all signals that the prediction from other sensors misses; empty if there is none."""
     missed = [s.missed for s in sensors if s.missed is not None]
     if not missed:
         return ""
@@ -228,12 +226,12 @@ def _root_mean_square(values: Sequence[float]) -> float:
 
 
 def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
-    """Say where forces are left over most, read as the modes clearly speak for; empty where nothing stands out.
+    """Return where residual forces are largest, in the interpretation favoured by the modes; empty if not significant.
 
     Parameters
     ----------
     balance : of the nodes
-    nodes : their places [m]; nothing is said of those of another model
+    nodes : their positions [m]; nothing is stated for those of another model
     """
     if abs(balance.log_odds) <= CLEAR_ODDS or len(nodes) != len(balance.loss):
         return ""

@@ -9,12 +9,12 @@ _TIMES = ("alarm",)  # fields that are times [ns UTC]
 
 
 def event_name(topic: str) -> str:
-    """Return what happened."""
+    """Return the name of an event."""
     return topic.rpartition("/")[2].replace("_", " ")
 
 
 def event_said(payload: Mapping[str, Any], *, without: str = "") -> str:
-    """Return what is known of it, but for a field that is said elsewhere; what is empty is left out."""
+    """Return its payload as a text, without a field that is given elsewhere and without empty ones."""
     known = {name: value for name, value in payload.items() if name != without and value not in ("", None)}
     return ", ".join(f"{name.replace('_', ' ')} {_value(name, value)}" for name, value in known.items())
 

@@ -1,7 +1,7 @@
 """Templates of notices rendered in a process of their own, with bounded time, memory and output.
 
-A template is a program: two nested loops run for hours, and `'%999999999d' % 5` asks for a gigabyte inside one
-operation, where nothing in the same process can stop it. jinja2's sandbox bounds neither.
+A template is a program: two nested loops run for hours, and `'%999999999d' % 5` requires a gigabyte inside one
+operation, which nothing in the same process can stop. jinja2's sandbox limits neither.
 """
 
 import json
@@ -102,7 +102,7 @@ def _answer(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Render what the standard input asks for."""
+    """Render the template on the standard input."""
     if sys.platform != "win32":
         _bound_process()
     sys.stdout.write(json.dumps(_answer(json.load(sys.stdin))))

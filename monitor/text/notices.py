@@ -17,13 +17,13 @@ _LONGEST = 3000  # characters of its text: chat servers refuse more
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
-    """Something a person may want to be told."""
+    """Information for a person."""
 
     kind: NoticeKind | Literal["heartbeat"]
     site: str
     time: int  #: [ns UTC]
     utc: str  #: the same in words
-    state: str  #: of the alarm
+    state: str  #: state of the alarm
     text: str
     alarm: int | None = None  #: when its alarm was raised [ns UTC]: the same in all notices of one alarm
 
@@ -34,14 +34,14 @@ class Notice:
 
 @dataclass(frozen=True, kw_only=True)
 class Message:
-    """Notices that are told together."""
+    """Notices that are sent together."""
 
-    notices: list[Notice]  #: in the order of time
+    notices: list[Notice]  #: notices in the order of time
     text: str
 
     @property
     def foremost(self) -> Notice:
-        """The notice whose fields are the message's: whoever looks at one alone is to see the alarm."""
+        """The notice whose fields are the message's: a reader of one alone must see the alarm."""
         return foremost(self.notices)
 
 
@@ -55,15 +55,15 @@ def foremost(notices: list[Notice]) -> Notice:
 
 
 def message(notices: list[Notice], template: str | None = None, others: int = 0) -> Message:
-    """Return what tells notices in so few words that it is taken; beyond that troubles are only counted, oldest first.
+    """Return notices as a text of accepted length; beyond that, problems are only counted, oldest first.
 
-    A template that fails gives way to the program's own: what it was never tried with comes after years, at night.
+    A template that fails is replaced by the built-in text: untested cases may occur after years.
 
     Parameters
     ----------
     notices : in the order of time
     template : of the site
-    others : that came beside these and were not kept
+    others : notices in addition to these that were not kept
     """
     most = _MOST
     while True:
@@ -89,12 +89,12 @@ def _rendered(notices: list[Notice], template: str | None, others: int) -> str:
 
 
 def render(notices: list[Notice], template: str | None = None, others: int = 0) -> str:
-    """Return the text that tells notices; templates see `notices`, the foremost as `notice`, and `others`, a number.
+    """Return the text of notices; templates have `notices`, the foremost as `notice`, and `others`, a number.
 
     Raises
     ------
     TemplateFailure
-        If the template asks for what there is not, or for more time, memory or output than it may.
+        If the template uses undefined names, or more time, memory or output than permitted.
     """
     context = _context(notices, others)
     if template is None:
@@ -103,7 +103,7 @@ def render(notices: list[Notice], template: str | None = None, others: int = 0) 
 
 
 def _context(notices: list[Notice], others: int) -> dict[str, Any]:
-    """Return what templates see, as JSON values."""
+    """Return the variables of templates, as JSON values."""
     return {
         "notices": [notice.values() for notice in notices],
         "notice": foremost(notices).values(),
@@ -117,7 +117,7 @@ def check_template(template: str) -> None:
     Raises
     ------
     ValueError
-        Naming what is wrong with it.
+        Naming the fault.
     """
     kinds: tuple[NoticeKind, ...] = get_args(NoticeKind)
     notices = [Notice(kind=kind, site="site", time=0, utc="then", state="alarm", text="so") for kind in kinds]

@@ -11,7 +11,7 @@ _SURE = 4.0  # standard deviations from which a channel is named
 _WIDE = 2.0  # standard deviations that a bound holds
 _GAIN = 0.03  # from which a change of gain matters [-]
 _NOTHING = 0.1  # gain under which a channel is as good as dead [-]
-_FINEST = 0.1  # % of a gain that is told
+_FINEST = 0.1  # % of a gain: smallest stated difference
 _DELAY = 1e-4  # from which a delay matters [s]
 
 
@@ -30,11 +30,11 @@ def health_result(health: SensorHealth) -> dict[str, ChannelHealth]:
 
 
 def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True) -> str:
-    """Name the channels that are not as they should be; if all are, say how closely that is known.
+    """Name the faulty channels; if there are none, state the accuracy.
 
     Parameters
     ----------
-    explained : whether the modes are: what a structure does that no cause explains looks like sensors' faults
+    explained : whether the modes are: an unexplained change of the structure looks like sensor faults
     """
     if not sensors:
         return ""
@@ -50,7 +50,7 @@ def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True)
 
 
 def fault_text(own: ChannelHealth) -> str:
-    """Say what is wrong with a channel, nothing if that is sure to nobody or does not matter."""
+    """Return the fault of a channel, empty if it is not certain or not relevant."""
     found = []
     if abs(own.gain) < max(_NOTHING, _SURE * own.gain_std):
         return "no signal"

@@ -9,7 +9,7 @@ from monitor.results.windows import Novelty, SingleMode, Unsure
 
 
 def unsure_text(found: Sequence[Unsure]) -> str:
-    """Say in a part of a sentence what windows could tell, by the one that could tell least."""
+    """Return as a part of a sentence the detectable change of the least certain window."""
     worst = max(found, key=lambda one: one.least_percent)
     known = [one.temperature for one in found if math.isfinite(one.temperature)]
     where = f"at {_between(min(known), max(known))} degC" if known else ""
@@ -36,7 +36,7 @@ def _between(lowest: float, highest: float) -> str:
 
 
 def unsure_now(story: RunResults) -> str:
-    """Return what could be found in the last windows; empty where the law was sure in the newest one."""
+    """Return the detectable change in the last windows; empty if the law was certain in the newest one."""
     judged = _judged(story)
     last = list(takewhile(lambda unsure: unsure is not None, (novelty.unsure for novelty in reversed(judged))))
     unsure = _of([unsure for unsure in last if unsure], f"the last {len(last)} of {len(judged)} windows")
@@ -45,7 +45,7 @@ def unsure_now(story: RunResults) -> str:
 
 
 def unsure_ever(story: RunResults) -> str:
-    """Say what could be told in all windows in which the law was unsure; empty where it never was."""
+    """Return the detectable change in all windows with an uncertain law; empty if there are none."""
     judged = _judged(story)
     found = [novelty.unsure for novelty in judged if novelty.unsure]
     return _of(found, f"{len(found)} of {len(judged)} windows")

@@ -55,7 +55,7 @@ def last_state(story: RunResults) -> str:
 
 
 def accepted_text(change: AcceptedShift, time: int) -> str:
-    """Say as what a change was accepted, by whom and when [ns UTC]."""
+    """Return the cause, person and time [ns UTC] of an acceptance."""
     by = f" by {change.by}" if change.by else ""
     return f"as {change.cause!r}{by}, {utc(time)}"
 
@@ -95,10 +95,10 @@ def _what(story: RunResults, diagnosis: Diagnosis | None) -> str:
 
 
 def is_one_mass(diagnosis: Diagnosis) -> bool:
-    """Tell whether one added or removed mass explains how the structure has changed, and nothing else.
+    """Return whether one added or removed mass explains the change of the structure, and nothing else.
 
-    A mass that may as well be spread over a stretch is one, and so is one beside a clock that is late: the data place
-    and weigh it alike.
+    A mass that may also be distributed over a stretch is one, and so is one with a delayed clock: position and mass are
+    the same.
     """
     structural = [c for c in diagnosis.causes if c.cause not in _CLOCKS]
     kinds = {name for c in structural for name in (c.cause, *c.cannot_be_told_from)}

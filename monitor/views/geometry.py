@@ -75,7 +75,7 @@ class Geometry:
         Parameters
         ----------
         towards : (3,) unit vector from the structure towards the eye
-        points : (n, 3) what must be seen [m]
+        points : (n, 3) visible points [m]
         aspect : width over height of the picture
         fill : share of the picture to use
         """
@@ -103,7 +103,7 @@ def screen(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _held(reference: ReferenceResult) -> IndexArray:
-    """Return the nodes that no mode moves: the supports; the lowest of members' ends if the modes tell of none."""
+    """Return the nodes that no mode moves: the supports; the lowest of members' ends if the modes show none."""
     shapes = np.array([mode.displacement for mode in reference.modes], float).reshape(-1, len(reference.nodes), 3)
     still = np.flatnonzero(np.abs(shapes).max(axis=(0, 2), initial=0.0) < _HELD) if len(shapes) else np.array([], int)
     if len(still):

@@ -13,7 +13,7 @@ _TICK_STEPS = np.array([1.0, 2.0, 2.5, 5.0, 10.0])
 
 
 def has_profile(answer: MassAnswer) -> bool:
-    """Tell whether there is a posterior to draw: at two places of one member at least."""
+    """Return whether there is a posterior to draw: at two places of one member at least."""
     return len({(p.member, p.position) for p in answer.profile}) > len({p.member for p in answer.profile})
 
 

@@ -52,7 +52,7 @@ class DeviceQuality:
     scans: int = 0
     gaps: int = 0
     missing: int = 0  #: scans in those gaps
-    exact: bool = True  #: False where the host's clock had to tell how many are missing
+    exact: bool = True  #: False if the number of missing scans was estimated by the host's clock
     damaged: int = 0  #: blocks while which damaged frames were dropped
     lost: int = 0  #: times the device was lost
 
@@ -64,8 +64,8 @@ class Run:
     log: AnyLog
     story: RunResults
     devices: list[DeviceQuality]
-    dropped: int | None  #: items that found the log's queue full; None if the log does not say
-    ended: bool  #: False if the log was cut: it does not say that it stopped
+    dropped: int | None  #: items dropped because the log's queue was full; None if the log does not state it
+    ended: bool  #: False if the log is truncated: it has no end
     site_text: str  #: settings attached to the log, without secrets; empty if there are none
 
 
@@ -93,7 +93,7 @@ def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object]
     path : of the log or folder
     within : range of time; its windows are those that lie within it. The baseline may be older, and so may an alarm be
         that is active where the range begins
-    say : called with the range in words, if there is one
+    say : called with the range as a text, if there is one
 
     Raises
     ------
@@ -212,7 +212,7 @@ def _name(structure: str, log: AnyLog) -> str:
 
 
 def late_devices(log: AnyLog) -> dict[str, float]:
-    """Return how much earlier than arrivals tell devices' scans were taken [s], as the newest baseline in a log says.
+    """Return the time by which scans were taken before their arrivals indicate [s], by a log's newest baseline.
 
     Raises
     ------
@@ -226,8 +226,8 @@ def late_devices(log: AnyLog) -> dict[str, float]:
 def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, float] = {}) -> Recording | None:
     """Return the last seconds of all channels on one grid; None without settings, or if too little was measured.
 
-    What devices are late by [s] is taken out of them. Faster signals are low-passed and drawn at 500 Hz at the most. A
-    device that is silent at the end is left out.
+    Delays of devices [s] are removed. Faster signals are low-passed and drawn at 500 Hz at most. A device that is
+    silent at the end is left out.
     """
     try:
         settings = parse_attached(site_text)

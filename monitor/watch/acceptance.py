@@ -16,7 +16,7 @@ from monitor.watch.baseline import Watch, learn_watch
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
 from updater.modal_data import LEAST_PRESENCE
 
-LEAST_WINDOWS = 5  #: since the change, from which a reference is learnt: as many as a baseline has at least
+LEAST_WINDOWS = 5  #: windows since the change for a new reference: the minimum of a baseline
 
 
 class CannotAcceptError(Exception):
@@ -32,10 +32,10 @@ def accept_change(
     wanted: AcceptanceRequest,
     raised: int,
 ) -> Watch:
-    """Return what to watch by from now on.
+    """Return the new state of monitoring.
 
-    Where the diagnosis explains the change, its causes are written into the structure first: a mass is not taken for a
-    softer material. Elsewhere the one-step update's first stage takes it up.
+    If the diagnosis explains the change, its causes are written into the structure first: a mass is not mistaken for a
+    softer material. Otherwise the one-step update's first stage includes the change.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def accept_change(
     changed_windows : windows since the change, at least `LEAST_WINDOWS`
     devices : of each channel
     settings : of the site
-    wanted : who accepts it as what
+    wanted : person and cause of the acceptance
     raised : when the alarm was [ns UTC]
 
     Raises
@@ -109,13 +109,13 @@ def watch_again(
 
 
 def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], settings: Settings) -> Watch:
-    """Return what was watched by before the last acceptance, with all that has been learnt of scatter since."""
+    """Return the state before the last acceptance, with all later learning of scatter."""
     *before, last = watch.accepted
     return learn_watch(structure, watch.baseline, devices, settings, watch.detector.moved_back(last.shift), before)
 
 
 def _explained(watch: Watch, changed_windows: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
-    """Return the structure with what explains the change written in, empty if nothing does, and that in words."""
+    """Return the structure with the causes of the change, empty if there is no explanation, and its text."""
     both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(watch, changed_windows, devices))
     if both is None:
         return "", "not explained"

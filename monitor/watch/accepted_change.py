@@ -16,12 +16,12 @@ class AcceptedChange:
 
     time: int  #: when it became the reference [ns UTC]
     raised: int  #: when the alarm was [ns UTC]
-    cause: str  #: in a person's words
+    cause: str  #: cause in a person's words
     by: str
-    found: str  #: what the diagnosis said
-    structure: str  #: text of the structure with what was found written in; empty: as before
-    windows: tuple[Window, ...]  #: of the changed structure, which the reference is learnt from
-    shift: Shift  #: of the frequencies against what was expected before; NaN of modes that the change hides
+    found: str  #: text of the diagnosis
+    structure: str  #: text of the structure with the found causes; empty: as before
+    windows: tuple[Window, ...]  #: windows of the changed structure, from which the reference is learned
+    shift: Shift  #: shift of the frequencies relative to the expected ones; NaN for modes that the change hides
 
     @property
     def hides(self) -> IndexArray:

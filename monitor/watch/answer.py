@@ -27,7 +27,7 @@ from updater.modal_data import SynchronizedWindows
 
 
 def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:
-    """Return windows with what their devices (of each channel) were late by."""
+    """Return windows with the delays of their devices (of each channel)."""
     return SynchronizedWindows(tuple(w.synchronized for w in windows), devices, tuple(w.removed for w in windows))
 
 
@@ -40,8 +40,8 @@ def answer(
 ) -> dict[str, Any]:
     """Return the fields of a `WindowResult` that explain a change; none without windows.
 
-    A mass is claimed only where the diagnosis says that one mass, and nothing else, explains them. A fault in one part
-    costs that part alone.
+    A mass is claimed only if the diagnosis has one mass, and no other cause. A fault in one part affects only that
+    part.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def answer(
     changed_windows : windows over the limit that begin after the first one: that one may hold both states
     devices : of each channel
     structure : of the site
-    extras : collects what fails
+    extras : collects failures
     """
     if not changed_windows:
         return {}
@@ -96,7 +96,7 @@ def _location(reference: Reference, modes: ModalMean, structure: Structure, n_wi
 
 
 def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:
-    """Return how each channel fares in calm windows; of one that died among them a window holds half."""
+    """Return the health of each channel in calm windows; of one that died among them a window holds half."""
     tracks = [watch.modes_of(window.synchronized) for window in calm]
     found = sensors_seen(watch.reference, synchronized_windows(calm, devices), tracks)
     return {channel: health for channel, health in found.items() if channel in calm[-1].synchronized.channels}

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection
 from daq import Recording
 from monitor.settings import Settings
 
-MOST_WINDOWS = 6  #: that may wait before any is left out
+MOST_WINDOWS = 6  #: windows that may wait before any is left out
 _LEAST_SECONDS = 60.0  # of wall time that these must be: a start, or a diagnosis, may take that on a busy machine
 SKIPPED = "left out: the analysis had fallen behind"
 
@@ -18,7 +18,7 @@ class Backlog:
     Parameters
     ----------
     settings : of the site
-    newest : says until when signals have come [ns UTC]
+    newest : returns the time up to which signals have arrived [ns UTC]
     """
 
     def __init__(self, settings: Settings, newest: Callable[[], int]) -> None:
@@ -28,14 +28,14 @@ class Backlog:
         self._behind = False
 
     def __call__(self, index: int, recording: Recording) -> bool:
-        """Tell whether to leave a window out."""
+        """Return whether to leave a window out."""
         seconds = (self._newest() - recording.end) * 1e-9
         self._behind = seconds > (self._step if self._behind else self._most)
         return self._behind
 
 
 def as_logged(indices: Collection[int]) -> Skip:
-    """Return what leaves out the windows that a log says were left out."""
+    """Return the function that leaves out the same windows as in a log."""
     return lambda index, _: index in indices
 
 

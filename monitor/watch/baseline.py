@@ -31,7 +31,7 @@ from updater.modal_data import choose_tracks, remove_device_delays
 
 
 class Identified(Protocol):
-    """A window of a baseline: an identification, or what is kept of one."""
+    """A window of a baseline: an identification, or its kept part."""
 
     @property
     def estimate(self) -> ModalEstimate:
@@ -48,7 +48,7 @@ class Watch:
 
     baseline: tuple[Window, ...]
     accepted: tuple[AcceptedChange, ...]  #: changes of the structure since, in order
-    before: Conditions  #: in the windows that the reference is learnt from
+    before: Conditions  #: conditions of the windows from which the reference is learned
     tracker: Tracker
     watched: IndexArray  #: (n_watched,) tracks whose modes the reference has, in its order: all but hidden ones
     reference: Reference
@@ -99,7 +99,7 @@ def learn_watch(
     baseline : its windows
     devices : of each channel
     settings : of the site
-    known : what judging has come to since, if these windows were learnt from before
+    known : later state of the detector, if these windows were learned from before
     accepted : changes of the structure, in order
 
     Raises
@@ -154,13 +154,13 @@ def learn_baseline(
 def learn_changed(
     structure: Structure, windows: Sequence[Window], tracker: Tracker, reference: Reference, watched: IndexArray
 ) -> tuple[Tracker, Reference]:
-    """Learn what a structure is after a change; its modes keep their identities.
+    """Learn the state of a structure after a change; its modes keep their identities.
 
     Parameters
     ----------
     structure : with the change written in, as far as it is known
     windows : since the change
-    tracker, reference : of before it; devices' delays stay what they were
+    tracker, reference : before it; devices' delays are kept
     watched : (n_watched,) tracks that the windows show; where others were is remembered
 
     Raises

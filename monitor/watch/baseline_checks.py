@@ -32,7 +32,7 @@ class Shortcoming:
 
 
 def baseline_shortcomings(windows: Sequence[Window], modes: TrackedModes, step: float) -> tuple[Shortcoming, ...]:
-    """Return what a live baseline is too short for.
+    """Return the shortcomings of a live baseline.
 
     Parameters
     ----------
@@ -59,14 +59,14 @@ def extended_text(n: int, lacking: Sequence[Shortcoming], longer: int, settings:
 
 
 def too_short_text(lacking: Sequence[Shortcoming]) -> str:
-    """Return what a baseline is too short for, as part of a sentence."""
+    """Return the shortcomings of a baseline, as part of a sentence."""
     return f"too short: {'; '.join(one.text for one in lacking)}"
 
 
 def shortcomings(
     modes: TrackedModes, seconds: FloatArray, temperature: FloatArray, step: float
 ) -> tuple[Shortcoming, ...]:
-    """Return what a baseline is too short for; empty where it is long enough.
+    """Return the shortcomings of a baseline; empty if it is long enough.
 
     Windows that are independent of one another and have no temperature that moves are enough at any length. Otherwise a
     day must be covered, and the windows must be worth as many independent ones as make the squared distance of a new
@@ -108,7 +108,7 @@ def shortcomings(
 
 
 def _effective(modes: TrackedModes, temperature: FloatArray | None) -> float:
-    """Return the number of independent windows, beside a straight line over temperature if that is given."""
+    """Return the number of independent windows, with a straight line over temperature if that is given."""
     y = modes.log_frequency[-_MOST:]
     y = y - np.nanmean(y, axis=0)
     n = len(y)
@@ -121,7 +121,7 @@ def _effective(modes: TrackedModes, temperature: FloatArray | None) -> float:
     return found * len(modes.log_frequency) / n
 
 
-MAX_RESTARTS = 3  #: of learning; then a baseline that contains a change is accepted, which is reported
+MAX_RESTARTS = 3  #: restarts of learning; then a baseline that contains a change is accepted, which is reported
 
 
 def change_in_baseline(windows: Sequence[Window], modes: TrackedModes) -> tuple[int, str] | None:

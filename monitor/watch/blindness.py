@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from monitor.analysis.excluded_channels import by_reason, left_out_texts
 from monitor.results.windows import WindowResult
 
-LASTING = 2  #: windows in a row from which on a channel is told: a gap, or a blow, may cost one
+LASTING = 2  #: consecutive windows after which a channel is reported: a gap, or an impact, may cost one
 
 
 @dataclass(frozen=True)
@@ -15,14 +15,14 @@ class MissingChannels:
     """Channels without data in the last windows, and the reports on them."""
 
     windows: Mapping[str, int] = field(default_factory=dict)  #: channel -> in how many windows in a row by now
-    lasting: Mapping[str, str] = field(default_factory=dict)  #: channel that is told -> why it was not heard at first
+    lasting: Mapping[str, str] = field(default_factory=dict)  #: reported channel -> first reason
     gone: tuple[tuple[tuple[str, ...], str], ...] = ()  #: groups that the last window added, and why
-    back: tuple[str, ...] = ()  #: channels that it heard again
+    back: tuple[str, ...] = ()  #: channels with data again
 
     def after(self, window: WindowResult) -> "MissingChannels":
-        """Return the same after one more window; one without modes says nothing of single channels.
+        """Return the same after one more window; one without modes has no information on single channels.
 
-        A channel that the site does not have any more is forgotten: nobody has heard it again.
+        A channel that the site does not have any more is discarded.
         """
         if window.problem:
             return MissingChannels(self.windows, self.lasting)
@@ -60,7 +60,7 @@ class BlindWindows:
 
 
 def _why(window: WindowResult) -> str:
-    """Return why a window says nothing, or nothing."""
+    """Return why a window has no usable result, empty if it has."""
     if window.problem:
         return window.problem
     judged = window.phase == "learning" or (window.novelty is not None and math.isfinite(window.novelty.t2))

@@ -37,8 +37,8 @@ from updater import (
 )
 
 _SIGMAS = 3.0  # that place and mass may be off by
-_TELLS = 0.5  # of a mode's scale: one that is known no better is not told
-_NEAR = 0.05  # m from a member's axis, at which the mass may hang on it
+_TELLS = 0.5  # relative to a mode's scale: a less certain one is not stated
+_NEAR = 0.05  # m from a member's axis, at which the mass may be attached
 
 
 class ProofError(MonitorError):
@@ -69,7 +69,7 @@ class Scale:
 class Proof:
     """Result of the drill."""
 
-    mass: float  #: that was hung on [kg]
+    mass: float  #: attached mass [kg]
     place: FloatArray  #: (3,) on a member's axis [m]
     member: str
     found: MassChange
@@ -79,7 +79,7 @@ class Proof:
     channels: tuple[str, ...]
     scales: tuple[Scale, ...]  #: none by a mass that is not proven: it is another one, or elsewhere
     n_windows: int
-    start: int  #: of the windows that were looked at [ns UTC]
+    start: int  #: start of the windows used [ns UTC]
     end: int  #: [ns UTC]
 
     @property
@@ -91,7 +91,7 @@ class Proof:
     def modal_mass(self) -> tuple[float, float] | None:
         """Real over the model's modal masses, all modes together, and its standard deviation [-]; None: not known.
 
-        Where they scatter by more than their own deviations say, as much less sure (Birge's ratio).
+        If they scatter by more than their own deviations, the uncertainty is increased (Birge's ratio).
         """
         if not self.scales:
             return None
@@ -108,7 +108,7 @@ class Evidence:
 
     structure: Structure
     watch: Watch
-    event: ModalMean  #: of the windows with the mass
+    event: ModalMean  #: modes of the windows with the mass
     diagnosis: Diagnosis
     found: MassChange
     raised: int | None  #: when the alarm was [ns UTC]
@@ -123,11 +123,11 @@ class Evidence:
 
 
 def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence:
-    """Return what a watch knows of the change that stands.
+    """Return the data of a monitor on the active change.
 
     Parameters
     ----------
-    memory : of the watch, while the mass hangs
+    memory : of the monitor, while the mass is attached
     structure, settings : of the site
 
     Raises
@@ -159,12 +159,12 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
 
 
 def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
-    """Hold what a watch knows of a change against the mass that made it.
+    """Compare the answer of a monitor with the mass that caused the change.
 
     Parameters
     ----------
     evidence : of the watch
-    mass : that was hung on [kg]
+    mass : attached [kg]
     at : (3,) where, within 5 cm of a member's axis [m]
 
     Raises
@@ -199,7 +199,7 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
 def _watch(
     memory: Memory, structure: Structure, settings: Settings, devices: dict[str, str]
 ) -> tuple[Watch, list[Window]]:
-    """Return what is watched by, and the windows with the mass; the first may hold both states."""
+    """Return the learned state, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
         n, of = len(memory.baseline), memory.target
         raise ProofError(f"the baseline is being learnt, {n} of {of} windows: attach the mass once it is")
@@ -245,10 +245,10 @@ def _mass_check(found: MassChange, mass: float) -> Check:
 
 
 def _scales(watch: Watch, event: ModalMean, place: FloatArray, mass: float) -> Iterator[Scale]:
-    """Yield the scale of each mode that the mass tells of.
+    """Yield the scale of each mode that the mass determines.
 
-    A mass moves 1 / omega^2 by itself times the square of the mode's motion: what it really does, over what it does
-    in the model, is the model's modal mass over the real one.
+    A mass changes 1 / omega^2 by itself times the square of the mode's motion: the ratio of the real to the modelled
+    effect is that of the model's modal mass to the real one.
     """
     reference = watch.reference
     expected = with_mass(reference, place[None], mass)[0] ** -2 - 1

@@ -42,12 +42,12 @@ class DetectorState:
     watched: LawState
     before: int  #: start of the last window [ns UTC]
     calm: tuple[ScoredWindows, ...] = ()  #: not learnt from yet
-    out: tuple[ScoredWindows, ...] = ()  #: over the limit, without a break, the newest `MOST_OUT`
+    out: tuple[ScoredWindows, ...] = ()  #: windows above the limit, without interruption, the newest `MOST_OUT`
     trend: TrendWatch = NO_TREND
 
 
 class Detector:
-    """Judges windows in their order, and goes on learning from those that stayed calm.
+    """Judges windows in their order, and learns from calm ones.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ class Detector:
         self._watched = replace(state.watched, watching=watching_of(settings))
         self._before, self._calm, self._out = state.before, list(state.calm), list(state.out)
         self._trend, self._forgiven = state.trend, settings.alarm.trend == "forgive"
-        self.least: float | None = None  #: change that the last window could tell, if unsure: see `least_unsure`
+        #: smallest detectable change in the last window, if uncertain: see `least_unsure`
+        self.least: float | None = None
 
     @property
     def state(self) -> DetectorState:
@@ -92,12 +93,12 @@ class Detector:
         return float(climate.silent) / 3600 if climate.silent > 0 and np.isfinite(climate.air) else None
 
     def moved(self, n: int) -> tuple[DetectorState, Shift]:
-        """Return what to go on from where the structure is now by the last n windows, all over the limit."""
+        """Return the state after a move of the structure, by the last n windows, all above the limit."""
         shift = shift_of(self._watched, self._out[-n:])
         return self._at(shifted(self._watched, shift)), shift
 
     def seen_again(self, modes: TrackedModes, tracks: IndexArray) -> tuple[DetectorState, Shift]:
-        """Return what to go on from where hidden modes are watched again, and where they are now.
+        """Return the state with hidden modes monitored again, and their present shifts.
 
         Parameters
         ----------
@@ -113,7 +114,7 @@ class Detector:
         return self._at(shifted(self._watched, own)), own
 
     def moved_back(self, shift: Shift) -> DetectorState:
-        """Return what to go on from where a move was wrong."""
+        """Return the state after an undone move."""
         return self._at(shifted(self._watched, shift, back=True))
 
     def _at(self, watched: LawState) -> DetectorState:
@@ -124,7 +125,7 @@ class Detector:
         """Judge one window, whose modes `track` (n_tracks,) gives the tracks of; -1 where one is missing."""
         modes = stack_tracks([window.synchronized], [track])
         passed = (window.start - self._before) / 1e9
-        seconds = np.array([passed if passed > 0 else self._step])  # a clock that was set back tells nothing
+        seconds = np.array([passed if passed > 0 else self._step])  # a clock that was set back gives no interval
         temperature = np.array([window.temperature])
         judged, self._watched = judge(
             self._watched,
@@ -204,7 +205,7 @@ def watching_of(settings: Settings) -> DetectionSettings:
 
 
 def first_state(modes: TrackedModes, windows: Sequence[Window], settings: Settings) -> DetectorState:
-    """Return what a baseline teaches.
+    """Return the state learned from a baseline.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ from updater.modal_data import SynchronizedWindows, choose_tracks
 
 def conditions_of(windows: Sequence[Window]) -> Conditions:
     """Return the conditions in windows of the monitor."""
-    there = {c for window in windows for c in window.estimate.channels}  # mended at worst
+    there = {c for window in windows for c in window.estimate.channels}  # repaired at worst
     return Conditions(
         temperature=np.array([window.temperature for window in windows]),
         rms=np.array([window.rms for window in windows]),

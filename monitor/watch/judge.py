@@ -51,14 +51,14 @@ class WindowEvaluator:
     ----------
     structure : of the site
     settings : of the site
-    memory : of the run before, to go on from; it must be of the same watch (see `recall`)
+    memory : state of the run before, to be continued; it must belong to the same baseline (see `recall`)
     """
 
     def __init__(self, structure: Structure, settings: Settings, memory: Memory | None) -> None:
         self._structure, self._settings = structure, settings
         self._devices = settings.device_of
         self._alarm = Alarm(rules=settings.alarm.rules)
-        self.n_windows = 0  #: that have come, also those that are left out or show nothing
+        self.n_windows = 0  #: windows so far, including those left out or without a result
         self._baseline: list[Window] = []  # until there are enough
         self._target = settings.analysis.first_windows  # to learn from
         self._restarts = 0  # of learning, by changes of the structure within the baseline
@@ -113,16 +113,16 @@ class WindowEvaluator:
         return self._watch.reference.delays if self._watch else NO_DELAYS
 
     def modes(self, window: Window) -> list[ModeResult]:
-        """Return a window's modes as they are told."""
+        """Return a window's modes as reported."""
         reference = self._watch.reference if self._watch else None
         return mode_results(window.synchronized, *self._tracked(window), reference)
 
     def evaluate(self, window: Window, result: WindowResult) -> Iterator[Result]:
-        """Take one window; yield what it lets be said, first its result with what is found added to it."""
+        """Evaluate one window; yield the results, first its own."""
         yield from self._learn(window, result) if self._watch is None else self._judge(window, self._watch, result)
 
     def apply_command(self, event: Event) -> Iterator[Result]:
-        """Obey a person; other events mean nothing here."""
+        """Execute the command of a person; other events have no effect."""
         if event.topic == TOPIC_ACKNOWLEDGE:
             yield from self._acknowledge(event)
         elif event.topic == TOPIC_ACCEPT:
@@ -131,7 +131,7 @@ class WindowEvaluator:
             yield from self._undo(event)
 
     def resumed(self, time: int) -> Iterator[Result]:
-        """Say where the watch goes on, so that this log alone tells what it is judged by."""
+        """Report the continued reference, so that this log alone has it."""
         watch, alarm = self._watch, self._alarm
         since = alarm.raised if alarm.state == "alarm" else None
         if watch:
@@ -156,7 +156,7 @@ class WindowEvaluator:
         try:
             watch = learn_watch(self._structure, self._baseline, self._devices, self._settings)
         except (UpdaterError, np.linalg.LinAlgError) as error:
-            self._baseline.pop(0)  # go on learning: the oldest window makes room
+            self._baseline.pop(0)  # learning continues: the oldest window makes room
             yield self._said(window, str(error))
             return
         change = change_in_baseline(watch.baseline, watch.reference.windows)
@@ -213,7 +213,7 @@ class WindowEvaluator:
         return tuple(self._tests.after(watch, self._alarm, window, over=over))
 
     def _acknowledge(self, event: Event) -> Iterator[Result]:
-        """Take note of a person who knows of the alarm."""
+        """Record the acknowledgement of the alarm."""
         self._alarm, changes = self._alarm.acknowledge(event.time)
         yield from (self._changed(event.time, change, acknowledged_said(change, event.payload)) for change in changes)
 
@@ -269,7 +269,7 @@ class WindowEvaluator:
         yield self._notice(time, "seen_again", seen_again_said(watch.accepted[-1].result, again.accepted[-1].result))
 
     def _undo(self, event: Event) -> Iterator[Result]:
-        """Watch by what was the reference before the last acceptance; or take one back that waits for windows."""
+        """Return to the reference before the last acceptance; or cancel one that waits for windows."""
         watch, wanted = self._watch, self._wanted
         if wanted is not None:
             self._wanted = None
@@ -288,7 +288,7 @@ class WindowEvaluator:
         return reference_result(watch.reference, time, watch.watched, [change.result for change in watch.accepted])
 
     def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
-        """Return what is said without a change of the alarm."""
+        """Return a message without a change of the alarm."""
         last = max(0, self.n_windows - 1)
         return AlarmResult(time=time, state=self._alarm.state, text=text, window=last, kind=kind, quiet=True)
 

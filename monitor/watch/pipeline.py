@@ -26,8 +26,8 @@ class Pipeline:
     ----------
     structure : of the site
     settings : of the site
-    memory : of the run before, to go on from; it must be of the same watch (see `recall`)
-    skip : says which windows are left out
+    memory : state of the run before, to be continued; it must belong to the same baseline (see `recall`)
+    skip : decides which windows are left out
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Pipeline:
         offset = memory.thermometer_offset if memory else math.nan
         self._weather = SiteTemperature(settings.temperature.stale_minutes, offset) if settings.temperature else None
         self._judge = WindowEvaluator(structure, settings, memory)
-        self._resumed = memory is not None  # which has not been said yet
+        self._resumed = memory is not None  # not reported yet
 
     @property
     def memory(self) -> Memory:
@@ -53,7 +53,7 @@ class Pipeline:
         return replace(memory, thermometer_offset=self._weather.offset) if self._weather else memory
 
     def push(self, item: Block | Event) -> Iterator[Result]:
-        """Take one item in the log's order; yield what it lets be said."""
+        """Process one item in the log's order; yield the results."""
         if self._resumed and isinstance(item, Block):
             self._resumed = False
             yield from self._judge.resumed(item.arrival_time)
@@ -67,7 +67,7 @@ class Pipeline:
             yield from self.analyse(replace(recording, temperature=weather.of(recording)) if weather else recording)
 
     def analyse(self, recording: Recording) -> Iterator[Result]:
-        """Take one window; yield what it lets be said."""
+        """Analyse one window; yield the results."""
         index = self._judge.n_windows
         self._judge.n_windows += 1
         if self._skip(index, recording):

@@ -20,10 +20,10 @@ from oma import ModalEstimate
 from updater import Reference
 
 DRAWS = 24  #: places that a mass is tried at
-WITHIN = 6  #: windows that it has to be noticed in: beside a jump, the quick average of small changes tells
+WITHIN = 6  #: windows within which it must be noticed: with small changes the quick average detects it
 _DAY = 86400e9  # ns
 _DAYS_AFTER_FAILURE = 1.0
-_PASSED = 0.5  # of them must raise the alarm: at a support no mass is heard
+_PASSED = 0.5  # share of places at which the alarm must be raised: at a support no mass is detectable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +154,7 @@ def _with_ratio(estimate: ModalEstimate, ratio: FloatArray, watch: Watch) -> Mod
 
 
 def _raises(watch: Watch, alarm: Alarm, windows: Sequence[Window], settings: Settings) -> bool:
-    """Tell whether copies of detector and alarm raise it by these windows."""
+    """Return whether copies of detector and alarm raise it by these windows."""
     tried = replace(watch, detector=Detector(watch.detector.state, settings))
     for window in windows:
         score = tried.judge(window)

@@ -37,7 +37,7 @@ class Cause(Hypotheses, Protocol):
 
     @property
     def neutral_start(self) -> FloatArray:
-        """Start of a joint fit with other causes (n_alternatives, n_parameters), without effect of causes with a position."""
+        """Start of a joint fit with other causes (n_alternatives, n_parameters); positions have no effect yet."""
         ...
 
     def where(self, fit: "Fit[Cause]") -> Where | None:

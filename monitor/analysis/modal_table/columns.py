@@ -12,7 +12,7 @@ from monitor.analysis.modal_table.csv import OWN, CsvTable, read_text
 from oma import ComplexArray
 from updater import Structure
 
-_MOST_DAMPING = 0.3  # [-]: what is over it are per cent
+_MOST_DAMPING = 0.3  # [-]: larger values are per cent
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class Columns:
     line: list[int]
 
     def check(self, path: Path | str, structure: Structure) -> None:
-        """Refuse what is no table of modes of the structure."""
+        """Refuse anything that is not a table of modes of the structure."""
         channels = [c for c in structure.channels if c in self.values]
         if len(self.line) < 3:
             raise LogError(path, f"expected at least 3 modes, found {len(self.line)}")
@@ -49,7 +49,7 @@ class Columns:
 
 
 def _check_names(path: Path, names: Sequence[str], structure: Structure, where: str = "modes.0") -> None:
-    """Refuse columns that are no modes of the structure: before all of what may be a long record is read."""
+    """Refuse columns that are not modes of the structure, before a long record is read."""
     if "frequency" not in names:
         raise LogError(path, f"{where}: expected a column 'frequency' [Hz], found {', '.join(names) or 'none'}")
     known = {*OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
@@ -91,7 +91,7 @@ class _Identified(BaseModel):
 
 
 def _of_json(path: Path, text: str, structure: Structure) -> Columns:
-    """Read what `identify --json` writes."""
+    """Read the output of `identify --json`."""
     try:
         modes = _Identified.model_validate(parse_json(text)).modes
     except ValidationError as error:
@@ -121,7 +121,7 @@ def read_columns(path: Path, structure: Structure) -> Columns:
     Raises
     ------
     LogError
-        Naming line and column of what is no number, or no such column.
+        Naming line and column of an invalid number, or the invalid column.
     """
     text = read_text(path)
     columns = (_of_json if path.suffix.lower() == ".json" else _of_csv)(path, text, structure)

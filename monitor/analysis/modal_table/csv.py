@@ -43,14 +43,14 @@ def read_text(path: Path) -> str:
 
 
 class CsvTable:
-    """Header and rows of a table; what says nothing is left out: empty rows, comments, unnamed empty columns.
+    """Header and rows of a table, without empty rows, comments and unnamed empty columns.
 
     Semicolons or tabs part the columns if the header has any, else commas. A comma in a number is its decimal point.
 
     Raises
     ------
     LogError
-        Naming line and column of a unit that is not known, a name that stands twice, a row that is too short.
+        Naming line and column of an unknown unit, a repeated name, or a row that is too short.
     """
 
     def __init__(self, path: Path, text: str) -> None:
@@ -67,7 +67,7 @@ class CsvTable:
         columns = [self._column(cell) for cell in said]
         used = [i for i, (name, _) in enumerate(columns) if not self._says_nothing(i, name)]
         self._width, self._used = len(columns), used
-        self.names = tuple(columns[i][0] for i in used)  #: of the columns, without their units
+        self.names = tuple(columns[i][0] for i in used)  #: names of the columns, without their units
         self._scale = [columns[i][1] for i in used]
         twice = [name for name in self.names if self.names.count(name) > 1]
         if twice:
@@ -92,7 +92,7 @@ class CsvTable:
             )
 
     def _column(self, said: str) -> tuple[str, float]:
-        """Return a column's name and what its unit is worth."""
+        """Return a column's name and the factor of its unit."""
         parts = _HEADER.fullmatch(said)
         name = parts["name"] if parts else said
         unit = (parts["square"] or parts["round"]) if parts else None

@@ -1,8 +1,8 @@
 """Tables of modes from other programs: CSV, or the JSON of `modalwatch identify`; one file per record.
 
-Columns of a table: `frequency` [Hz]; if known `damping` [-], `frequency_std` [Hz], a column a channel with the shape's
-component and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, alike in every row. What else a
-header and a cell may say: `monitor/analysis/modal_table/csv.py`.
+Columns of a table: `frequency` [Hz]; optional `damping` [-], `frequency_std` [Hz], one column per channel with the
+shape's component, and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, the same in every row.
+Formats of headers and cells: `monitor/analysis/modal_table/csv.py`.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,9 @@ from updater import Structure, build_model, mean_modes, stack_tracks
 from updater.modal_data import choose_tracks, doubles
 
 _SUFFIXES = (".csv", ".json")
-_FREQUENCY_STD = 1e-3  # relative, where a table states none: what minutes of ambient vibration give
+_FREQUENCY_STD = 1e-3  # relative, if a table has none: usual value of minutes of ambient vibration
 _SHAPE_STD = 0.02  # of a unit shape's components, where a table states none
-_DAMPING = 0.01  # where a table states none; its deviation says that it is not known
+_DAMPING = 0.01  # value if a table has none; its deviation marks it as unknown
 _LEAST_RECORDS = 3  # from which their own scatter is learnt
 _N_MODES = 30  # of the model, which lends its shapes to a table that has none
 _MOST_SAID = 10  # of the model's frequencies in an error
@@ -41,7 +41,7 @@ class Table:
 
 
 def is_table(path: Path) -> bool:
-    """Tell whether a file is a modal table, by its name."""
+    """Return whether a file is a modal table, by its name."""
     return path.suffix.lower() in _SUFFIXES
 
 
@@ -51,7 +51,7 @@ def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
     Raises
     ------
     LogError
-        Naming file, line and column of what cannot be right.
+        Naming file, line and column of invalid values.
     """
     return observation_of([read_table(structure, path) for path in paths], paths[0])
 
@@ -105,7 +105,7 @@ def frequency_table(structure: Structure, frequency: FloatArray, std: FloatArray
 
     Parameters
     ----------
-    structure : whose shapes pair them
+    structure : whose shapes are used for pairing
     frequency : (n_modes,) [Hz]
     std : (n_modes,) their standard deviations [Hz]; None: 0.1 %
     path : name of the table in errors

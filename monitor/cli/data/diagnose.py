@@ -40,7 +40,7 @@ REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
 
 def draw(out: Path, diagnosis: Diagnosis, found: DiscrepancyResult | None, structure: Structure) -> None:
-    """Write report, recording and numbers into a folder; what cannot be drawn is logged and left out.
+    """Write report, recording and numbers into a folder; failures are logged and left out.
 
     Parameters
     ----------
@@ -83,14 +83,14 @@ def _writing(path: Path) -> Iterator[None]:
 
 
 def written(out: Path, diagnosis: Diagnosis) -> list[Path]:
-    """Return the files in the folder, what is to be read first in front."""
+    """Return the files in the folder, the one to be read first in front."""
     names = [REPORT, RECORDING, *([Path(diagnosis.extended_model).name] if diagnosis.extended_model else [])]
     return [out / name for name in (*names, "diagnosis.json", NUMBERS) if (out / name).exists()]
 
 
 console = Terminal()
 _LIFTED = "the removed body is not in this file: its stiffness was fitted to the reference logs with the body on"
-_EXTENDED = "found by modalwatch diagnose"  # comment beside what an extended model has beyond the file given
+_EXTENDED = "found by modalwatch diagnose"  # comment of entries added to an extended model
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ class Logs:
     current: Sequence[Path]
     reference: Sequence[Path] = ()
     heldout: Sequence[Path] = ()
-    within: TimeRange = WHOLE  #: of the current logs
+    within: TimeRange = WHOLE  #: range of the current logs
     reference_within: TimeRange = WHOLE
 
 
@@ -215,7 +215,7 @@ def _say_parameters(calibration: Calibration) -> None:
 
 
 def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:
-    """Write the nearer model of a file that is far off, if that is asked for; return what to say of it, if anything."""
+    """Write the recalibrated model of a file that is far off, if requested; return a message, if any."""
     if found.nearer is None:
         return ""
     gain, std = found.nearer.gained.gain, found.nearer.gained.std
@@ -241,12 +241,12 @@ def _named(paths: Sequence[Path]) -> str:
 
 
 def selected_structure(path: Path, selection: Selection) -> Structure:
-    """Read a structure file and limit what may be updated.
+    """Read a structure file and limit the updated parameters.
 
     Raises
     ------
     ArgumentError
-        Naming what the structure or the catalogue of causes does not have.
+        Naming a parameter that the structure does not have, or an unknown cause.
     """
     structure = load_structure(path)
     try:
@@ -348,7 +348,7 @@ def _write(
         if found.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
-            own = parse_structure(given).updating  # without what the command line fixes and bounds
+            own = parse_structure(given).updating  # without parameters fixed and bounded on the command line
             text = dump_structure(found.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
             path.write_text(_provenance(found, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})

@@ -26,8 +26,8 @@ from updater import Cause, Diagnosis, Gain
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
-_STANDS_OUT = 3.0  # times what noise leaves, from which a sensor is named
-_MOST = 6  # refused causes that are told one by one
+_STANDS_OUT = 3.0  # times the noise, above which a sensor is named
+_MOST = 6  # refused causes that are listed individually
 
 
 def say_answer(console: Console, diagnosis: Diagnosis) -> None:
@@ -42,7 +42,7 @@ def say_answer(console: Console, diagnosis: Diagnosis) -> None:
 def say_evidence(
     console: Console, diagnosis: Diagnosis, found: DiscrepancyResult | None, nodes: Sequence[Vector]
 ) -> None:
-    """Print what a diagnosis rests on: residual forces, modes, sensors, gain and refused causes.
+    """Print the basis of a diagnosis: residual forces, modes, sensors, gain and refused causes.
 
     Parameters
     ----------
@@ -80,9 +80,9 @@ def _cause(cause: Cause) -> str:
 
 
 def _modes(found: DiscrepancyResult) -> RenderableType:
-    """Return the table of modes; frequencies off by more than three standard deviations stand out.
+    """Return the table of modes; frequencies off by more than three standard deviations are highlighted.
 
-    Those that take no part in the answer are marked, and stand back.
+    Modes not used for the answer are marked and dimmed.
     """
     after = any(m.off_percent_after is not None for m in found.modes)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)

@@ -34,9 +34,9 @@ class Options:
     method: str = "ssi-data"
     window: float | None = None  #: [s]; the log's settings', else the whole log
     band: tuple[float, float] | None = None  #: [Hz]; the log's settings', else chosen
-    structure: Path | None = None  #: to compare with; the one attached to the log, if any
+    structure: Path | None = None  #: structure to compare with; the one attached to the log, if any
     references: tuple[str, ...] = ()  #: channels that stay while others are moved: each log is a set-up of its own
-    within: TimeRange = WHOLE  #: of all logs together, of each if they are set-ups
+    within: TimeRange = WHOLE  #: range of all logs together; of each log if they are set-ups
 
 
 def identify_command(
@@ -107,11 +107,11 @@ def _first(
 
 def _draw(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
     """Draw one window, with the modes of all."""
-    from monitor.views.plots.mode_shapes import draw_modes  # matplotlib: only where a picture is asked for
+    from monitor.views.plots.mode_shapes import draw_modes  # matplotlib is loaded only if a picture is requested
 
     try:
         draw_modes(path, recording, found, estimate)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
@@ -125,7 +125,7 @@ def _fill(
     content: dict[str, Any],
 ) -> None:
     """Write all files into a folder, and print their names."""
-    from monitor.views.plots.identification_folder import (  # matplotlib: only where pictures are asked for
+    from monitor.views.plots.identification_folder import (  # matplotlib is loaded only if pictures are requested
         Results,
         write_folder,
     )

@@ -31,16 +31,16 @@ class Findings:
     fused: FusedModes
     partners: Sequence[ModelPartner | None]  #: the model's mode of each mode, if any
     asynchrony: Asynchrony | None  #: delays between the channels, if the shapes show any
-    change: FrequencyChange | None  #: of the structure within the records, if the frequencies show any
+    change: FrequencyChange | None  #: change of the structure within the records, if the frequencies show any
 
     @property
     def may_be_tone(self) -> npt.NDArray[np.bool_]:
-        """Modes that the records cannot tell from tones (n_modes,)."""
+        """Modes that may also be tones in these records (n_modes,)."""
         return are_near(self.fused.estimate.frequency, self.windows.may_be_tones)
 
     @property
     def may_be_alias(self) -> npt.NDArray[np.bool_]:
-        """Modes so near half the rate that they may be aliases of what is above it (n_modes,)."""
+        """Modes so near half the rate that they may be aliases of higher frequencies (n_modes,)."""
         return np.asarray(self.fused.estimate.frequency > ALIAS_FREE * self.windows.rate)
 
     @property
@@ -50,7 +50,7 @@ class Findings:
 
 
 def as_json(found: Findings) -> dict[str, Any]:
-    """Return what other programs read, but for the method."""
+    """Return the output for other programs, without the method."""
     windows, late = found.windows, found.asynchrony.delays if found.asynchrony else {}
     return {
         "modes": [_mode_json(found, i) for i in range(found.fused.estimate.n_modes)],
@@ -104,7 +104,7 @@ def _mode_json(found: Findings, i: int) -> dict[str, Any]:
 
 
 def say_modes(logs: Sequence[AnyLog], found: Findings, *, setups: bool) -> None:
-    """Print the table and what else there is to know."""
+    """Print the table and the notes."""
     windows, fused = found.windows, found.fused
     n, first = len(windows.estimates), windows.estimates[0]
     seconds = f"{(first.end - first.start) * 1e-9:.6g} s"

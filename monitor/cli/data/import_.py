@@ -40,20 +40,20 @@ class ImportOptions:
     """Arguments of the command line about a file of measurements."""
 
     rate: float | None = None  #: [Hz], if it has no times
-    unit: str | None = None  #: of the numbers; what the columns say, else m/s2
+    unit: str | None = None  #: unit of the numbers. Default: that of the columns, else m/s2
     scale: float | None = None  #: units a number
     start: str | None = None  #: ISO 8601
-    time: str | None = None  #: column of times; t or time unless given
-    time_unit: str | None = None  #: what the column says unless given
+    time: str | None = None  #: column of times. Default: t or time
+    time_unit: str | None = None  #: unit of the times. Default: that of the column
     columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
     velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
-    temperature: str | None = None  #: column of temperatures; all that say so unless given
+    temperature: str | None = None  #: column of temperatures. Default: all columns with such a unit
     transposed: bool | None = None  #: whether rows of an array are channels
     structure: Path | None = None
     site: Path | None = None
-    new_site: Path | None = None  #: to be written, with these channels
-    dbc: Path | None = None  #: of a CAN log: what its frames say
-    counter: str | None = None  #: of a CAN log: signal that counts scans
+    new_site: Path | None = None  #: site to write, with these channels
+    dbc: Path | None = None  #: DBC file of a CAN log
+    counter: str | None = None  #: signal of a CAN log that counts scans
 
 
 def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
@@ -77,7 +77,7 @@ def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> i
 def _write(
     data: Path, out: Path, options: ImportOptions, parts: Sequence[Measured]
 ) -> tuple[Sequence[Recording], list[str]]:
-    """Write the log; return what it holds, and what is to be noted."""
+    """Write the log; return its content, and the notes."""
     recordings = [part.recording for part in parts]
     attachments: dict[str, str] = {}
     notes: list[str] = []
@@ -99,7 +99,7 @@ def _write(
 
 
 def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], new_site: Path | None) -> None:
-    """Print what was written, and how it was interpreted."""
+    """Print the result and its interpretation."""
     gaps = [gap for recording in recordings for gap in recording.gaps]
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
     console.print(
@@ -144,12 +144,12 @@ def _read(data: Sequence[Path], options: ImportOptions) -> tuple[Measured, ...]:
     )
     try:
         return read_in_order(data, asked)
-    except ValueError as error:  # of a name or a record too short: what the other arguments may be was checked
+    except ValueError as error:  # invalid name or record too short: the other arguments were checked before
         raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
 
 
 def _factor(options: ImportOptions) -> float | None:
-    """Return what a number is worth [m/s2] if that was said by hand."""
+    """Return the factor of a number [m/s2] if it was given explicitly."""
     if options.unit is None and options.scale is None:
         return None
     worth = acceleration(options.unit or "m/s2")
@@ -200,7 +200,7 @@ def level(recordings: Sequence[Recording]) -> str:
 
 
 def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, list[str]]:
-    """Return the text of a structure file, once all columns are known to be sensors of it, and what has no column."""
+    """Return the text of a structure file, once all columns are sensors of it, and its sensors without a column."""
     text = portable_text(path)
     known = parse_structure(text, path).channels
     for channel in recording.channels:

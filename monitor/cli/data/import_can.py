@@ -45,7 +45,7 @@ _What = tuple[list[LoggedSensor], tuple[Channel, ...], dict[str, str]]
 
 
 def _of_site(path: Path) -> _What:
-    """Return the devices of a site, its channels, and what to attach."""
+    """Return the devices of a site, its channels, and the attachments."""
     site = load_site(path)
     sensors = []
     for device in site.settings.device:

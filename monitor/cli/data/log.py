@@ -36,7 +36,7 @@ console = Terminal()
 
 
 def repair_command(path: Path) -> int:
-    """Repair a log and print what was kept."""
+    """Repair a log and print the kept part."""
     state = repair_log(path)
     if state.whole:
         console.print(f"{escape(str(path))}: whole, {state.n_messages} messages; not touched", soft_wrap=True)
@@ -119,7 +119,7 @@ def _say_late(late: Mapping[str, float]) -> None:
 
 
 def as_json(log: AnyLog, info: LogInfo) -> dict[str, Any]:
-    """Return what other programs read; times are ns UTC."""
+    """Return the output for other programs; times are ns UTC."""
     return {
         "file": str(log),
         "files": [str(path) for path in files_of(log)],

@@ -18,7 +18,7 @@ _NAME = "logger"
 
 @contextmanager
 def new_site(path: Path, structure: Path, log: Path, recordings: Sequence[Recording]) -> Iterator[None]:
-    """Write a site with the channels of recordings, every setting with what it means; if what follows fails, none.
+    """Write a site with the channels of recordings and all settings with their meaning; none if a later step fails.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def new_site(path: Path, structure: Path, log: Path, recordings: Sequence[Record
 
 
 def _devices(path: Path, log: Path, recording: Recording) -> Iterator[DeviceSettings]:
-    """Yield devices of up to three channels; what lacks other samples is on another device."""
+    """Yield devices of up to three channels; channels with other missing samples are on another device."""
     together: dict[str, list[str]] = {}
     for channel in recording.channels:
         together.setdefault(channel.device, []).append(channel.name)

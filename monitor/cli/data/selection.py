@@ -14,7 +14,7 @@ def selection_of(
     fixed: Sequence[str] | None,
     bounds: Sequence[str] | None,
 ) -> Selection:
-    """Return what the options select.
+    """Return the selection by the options.
 
     Raises
     ------

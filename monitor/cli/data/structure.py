@@ -1,4 +1,4 @@
-"""`structure`: picture of a structure file, and what its sensors detect."""
+"""`structure`: picture of a structure file, and the accuracy of its sensors."""
 
 import re
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class Asked:
     n_modes: int
     seconds: float
     damping: float
-    highest: float | None  #: None: as what is recorded at --channels, or at 1000 Hz
+    highest: float | None  #: None: that of the recording of --channels, or of 1000 Hz
     target: str | None
     within: str
     channels: Path | None
@@ -52,7 +52,7 @@ class Asked:
 
         Parameters
         ----------
-        heard : up to where modes are identified, unless that was said [Hz]
+        heard : highest frequency of identified modes, unless it was given [Hz]
 
         Raises
         ------
@@ -115,7 +115,7 @@ def structure_command(path: Path, asked: Asked, *, json_path: Path | None, pictu
     picture = picture or path.with_suffix(".png")
     try:
         draw_structure(sight, picture, planned)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an ending it does not know
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
         raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
     _say(sight, planned)
     for words in channel_words(structure, check):

@@ -24,7 +24,7 @@ _SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sen
 
 
 def modes_table(sight: ModeVisibility) -> Table:
-    """Return the modes and what the sensors see of each."""
+    """Return the modes and their visibility by the sensors."""
     structure = sight.model.structure
     table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
     for name in ("mode", "frequency [Hz]", "measured by sensors", "best sensor", "looks to them like"):

@@ -81,7 +81,7 @@ def _cache(path: Path) -> Path:
 
 
 def _live_sources(url: str) -> list[str]:
-    """Return the address of a live server, and the one of its signals if that answers too."""
+    """Return the address of a live server, and the one of its signals if that responds too."""
     parts = urlsplit(url)
     try:
         host, port = parts.hostname, parts.port

@@ -28,11 +28,11 @@ class Plan:
     baseline_windows: int
     windows: int
     between: tuple[float, float]  #: when the rig may add the body
-    rate: float = 1000.0  #: of the devices [Hz]
+    rate: float = 1000.0  #: rate of the devices [Hz]
 
     @property
     def duration(self) -> float:
-        """Longer than what is watched, so that the monitor ends it, not the rig."""
+        """Longer than the monitored time, so that the monitor ends first."""
         return (self.windows + 3) * self.window
 
 
@@ -80,7 +80,7 @@ def _clear(out: Path) -> None:
 
 
 def _site(ready: dict[str, Any], plan: Plan) -> str:
-    """Return the SITE.toml of this demo: what a user would write, and the rig's time scale."""
+    """Return the SITE.toml of this demo: that of a user, plus the rig's time scale."""
     lines = [
         'structure = "t_structure.toml"',
         "",

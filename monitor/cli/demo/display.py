@@ -42,7 +42,7 @@ class Display:
             self._console.print(f"[{style}]{escape(line(result))}[/]")
             return
         self.n_windows = result.index + 1
-        total = max(self._planned, self.n_windows)  # one may be on its way when the watch is told to stop
+        total = max(self._planned, self.n_windows)  # one may be in progress at the end
         self._bar.update(self._task, completed=self.n_windows, total=total, description=result.phase.ljust(9))
         latest = Table.grid(padding=(0, 2))
         for mode in result.modes:

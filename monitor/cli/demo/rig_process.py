@@ -58,7 +58,7 @@ class RigProcess:
         threading.Thread(target=watch, name="rig watch", daemon=True).start()
 
     def finish(self) -> dict[str, Any]:
-        """Ask the rig to end and return its report."""
+        """End the rig and return its report."""
         self._process.terminate()
         try:
             self._process.wait(_END_SECONDS)

@@ -14,7 +14,7 @@ from monitor.rig import Scenario
 from monitor.service.daemon import RunReport
 from monitor.text.causes import change_text
 
-_RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: what the demo calls found
+_RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: tolerances of a correct answer
 
 
 def reveal(

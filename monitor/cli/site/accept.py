@@ -22,8 +22,8 @@ def accept_command(path: Path, alarm: str | None, cause: str, by: str) -> int:
     Parameters
     ----------
     path : of SITE.toml
-    alarm : when it was raised, as `history` shows it or the beginning of that; the one that stands
-    cause : what the change is
+    alarm : time at which it was raised, as in `history`, or the beginning of it. Default: the active one
+    cause : of the change
     by : who accepts it
     """
     site = load_site(path)
@@ -48,7 +48,7 @@ def _standing(site: Site, alarm: str | None) -> AlarmRow:
     Raises
     ------
     ArgumentError
-        If none stands, or another one.
+        If none is active, or another one.
     """
     try:
         found = standing(site)

@@ -1,7 +1,7 @@
 """Journal of a run: one line for every result and event, for people or for programs.
 
-Lines are made in the log's thread and written in one of their own: a terminal that stands still stops nothing. Of
-events that repeat, such as the gaps of a loose plug, some a minute are said and the others counted.
+Lines are made in the log's thread and written in one of their own, so that a blocked terminal blocks nothing. Of
+repeated events, such as the gaps of a loose plug, some per minute are printed and the others counted.
 """
 
 import json
@@ -74,7 +74,7 @@ class Journal:
         self._minute: dict[tuple[str, str], tuple[float, int]] = {}  # kind and device -> since when, how many lines
 
     def take(self, item: Item) -> None:
-        """Take what was logged; never waits."""
+        """Add a logged item; never blocks."""
         if isinstance(item, Block):
             return
         result = event_result(item)
@@ -113,7 +113,7 @@ def journal(*, as_json: bool, stream: TextIO | None = None) -> Iterator[Journal]
     Parameters
     ----------
     as_json : an object a line, instead of text
-    stream : that gets the lines; standard output unless given
+    stream : output of the lines. Default: standard output
     """
     logger = logging.Logger("modalwatch")
     handler = logging.StreamHandler(stream or sys.stdout)

@@ -28,10 +28,10 @@ Seen = PortAnswer | str | None  #: an answer, why there is none, or silence
 class Asked:
     """Requested search."""
 
-    ports: tuple[str, ...]  #: to look at; those of the machine unless given
-    probe: bool  #: whether to ask who answers
-    every: bool  #: ask at ports too that are not USB
-    bitrate: int  #: of a bus behind an SLCAN adapter [bit/s]
+    ports: tuple[str, ...]  #: ports to search. Default: all of the machine
+    probe: bool  #: whether devices are queried
+    every: bool  #: whether ports that are not USB are searched too
+    bitrate: int  #: bit rate of a bus behind an SLCAN adapter [bit/s]
 
 
 def devices_command(asked: Asked, json_path: Path | None) -> int:

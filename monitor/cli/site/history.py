@@ -28,7 +28,7 @@ _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
 
 @dataclass(frozen=True, kw_only=True)
 class Outputs:
-    """Files that get what was found."""
+    """Output files."""
 
     csv: Path | None = None
     plot: Path | None = None
@@ -81,7 +81,7 @@ def write_csv(path: Path, found: Found) -> None:
 
 
 def as_json(found: Found) -> dict[str, object]:
-    """Return what other programs read; times are ns UTC, days are counted from 1970-01-01."""
+    """Return the output for other programs; times are ns UTC, days are counted from 1970-01-01."""
     return {
         "start": found.span.start,
         "end": found.span.end,
@@ -128,7 +128,7 @@ def _self_tests(tests: list[EventRow]) -> str:
 
 
 def _say_alarms(alarms: list[AlarmRow]) -> None:
-    """Print a line an alarm, and below it what is known: as long as that is, in no column of a table."""
+    """Print one line per alarm, and its text below it, which is too long for a column of a table."""
     console.print("\nalarms" if alarms else "alarms: none")
     for alarm in alarms[-_MOST:]:
         lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"

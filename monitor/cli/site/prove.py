@@ -33,8 +33,8 @@ def prove_command(path: Path, mass: float, at: str, logs: Sequence[Path], json: 
     path : of SITE.toml
     mass : [kg]
     at : "X,Z" or "X,Y,Z" [m]
-    logs : to look at instead of what the monitor remembers
-    json : file that gets it all; proofs in the state folder unless given
+    logs : to use instead of the saved state of the monitor
+    json : output file. Default: in the folder proofs of the state folder
     """
     site, place = load_site(path), _place(at)
     structure = parse_structure(site.structure_text)
@@ -104,7 +104,7 @@ def _scales(proof: Proof) -> Table:
 
 
 def as_json(proof: Proof) -> dict[str, Any]:
-    """Return what other programs read; SI units, shapes mass-normalised [kg^-1/2]."""
+    """Return the output for other programs; SI units, shapes mass-normalised [kg^-1/2]."""
     found = proof.found
     return {
         "passed": proof.passed,

@@ -45,8 +45,8 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
     Parameters
     ----------
     path : of SITE.toml
-    given : KEY=VALUE each, instead of what the file says
-    as_json : whether what happens is said as an object a line
+    given : KEY=VALUE each, which override the file
+    as_json : whether events are printed as JSON, one object per line
     """
     give_back_memory()
     os.umask(os.umask(0o077) | 0o027)  # logs and state: for the owner and the group
@@ -123,7 +123,7 @@ def tell_live(console: Console, live: LiveView) -> None:
 
 
 def tell_live_end(console: Console, live: LiveView) -> None:
-    """Print the data that the live view dropped."""
+    """Print the amount of data that the live view dropped."""
     if live.served and (live.dropped or live.problem):
         console.print(
             f"live view: {live.dropped} items not shown; {live.problem or 'ok'}", soft_wrap=True, markup=False
@@ -143,10 +143,10 @@ def replay_command(
     Parameters
     ----------
     logs : a log, or all files of a run
-    site : of SITE.toml, instead of what is attached
-    json_path : file that gets what was found
-    watched : new log that gets all of the log and what was found
-    given : KEY=VALUE each, instead of what the settings say
+    site : of SITE.toml, instead of the attached one
+    json_path : file for the results
+    watched : new log for the whole log and the results
+    given : KEY=VALUE each, which override the settings
     within : range of the log
     """
     log = within.of_log(one_log(logs), say_range)

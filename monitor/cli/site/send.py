@@ -50,7 +50,7 @@ def standing(site: Site) -> AlarmRow | None:
     Raises
     ------
     HistoryError
-        If it cannot be asked.
+        If it is not available.
     """
     with Reader(site.source.url) as reader:
         found = [row for row in reader.alarms(_EVER) if row.cleared is None]

@@ -27,7 +27,7 @@ def install_command(path: Path, *, of_user: bool, only_print: bool, run_as: str 
     path : of SITE.toml
     of_user : whether it is for the user's manager instead of the system's
     only_print : whether nothing is written
-    run_as : user that the system's unit runs as; the owner of the site's folder unless given, who is not to be root
+    run_as : user that the system's unit runs as. Default: the owner of the site's folder, who must not be root
 
     Raises
     ------
@@ -40,7 +40,7 @@ def install_command(path: Path, *, of_user: bool, only_print: bool, run_as: str 
         raise ArgumentError("--as", "expected without --user: your own service manager runs it as you")
     writable = (site.state.absolute(), (site.folder / site.settings.recorder.folder).absolute())
     for folder in writable:
-        if not folder.is_dir():  # systemd mounts what may be written to: it must be there
+        if not folder.is_dir():  # systemd mounts writable folders: they must exist
             folder.mkdir(parents=True)
             if os.geteuid() == 0 and user:
                 os.chown(folder, user.uid, user.gid)
@@ -101,12 +101,12 @@ def _ports(settings: Settings) -> tuple[str, ...]:
 
 
 def health_command(path: Path) -> int:
-    """Ask a site's running monitor how it is; 1 with what is stale if it is not well, or does not answer.
+    """Query the health of a site's running monitor; 1 with the stale parts if it is not healthy, or does not respond.
 
     Raises
     ------
     ArgumentError
-        If the site has no `[web]` section to ask by.
+        If the site has no `[web]` section.
     """
     site = load_site(path)
     try:

@@ -9,12 +9,12 @@ from monitor.settings import annotated, json_schema, overrides, parse_settings, 
 
 
 def settings_command(site: Path | None, given: Sequence[str], *, schema: bool) -> int:
-    """Print the defaults, what a site's settings come to, or the JSON Schema.
+    """Print the defaults, the resulting settings of a site, or the JSON Schema.
 
     Raises
     ------
     SettingsError, ArgumentError
-        If the settings of the site, or what overrides them, cannot be used.
+        If the settings of the site, or the overriding values, are invalid.
     """
     if schema:
         echo(json_schema())

@@ -1,6 +1,6 @@
 """Results over years: a database of windows, modes, alarms and events, in addition to the complete logs.
 
-The logs are the record; the database answers questions over long times at once, and can be made anew from them.
+The logs are the complete record; the database answers queries over long times, and can be made again from them.
 """
 
 from monitor.outputs.history.engines import database_url

@@ -1,6 +1,6 @@
 """Figures a day, so that a trend over years is a thousand rows instead of a hundred thousand.
 
-A day is summed anew from its windows whenever one comes in: exact, and the same however often it is done.
+A day is summed again from its windows whenever one is added: exact, and idempotent.
 """
 
 from typing import Any

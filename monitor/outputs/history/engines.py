@@ -16,7 +16,7 @@ from monitor.settings.redaction import masked, revealed
 
 _CACHE_KB = 512  # of pages that a connection to SQLite keeps; by itself it takes 2 MB, in hours
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off
-_LOCK_SECONDS = 10.0  # that a session of PostgreSQL's may hold what is asked for
+_LOCK_SECONDS = 10.0  # longest time that a session of PostgreSQL may hold a required lock [s]
 _PATIENCE = {  # libpq's, with a server that is not there any more: by the kernel's own measure that is hours
     "connect_timeout": 3,  # s
     "keepalives_idle": 10,  # s
@@ -68,7 +68,7 @@ def file_of(url: str) -> Path | None:
 def reading_engines(url: str) -> Iterator[Engine]:
     """Yield engines for questions, each where the last one could not: as for writing, read only, and as a copy.
 
-    A SQLite file that a user may not write to is read all the same; where nobody else writes either, as it lies.
+    A SQLite file without write permission is read nevertheless; without a journal if nobody else writes either.
     """
     engine = open_engine(url)
     yield engine
@@ -88,7 +88,7 @@ def _set_pragmas(connection: Any, _record: object) -> None:  # noqa: ANN401 - sq
 
 
 def _wait_briefly(connection: Connection) -> None:
-    """Wait for what others have locked for a while only, in this transaction."""
+    """Wait for short locks only, in this transaction."""
     connection.exec_driver_sql(f"SET LOCAL lock_timeout = {round(1000 * _LOCK_SECONDS)}")
 
 

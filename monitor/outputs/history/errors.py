@@ -9,7 +9,7 @@ class HistoryError(MonitorError):
     Parameters
     ----------
     url : of the database
-    message : what is wrong
+    message : the fault
     unusable : whether its file is damaged, or no longer the one that was opened: waiting does not help
     """
 

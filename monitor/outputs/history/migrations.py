@@ -45,7 +45,7 @@ def migrate(connection: Connection, url: str) -> int:
     Raises
     ------
     HistoryError
-        If it is of a later version than this program knows.
+        If it is of a later version than this program supports.
     """
     before = version_of(connection)
     if before > NEWEST:

@@ -14,8 +14,8 @@ from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
 
 Every = Literal["window", "day"]
-_NO_WRITING = "readonly database", "unable to open"  # what SQLite says where a user may only read
-_FINE_DAYS = 14  # a longer trend is told by the day
+_NO_WRITING = "readonly database", "unable to open"  # messages of SQLite without write permission
+_FINE_DAYS = 14  # a longer trend is given by day
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class WindowRow:
 class DayRow:
     """All windows of a day."""
 
-    day: int  #: since 1970-01-01 UTC
+    day: int  #: days since 1970-01-01 UTC
     n: int
     n_judged: int
     n_over: int
@@ -80,11 +80,11 @@ class AlarmRow:
     """An alarm from its beginning to its end."""
 
     raised: int  #: [ns UTC]
-    cleared: int | None  #: [ns UTC]; None while it stands
+    cleared: int | None  #: [ns UTC]; None while it is active
     lasted: float | None  #: [s]
     acknowledged: int | None  #: [ns UTC]
-    text: str  #: what is known of it
-    reopened: int  #: how often it went on after a short end
+    text: str  #: present text of the alarm
+    reopened: int  #: number of continuations after a short end
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +134,7 @@ class Reader:
         self._engine.dispose()
 
     def span(self) -> Span | None:
-        """Return what the windows span; None if there are none."""
+        """Return the time span of the windows; None if there are none."""
         [(start, end)] = self._rows(select(func.min(schema.windows.c.end), func.max(schema.windows.c.end)))
         return None if start is None else Span(start=start, end=end)
 

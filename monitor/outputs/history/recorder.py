@@ -33,7 +33,7 @@ class HistoryRecorder:
     Parameters
     ----------
     url : of the database
-    spool : file for what the database cannot take; what an earlier run left there goes in first
+    spool : file for items that the database cannot store; items of an earlier run go in first
     keep_events : newest events of each kind that stay
     retry_seconds : between looks at a database in trouble
     """
@@ -46,18 +46,18 @@ class HistoryRecorder:
         self._thread = SupervisedThread("history", self._run)
         self._store: HistoryStore | None = None
         self._due = 0.0  # monotonic time of the next look at the database
-        self._failed: str | None = None  # why it took nothing when it was asked last
+        self._failed: str | None = None  # reason of the last failure
         self._asked: float | None = None  # monotonic time since which it has owed an answer [s]
-        self._down = False  # whether that is said
+        self._down = False  # whether it was reported
         self._at_hand: list[Event] = []  # the batch that is being brought
         self._check_due = self._renew_due = 0.0  # monotonic times of the next look at the file, and of a new one [s]
         self._unproven: deque[Event] = deque(maxlen=_CAPACITY)  # written since the file was known to be whole
         self._takeover = Takeover(file_of(url))
-        self._given_up = False  # what is at hand has been put on disk by another thread: nothing there is ours any more
+        self._given_up = False  # the items have been put on disk by another thread
         self.dropped = 0  #: items that found no room, in memory or on disk, or that no database takes
 
     def put(self, item: Item) -> None:
-        """Take what was logged, from any thread; what was measured is not for the history."""
+        """Add a logged item, from any thread; measured values are not for the history."""
         if isinstance(item, Event) and not item.topic.startswith("/measured/"):
             if self._queue.qsize() < _CAPACITY:
                 self._queue.put(item)
@@ -83,17 +83,17 @@ class HistoryRecorder:
         return self
 
     def stop(self) -> None:
-        """Ask the thread to bring in what waits, and to end."""
+        """Request the thread to write the waiting items, and to end."""
         self._thread.ending.set()
         self._queue.put(None)
 
     def __exit__(self, *_: object) -> None:
-        """Bring in what waits, or leave it on disk for the next start: a mute database is not waited for."""
+        """Write the waiting items, or leave them on disk for the next start if the database does not respond."""
         self.stop()
         self._thread.join(_LAST)
         if self._thread.is_alive():
             self._given_up = True
-            kept = list(self._at_hand)  # the database may have it by now: there it stands once, however often it is put
+            kept = list(self._at_hand)  # the database may have them already: they are stored once in any case
             while not self._queue.empty():
                 kept += filter(None, (self._queue.get(),))
             self._keep(kept)
@@ -115,7 +115,7 @@ class HistoryRecorder:
             self._store.__exit__()
 
     def _check(self, *, whole: bool) -> None:
-        """Look at the file once a second; what was written since it was last seen to be whole is kept for a new one."""
+        """Check the file once per second; items written since the last intact check are kept for a new file."""
         if self._store is None or not (whole or time.monotonic() >= self._check_due):
             return
         self._check_due = time.monotonic() + _CHECK
@@ -143,14 +143,14 @@ class HistoryRecorder:
         self._due = 0.0
 
     def _take_over(self) -> None:
-        """Take over rows of the file before for a moment; what comes meanwhile waits on disk, in its order."""
+        """Copy rows of the previous file for a moment; new items wait on disk, in their order."""
         done = self._takeover.advance(_POLL)
         if done:
             self._said.put((TOPIC_RESTORED, done))
             self._due = 0.0
 
     def _gather(self) -> tuple[list[Event], bool]:
-        """Return what has come within a moment, and whether more may come."""
+        """Return the items that arrive within a moment, and whether more may come."""
         batch: list[Event] = []
         if self._thread.ending.is_set() and self._queue.empty():
             return batch, False
@@ -166,7 +166,7 @@ class HistoryRecorder:
         return batch, False
 
     def _bring(self, batch: list[Event]) -> None:
-        """Write a batch, after what waits on disk; or put it there too."""
+        """Write a batch, after the items on disk; or put it there too."""
         waiting = self._spool.waiting or self._takeover.pending
         if not batch and not (waiting and time.monotonic() >= self._due):
             return
@@ -205,7 +205,7 @@ class HistoryRecorder:
             raise HistoryError(shown_url(self._url), "it arrived too late")  # so that the spool stays as it is
 
     def _opened(self) -> bool:
-        """Open a database that is to take over rows of another one before it takes anything else; tell whether it is.
+        """Open a database that must first copy rows of another one; return whether it must.
 
         Raises
         ------
@@ -240,6 +240,6 @@ def _to_line(item: Event) -> str:
 
 
 def _from_lines(lines: list[str]) -> list[Event]:
-    """Return the items that whole lines stand for; what somebody else wrote there is left out."""
+    """Return the items in complete lines; lines of other programs are left out."""
     found = [json.loads(line) for line in lines]
     return [Event(**fields) for fields in found if fields.keys() == {"topic", "time", "payload"}]

@@ -14,8 +14,8 @@ from monitor.outputs.history.store import HistoryStore
 def renew_file(path: Path, store: HistoryStore | None) -> dict[str, Any]:
     """Make room for a new file; the old database is closed.
 
-    A damaged file is renamed. One that was moved, deleted or replaced is still open, and copied: to its place if
-    that is free, else beside what is there now.
+    A damaged file is renamed. One that was moved, deleted or replaced is still open, and copied: to its place if that
+    is free, else next to the new file.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def renew_file(path: Path, store: HistoryStore | None) -> dict[str, Any]:
     Returns
     -------
     dict
-        What was done, as the fields of an event.
+        The actions, as the fields of an event.
 
     Raises
     ------
@@ -71,7 +71,7 @@ class Takeover:
         return [] if self._path is None else [path for path in unread(self._path) if path not in self._failed]
 
     def advance(self, seconds: float) -> dict[str, Any] | None:
-        """Take over rows for a while; return what is to be reported once a file has been read.
+        """Copy rows for a while; return the report once a file has been read.
 
         The present file must be there.
         """

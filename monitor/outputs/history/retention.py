@@ -10,13 +10,14 @@ from sqlalchemy import Connection, bindparam, delete, select
 from monitor.outputs.history import schema
 from updater import Cause, Diagnosis
 
-_BEYOND = 2.0  # standard deviations: what moves by less says the same
-_MOST = 8  # a day that say something new: one that wavers between two verdicts changes with every window
+_BEYOND = 2.0  # standard deviations: a smaller difference is the same answer
+# largest number of changed answers per day: one that alternates between two verdicts changes with every window
+_MOST = 8
 _AT_ONCE = 500  # rows in memory
 
 
 def thin_diagnoses(connection: Connection) -> None:
-    """Delete what `told_before` finds."""
+    """Delete the diagnoses found by `told_before`."""
     table, alarms = schema.diagnoses, schema.alarms.c
     raised = sorted(connection.scalars(select(alarms.raised)))
     cleared = sorted(connection.scalars(select(alarms.cleared).where(alarms.cleared.is_not(None))))
@@ -31,8 +32,8 @@ def thin_diagnoses(connection: Connection) -> None:
 def told_before(diagnoses: Iterable[tuple[int, str]], raised: Sequence[int], cleared: Sequence[int]) -> list[int]:
     """Return the ends of the diagnoses that need not be kept.
 
-    The first and the newest of each alarm are, and up to eight a day that say something else than the last one kept.
-    Done now and then, with what has come since, it leaves what it would have left at once.
+    The first and the newest of each alarm are kept, and up to eight per day that differ from the last one kept. Applied
+    repeatedly, with later entries, the result is the same as applied once.
 
     Parameters
     ----------
@@ -40,7 +41,7 @@ def told_before(diagnoses: Iterable[tuple[int, str]], raised: Sequence[int], cle
     raised, cleared : times of all alarms, ascending [ns UTC]
     """
     gone: list[int] = []
-    known: Diagnosis | None = None  # the last one kept for what it says
+    known: Diagnosis | None = None  # the last one kept for its content
     of_alarm, day, n_of_day = -1, -1, 0
     newest: int | None = None  # of its alarm by now, and nothing else
     for end, json in diagnoses:
@@ -65,7 +66,7 @@ def _read(json: str) -> Diagnosis | None:
 
 
 def says_the_same(before: Diagnosis | None, now: Diagnosis | None) -> bool:
-    """Tell whether two diagnoses name the same causes at the same places, of the same size for all they know."""
+    """Return whether two diagnoses name the same causes, places and sizes within their deviations."""
     if before is None or now is None or before.verdict != now.verdict or len(before.causes) != len(now.causes):
         return False
     pairs = zip(sorted(before.causes, key=_order), sorted(now.causes, key=_order), strict=True)
@@ -73,7 +74,7 @@ def says_the_same(before: Diagnosis | None, now: Diagnosis | None) -> bool:
 
 
 def _order(cause: Cause) -> tuple[str, str, tuple[float, ...]]:
-    """Order causes by what they are: which is the likelier of two may change with every window."""
+    """Sort causes by kind: the more probable of two may change with every window."""
     where = cause.where
     return cause.cause, str(where and (where.member, where.channels)), (where and where.position) or ()
 

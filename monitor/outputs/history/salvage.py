@@ -49,7 +49,7 @@ class _opened:  # noqa: N801 - a context
 
 
 def _readable(connection: sqlite3.Connection, table: str, names: list[str]) -> Iterator[tuple[object, ...]]:
-    """Yield the rows of a table; behind a place that cannot be read it goes on further and further ahead."""
+    """Yield the rows of a table; after an unreadable place, continue with growing steps."""
     columns = ", ".join(f'"{name}"' for name in names)
     query = f'SELECT rowid, {columns} FROM "{table}" WHERE rowid > ? ORDER BY rowid'
     last, ahead, tries = 0, 1, 0
@@ -65,7 +65,7 @@ def _readable(connection: sqlite3.Connection, table: str, names: list[str]) -> I
 
 
 def _makes_sense(names: list[str], row: tuple[object, ...]) -> bool:
-    """Return whether what is JSON can be read: pages and reports rely on that."""
+    """Return whether JSON can be read, as required by pages and reports."""
     for name, value in zip(names, row, strict=True):
         if name == "json":
             try:

@@ -44,7 +44,7 @@ diagnoses = Table(
 )
 
 references = Table(
-    "baselines",  # what they are called elsewhere is a word of SQL
+    "baselines",  # names reserved in SQL are avoided
     metadata,
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("n_windows", Integer, nullable=False),
@@ -58,7 +58,7 @@ alarms = Table(
     Column("cleared", BigInteger),
     Column("lasted", Float),  # s
     Column("acknowledged", BigInteger),
-    Column("text", Text, nullable=False),  # what is known of it by now
+    Column("text", Text, nullable=False),  # present text
     Column("reopened", Integer, nullable=False),  # how often
 )
 
@@ -78,7 +78,7 @@ events = Table(
     metadata,
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("topic", String(64), primary_key=True),
-    Column("device", String(64), primary_key=True),  # empty for what is of no device
+    Column("device", String(64), primary_key=True),  # empty for events without a device
     Column("json", Text, nullable=False),
 )
 

@@ -12,11 +12,11 @@ _MAX_CHECK_SECONDS = 10.0  # of one look; one that takes longer is given up
 _PROGRESS_STEPS = 100_000  # of SQLite's machine between looks at the clock
 _PARTS = ("", "-wal", "-shm")  # of a database, behind its name
 _DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
-_UNREAD = "_unread"  # in the name of what was set aside
+_UNREAD = "_unread"  # part of the name of files that were set aside
 
 
 def is_damage(error: BaseException) -> bool:
-    """Return whether SQLite, or what stands between, complains of a damaged file; not of one that is locked or full."""
+    """Return whether SQLite, or a layer above it, reports a damaged file; not a locked or full one."""
     original = getattr(error, "orig", None) or error
     return (getattr(original, "sqlite_errorcode", None) or 0) & 0xFF in _DAMAGE
 
@@ -46,7 +46,7 @@ class SqliteFile:
         return time.monotonic() >= self._due
 
     def damage(self) -> str | None:
-        """Look at the whole file by a connection that has read nothing of it yet; return what is wrong."""
+        """Check the whole file by a new connection; return the fault."""
         begun = time.monotonic()
         try:
             return _quick_check(self.path, begun + _MAX_CHECK_SECONDS)
@@ -67,7 +67,7 @@ def _quick_check(path: Path, until: float) -> str | None:
     try:
         connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode=ro", uri=True, timeout=0.2)
     except sqlite3.Error:
-        return None  # the next write tells
+        return None  # the next write shows it
     try:
         connection.set_progress_handler(lambda: time.monotonic() > until, _PROGRESS_STEPS)
         found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
@@ -79,7 +79,7 @@ def _quick_check(path: Path, until: float) -> str | None:
 
 
 def set_aside(path: Path) -> Path:
-    """Rename a damaged database, with its journal, to a name that says so and that it has not been read yet.
+    """Rename a damaged database, with its journal, to a name that marks it as not read yet.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def set_aside(path: Path) -> Path:
 
 
 def unread_name(path: Path) -> Path:
-    """Return a new name for what was a database, and has not been read yet."""
+    """Return a new name for a former database that has not been read yet."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
     return path.with_name(f"{path.stem}_before_{stamp}{_UNREAD}.sqlite")
 
@@ -121,12 +121,12 @@ def remove_leftovers(path: Path) -> None:
 
 
 def unread(path: Path) -> list[Path]:
-    """Return what was set aside of a database and has not been read, the oldest first."""
+    """Return the set-aside files of a database that have not been read, the oldest first."""
     return sorted(path.parent.glob(f"{path.stem}_before_*{_UNREAD}.sqlite"))
 
 
 def mark_read(aside: Path) -> Path:
-    """Rename what was set aside once it has been read; return its name from then on."""
+    """Rename a set-aside file once it has been read; return its new name."""
     read = aside.with_name(aside.name.replace(_UNREAD, ""))
     for part in _PARTS:
         part_path = Path(f"{aside}{part}")

@@ -26,7 +26,7 @@ from monitor.results.events import event_result
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.text.causes import change_text
 
-#: of one item, not of the database
+#: errors of one item, not of the database
 _NEVER = (
     DataError,
     IntegrityError,
@@ -91,7 +91,7 @@ class HistoryStore:
         Returns
         -------
         bool
-            Whether all of it was looked at, and is right.
+            Whether all of it was checked, and is intact.
 
         Raises
         ------
@@ -136,7 +136,7 @@ class HistoryStore:
         return 0
 
     def forget(self, keep: int) -> None:
-        """Delete the oldest events of kinds that there are more than `keep` of, and diagnoses that say nothing new.
+        """Delete the oldest events of kinds with more than `keep` entries, and repeated diagnoses.
 
         Events by their number, not their age: a plug that is loose for a week fills no disk, and a clock that is set
         ahead by years costs nothing.
@@ -165,7 +165,7 @@ def _forget_events(connection: Connection, keep: int) -> None:
 
 
 def _write(connection: Connection, item: Event) -> int | None:
-    """Put one item in; return the day whose figures it changes."""
+    """Add one item; return the day whose figures it changes."""
     result = _result(item)
     if result is None or isinstance(result, SelfTestResult):
         payload = item.payload if result is None else _test_row(result)
@@ -221,7 +221,7 @@ def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:
 
 
 def _test_row(test: SelfTestResult) -> dict[str, Any]:
-    """Return what is kept of a self-test; the log has the rest."""
+    """Return the stored part of a self-test; the log has the rest."""
     return {"passed": test.passed, "mass": round(test.mass, 4), "places": test.places, "detected": test.detected}
 
 
@@ -241,20 +241,20 @@ def _write_change(connection: Connection, change: AlarmResult) -> None:
 
 
 def _times_reopened() -> ScalarSelect[int]:
-    """Count how often an alarm went on, anew each time: the same however often a change is brought."""
+    """Count the continuations of an alarm, from scratch each time: idempotent."""
     found = select(func.count()).where(schema.changes.c.kind == "reopened")
     return found.where(schema.changes.c.time >= schema.alarms.c.raised).scalar_subquery()
 
 
 def _update_last(connection: Connection, time: int, **values: object) -> None:
-    """Change what is known of the last alarm raised by then."""
+    """Update the last alarm raised by then."""
     table = schema.alarms
     last = select(table.c.raised).where(table.c.raised <= time).order_by(table.c.raised.desc()).limit(1)
     connection.execute(update(table).where(table.c.raised == last.scalar_subquery()).values(**values))
 
 
 def _update_standing(connection: Connection, time: int, text: str) -> None:
-    """Say what is known by now of the alarm that stands; a window that raises one comes before it, and changes none."""
+    """Update the active alarm; a window that raises an alarm comes before it, and changes none."""
     table = schema.alarms
     standing = table.c.raised <= time, table.c.cleared.is_(None) | (table.c.cleared > time)
     connection.execute(update(table).where(*standing).values(text=text))

@@ -7,7 +7,7 @@ from monitor.results.windows import TOPIC_SELF_TEST, AcceptedShift, ReferenceRes
 
 _DAY = 86_400 * 10**9  # ns
 _EVER = 2**62  # ns UTC
-_ALL = 10**6  # windows: more than a span has that is told by the window
+_ALL = 10**6  # windows: more than in a span shown by windows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +41,9 @@ class Found:
 
 
 def look(reader: Reader, wanted: Span | None) -> Found:
-    """Return what a span until now holds; of all time unless given.
+    """Return the content of a span until now, of all time by default.
 
-    What lies ahead of now, by a clock that ran ahead or a rig that plays faster, is in it too.
+    Times in the future, by a clock that ran ahead or a rig that plays faster, are included.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def look(reader: Reader, wanted: Span | None) -> Found:
     span = whole
     if wanted is not None:
         span = Span(start=max(whole.start, wanted.start), end=max(whole.end, wanted.end))
-    later = Span(start=span.start, end=_EVER)  # what happened after the last window too
+    later = Span(start=span.start, end=_EVER)  # including events after the last window
     days = reader.days(span)
     return Found(
         span=span,

@@ -12,9 +12,9 @@ _MAX_ABANDONED = 8  # deliveries that neither end nor let themselves be closed, 
 
 
 class Deadline:
-    """Time limit of one delivery; what works under it registers how to be cut short.
+    """Time limit of one delivery; parts of it register functions that abort them.
 
-    Time limits of sockets start anew with every byte: a server that sends one byte per second never exceeds them.
+    Time limits of sockets restart with every byte: a server that sends one byte per second never exceeds them.
 
     Parameters
     ----------
@@ -70,12 +70,12 @@ class DeadlineRunner:
         Parameters
         ----------
         seconds : for all of it [s]
-        work : raises what has failed
+        work : raises its failure
 
         Raises
         ------
         TimeoutError
-            If it has not ended by then; it may still do what it was to do.
+            If it has not ended by then; it may still be executed.
         """
         self._abandoned = [thread for thread in self._abandoned if thread.is_alive()]
         if len(self._abandoned) >= _MAX_ABANDONED:

@@ -27,10 +27,10 @@ class NoticeSender:
 
     Parameters
     ----------
-    target : whom, and of what
-    spool : file for alarms that are not delivered yet, with one of its own for the rest beside it; what an earlier run
-        left there goes out first
-    site : name of what is watched
+    target : settings of the target
+    spool : file for alarms that are not delivered yet, with another one for other notices next to it; notices of an
+        earlier run are sent first
+    site : name of the site
     retry_seconds : before the second try; doubled with each
     """
 
@@ -40,7 +40,7 @@ class NoticeSender:
         self._lock, self._failing = threading.Lock(), False
         quota = Quota(target.max_per_hour)
         common = quota, retry_seconds, self._report
-        self.alarms = Lane(make_sender(target), spool, *common)  #: lane of what changes an alarm
+        self.alarms = Lane(make_sender(target), spool, *common)  #: lane of changes of an alarm
         other = spool.with_stem(f"{spool.stem}_other")
         self.others = Lane(make_sender(target), other, *common, self._heartbeat)  #: lane of all the rest
         self._lanes = self.alarms, self.others
@@ -54,7 +54,7 @@ class NoticeSender:
             lane.wait_for(former)
 
     def put(self, item: Item) -> None:
-        """Take what was logged, in the log's order; never waits."""
+        """Add a logged item, in the log's order; never blocks."""
         if isinstance(item, Block):
             self._data_seen = time.monotonic()
             return
@@ -78,7 +78,7 @@ class NoticeSender:
         return self
 
     def stop(self) -> None:
-        """Ask both lanes to try once more, and to end; what is left waits on disk for the next start."""
+        """Request both lanes to try once more, and to end; the rest waits on disk for the next start."""
         for lane in self._lanes:
             lane.thread.ending.set()
 
@@ -103,7 +103,7 @@ class NoticeSender:
                 self._said.put((TOPIC_BACK, {"to": self._where()}))
 
     def _where(self) -> str:
-        """Name the target without what may be a secret in its address."""
+        """Name the target without possible secrets in its address."""
         return "webhook" if self._target.webhook else "command" if self._target.command else "mqtt"
 
     def _heartbeat(self) -> Notice | None:

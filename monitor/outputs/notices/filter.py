@@ -34,18 +34,18 @@ _ROUTINE = (
 class NoticeFilter:
     """Filter of the items that are news.
 
-    An alarm is told when it is raised, and again only when its diagnosis names other causes or another member.
+    An alarm is sent when it is raised, and again only when its diagnosis names other causes or another member.
     """
 
     def __init__(self, site: str) -> None:
         self._site = site
         self._state = "normal"
         self._raised: int | None = None
-        self._causes: tuple[str, ...] | None = ()  # that were told last; None: by a run before
+        self._causes: tuple[str, ...] | None = ()  # causes of the last notice; None: by an earlier run
         self._behind = False  # windows are left out
         self._sight = BlindWindows()
         self._passed = True  # the last self-test
-        self._failed = ""  # what the analysis could not find beside the verdict, and why
+        self._failed = ""  # failure of the analysis, with its reason
 
     def of(self, item: Item) -> Notice | None:
         """Return the notice that an item of the log is worth; items in the log's order."""
@@ -94,7 +94,7 @@ class NoticeFilter:
         return self._notice("recovery", change.time, change.text) if over else None
 
     def _failure(self, change: AlarmResult) -> Notice | None:
-        """Tell what has failed, once until it is something else."""
+        """Report a failure once, until it changes."""
         known, self._failed = self._failed, change.text
         return None if change.text == known else self._notice("trouble", change.time, change.text)
 
@@ -117,7 +117,7 @@ class NoticeFilter:
             return None
         causes = (found.verdict, *(f"{c.cause} {c.where.member if c.where else ''}" for c in found.causes))
         known, self._causes = self._causes, causes
-        # the window that raises it comes first, and is told by the alarm
+        # the window that raises it comes first, and is reported with the alarm
         new = self._state == "alarm" and known is not None and causes != known
         return self._notice("update", window.end, change_text(found)) if new else None
 

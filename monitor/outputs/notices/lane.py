@@ -15,7 +15,7 @@ from monitor.text.notices import Notice
 _TICK = 0.2  # s
 _HOUR = 3600.0  # s
 _RETRY_LONGEST = 600.0  # s
-_ASKED_LONGEST = _HOUR  # that a target may have us wait: one that asks for years is tried all the same
+_ASKED_LONGEST = _HOUR  # longest wait requested by a target: a target that requests years is tried nevertheless
 _AT_ONCE = 10**6  # notices that go out together: all that wait
 _MUCH = 500_000  # bytes that wait, from which on troubles are only counted
 _MAX_IN_MEMORY = 10_000  # notices that no disk takes
@@ -52,7 +52,7 @@ class Lane:
     Parameters
     ----------
     send : delivers notices
-    spool : file for what is not delivered yet; what an earlier run left there goes out first
+    spool : file for undelivered notices; those of an earlier run are sent first
     quota : of the target, common to its lanes
     retry_seconds : before the second try; doubled with each
     on_change : called with the lane, from its thread, after each delivery that has failed or succeeded
@@ -73,12 +73,12 @@ class Lane:
         self._first_retry = self._retry = retry_seconds
         self._on_change = on_change
         self._queue: queue.SimpleQueue[Notice] = queue.SimpleQueue()
-        self._in_memory: deque[str] = deque()  # what the disk did not take
+        self._in_memory: deque[str] = deque()  # notices that the disk did not accept
         self._urgent = False  # an alarm waits
         self._before: tuple[SupervisedThread, ...] = ()  # of lanes that have the same file, until they have ended
         self.thread = SupervisedThread(f"notices {spool.stem}", self._run)
-        self.due = 0.0  #: when what waits is tried again [s, monotonic]
-        self.left = self._spool.waiting  #: whether an earlier run could not deliver something
+        self.due = 0.0  #: time of the next attempt [s, monotonic]
+        self.left = self._spool.waiting  #: whether an earlier run left undelivered notices
         self.problem: str | None = None  #: why nothing goes out now
         self.dropped = 0  #: notices that were not kept, since the last that went out
 
@@ -109,7 +109,7 @@ class Lane:
             self._attempt(lambda: self._send([beat], 0), repeated=False)
 
     def _keep(self) -> None:
-        """Put what has come on disk before anything else: a kill from here on loses nothing."""
+        """Write new notices to disk before anything else: a kill from here on loses nothing."""
         while not self._queue.empty():
             notice = self._queue.get()
             if notice.kind == "trouble" and self._spool.size > _MUCH:
@@ -134,7 +134,7 @@ class Lane:
             self._retry, self.due, self._urgent = self._first_retry, 0.0, False
 
     def _deliver_all(self) -> None:
-        """Send what waits in memory even where the file cannot be read or removed."""
+        """Send the notices in memory even if the file cannot be read or removed."""
         try:
             self._spool.deliver(self._send_lines, _AT_ONCE)
         finally:
@@ -143,7 +143,7 @@ class Lane:
                 self._in_memory.clear()
 
     def _attempt(self, send: Callable[[], None], *, repeated: bool = True) -> bool:
-        """Send something; return whether it was delivered. What no sender should raise is counted.
+        """Send something; return whether it was delivered. Unforeseen exceptions of a sender are counted.
 
         Parameters
         ----------

@@ -26,7 +26,7 @@ from monitor.text.notices import Message, Notice, message
 
 _LOOK_SECONDS = 0.05  # between looks at whether a broker has refused
 _MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
-Sender = Callable[[list[Notice], int], None]  #: of notices, and how many others there were
+Sender = Callable[[list[Notice], int], None]  #: function that sends notices, with the number of others
 
 
 class NoticeError(MonitorError):
@@ -35,7 +35,7 @@ class NoticeError(MonitorError):
     Parameters
     ----------
     text : why
-    wait : that the target asks for before it is tried again [s]
+    wait : requested by the target before the next attempt [s]
     """
 
     def __init__(self, text: str, wait: float = 0.0) -> None:
@@ -44,7 +44,7 @@ class NoticeError(MonitorError):
 
 
 def make_sender(target: NotifySettings) -> Sender:
-    """Return what delivers notices, several at once as one message."""
+    """Return the function that delivers notices, several at once as one message."""
     name, way = (
         ("webhook", _by_webhook)
         if target.webhook
@@ -75,7 +75,7 @@ def _said(error: Exception, target: NotifySettings) -> str:
 
 
 def _content(said: Message) -> dict[str, Any]:
-    """Return what programs read: the foremost notice's fields, `text` of all of them, and each one."""
+    """Return the content for programs: the foremost notice's fields, `text` of all of them, and each one."""
     return said.foremost.values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
 
 
@@ -97,7 +97,7 @@ def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> No
                 extensions={"trace": trace},
             ) as answer,
         ):
-            answer.raise_for_status()  # what else it says is not waited for: it may never end
+            answer.raise_for_status()  # the rest of the reply is not waited for: it may never end
     except httpx.HTTPStatusError as error:
         code = error.response.status_code  # the server's own phrase is not repeated: it may quote the request
         phrase = f" {HTTPStatus(code).phrase}" if code in set(HTTPStatus) else ""
@@ -107,7 +107,7 @@ def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> No
 
 
 def _wait(asked: str) -> float:
-    """Return what `Retry-After` asks for [s]: a number, or a date; 0 for what is neither."""
+    """Return the wait requested by `Retry-After` [s]: a number, or a date; 0 for anything else."""
     try:
         return float(asked) if asked.isdecimal() else parsedate_to_datetime(asked).timestamp() - time.time()
     except (ValueError, OverflowError, OSError):  # a year that no calendar has, or no clock
@@ -126,7 +126,7 @@ def _by_command(target: NotifySettings, said: Message, deadline: Deadline) -> No
             stderr=subprocess.DEVNULL,
             start_new_session=True,  # a shell that is ended ends with all that it has started
         )
-    except OSError as error:  # whose text may name the program
+    except OSError as error:  # its text may name the program
         raise NoticeError(f"command: cannot be started: {error.strerror}") from None
     with process:
         deadline.on_expiry(lambda: _end(process))
@@ -142,7 +142,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _watched_tls(deadline: Deadline, made: ExitStack) -> ssl.SSLContext:
-    """Return the context of connections by TLS whose handshake is under the deadline, too; `made` closes them."""
+    """Return the TLS context of connections whose handshake is also under the deadline; `made` closes them."""
 
     class Watched(ssl.SSLContext):
         def wrap_socket(self, sock: socket.socket, *rest: Any, **more: Any) -> ssl.SSLSocket:  # noqa: ANN401

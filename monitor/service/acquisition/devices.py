@@ -104,7 +104,7 @@ class Devices:
             reader.start()
 
     def stop(self, names: Iterable[str] | None = None) -> dict[str, DeviceReader]:
-        """Stop devices, all unless named; what has arrived is handed on. Return their readers."""
+        """Stop devices. Default: all; received data are passed on. Return their readers."""
         stopped = {name: self._readers.pop(name) for name in tuple(self._readers if names is None else names)}
         for reader in stopped.values():
             reader.stop()
@@ -118,7 +118,7 @@ class Devices:
         Parameters
         ----------
         drivers : of the devices
-        before : readers that are stopped, whose indices theirs go on from
+        before : stopped readers, whose indices are continued
         """
         for name, (device, driver) in drivers.items():
             reader = DeviceReader(

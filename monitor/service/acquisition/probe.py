@@ -13,7 +13,7 @@ from monitor.service.acquisition.devices import device_driver
 from monitor.settings import DeviceSettings, Settings
 
 _SECONDS = 1.0  # of wall time that each device is listened to
-_SETTLE = 0.2  # s at first: what had piled up in the port tells no rate
+_SETTLE = 0.2  # s at first: data that had accumulated in the port do not show the rate
 _RATE_TOLERANCE = 0.1  # of the rate seen: reads come in bursts, on a busy machine of some 50 ms
 
 
@@ -35,7 +35,7 @@ class Probe:
 
 
 def probe_devices(settings: Settings) -> dict[str, Probe | str]:
-    """Look at all devices of a site at once; a string says why one could not be looked at."""
+    """Query all devices of a site at once; a string is the reason of a failure."""
     speed = settings.clock.speed if settings.clock else 1.0
 
     drivers: dict[str, Driver] = {}

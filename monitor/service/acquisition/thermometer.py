@@ -19,7 +19,7 @@ from monitor.text.quantities import utc
 _POLL = 1.0  # s
 _TAIL = 65536  # bytes: of a file that is there already, the last reading is enough
 _PORTS = {"mqtt": 1883, "mqtts": 8883}
-_COLDEST, _HOTTEST = -90.0, 100.0  # degC: what is beyond is no temperature of a structure
+_COLDEST, _HOTTEST = -90.0, 100.0  # degC: plausible temperatures of a structure
 
 
 class Thermometer(ABC):
@@ -50,7 +50,7 @@ class Thermometer(ABC):
         self._thread.join(2 * _POLL)
 
     def read(self) -> Iterator[Event]:
-        """Yield readings, and what befell the source, since the last time."""
+        """Yield readings, and events of the source, since the last time."""
         while not self._events.empty():
             yield self._events.get()
         silent = time.monotonic() - self._heard
@@ -82,7 +82,7 @@ class Thermometer(ABC):
 class CsvThermometer(Thermometer):
     """A file that gets a line a reading: its columns have names; the first is the time.
 
-    Of what is there at the start only the last line counts. A file that has become shorter is read anew.
+    Of the existing lines only the last one counts. A file that has become shorter is read from the start.
     """
 
     def _run(self) -> None:
@@ -97,7 +97,7 @@ class CsvThermometer(Thermometer):
                 return
 
     def follow(self, path: Path, place: int) -> int:
-        """Read what has come since a place in the file [bytes]; return up to where."""
+        """Read the file from a place [bytes] on; return the end of the part that was read."""
         size = path.stat().st_size
         place = place if place <= size else 0
         if size == place:
@@ -122,7 +122,7 @@ class CsvThermometer(Thermometer):
                 self.problem = f"{path}: {line!r:.60}: {error}"  # the next line may be better
 
     def _near(self, when: int) -> int:
-        """Return a time of which a reading may say something now.
+        """Return a time for which a reading may be used now.
 
         Raises
         ------
@@ -139,7 +139,7 @@ class CsvThermometer(Thermometer):
 
 
 class MqttThermometer(Thermometer):
-    """A topic on which a number is said, or an object with one; its time is that of its arrival."""
+    """A topic with a number, or an object with one; its time is that of its arrival."""
 
     def _run(self) -> None:
         try:
@@ -187,17 +187,17 @@ class MqttThermometer(Thermometer):
 
 
 def thermometer(settings: TemperatureSettings, clock: HostClock) -> Thermometer:
-    """Return what reads a site's thermometer, not started yet."""
+    """Return the reader of a site's thermometer, not started yet."""
     return CsvThermometer(settings, clock) if settings.csv else MqttThermometer(settings, clock)
 
 
 def last_reading(settings: TemperatureSettings) -> str:
-    """Say what the file's last line tells.
+    """Return a text on the file's last line.
 
     Raises
     ------
     OSError, ValueError
-        If it cannot be read, or tells nothing.
+        If it cannot be read, or has no reading.
     """
     reader = CsvThermometer(settings, SystemClock())
     reader.follow(Path(settings.csv or ""), 0)
@@ -217,7 +217,7 @@ def _index(names: list[str], column: str) -> int:
 
 
 def _time(text: str) -> int:
-    """Return a time [ns UTC] that is written in ISO 8601, UTC unless it says otherwise, or in seconds since 1970."""
+    """Return a time [ns UTC] from ISO 8601, UTC by default, or from seconds since 1970."""
     try:
         return round(float(text) * 1e9)
     except ValueError:

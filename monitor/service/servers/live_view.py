@@ -1,7 +1,7 @@
-"""The live view of a running monitor, served from a process of its own: nothing a viewer does can touch the watch.
+"""The live view of a running monitor, served from a process of its own: a viewer cannot affect the monitor.
 
-The daemon serves and viewers come and go: nothing here waits for a viewer, and what the view cannot take is dropped and
-counted. Only the serving process loads rerun.
+The daemon serves; viewers connect and disconnect. Nothing here waits for a viewer; data that the view cannot take are
+dropped and counted. Only the serving process loads rerun.
 """
 
 import multiprocessing
@@ -29,7 +29,7 @@ _WAITING = 2000  # items that may wait for the view
 _END_SECONDS = 3.0
 _ENVIRONMENT = {
     "RERUN_ANALYTICS": "0",
-    "MIMALLOC_PURGE_DELAY": "0",  # rerun's allocator gives back at once what is free; else it grows for hours
+    "MIMALLOC_PURGE_DELAY": "0",  # rerun's allocator returns free memory at once; else it grows for hours
 }
 
 
@@ -53,10 +53,10 @@ class LiveView:
         self._process: multiprocessing.context.SpawnProcess | None = None
         self.problem: str | None = None  #: why nothing is served any more, or never was
         self.dropped = 0  #: items the view could not take
-        self.served = False  #: whether it ever was
+        self.served = False  #: whether it was ever served
 
     def start(self) -> None:
-        """Start serving; a port in use is told in `problem`, as the server itself would only log it."""
+        """Start serving; a port in use is reported in `problem`, because the server itself would only log it."""
         viewer = self._settings.viewer
         if viewer is None:
             return
@@ -86,13 +86,14 @@ class LiveView:
         self.start()
 
     def show(self, item: Item) -> None:
-        """Hand on what was logged; never waits and never fails."""
+        """Pass on a logged item; never blocks and never fails."""
         if self._process is None:
             return
         if not isinstance(item, Block) and not self._process.is_alive():
             self.problem = self._last_words.text(self._process)
             self._process = None
-            self._inbox.cancel_join_thread()  # nobody reads any more: the end of this process must not wait for that
+            # there is no reader any more: the end of this process must not wait for it
+            self._inbox.cancel_join_thread()
             return
         try:
             self._inbox.put_nowait(item)
@@ -100,7 +101,7 @@ class LiveView:
             self.dropped += 1
 
     def stop(self) -> None:
-        """Let what waits be shown for a moment, then end."""
+        """Show the waiting items for a moment, then end."""
         if self._process is None:
             return
         self.show_last()
@@ -129,7 +130,7 @@ class LiveView:
 
     @property
     def text(self) -> str:
-        """Say in one line where to look, or why there is nothing; empty if nothing was asked for."""
+        """Return the address, or the reason why there is none, in one line; empty if not configured."""
         viewer = self._settings.viewer
         if viewer is None:
             return ""
@@ -166,7 +167,7 @@ def _serve(structure: str, site: str, inbox: "Queue[Item | None]") -> None:
 
     try:
         serve(structure, site, _until_none(received(inbox)))
-    except ServerEndedError:  # rerun has said why: another one took its port since it was found free
+    except ServerEndedError:  # rerun has reported it: another process took its port meanwhile
         sys.exit(1)
 
 

@@ -20,7 +20,7 @@ from monitor.settings.redaction import revealed, shown_address
 
 _SECONDS = 3.0  # to wait for a server
 _PORTS = {"http": 80, "https": 443, "mqtt": 1883, "mqtts": 8883}
-_NOT_SYNCHRONISED = 5  # what adjtimex(2) returns: TIME_ERROR
+_NOT_SYNCHRONISED = 5  # return value of adjtimex(2): TIME_ERROR
 _AHEAD = 60.0  # s by which a file may be younger than now: the clocks of network drives
 
 
@@ -120,7 +120,7 @@ def _clock(logs: Path) -> str:
     newest = max((path.stat().st_mtime for path in logs.glob("*.mcap")), default=0.0)
     if newest > time.time() + _AHEAD:
         raise ValueError(f"{newest - time.time():.0f} s behind the newest log: it has run backwards")
-    nothing_changed = ctypes.create_string_buffer(512)  # struct timex, modes = 0: only asked
+    nothing_changed = ctypes.create_string_buffer(512)  # struct timex, modes = 0: read only
     if ctypes.CDLL(None).adjtimex(nothing_changed) == _NOT_SYNCHRONISED:
-        return "not synchronised (NTP): times of alarms and of logs will drift"  # that stops nobody
+        return "not synchronised (NTP): times of alarms and of logs will drift"  # a warning only
     return "synchronised"

@@ -40,7 +40,7 @@ class ServiceManager:
         self._say(f"RELOADING=1\nMONOTONIC_USEC={time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000}")
 
     def stopping(self) -> None:
-        """Say that what was asked to end is ending."""
+        """Report that the monitor is ending."""
         self._say("STOPPING=1")
 
     def status(self, text: str) -> None:
@@ -61,7 +61,7 @@ class ServiceManager:
             return
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as line:
-                line.settimeout(0.1)  # a manager that does not listen holds nobody up
+                line.settimeout(0.1)  # a manager that does not receive must not block
                 line.sendto(text.encode(), self._address)
         except OSError:
             return
@@ -71,15 +71,16 @@ class ServiceManager:
 class SignsOfLife:
     """Signs that distinguish a run that works from one that only exists; ages in s."""
 
-    data: float  #: since a block of any device was logged
-    disk: float  #: since the log's thread was done with the disk
-    losing: bool  #: whether scans are lost, as the disk takes none and memory is full
+    data: float  #: time since a block of any device was logged
+    disk: float  #: time since the log's thread completed a disk operation
+    losing: bool  #: whether scans are lost, because the disk is not writable and memory is full
 
     @property
     def standing(self) -> str | None:
         """Part that is stuck, so that a restart may help; None if all parts progress.
 
-        A disk that takes nothing is no reason as long as memory keeps what comes: a restart would lose that.
+        A disk that is not writable is no reason for a restart as long as memory keeps the data: a restart would lose
+        them.
         """
         if self.data > _FLOW_SECONDS:
             return f"no data for {self.data:.0f} s"

@@ -27,7 +27,7 @@ SystemCallErrorNumber=EPERM
 UMask=0027
 MemoryMax=80%
 """
-#: what only the system's manager can grant or take; @resources stays, as processes lower their priority
+#: restrictions that only the system's manager can apply; @resources stays, as processes lower their priority
 _OF_SYSTEM = """\
 SystemCallFilter=~@privileged
 CapabilityBoundingSet=
@@ -69,7 +69,7 @@ class Unit:
         Raises
         ------
         ArgumentError
-            If it cannot be written, or something else stands there.
+            If it cannot be written, or another file is there.
         """
         try:
             if self.path.exists() and _MARK not in self.path.read_text(encoding="utf-8"):
@@ -84,9 +84,9 @@ class Unit:
 class Access:
     """Resources that a unit may use besides the files that it may read."""
 
-    user: str  #: as whom it runs; of no use to the user's manager
+    user: str  #: user of the service; not used by the user's manager
     writable: tuple[Path, ...]  #: folders, absolute
-    ports: tuple[str, ...]  #: of devices: files below /dev, or others
+    ports: tuple[str, ...]  #: ports of devices: files below /dev, or others
 
 
 def unit_of(site: Path, access: Access, *, of_user: bool) -> Unit:
@@ -95,7 +95,7 @@ def unit_of(site: Path, access: Access, *, of_user: bool) -> Unit:
     Parameters
     ----------
     site : SITE.toml, absolute
-    access : what the run may use
+    access : permitted to the run
     of_user : whether it is for the user's manager instead of the system's
     """
     name = "modalwatch-" + re.sub(r"[^A-Za-z0-9]+", "-", site.parent.name + "-" + site.stem).strip("-")
@@ -127,7 +127,7 @@ def _text(site: Path, access: Access, *, of_user: bool) -> str:
 
 
 def _command() -> str:
-    """Return the command as it is installed beside this interpreter."""
+    """Return the command installed with this interpreter."""
     script = Path(sys.executable).parent / "modalwatch"
     if script.exists():
         return _quoted(script)
@@ -135,7 +135,7 @@ def _command() -> str:
 
 
 def _devices(ports: tuple[str, ...]) -> list[str]:
-    """Return what opens a site's ports; without ports there is no device at all.
+    """Return the devices of a site's ports; without ports there is none.
 
     PrivateDevices= is for sites without ports only: a port that is plugged in again would not appear.
     """

@@ -18,7 +18,7 @@ def size(model: Model) -> float:
 
 
 def frame_axes(axes: Axes3D, model: Model, zoom: float) -> Axes3D:
-    """Give all three axes the same scale, with room for what sways."""
+    """Give all three axes the same scale, with room for the motion."""
     low, high = model.nodes.min(axis=0), model.nodes.max(axis=0)
     margin = 1.3 * SWAY * size(model)
     low, high = low - margin, high + margin

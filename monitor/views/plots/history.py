@@ -18,11 +18,11 @@ from monitor.text.verdicts import accepted_text
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure, styled
 
 _STEPS_TO_JOIN = 3.0  # points further apart than this many median steps are not joined by a line
-_LONGEST = 90  # characters of what is written above a line
+_LONGEST = 90  # characters of a text above a line
 
 
 def draw_history(path: Path, found: Found) -> None:
-    """Draw what a span holds.
+    """Draw the content of a span.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def _mark_accepted(axes: Axes, found: Found) -> None:
 
 
 def _name_accepted(axes: Axes, found: Found) -> None:
-    """Write above the lines what was accepted, towards the middle of the picture."""
+    """Write accepted changes above the lines, towards the middle of the picture."""
     middle = (found.span.start + found.span.end) / 2
     for change in found.accepted:
         axes.annotate(

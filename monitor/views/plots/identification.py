@@ -25,7 +25,7 @@ LINE, STABLE, POLE, MODE, TONE = "#37474f", "#1565c0", "#cfd8dc", "#c62828", "#e
 _SEGMENTS = 8  # of a spectrum, at least: fewer scatter too much
 _LARGEST_FFT = 1 << 14
 _MARGIN = 1.15  # of the highest mode: where pictures end
-_DYNAMIC = 100.0  # dB: below lies what single precision leaves of nothing
+_DYNAMIC = 100.0  # dB: below is the rounding of single precision
 _QUIET, _ROOM = 0.02, 6.0  # share of the width that does not set the height of a spectrum, and dB above and below
 _WRITTEN = 16  # modes up to which a MAC matrix has its numbers
 _LEGEND = 24  # channels up to which arrows are explained
@@ -70,7 +70,7 @@ def draw_spectrum(axes: Axes, recording: Recording, highest: float, n_lines: int
 
 
 def mark_modes(axes: Axes, found: Identification, estimate: ModalEstimate, highest: float) -> None:
-    """Mark modes, numbered, and tones; the numbers of neighbours stand at different heights."""
+    """Mark modes, numbered, and tones; the numbers of neighbours are at different heights."""
     raised = False
     for k, frequency in enumerate(estimate.frequency):
         near = k > 0 and frequency - estimate.frequency[k - 1] < 0.015 * highest
@@ -192,7 +192,7 @@ def _draw_compass(axes: PolarAxes, estimate: ModalEstimate, k: int) -> None:
 
 
 def tracks_figure(estimates: Sequence[ModalEstimate]) -> Figure:
-    """Draw the frequencies of all windows over time, one colour an identity; what is seen seldom stays grey."""
+    """Draw the frequencies of all windows over time, one colour per identity; rare ones are grey."""
     figure = Figure(figsize=(14, 7), layout="constrained")
     axes = figure.add_subplot()
     ordered = sorted(estimates, key=lambda e: e.start)

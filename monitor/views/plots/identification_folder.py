@@ -34,12 +34,12 @@ Vector = tuple[float, float, float]
 class Results:
     """Results to be written."""
 
-    estimate: ModalEstimate  #: of all windows
+    estimate: ModalEstimate  #: estimate of all windows
     windows: Sequence[ModalEstimate]
     recording: Recording  #: a window ...
-    found: Identification  #: ... and what was identified from it
-    model: ModelModes | None  #: to compare with
-    content: Mapping[str, Any]  #: of modes.json
+    found: Identification  #: ... and its identification
+    model: ModelModes | None  #: model to compare with
+    content: Mapping[str, Any]  #: content of modes.json
 
 
 def write_folder(folder: Path, results: Results) -> list[Path]:

@@ -42,9 +42,9 @@ def draw_map(figure: SubFigure, sight: ModeVisibility, outlook: DetectabilityStu
 
 
 def _limits(sight: ModeVisibility, outlook: DetectabilityStudy) -> tuple[float, float]:
-    """Return the masses between which colours and curves run: next to a foot the weakest mass knows no bounds."""
+    """Return the masses between which colours and curves extend: next to a foot the smallest mass is unbounded."""
     top = heaviest(outlook)
-    seen = sight.weakest[np.isfinite(sight.weakest)]  # what no mode moves knows none at all
+    seen = sight.weakest[np.isfinite(sight.weakest)]  # without motion by any mode there is no limit
     most = min(_BEYOND_USUAL * float(np.quantile(seen, _USUAL)), top)
     return min(float(sight.weakest.min()), 0.5 * most), most
 
@@ -136,7 +136,7 @@ def _along(outlook: DetectabilityStudy, unrolled: Unrolled) -> FloatArray:
 
 
 def _members(axes: Axes, unrolled: Unrolled) -> None:
-    """Tell the members on the line apart."""
+    """Separate the members on the line."""
     axes.yaxis.set_minor_locator(NullLocator())
     axes.grid(axis="y", color=_FAINT, linewidth=0.6)
     if len(unrolled.length) > _NAMED:

@@ -25,7 +25,7 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
     Parameters
     ----------
     path : of the picture
-    recording, found : a window and what was identified from it: spectrum and poles
+    recording, found : a window and its identification: spectrum and poles
     estimate : the modes to mark, of this window or of many
     """
     n = min(_SHAPES, estimate.n_modes)

@@ -19,7 +19,7 @@ _LABELS = 30  # sensors up to which each has its name
 
 
 def draw_structure(sight: ModeVisibility, path: Path, planned: Plan | None = None, n_modes: int = 6) -> None:
-    """Write a PNG: the structure at the left, its first modes at the right; under them what a mass would show."""
+    """Write a PNG: the structure at the left, its first modes at the right; below them the detectability of a mass."""
     n = min(n_modes, len(sight.modes.frequency))
     rows = -(-n // _COLUMNS)
     figure = Figure(figsize=(15, 15 if sight.outlook else 7.5), layout="constrained")
@@ -68,7 +68,7 @@ def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
 
 
 def _held(support: Support) -> str:
-    """Say which motions a support holds, and which it springs."""
+    """Return which motions a support restrains, and which have springs."""
     fixed = "fixed" if len(support.fixed) == _MOTIONS else " ".join(support.fixed)
     springs = " ".join(support.stiffness)
     return "\n".join(part for part in (fixed, f"springs {springs}" if springs else "") if part)

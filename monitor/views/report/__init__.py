@@ -26,9 +26,9 @@ def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None
 
     Parameters
     ----------
-    run : as its log tells it
-    path : of the page; one that stands there is replaced
-    diagnosis : to show instead of the one that stands in the log
+    run : as read from its log
+    path : of the page; an existing one is replaced
+    diagnosis : to show instead of the one in the log
 
     Raises
     ------
@@ -46,15 +46,15 @@ def diagnosis_report(
     structure: Structure | None = None,
     found: DiscrepancyResult | None = None,
 ) -> None:
-    """Write the report of a diagnosis that stands alone; errors as for `run_report`.
+    """Write the report of a diagnosis alone; errors as for `run_report`.
 
     Parameters
     ----------
     diagnosis : the answer of `modalwatch diagnose`
     path : of the page
-    title : what was diagnosed: the structure's name
+    title : name of the diagnosed structure
     structure : to draw the causes on
-    found : measured beside simulated, of the same structure
+    found : comparison of measured and simulated modes, of the same structure
     """
     state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
 
@@ -72,7 +72,7 @@ def diagnosis_report(
 
 
 def load_diagnosis(path: Path) -> Diagnosis:
-    """Read what `modalwatch diagnose --json` wrote.
+    """Read the output of `modalwatch diagnose --json`.
 
     Raises
     ------

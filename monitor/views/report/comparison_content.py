@@ -14,7 +14,7 @@ from monitor.views.report.figure import optional, picture
 
 
 def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:
-    """Return the template's values; what is drawn on the structure needs one."""
+    """Return the template's values; drawings of the structure need one."""
     return {
         "modes": [_mode(m) for m in found.modes],
         "not_compared": "" if all(m.compared for m in found.modes) else f"{MARK} {NOT_COMPARED}.",
@@ -65,7 +65,7 @@ def _mode(mode: ModeComparison) -> dict[str, str]:
 
 
 def _worst(sensors: tuple[SensorComparison, ...]) -> str:
-    """Say which sensor stands out, if one does: the residual that noise explains least."""
+    """Return which sensor has the most significant residual, if any."""
     if not sensors:
         return ""
     worst = max(sensors, key=lambda s: s.residual / max(s.noise, 1e-12))

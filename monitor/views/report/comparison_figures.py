@@ -20,7 +20,7 @@ from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, 
 
 WIDTH = 5.2  # inches: half of the page, all of a telephone's
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
-_LEAST = 1e-5  # of what is drawn on a logarithmic scale
+_LEAST = 1e-5  # smallest value on a logarithmic scale
 
 
 def mac_figure(found: DiscrepancyResult) -> Figure | None:
@@ -77,7 +77,7 @@ def offsets_figure(found: DiscrepancyResult) -> Figure | None:
 
 
 def sensors_figure(found: DiscrepancyResult) -> Figure | None:
-    """Return residual, what prediction misses, and 1 - COMAC of each sensor, without and with the causes."""
+    """Return residual, prediction error, and 1 - COMAC of each sensor, without and with the causes."""
     if not found.sensors:
         return None
     heard = any(s.missed is not None for s in found.sensors)
@@ -104,7 +104,7 @@ def sensors_figure(found: DiscrepancyResult) -> Figure | None:
 def _dots(
     axes: Axes, level: FloatArray, sensors: tuple[SensorComparison, ...], name: str, least: str, label: str
 ) -> None:
-    """Draw a figure a sensor in per cent, red without and green with the causes; a bar: what must be."""
+    """Draw one figure per sensor in per cent, red without and green with the causes; a bar: the unavoidable part."""
     floor = 100 * _column([getattr(s, least) for s in sensors])
     axes.barh(level, floor, height=0.55, color="#dfe4ea")
     axes.plot(100 * _column([getattr(s, name) for s in sensors]), level - 0.12, "o", markersize=4.5, color=ALARM)
@@ -176,7 +176,7 @@ def signal_figure(signal: SignalComparison) -> Figure:
 
 
 def spectrum_figure(signal: SignalComparison) -> Figure:
-    """Return amplitude densities about the resonances, one beside the other, each as wide as the others."""
+    """Return amplitude densities about the resonances, side by side, with equal widths."""
     figure = new_figure(WIDTH, 2.2)
     axes = figure.subplots()
     frequency = _column(signal.frequency)
@@ -206,7 +206,7 @@ def _side_by_side(frequency: FloatArray) -> tuple[FloatArray, dict[float, str]]:
 
 
 def trends_figure(trends: tuple[FrequencyTrend, ...], over: str) -> Figure | None:
-    """Return each mode's frequency over temperature or amplitude, with its straight line; None where nobody knows."""
+    """Return each mode's frequency over temperature or amplitude, with its straight line; None if unknown."""
     mine = [t for t in trends if t.over == over]
     if not mine:
         return None

@@ -63,7 +63,7 @@ def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of what made the page."""
+    """Return the versions of the programs that made the page."""
     return {"python": platform.python_version()} | {name: version(name) for name in _VERSIONS}
 
 
@@ -74,19 +74,19 @@ def _sensors(story: RunResults) -> list[dict[str, str]]:
 
 
 def last_diagnosis(story: RunResults) -> Diagnosis | None:
-    """Return the diagnosis of the last window that has one, if the alarm still stands."""
+    """Return the diagnosis of the last window that has one, if the alarm is still active."""
     found = [w.diagnosis for w in story.windows if w.diagnosis]
     return found[-1] if found and last_state(story) == "alarm" else None
 
 
 def last_discrepancy(story: RunResults) -> DiscrepancyResult | None:
-    """Return what the last diagnosis rests on, if the alarm still stands."""
+    """Return the basis of the last diagnosis, if the alarm is still active."""
     found = [w.discrepancy for w in story.windows if w.diagnosis]
     return found[-1] if found and last_state(story) == "alarm" else None
 
 
 def last_answer(story: RunResults) -> MassAnswer | None:
-    """Return the newest located mass while the alarm stands, unless a later diagnosis says that it is no mass."""
+    """Return the newest located mass while the alarm is active, unless a later diagnosis excludes a mass."""
     diagnosis = last_diagnosis(story)
     if not story.answers or last_state(story) != "alarm" or (diagnosis and not is_one_mass(diagnosis)):
         return None

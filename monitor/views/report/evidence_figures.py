@@ -12,7 +12,7 @@ from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, new_figure
 from updater import Diagnosis
 
-_LINEAR = 5.0  # log evidence up to which the scale is straight: odds of 150 to 1
+_LINEAR = 5.0  # log evidence up to which the scale is linear: ratio of 150 to 1
 
 
 def evidence_figure(diagnosis: Diagnosis) -> Figure | None:

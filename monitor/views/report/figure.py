@@ -14,7 +14,7 @@ class Picture:
     """A figure of the page."""
 
     address: str  #: inlined
-    text: str  #: what it shows, for who cannot see it
+    text: str  #: description, for readers who cannot see it
 
 
 def picture(draw: Callable[[], Figure | None], text: str) -> Picture | None:
@@ -23,7 +23,7 @@ def picture(draw: Callable[[], Figure | None], text: str) -> Picture | None:
     Parameters
     ----------
     draw : makes the figure
-    text : what it shows
+    text : description
     """
 
     def inlined() -> Picture | None:

@@ -40,7 +40,7 @@ class Frame:
         return np.asarray(points @ self._screen)
 
     def draw(self, axes: Axes, *, names: bool = False) -> None:
-        """Draw members and supports, with the sensors' places and the members' names if asked for."""
+        """Draw members and supports, with the positions of sensors and the members' names if requested."""
         bare(axes)
         for name, strip in zip(self.geometry.lines, self.geometry.strips(), strict=True):
             axes.plot(*self.flat(strip).T, color="#c9d0d8", linewidth=4, solid_capstyle="round", zorder=1)
@@ -97,7 +97,7 @@ class Frame:
         Parameters
         ----------
         values : at each node
-        what : they are, for the scale
+        what : name of the values, for the scale
         """
         self.draw(axes)
         largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) or 1.0
@@ -130,7 +130,7 @@ class Frame:
         bar.outline.set_visible(False)
 
     def draw_note(self, axes: Axes, position: Vector, text: str) -> None:
-        """Mark a place with words beside it."""
+        """Mark a place with a text next to it."""
         x, y = self.flat(np.array(position))
         axes.plot(x, y, "o", markersize=10, markerfacecolor="none", markeredgecolor=INK, markeredgewidth=1.3, zorder=6)
         axes.annotate(
@@ -138,7 +138,7 @@ class Frame:
         )
 
     def draw_increments(self, axes: Axes, values: FloatArray, scale: float) -> None:
-        """Draw one direction's increments (n_nodes,) as a curve beside each member, red added, blue removed.
+        """Draw one direction's increments (n_nodes,) as a curve along each member, red added, blue removed.
 
         Parameters
         ----------

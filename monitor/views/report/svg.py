@@ -43,13 +43,13 @@ def mode_colour(number: int) -> str:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure [inches] whose parts are laid out by themselves."""
+    """Return an empty figure [inches] with automatic layout."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 @contextmanager
 def styled() -> Iterator[None]:
-    """Draw and save figures in the page's style; what was set before is set again after it."""
+    """Draw and save figures in the page's style; the previous style is restored."""
     with mpl.rc_context(_STYLE):
         yield
 
@@ -72,6 +72,6 @@ def png(figure: Figure) -> bytes:
 
 
 def bare(axes: Axes) -> None:
-    """Leave only what is drawn: no axis, no grid, one scale in both directions."""
+    """Remove axes and grid, with one scale in both directions."""
     axes.set_axis_off()
     axes.set_aspect("equal")

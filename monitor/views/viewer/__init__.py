@@ -20,9 +20,9 @@ __all__ = ["write_diagnosis", "write_recording"]
 
 
 def write_recording(path: Path, story: RunResults) -> None:
-    """Write an .rrd file with its views laid out; what the results do not hold gets no view.
+    """Write an .rrd file with its views laid out; absent results have no view.
 
-    The file appears under its name when it is whole; one that stood there is replaced.
+    The file appears under its name when it is complete; an existing one is replaced.
 
     Parameters
     ----------

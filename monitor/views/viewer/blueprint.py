@@ -23,8 +23,8 @@ _PLOTS_A_COLUMN = 6
 class Live:
     """Settings for following a running monitor."""
 
-    seconds: float  #: of the past that the trends show [s]
-    channels: tuple[str, ...]  #: whose signals are streamed
+    seconds: float  #: time shown by the trends [s]
+    channels: tuple[str, ...]  #: channels whose signals are streamed
 
 
 def layout(story: RunResults, live: Live | None = None) -> rrb.Blueprint:
@@ -32,7 +32,7 @@ def layout(story: RunResults, live: Live | None = None) -> rrb.Blueprint:
 
     Parameters
     ----------
-    story : what there is to show
+    story : content to show
     live : how a running monitor is followed; None for a run that has ended
     """
     trends = views.Trends(story, live.seconds if live else None)
@@ -130,7 +130,7 @@ def _has_diagnosis(story: RunResults) -> bool:
 
 
 def _change(story: RunResults, trends: views.Trends) -> rrb.Container:
-    """Return the likelihood's pictures; beside them the one-step update's, and the diagnosis, where there are any."""
+    """Return the likelihood's pictures, with the one-step update's and the diagnosis, if there are any."""
     evidence = _posterior(story, trends)
     if not _has_increments(story) or story.reference is None:
         card = [(views.card("Diagnosis", "/diagnosis"), 2.4)] if _has_diagnosis(story) else []

@@ -10,7 +10,7 @@ from monitor.text.verdicts import diagnosis_text
 from monitor.views.viewer.primitives import at, clock
 from updater import Diagnosis
 
-_MOST_REFUSED = 6  # causes whose refusal is told one by one
+_MOST_REFUSED = 6  # causes whose refusal is listed individually
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 
@@ -31,7 +31,7 @@ def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -
 
 
 def window_card(window: WindowResult, story: RunResults) -> str:
-    """Return the card of one window: the verdict first, then what it rests on."""
+    """Return the card of one window: the verdict first, then its basis."""
     parts = [f"# {verdict(window, story.alarms)}"]
     if window.phase == "learning":
         parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
@@ -95,7 +95,7 @@ def _shift(mode: ModeResult) -> str:
 
 
 def diagnosis_card(diagnosis: Diagnosis) -> str:
-    """Return the verdict, the causes, why others were refused, and what the explanation gains."""
+    """Return the verdict, the causes, the refused ones with reasons, and the gain."""
     parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
     for cause in diagnosis.causes:
         aliases = ", ".join(plain(name) for name in cause.cannot_be_told_from)
@@ -120,7 +120,7 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
 
 
 def modes_card(reference: ReferenceResult) -> str:
-    """Return measured modes beside those of the structure file."""
+    """Return measured modes with those of the structure file."""
     lines = [f"Baseline of {reference.n_windows} windows; model: structure file before calibration.", ""]
     lines += ["| mode | measured Hz | ± | ζ % | model Hz | off % | MAC |", "|---:|---:|---:|---:|---:|---:|---:|"]
     for m in reference.modes:
@@ -131,7 +131,7 @@ def modes_card(reference: ReferenceResult) -> str:
 
 
 def model_card(reference: ReferenceResult) -> str:
-    """Return what calibration found."""
+    """Return the result of the calibration."""
     if not reference.calibrated:
         return "Nothing was calibrated."
     lines = ["What calibration found about the model:", "", "| parameter | value | ± |", "|:--|---:|---:|"]

@@ -10,7 +10,7 @@ from monitor.results.windows import Interval, MassAnswer, MassIncrements, OtherP
 
 
 def write_posterior(recording: rr.RecordingStream, answer: MassAnswer) -> None:
-    """Write the posterior along the members, the 95 % region, and what is said to be there, in SI units."""
+    """Write the posterior along the members, the 95 % region, and the answer, in SI units."""
     at = np.array([p.position for p in answer.profile], float).reshape(-1, 3)
     _write(
         recording,

@@ -26,7 +26,7 @@ Row = tuple[float | None, float | None, float | None]
 
 
 def draw_increments(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
-    """Draw, window by window, what the one-step update detects; axes for ever, or for now if not `static`."""
+    """Draw the detections of the one-step update per window; axes for ever, or for now if not `static`."""
     found = thin([(w.end, w.increments) for w in story.windows if w.increments])
     if story.reference is None or not found:
         return
@@ -107,7 +107,7 @@ def _curves(
     path: str,
     scale: float,
 ) -> None:
-    """Draw normalised and raw increments, and what undisturbed windows stay within."""
+    """Draw normalised and raw increments, and the limits of undisturbed windows."""
     column = DIRECTIONS.index(path[-1])
     limit = increments.z_limit * numbers(increments.normalised_std)[:, column]
     normalised, raw = numbers(increments.normalised)[:, column], np.array(increments.increment)[:, column]

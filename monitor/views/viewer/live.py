@@ -28,13 +28,13 @@ from updater import parse_structure
 
 _HOST = "127.0.0.1"
 _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
-_BASELINES, _LEAST_WINDOWS = 2.0, 12  # that a live view's trends reach back
+_BASELINES, _LEAST_WINDOWS = 2.0, 12  # range of a live view's trends
 _KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
 _KEPT_ALARMS = 50
 
 
 def serve(structure: str, site: str, items: Iterable[Item]) -> None:
-    """Serve what comes until there is no more; to be called in a process of its own.
+    """Serve items until there are no more; to be called in a process of its own.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def _server(identity: str, port: int, megabytes: int) -> Iterator[rr.RecordingSt
     try:
         yield recording
     finally:
-        with suppress(RuntimeError):  # a server whose port was taken meanwhile has said so, and has nothing to send
+        with suppress(RuntimeError):  # a server whose port was taken has reported it, and has nothing to send
             recording.flush(timeout_sec=2.0)
         recording.disconnect()
 
@@ -96,7 +96,7 @@ class LiveResults:
         self._windows: list[WindowResult] = []  # the first one, and the newest
         self._alarms: deque[AlarmResult] = deque(maxlen=_KEPT_ALARMS)
         self._states: dict[str, tuple[int, str]] = {}  # lane -> time [ns UTC] and state of its last change
-        self._told: set[tuple[int, str, str]] = set()  # events of what is kept
+        self._told: set[tuple[int, str, str]] = set()  # events that are kept
         self._shown: set[str] = set()
         name_states(recording)
 
@@ -150,7 +150,7 @@ class LiveResults:
         self._told = set(happened)
 
     def _lay_out(self) -> None:
-        """Send the layout again when there is something new to show; what a user has moved is kept until then."""
+        """Send the layout again when there is something new to show; changes by a user are kept until then."""
         story = self._story(self._windows)
         last = self._windows[-1]
         has = {
@@ -167,5 +167,5 @@ class LiveResults:
 
 
 def _light(window: WindowResult) -> WindowResult:
-    """Return a window without what is large: it has been drawn."""
+    """Return a window without large parts, which have been drawn."""
     return window.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})

@@ -75,7 +75,7 @@ def _shape(geometry: Geometry, mode: ReferenceMode, displacement: FloatArray) ->
 
 
 def _still(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: ReferenceMode) -> None:
-    """Draw what does not move: the structure at rest, and ghosts of the motion."""
+    """Draw the static parts: the structure at rest, and ghosts of the motion."""
     colour, thin = mode_colour(mode.id), rr.Radius.ui_points(1.1)
     recording.log(f"{base}/rest", rr.LineStrips3D(geometry.strips(), colors=[GREY], radii=thin), static=True)
     recording.log(f"{base}/supports", plates(geometry), static=True)

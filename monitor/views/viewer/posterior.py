@@ -54,7 +54,7 @@ def draw_posteriors(
     ----------
     answers : with their times [ns UTC]
     unit : of mass: how many are a kilogram, and its name
-    static : whether the axes stand for ever
+    static : whether the axes are permanent
     """
     unrolled = Unrolled(places(answers[-1][1]))
     top, low = _panels(unrolled, [a for _, a in answers], unit[0])

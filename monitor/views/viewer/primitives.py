@@ -29,7 +29,7 @@ def recording_file(path: Path, recording_id: str, blueprint: rrb.Blueprint) -> I
     Raises
     ------
     OSError
-        If the folder does not exist or cannot be written to, or is what `path` names.
+        If the folder does not exist or cannot be written to, or is itself `path`.
     """
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -51,7 +51,7 @@ def recording_file(path: Path, recording_id: str, blueprint: rrb.Blueprint) -> I
 
 
 def at(recording: rr.RecordingStream, time: int) -> None:
-    """Let what is logged next stand at a time [ns UTC]."""
+    """Set the time of the following data [ns UTC]."""
     recording.reset_time()
     recording.set_time(TIME, timestamp=np.datetime64(time, "ns"))
 
@@ -72,7 +72,7 @@ def times(values: Sequence[int] | npt.NDArray[np.int64]) -> rr.TimeColumn:
 
 
 def once(recording: rr.RecordingStream, path: str, archetype: rr.AsComponents) -> None:
-    """Say what stands for ever, and only the first time: a server keeps each repetition, before all that has a time."""
+    """Log static data, only the first time: a server keeps each repetition, before all data with a time."""
     said = _said.setdefault(recording, set())
     if (path, type(archetype)) not in said:
         said.add((path, type(archetype)))

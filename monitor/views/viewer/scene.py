@@ -17,8 +17,8 @@ from monitor.views.viewer.primitives import at, once
 
 TUBE = 0.0095  # of the structure's size, radius of its members
 SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer
-_DENSITY = 400.0  # kg/m3 of the sphere that stands for a mass: light, so that it can be seen
-_LEADER = 0.62  # of the way from the mass to the top of its label: the text hangs down from there
+_DENSITY = 400.0  # kg/m3 of the sphere that represents a mass: light, so that it is visible
+_LEADER = 0.62  # share of the way from the mass to the top of its label, which extends downwards
 _LARGEST = 0.06  # of the structure's size
 
 
@@ -35,7 +35,7 @@ def draw_structure(recording: rr.RecordingStream, story: RunResults) -> None:
 
 
 def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
-    """Draw what a reference tells: members from a time on [ns UTC], supports and sensors for ever."""
+    """Draw a reference: members from a time on [ns UTC], supports and sensors permanently."""
     geometry = Geometry(reference)
     recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     supports(recording, "/structure", geometry)
@@ -47,7 +47,7 @@ def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResul
 def draw_place(
     recording: rr.RecordingStream, geometry: Geometry, window: WindowResult, unit: tuple[float, str], *, answered: bool
 ) -> None:
-    """Draw where the mass is by a window; `answered`: whether the window before told a place, to be wiped now."""
+    """Draw the position of the mass by a window; `answered`: whether the window before had one, to be removed now."""
     at(recording, window.end)
     if window.answer:
         _mass(recording, geometry, window.answer, unit)
@@ -92,7 +92,7 @@ def _plate(geometry: Geometry) -> FloatArray:
 
 
 def sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry: Geometry) -> None:
-    """Draw one point a place, named by what its channels have in common, and an arrow a channel."""
+    """Draw one point per position, named by the common part of its channels, and one arrow per channel."""
     places: dict[tuple[float, float, float], list[str]] = {}
     for channel, (place, _) in reference.sensors.items():
         places.setdefault(place, []).append(channel)
@@ -108,7 +108,7 @@ def sensors(recording: rr.RecordingStream, reference: ReferenceResult, geometry:
 
 
 def common_name(names: list[str]) -> str:
-    """Return what the names of one place's channels begin with, or the first name if they share nothing."""
+    """Return the common beginning of the names of one position's channels, or the first name if there is none."""
     if len(names) == 1:
         return names[0]
     shared = 0
@@ -149,7 +149,7 @@ def _others(recording: rr.RecordingStream, geometry: Geometry, answer: MassAnswe
 
 
 def sphere_radius(mass: float) -> float:
-    """Return the radius [m] of the sphere that stands for a mass [kg]: its volume is in proportion."""
+    """Return the radius [m] of the sphere that represents a mass [kg]: its volume is in proportion."""
     return float(np.cbrt(3 * abs(mass) / (4 * np.pi * _DENSITY)))
 
 
@@ -173,7 +173,7 @@ def _across(geometry: Geometry, member: str) -> FloatArray:
 
 
 def _reach(geometry: Geometry, answer: MassAnswer) -> FloatArray:
-    """Return where the label's top stands from the mass (3,) [m]: further sideways than upwards, as texts are wide."""
+    """Return the position of the label's top relative to the mass (3,) [m], mostly sideways because texts are wide."""
     right, up = screen(geometry.side(*SIDE))
     across = _across(geometry, answer.member)
     length = _radius(geometry, answer) + (0.12 + 0.2 * abs(float(across @ right))) * geometry.size
@@ -185,7 +185,7 @@ def _radius(geometry: Geometry, answer: MassAnswer) -> float:
 
 
 def _brackets(geometry: Geometry, answer: MassAnswer) -> list[list[FloatArray]]:
-    """Return a bracket beside each stretch of the 95 % region, on the other side than the label."""
+    """Return a bracket along each stretch of the 95 % region, on the other side than the label."""
     brackets = []
     for stretch in answer.region:
         across = -_across(geometry, stretch.member)

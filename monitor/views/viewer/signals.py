@@ -1,4 +1,4 @@
-"""Signals as they were measured: the last of a log, or of a live stream."""
+"""Signals as measured: the last ones of a log, or of a live stream."""
 
 import numpy as np
 import rerun as rr
@@ -38,7 +38,7 @@ class ServerEndedError(Exception):
 
 
 class SignalStream:
-    """Signals as the blocks come, on the clocks that devices have or share, without what is known of their delays.
+    """Signals of the arriving blocks, on the own or shared clocks of devices, without known delays.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class SignalStream:
     Raises
     ------
     ServerEndedError
-        By `add`, when what gets them has ended.
+        By `add`, when its receiver has ended.
     """
 
     def __init__(self, recording: rr.RecordingStream, channels: tuple[Channel, ...]) -> None:
@@ -83,12 +83,12 @@ class SignalStream:
                 scalars = rr.Scalars.columns(scalars=values[:, channel.axis])
                 self._recording.send_columns(signal_path(channel.name), [column], scalars)
         try:
-            self._recording.flush()  # what waits, waits before this process, where it is bounded and counted
+            self._recording.flush()  # data wait before this process, where they are bounded and counted
         except RuntimeError as error:
             raise ServerEndedError(str(error)) from error
 
 
 def _continues(last: Block, block: Block) -> bool:
-    """Return whether a block can be drawn with the one before it; what lay between them may have been dropped."""
+    """Return whether a block can be drawn with the one before it; blocks between them may have been dropped."""
     alike = (block.clock, block.rate, block.counts.shape[1]) == (last.clock, last.rate, last.counts.shape[1])
     return alike and block.first_index >= last.end_index

@@ -115,7 +115,7 @@ def side_by_side(places: FloatArray, apart: float, end: float) -> FloatArray:
     ----------
     places : ascending
     apart : least distance between neighbours
-    end : of the axis; gives way if there are more places than fit
+    end : of the axis; moved if there are more places than fit
     """
     moved = places.copy()
     for i in range(1, len(moved)):

@@ -25,7 +25,7 @@ _LANES = {"/state/daemon": _DAEMON, "/state/structure": _STRUCTURE}
 
 
 def draw_states(recording: rr.RecordingStream, story: RunResults) -> None:
-    """Draw the lanes: what the daemon does, what the structure is."""
+    """Draw the lanes: state of the daemon, state of the structure."""
     name_states(recording)
     for change in state_changes(story):
         log_state(recording, *change)
@@ -78,7 +78,7 @@ def structure_states(story: RunResults) -> Iterator[tuple[int, str]]:
 
 
 def write_events(recording: rr.RecordingStream, story: RunResults) -> None:
-    """Write what happened in the order of time; a long event goes on in further entries, as the view wraps nothing."""
+    """Write events in the order of time; a long event is split into several entries, because the view does not wrap."""
     for event in sorted(events(story), key=lambda event: event[0]):
         write_event(recording, *event)
 

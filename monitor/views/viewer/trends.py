@@ -34,7 +34,7 @@ def control_limit(story: RunResults) -> float:
 
 
 def draw_trends(recording: rr.RecordingStream, story: RunResults) -> None:
-    """Draw shift and frequency of each tracked mode, what was found while learning, and the novelty."""
+    """Draw shift and frequency of each tracked mode, modes found during learning, and the novelty."""
     _learning(recording, story)
     for number in story.tracks:
         _frequency(recording, story, number)

@@ -115,7 +115,7 @@ def image_view(name: str, origin: str) -> rrb.Spatial2DView:
 
 
 def events() -> rrb.TextLogView:
-    """Return the list of events; their time stands in the text."""
+    """Return the list of events with their times in the text."""
     hidden = TimelineColumn(TIME, visible=False)
     columns = rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["loglevel", "body"])
     return rrb.TextLogView(name="Events", origin="/events", columns=columns)

@@ -1,8 +1,8 @@
 """Frozen dataclasses of numbers and arrays as JSON and back, to the last bit, by their own type hints.
 
-An array is {"dtype", "shape", "data"}, its bytes little-endian in base 64; not-a-number and infinity are JSON as
-Python spells them. Nothing but the types named by the hints is ever made, so that a file that somebody else wrote can
-be wrong, but cannot do anything.
+An array is {"dtype", "shape", "data"}, its bytes little-endian in base 64; not-a-number and infinity are JSON as Python
+spells them. Only types named by the hints are ever made, so that a file of others can be wrong, but cannot execute
+anything.
 """
 
 import base64
@@ -20,7 +20,7 @@ _PLAIN: tuple[type, ...] = (bool, int, float, str)
 
 
 class CodecError(ValueError):
-    """Values that are not what the hints say; names the place."""
+    """Values that do not match the type hints; names the place."""
 
 
 def encode(value: Any) -> Any:  # noqa: ANN401 - any value of a dataclass's fields
@@ -40,18 +40,18 @@ def encode(value: Any) -> Any:  # noqa: ANN401 - any value of a dataclass's fiel
 
 
 def decode(kind: Any, values: Any, place: str = "") -> Any:  # noqa: ANN401 - what the hint says
-    """Return what JSON values stand for.
+    """Return the value represented by JSON.
 
     Parameters
     ----------
     kind : type hint
     values : from JSON
-    place : where they stand, for errors
+    place : named in errors
 
     Raises
     ------
     CodecError
-        Naming the place, what was found and what expected; also if the values make no sense to the type.
+        Naming the place, the found and the expected value; also if the values are invalid for the type.
     """
     origin, inside = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind):

@@ -32,7 +32,7 @@ NOTHING = LoadedState()
 
 
 def recall(state: Path, structure: Structure, settings: Settings) -> LoadedState:
-    """Return what is remembered, if it is whole and of the same watch."""
+    """Return the saved state, if it is intact and of the same baseline."""
     path = state / MEMORY
     try:
         text = path.read_text(encoding="utf-8")
@@ -44,7 +44,7 @@ def recall(state: Path, structure: Structure, settings: Settings) -> LoadedState
 
 
 def check_saved_state(text: str, source: str, structure: Structure, settings: Settings) -> LoadedState:
-    """Return a memory if it is whole and was made with what matters as it is now; else why not."""
+    """Return a saved state if it is intact and was made with the present settings; else the reason."""
     try:
         found = parse_memory(text)
     except CodecError as error:
@@ -59,7 +59,7 @@ def check_saved_state(text: str, source: str, structure: Structure, settings: Se
 
 
 def _without_login(then: Mapping[str, str]) -> dict[str, str]:
-    """Return what a memory depends on, with the address of a thermometer as it is written now: without a login."""
+    """Return the dependencies of a saved state, with a thermometer's address in the present form: no login."""
     return {
         name: redacted_topic(words) if words.startswith(("mqtt://", "mqtts://")) else words
         for name, words in then.items()
@@ -69,8 +69,8 @@ def _without_login(then: Mapping[str, str]) -> dict[str, str]:
 class MemoryFile:
     """Keeps the newest memory on disk, never ahead of the log, the history and the notices that it rests on.
 
-    A memory that knew of an alarm of which nobody was told would let that alarm be forgotten for good: so it is
-    written a second after the last result that it rests on was logged.
+    A saved state with an unreported alarm would suppress that alarm for good: it is therefore written a second after
+    the last result that it depends on was logged.
 
     Parameters
     ----------
@@ -81,7 +81,7 @@ class MemoryFile:
         self._path, self._lock = path, threading.Lock()
         self._handed: deque[Event] = deque()  # results that are not known to be in the log
         self._any = False  # whether one was ever handed to it
-        self._expected: deque[tuple[Event, str]] = deque()  # what rests on one of these
+        self._expected: deque[tuple[Event, str]] = deque()  # states waiting for one of these results
         self._logged: deque[tuple[float, str]] = deque()  # monotonic time from which on each may be written
         self.problem: str | None = None  #: why the last one is not on the disk
 
@@ -100,7 +100,7 @@ class MemoryFile:
                 self._logged.append((time.monotonic() + _SETTLE, text))
 
     def take(self, item: Item) -> None:
-        """Take what was logged, in the log's thread."""
+        """Add a logged item, in the log's thread."""
         with self._lock:
             if not any(item is event for event in self._handed):
                 return

@@ -19,30 +19,31 @@ from monitor.watch.self_test import Tested
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 9  # of what is written here, or of how modes are identified: another one is not read
+VERSION = 9  # version of this format, or of the identification of modes: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Memory:
     """State of a watch between two windows."""
 
-    state_fingerprint: dict[str, str]  #: what it depends on, each as words (see `state_fingerprint`)
+    state_fingerprint: dict[str, str]  #: dependencies, each as a text (see `state_fingerprint`)
     n_windows: int  #: so far
     baseline: tuple[Window, ...]  #: learnt from, or so far
     target: int  #: windows to learn from
-    restarts: int  #: of learning, by changes of the structure within the baseline
+    restarts: int  #: restarts of learning, by changes of the structure within the baseline
     detector: DetectorState | None  #: None while the baseline is being learnt
     alarm: Alarm
     accepted: tuple[AcceptedChange, ...]  #: changes of the structure since the baseline
     wanted: AcceptanceRequest | None  #: an acceptance that waits for windows
     tests: Tested
-    out: tuple[Window, ...]  #: over the limit, without a break
-    calm: tuple[Window, ...]  #: under it since the sensors were last looked at
-    thermometer_offset: float = math.nan  #: of the site's thermometer against the devices' [K], see `SiteTemperature`
+    out: tuple[Window, ...]  #: windows above the limit, without interruption
+    calm: tuple[Window, ...]  #: windows below it since the last evaluation of the sensors
+    #: difference of the site's thermometer from the devices' [K], see `SiteTemperature`
+    thermometer_offset: float = math.nan
 
 
 def state_fingerprint(structure: Structure, settings: Settings) -> dict[str, str]:
-    """Return what a baseline depends on; with anything of it changed, it must be learnt anew."""
+    """Return the dependencies of a baseline; if any of them changes, it must be learned again."""
     analysis, temperature = settings.analysis, settings.temperature
     return {
         "the structure file": hashlib.sha256(dump_structure(structure).encode()).hexdigest()[:16],
@@ -61,7 +62,7 @@ def _thermometer(settings: TemperatureSettings) -> str:
 
 
 def memory_text(memory: Memory) -> str:
-    """Return a memory as text: a line that says of what version and how whole it is, and one of values."""
+    """Return a saved state as text: one line with version and checksum, and one of values."""
     content = json.dumps(encode(memory))
     return json.dumps({"modalwatch": VERSION, "sha256": _digest(content)}) + "\n" + content
 

@@ -22,7 +22,7 @@ _Endpoint = Callable[[Request], Awaitable[Response]]
 
 
 def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
-    """Return the application: what is looked at is computed once a second at most, however many look."""
+    """Return the application: answers are computed once per second at most, for any number of requests."""
     state = Snapshot(lambda: state_html(source))
     problem_list = Snapshot(lambda: problems(source.vitals()))
     figures = Snapshot(lambda: metrics(source.vitals()))

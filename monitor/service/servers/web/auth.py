@@ -42,9 +42,9 @@ class Guard:
 
     Parameters
     ----------
-    app : what is guarded
+    app : guarded application
     token : the password of any user, or a bearer token
-    open_to_look : whether looking takes no token: only where nobody but this machine can reach the port
+    open_to_look : whether reading requires no token: only if the port is reachable from this machine only
     """
 
     def __init__(self, app: ASGIApp, *, token: str, open_to_look: bool) -> None:
@@ -99,7 +99,7 @@ class Guard:
 
 
 def user_of(request: Request) -> str:
-    """Return the name that a visitor has given beside the token; empty for none."""
+    """Return the name given with the token; empty for none."""
     return _basic(request)[0]
 
 

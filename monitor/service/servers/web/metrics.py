@@ -60,7 +60,7 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
 
 
 def _of_ways(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
-    """Say what waits where, what was damaged, and how late results were."""
+    """Add queues, damaged data, and the delay of results."""
     waiting = Gauge("modalwatch_queue_items", "That wait", ["queue"], registry=registry)
     for name, items in vitals["waiting"].items():
         waiting.labels(name).set(items)

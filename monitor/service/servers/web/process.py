@@ -84,7 +84,7 @@ def _serve(source: Source, listener: socket.socket, token: str, open_to_look: bo
 
 
 def _end_with(parent: int) -> None:
-    """End when the monitor has been killed: nobody would be there to be told of."""
+    """End when the monitor has been killed."""
     while os.getppid() == parent:
         time.sleep(1.0)
     os._exit(0)

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-REQUEST_SECONDS = 10.0  #: from connecting, or from the answer before, until a request has come whole
-ANSWER_SECONDS = 30.0  #: from then on until its answer has been taken
-MOST_CONNECTIONS = 512  #: beyond it the one that has waited longest for its request is closed
+REQUEST_SECONDS = 10.0  #: time from connecting, or from the previous answer, until a request is complete
+ANSWER_SECONDS = 30.0  #: time from then on until its answer has been received
+MOST_CONNECTIONS = 512  #: above it, the connection that has waited longest for its request is closed
 
 
 class BoundedProtocol(H11Protocol):

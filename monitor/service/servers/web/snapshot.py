@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 
-_FRESH = 1.0  # s, after which an answer is computed anew
+_FRESH = 1.0  # s, after which an answer is computed again
 _USABLE = 3.0  # s for which the last answer is given while the next one is computed
 
 T = TypeVar("T")
@@ -17,8 +17,8 @@ T = TypeVar("T")
 class Snapshot(Generic[T]):
     """The last value of a function that reads files or the database, computed in a thread, one call at a time.
 
-    Nothing is computed while nobody asks. A value older than three seconds is never returned: a file system that hangs
-    does not look healthy.
+    Nothing is computed without requests. A value older than three seconds is never returned: a file system that hangs
+    must not appear healthy.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ class Snapshot(Generic[T]):
     def __init__(self, compute: Callable[[], T]) -> None:
         self._compute = compute
         self._task: asyncio.Task[T] | None = None
-        self._value: tuple[float, T] | None = None  # when it was asked for [s, monotonic]
+        self._value: tuple[float, T] | None = None  # time of the last request [s, monotonic]
 
     async def get(self) -> T:
         """Return the value; an error of the function is raised to all who wait for it."""

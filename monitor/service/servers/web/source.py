@@ -27,10 +27,10 @@ class Past:
     alarms: list[AlarmRow]
     events: list[EventRow]
     reference: ReferenceResult | None
-    places: list[tuple[float, float, float]]  #: where the standing alarm's causes are [m]
+    places: list[tuple[float, float, float]]  #: positions of the active alarm's causes [m]
 
 
-#: of which `status.json` says what is wrong with them, or null
+#: parts of `status.json` with a problem, or null
 TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "temperature", "threads")
 
 
@@ -40,10 +40,10 @@ class Source:
 
     name: str
     state: Path  #: folder
-    url: str = field(repr=False)  #: of the history, with its password
+    url: str = field(repr=False)  #: address of the history, with its password
 
     def token_path(self, file: str | None) -> Path:
-        """Return where the token stands: a file beside the settings, or in the state folder unless given."""
+        """Return the path of the token: a file next to the settings, by default in the state folder."""
         return self.state / "web_token" if file is None else self.state.parent / file
 
     def vitals(self) -> dict[str, Any] | None:
@@ -57,7 +57,7 @@ class Source:
     def past(self) -> Past | None:
         """Return the last windows of the history; None if it is not available or empty.
 
-        What lies ahead of the monitor's last window is of a clock that ran ahead: it is not the last.
+        Times after the monitor's last window are of a clock that ran ahead: it is not the last.
         """
         last = ((self.vitals() or {}).get("window") or {}).get("end")
         try:

@@ -37,7 +37,7 @@ def page_html(name: str, state: str) -> str:
 
 
 def state_html(source: Source) -> str:
-    """Return what changes."""
+    """Return the changing part."""
     return _ENVIRONMENT.get_template("state.html").render(**_content(source))
 
 
@@ -75,7 +75,7 @@ def _so_far(vitals: dict[str, Any]) -> str:
 
 
 def _unsure(vitals: dict[str, Any]) -> str:
-    """Say what the last window could tell, if the law was unsure of itself."""
+    """Return the detectable change in the last window, if the law was uncertain."""
     novelty = vitals["window"].get("novelty") or {}
     found, single = novelty.get("unsure"), novelty.get("single_mode")
     unsure = f"in the last window, {unsure_text([Unsure.model_validate(found)])}" if found else ""

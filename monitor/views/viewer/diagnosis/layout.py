@@ -45,7 +45,7 @@ def _where(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceR
 
 
 def reading_name(balance: BalanceResult | None) -> str:
-    """Return what the colours of the members mean."""
+    """Return the meaning of the members' colours."""
     if balance is None:
         return "Structure"
     values, name = (balance.added, "excess mass") if balance.log_odds > 0 else (balance.loss, "missing stiffness")

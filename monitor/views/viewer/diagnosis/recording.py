@@ -29,13 +29,13 @@ _LIFT = 0.12  # of the structure's size, from a place up to its words
 
 
 def write_diagnosis(path: Path, diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> None:
-    """Write an .rrd file of a diagnosis that stands alone, its views laid out.
+    """Write a self-contained .rrd file of a diagnosis, with its views laid out.
 
     Parameters
     ----------
     path : of the new file; it appears when it is whole
     diagnosis : to draw
-    found : measured beside simulated, of the same structure
+    found : comparison of measured and simulated modes, of the same structure
     reference : with the structure's geometry
 
     Raises
@@ -68,7 +68,7 @@ def _figure(recording: rr.RecordingStream, path: str, draw: Callable[[], Figure 
 
 
 def modes_card(found: DiscrepancyResult) -> str:
-    """Return the table of measured beside simulated modes."""
+    """Return the table of measured and simulated modes."""
     lines = ["| model Hz | measured Hz | off % | σ | MAC | with causes % |", "|---:|---:|---:|---:|---:|---:|"]
     for m in found.modes:
         off = "" if m.off_percent is None else f"{m.off_percent:+.3f}"
@@ -84,7 +84,7 @@ def modes_card(found: DiscrepancyResult) -> str:
 def _structure(
     recording: rr.RecordingStream, diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult
 ) -> None:
-    """Draw members in the colour of what the forces left over say, sensors, and the causes where they are."""
+    """Draw members coloured by the residual forces, sensors, and the causes at their places."""
     geometry = Geometry(reference)
     recording.log("/structure", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     supports(recording, "/structure", geometry)
@@ -101,7 +101,7 @@ def _structure(
 
 
 def reading_of(balance: BalanceResult | None, n_nodes: int) -> FloatArray:
-    """Return the better reading of the forces left over at each node (n_nodes,), NaN where nothing is known."""
+    """Return the better interpretation of the residual forces at each node (n_nodes,), NaN where unknown."""
     if balance is None or len(balance.loss) != n_nodes:
         return np.full(n_nodes, np.nan)
     values = balance.added if balance.log_odds > 0 else balance.loss
