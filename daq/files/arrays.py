@@ -89,7 +89,7 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
 
 
 def _ask_orientation(path: Path, shape: tuple[int, int], names: object, t: object) -> None:
-    """Refuse an array with more channels than samples, unless names or times tell that it is meant so."""
+    """Refuse an array with more channels than samples, unless names or times show its orientation."""
     n_samples, n_channels = shape
     named = names is not None and np.size(np.asarray(names)) == n_channels
     timed = t is not None and np.size(np.asarray(t)) == n_samples

@@ -243,7 +243,7 @@ def _said(
 
 
 def _settled(inverse: FloatArray, off: Callable[[FloatArray], FloatArray], start: FloatArray) -> FloatArray:
-    """Return where steps of least squares end whose residuals repeat."""
+    """Return where steps of least squares with repeated residuals end."""
     solution = start
     for _ in range(_ITERATIONS):
         solution = solution + inverse @ off(solution)

@@ -18,7 +18,7 @@ _FARTHEST = 0.3  # of ln f
 _LEAST_MAC = 0.5
 _SAME_MAC = 0.95  # at which a mode is the same one, however far it went ...
 _FARTHEST_SAME = 0.7  # of ln f: ... up to twice or half its frequency
-_FREQUENCY_WEIGHT = 2.0  # of |d ln f| beside 1 - MAC
+_FREQUENCY_WEIGHT = 2.0  # weight of |d ln f| relative to 1 - MAC
 _FAULT_COST = 0.3  # that a fault of the measuring chain must save in all
 
 
@@ -70,7 +70,7 @@ def _unknown(event: ModalMean) -> FloatArray:
 
 
 def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | None"]:
-    """Return for each mode of the baseline (n_tracks,) the event's, or -1, and what was undone for that."""
+    """Return for each mode of the baseline (n_tracks,) the event's, or -1, and the fault undone for it."""
     known = np.flatnonzero(np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1))
     event = event.only(known)
     distance = np.abs(event.log_frequency[None, :] - baseline.log_frequency[:, None])
@@ -90,7 +90,7 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
 
 
 def _answer(assurance: FloatArray, distance: FloatArray) -> npt.NDArray[np.bool_]:
-    """Tell which pairs are one mode: a prop may raise a mode by half and leave its shape alone."""
+    """Return which pairs are one mode: a prop may raise a mode by half without changing its shape."""
     alike = (assurance >= _LEAST_MAC) & (distance <= _FARTHEST)
     return np.asarray(alike | ((assurance >= _SAME_MAC) & (distance <= _FARTHEST_SAME)))
 
@@ -123,7 +123,7 @@ def matched(baseline: ModalMean, event: ModalMean, heard: ModalMean | None = Non
     Parameters
     ----------
     baseline, event : (n_tracks,) and (n_modes,)
-    heard : (n_modes,) the same event with what was taken out so that it can be matched; returned in its place
+    heard : (n_modes,) the same event with everything removed for matching; returned in its place
 
     Raises
     ------

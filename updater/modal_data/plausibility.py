@@ -7,12 +7,12 @@ from oma import mac_matrix, pair_modes
 from updater.errors import ModalDataError
 from updater.modal_data.tracked import ModalMean
 
-_UNITS = {  # what one hertz is called in units that frequencies are taken in by mistake
+_UNITS = {  # one hertz in units in which frequencies are entered by mistake
     "rad/s": 2 * np.pi,
     "kHz": 1e-3,
     "revolutions a minute": 60.0,
 }
-_UNIT_REACH = 0.2  # of ln f: what the structure itself may have changed by
+_UNIT_REACH = 0.2  # ln f: possible change of the structure itself
 _SAME_STD = 3.0  # standard deviations within which two frequencies may be one
 _SAME_MAC = 0.95  # of two shapes that may be one mode's
 
@@ -30,7 +30,7 @@ def check_baseline(modes: ModalMean) -> None:
 
 
 def doubles(modes: ModalMean) -> IndexArray:
-    """Return the tracks that are another one's mode once more, of both the one whose shape is known less well.
+    """Return the tracks that duplicate another one's mode: of both, the one with the less certain shape.
 
     Identification may take one of two close modes for two where the other is hardly shaken.
     """
@@ -62,7 +62,7 @@ def check_event(baseline: ModalMean, event: ModalMean) -> None:
             )
     once = mac_matrix(baseline.shape, baseline.shape)
     for one, other in _alike(event):
-        if once[one, other] < _SAME_MAC:  # the sensors can tell the two apart, and now they see one
+        if once[one, other] < _SAME_MAC:  # the sensors separate the two, and now measure one
             _refuse_doubled(event, one, other)
 
 

@@ -10,7 +10,7 @@ from updater.modal_data.tracked import ModalMean, TrackedModes, mean_modes, mean
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
 _AS_STATED = 1000  # degrees of freedom of deviations that are taken at their word
-_WORTH_WINDOWS = 4  # that this knowledge is worth: eight windows of eight modes tell it to a third
+_WORTH_WINDOWS = 4  # windows of equal weight: eight windows of eight modes determine it to a third
 _WORTH_DATA = 20  # that stated deviations are worth, where windows scatter by less
 _LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 

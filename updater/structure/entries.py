@@ -147,7 +147,7 @@ class Segment(Entry):
     bending: tuple[Positive, Positive] = (
         1.0,
         1.0,
-    )  #: beside that, on bending about the member's local y and z axes [-]
+    )  #: additional factors on bending about the member's local y and z axes [-]
     torsion: Positive = 1.0  #: additional factor on twist [-]
     shear_stiffness: Positive = 1.0  #: factor on its stiffness in shear and along the axis [-]
     mass: Number = 0.0  #: more over its length, spread along it as the member's own is [kg]

@@ -1,7 +1,7 @@
 """Import of CAN traffic recorded by other programs, for sensors described by a DBC file.
 
-python-can reads the files (candump's .log, Vector's .asc and .blf, PCAN's .trc). Frames go the way that live ones go:
-the same decoder, the same blocks, gaps by the counter; the file's time stamps are the arrivals.
+python-can reads the files (candump's .log, Vector's .asc and .blf, PCAN's .trc). Frames are processed as live ones: the
+same decoder, the same blocks, gaps by the counter; the time stamps of the file are the arrival times.
 """
 
 import logging
@@ -73,7 +73,7 @@ class ImportedSensor:
     device: str
     scans: int
     missing: int  #: scans between the first and the last
-    seconds: float  #: from the first to the last
+    seconds: float  #: time from the first to the last scan
 
 
 def import_can_log(
@@ -93,8 +93,8 @@ def import_can_log(
     out : of the log
     sensors : to look for
     channels : which axis of which of them is which channel
-    attachments : name -> text, beside the channel map
-    start : time of the file's first frame [ns UTC]; as it says itself unless given
+    attachments : name -> text, in addition to the channel map
+    start : time of the file's first frame [ns UTC]. Default: that of the file
 
     Raises
     ------
@@ -151,7 +151,7 @@ class _Stream:
             yield from self._counted(block)
 
     def finish(self, path: Path) -> Iterator[Item]:
-        """Yield what is left, once there was something and it came as fast as it should."""
+        """Yield the remaining blocks, if there were any, and check the rate."""
         device, rate = self._sensor.device, self._sensor.rate
         if not self._times:
             raise DataError(path, f"has no scan of {device}: {what_is_missing(self._layout, self._heard)}")
@@ -174,7 +174,7 @@ class _Stream:
         yield block
 
     def found(self) -> ImportedSensor:
-        """Return what there was."""
+        """Return a summary of the decoded scans."""
         seconds = 1e-9 * (self._times[-1] - self._times[0])
         return ImportedSensor(device=self._sensor.device, scans=self._n, missing=self._missing, seconds=seconds)
 
@@ -206,7 +206,7 @@ def _messages(path: Path) -> Iterator[can.Message]:
     make, mode = _READERS[path.suffix.lower()]
     number, last = 0, -np.inf
     try:
-        with path.open(mode) as file, _strict(_TRC_LOGGER):  # python-can leaves what it cannot read open
+        with path.open(mode) as file, _strict(_TRC_LOGGER):  # python-can does not close files that it cannot read
             for number, message in enumerate(make(file), 1):
                 if message.timestamp < last - _BACK_SECONDS:
                     why = f"frame {number}: its clock runs backwards, from {last:.6f} s to {message.timestamp:.6f} s"
@@ -239,7 +239,7 @@ def _strict(logger: logging.Logger) -> Iterator[None]:
 
 
 def _impossible(message: can.Message) -> str:
-    """Return what no CAN frame can be; empty if nothing."""
+    """Return the reason why a frame is invalid; empty if it is valid."""
     size = message.dlc if message.dlc < 0 else max(len(message.data), message.dlc)
     if not 0 <= message.timestamp < _MAX_SECONDS or not 0 <= size <= _MAX_BYTES[message.is_fd]:
         return f"{size} bytes at {message.timestamp:g} s are none of CAN"

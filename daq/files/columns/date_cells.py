@@ -14,7 +14,7 @@ class Dated:
     """Format of the cells of a column that holds no plain numbers."""
 
     read: Callable[[str], float]  #: [s]; a ValueError where the text is none
-    like: str  #: what is expected
+    like: str  #: expected form
 
 
 def _moment(text: str) -> float:

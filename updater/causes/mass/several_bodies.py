@@ -42,7 +42,7 @@ class Bodies:
         """Return one mass at any position with the single alternative; all parameters are fitted jointly."""
         return JointHypothesis(
             free, (SelectedCause(cast(Cause, self), 0, self.start[0]),)
-        )  # a fit asks nothing that it cannot say
+        )  # a fit cannot raise more than that
 
     @property
     def prior_std(self) -> FloatArray:
