@@ -32,7 +32,7 @@ from monitor.settings import parse_settings
 
 _MEMORY_MB = 4  # the least
 _PARTS = 10
-_MOST_WAITING = 200  # items
+_MAX_WAITING = 200  # items
 Shown = tuple[Item, bool]  #: an item, and whether it is a window
 
 
@@ -82,7 +82,7 @@ def client(url: str) -> Iterator[psutil.Process]:
 
 def show(live: LiveView, item: Item) -> None:
     """Show an item once there is room for it."""
-    while live.waiting > _MOST_WAITING:
+    while live.waiting > _MAX_WAITING:
         time.sleep(0.002)
     live.show(item)
 

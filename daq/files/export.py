@@ -22,7 +22,7 @@ from daq.log.mcap_log import McapWriter
 from daq.types import Block, Channel, FloatArray, Recording, find_gaps
 
 _LARGEST = (1 << 30) - 1  # count
-_LEAST_SCALE = float(np.finfo(float).tiny)  # smallest scale [m/s2 per count] with finite quotients
+_MIN_SCALE = float(np.finfo(float).tiny)  # smallest scale [m/s2 per count] with finite quotients
 _BLOCK_SECONDS = 1.0
 
 
@@ -103,7 +103,7 @@ def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int)
     data[:, list(axes)] = recording.data[:, list(axes.values())]
     there = np.asarray(np.isfinite(data).all(axis=1))
     largest = float(np.abs(data[there]).max(initial=0.0))
-    scale = max(largest / _LARGEST, _LEAST_SCALE) if largest > 0 else 1.0
+    scale = max(largest / _LARGEST, _MIN_SCALE) if largest > 0 else 1.0
     counts = np.rint(np.where(there[:, None], data, 0.0) / scale).astype(np.int32)
     edges = np.flatnonzero(np.diff(np.r_[False, there, False].astype(np.int8)))
     length = max(1, round(_BLOCK_SECONDS * recording.rate))

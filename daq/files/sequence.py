@@ -14,8 +14,8 @@ from daq.files.measurement_file import DataOptions, Measured, devices_of, read_m
 from daq.types import Recording, find_gaps
 
 _RATES_ALIKE = 2e-5  # relative: a tenth of detectable shifts of frequencies
-_MOST_OVERLAP = 1.5  # samples: rounding of dates ...
-_MOST_DRIFT = 1e-4  # ... and, relative to a file's length, the rate error of a converter
+_MAX_OVERLAP = 1.5  # samples: rounding of dates ...
+_MAX_DRIFT = 1e-4  # ... and, relative to a file's length, the rate error of a converter
 
 
 def read_in_order(paths: Sequence[Path], options: DataOptions) -> tuple[Measured, ...]:
@@ -96,7 +96,7 @@ def _alike(path: Path, found: Recording, model_path: Path, model: Recording) -> 
 def _pause(path: Path, found: Recording, before_path: Path, before: Recording) -> int:
     """Return how many samples lie between a recording and the one before."""
     pause = (found.start - before.end) * 1e-9
-    if pause * found.rate < -max(_MOST_OVERLAP, _MOST_DRIFT * len(before.data)):
+    if pause * found.rate < -max(_MAX_OVERLAP, _MAX_DRIFT * len(before.data)):
         raise DataError(path, f"begins {-pause:.6g} s before {before_path} ends")
     return max(round(pause * found.rate), 0)
 

@@ -11,7 +11,7 @@ from daq.types import FloatArray, IndexArray, IntArray
 
 LONGEST_COUNTER = 24  #: bits that are looked at of a longer one
 _KEPT = 4096  # frames remembered while no scan becomes complete
-LEAST_COUNT, LARGEST_COUNT = -(1 << 31), (1 << 31) - 1
+MIN_COUNT, LARGEST_COUNT = -(1 << 31), (1 << 31) - 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class ScanLayout:
         """Return counts (n, n_axes) of scans' data (n, n_messages, 8), and which of them are numbers that fit (n,)."""
         values = np.stack([signal.physical(data[:, place]) for place, signal in self.axes], axis=1)
         counts = np.rint(values * (self.unit / self.scale))
-        good = np.all((counts >= LEAST_COUNT) & (counts <= LARGEST_COUNT), axis=1)  # not a number is not either
+        good = np.all((counts >= MIN_COUNT) & (counts <= LARGEST_COUNT), axis=1)  # not a number is not either
         return np.where(good[:, None], counts, 0).astype(np.int32), np.asarray(good)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from daq.types import FloatArray, IndexArray
 
 _SPAN = 120.0  # s of data that the envelope looks back on
-_LEAST_FOR_DRIFT = 30.0  # s before a slope is fitted
+_MIN_FOR_DRIFT = 30.0  # s before a slope is fitted
 _LARGEST_DRIFT = 200e-6
 _BIN = 1.0  # s: one pair, the earliest, is kept of each
 
@@ -89,7 +89,7 @@ class ClockFit:
 
     def _slope(self, index: FloatArray, late: FloatArray) -> float:
         """Return the drift of the lower envelope: blind to late arrivals, zero until there is enough data."""
-        if self.span < _LEAST_FOR_DRIFT:
+        if self.span < _MIN_FOR_DRIFT:
             return 0.0
         slope = 0.0
         middle = index.mean()

@@ -22,8 +22,8 @@ from updater.modal_data import NOTHING_REMOVED, SynchronizedWindows, choose_trac
 
 _PERIODS = 250  # periods of the structure's first mode in a window, required for identification
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
-_MOST_WINDOWS = 24
-_LEAST_WINDOWS = 3  # from which their own scatter is learnt
+_MAX_WINDOWS = 24
+_MIN_WINDOWS = 3  # from which their own scatter is learnt
 _IN_TIME: Mapping[str, float] = MappingProxyType({})
 
 
@@ -81,16 +81,16 @@ def window_seconds(structure: Structure, shortest: float, n_logs: int = 1, recor
     """
     first = float(build_model(structure, shear_flexible=True, mass="consistent").modes(1).frequency[0])
     need = _PERIODS / first
-    n = min(max(1, _MOST_WINDOWS // n_logs), int(shortest / need))
-    if n * n_logs < _LEAST_WINDOWS:
-        less = int(shortest / -(-_LEAST_WINDOWS // n_logs))
+    n = min(max(1, _MAX_WINDOWS // n_logs), int(shortest / need))
+    if n * n_logs < _MIN_WINDOWS:
+        less = int(shortest / -(-_MIN_WINDOWS // n_logs))
         way_out = (
             f"; --window {less} allows shorter ones, with larger standard deviations"
             if less * first > _FEWEST_PERIODS
             else ""
         )
         raise RecordLengthError(
-            f"expected at least {_LEAST_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
+            f"expected at least {_MIN_WINDOWS * need:.0f} s, three windows of {_PERIODS} periods of the first mode "
             f"at {first:.3g} Hz; found {n_logs * shortest:.0f} s{way_out}"
         )
     seconds = shortest / n
@@ -147,7 +147,7 @@ def follow(
     sample : signals of the last window, to be kept
     late : channel -> delay that is known of it, which is taken out [s]
     """
-    if len(windows.estimates) < _LEAST_WINDOWS:
+    if len(windows.estimates) < _MIN_WINDOWS:
         why = f": {windows.problems[0]}" if windows.problems else ""
         raise IdentificationError(f"{len(windows.estimates)} windows give modes, at least 3 are needed{why}")
     removed = windows.delays or ({},) * len(windows.estimates)

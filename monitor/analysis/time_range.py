@@ -13,7 +13,7 @@ from monitor.errors import ArgumentError
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _SECOND = 10**9  # ns
-_LEAST_SECONDS = 2.0  # that the fit of a device's clock needs
+_MIN_SECONDS = 2.0  # that the fit of a device's clock needs
 _NUMBER = r"(\d+(?:\.\d*)?|\.\d+)"
 _OFFSET = re.compile(rf"(-?)(?=[\d.])(?:{_NUMBER}d)?(?:{_NUMBER}h)?(?:{_NUMBER}m)?(?:{_NUMBER}s)?")
 _BARE = re.compile(rf"-?{_NUMBER}")  # seconds
@@ -84,8 +84,8 @@ class TimeRange:
         inside = [(log, min(stop, span[1]) - max(start, span[0])) for log, span in found]
         held = sum(length for _, length in inside if length > 0) / _SECOND
         text = f"{_seconds(start - begin)} to {_seconds(stop - begin)} s"
-        if held < _LEAST_SECONDS:
-            raise self._error(f"expected at least {_LEAST_SECONDS:g} s of samples, found {held:.3g} s in {text}")
+        if held < _MIN_SECONDS:
+            raise self._error(f"expected at least {_MIN_SECONDS:g} s of samples, found {held:.3g} s in {text}")
         say(f"range: {text} of {_seconds(end - begin)} s, {_utc(start)} to {_utc(stop)}")
         return [
             LogExcerpt(

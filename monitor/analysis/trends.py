@@ -7,9 +7,9 @@ from monitor.analysis.observation import Observation
 from monitor.results.comparison import FrequencyTrend
 from updater import TrackedModes
 
-_LEAST_WINDOWS = 4
-_LEAST_KELVIN = 1.0  # between the coldest and the warmest window
-_LEAST_SPREAD = 0.1  # of amplitudes, standard deviation over mean
+_MIN_WINDOWS = 4
+_MIN_KELVIN = 1.0  # between the coldest and the warmest window
+_MIN_SPREAD = 0.1  # of amplitudes, standard deviation over mean
 
 
 def trends_beside(observation: Observation) -> tuple[FrequencyTrend, ...]:
@@ -19,12 +19,9 @@ def trends_beside(observation: Observation) -> tuple[FrequencyTrend, ...]:
     """
     modes, temperature, rms = observation.modes, observation.temperature, observation.rms
     found: list[FrequencyTrend] = []
-    if (
-        np.isfinite(temperature).sum() >= _LEAST_WINDOWS
-        and np.nanmax(temperature) - np.nanmin(temperature) > _LEAST_KELVIN
-    ):
+    if np.isfinite(temperature).sum() >= _MIN_WINDOWS and np.nanmax(temperature) - np.nanmin(temperature) > _MIN_KELVIN:
         found += _lines(modes, temperature, "temperature", "K")
-    if len(rms) >= _LEAST_WINDOWS and np.std(rms) > _LEAST_SPREAD * np.mean(rms):
+    if len(rms) >= _MIN_WINDOWS and np.std(rms) > _MIN_SPREAD * np.mean(rms):
         large = float(rms.max()) >= 0.1
         found += _lines(modes, rms if large else 1000 * rms, "amplitude", "m/s²" if large else "mm/s²")
     return tuple(found)
@@ -34,7 +31,7 @@ def _lines(modes: TrackedModes, at: FloatArray, over: str, unit: str) -> list[Fr
     lines = []
     for track in range(modes.log_frequency.shape[1]):
         known = np.isfinite(modes.log_frequency[:, track]) & np.isfinite(at)
-        if known.sum() >= _LEAST_WINDOWS:
+        if known.sum() >= _MIN_WINDOWS:
             values, std = modes.log_frequency[known, track], modes.log_frequency_std[known, track]
             lines.append(_line(values, std, at[known], over, unit))
     return lines

@@ -42,7 +42,7 @@ _LASTING = 0.5  # of the fast variance: a direction that varies more for long ma
 COMMON_STD = 3e-3  # effect of an unmeasured temperature on all log frequencies alike (steel 0.018 %/K)
 _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
 _EVEN_WORTH = 24.0  # ... and that modes scatter by the same times these
-_MOST_FREEDOM = 1e4
+_MAX_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
 _CORRELATED_SECONDS = np.array([86400.0, 2 * _FEARED_SECONDS])  # that slow and feared movements are alike
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
@@ -444,7 +444,7 @@ def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray, s
     fast = (_STATED_WORTH + _EFFICIENCY * sums.difference) / (_STATED_WORTH + worth)
     slow, feared = _slow(law, sums, fast)
     rank = (np.linalg.eigvalsh(slow + feared) > _LASTING * fast[..., None]).sum(-1)
-    freedom = np.minimum(_STATED_WORTH + worth, _MOST_FREEDOM)
+    freedom = np.minimum(_STATED_WORTH + worth, _MAX_FREEDOM)
     return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, feared=feared, rank=rank)
 
 

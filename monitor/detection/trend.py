@@ -19,8 +19,8 @@ WEEK = 7 * 86400.0  #: s
 YEAR = 365.25 * 86400.0  #: s
 SIGNIFICANT = 4.0  #: standard deviations at which a rate is reported ...
 INSIGNIFICANT = 2.0  #: ... and under which a reported one is withdrawn
-LEAST_WEEKS = 8  #: weeks with windows, before a rate is estimated
-_MOST_WEEKS = 522  # ten years: older weeks are dropped
+MIN_WEEKS = 8  #: weeks with windows, before a rate is estimated
+_MAX_WEEKS = 522  # ten years: older weeks are dropped
 _CONSTANTS = (1.5, 5.0, 15.0, 50.0, 150.0)  # weeks, of the autocorrelation: up to much longer than a record
 _RATE_STD = 0.02  # prior rate of a structure [per year]
 _HARMONICS = np.array([1.0, 2.0])  # of the year
@@ -144,7 +144,7 @@ def trend_of(weekly: WeeklyMeans) -> Trend | None:
 
     Modes that too few weeks show have NaN. Each state of the structure has a constant of its own.
     """
-    if len(weekly.week) < LEAST_WEEKS:
+    if len(weekly.week) < MIN_WEEKS:
         return None
     time: FloatArray = np.asarray((weekly.week + 0.5) * WEEK / YEAR, dtype=np.float64)
     x, prior = _design(weekly, time)
@@ -193,11 +193,11 @@ def _with_row(weekly: WeeklyMeans, week: int) -> WeeklyMeans:
         shape = [*values.shape]
         shape[axis] = 1
         out = np.concatenate([values, np.zeros(shape)], axis=axis)
-        return np.take(out, np.arange(max(0, out.shape[axis] - _MOST_WEEKS), out.shape[axis]), axis=axis)
+        return np.take(out, np.arange(max(0, out.shape[axis] - _MAX_WEEKS), out.shape[axis]), axis=axis)
 
     return WeeklyMeans(
-        week=np.append(weekly.week, week)[-_MOST_WEEKS:],
-        state=np.append(weekly.state, weekly.present)[-_MOST_WEEKS:],
+        week=np.append(weekly.week, week)[-_MAX_WEEKS:],
+        state=np.append(weekly.state, weekly.present)[-_MAX_WEEKS:],
         present=weekly.present,
         count=longer(weekly.count, -2),
         total=longer(weekly.total, -2),
@@ -222,7 +222,7 @@ def _design(weekly: WeeklyMeans, time: FloatArray) -> tuple[FloatArray, FloatArr
 
 def _rate(y: FloatArray, weight: FloatArray, x: FloatArray, prior: FloatArray, time: FloatArray) -> tuple[float, float]:
     known = np.isfinite(y) & (weight > 0)
-    if known.sum() < LEAST_WEEKS:
+    if known.sum() < MIN_WEEKS:
         return float("nan"), float("nan")
     found = regress(y[known], x[known], prior, time[known] * YEAR / WEEK, _CONSTANTS, weight[known])
     return float(found.coefficient[0]), float(found.std[0])

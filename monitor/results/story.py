@@ -18,7 +18,7 @@ from monitor.results.windows import (
 
 T = TypeVar("T")
 _LARGE = 10.0  # kg: from here on masses are given in kg
-_MOST_DRAWN = 300  # windows whose spectrum and posterior are kept in the file
+_MAX_DRAWN = 300  # windows whose spectrum and posterior are kept in the file
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,7 +96,7 @@ class RunResults:
         return thin([(w, w.spectrum) for w in self.windows if w.spectrum])
 
 
-def thin(items: Sequence[T], most: int = _MOST_DRAWN) -> list[T]:
+def thin(items: Sequence[T], most: int = _MAX_DRAWN) -> list[T]:
     """Return at most `most` items, evenly spread, the last one among them."""
     step = -(-len(items) // most) if items else 1
     return list(items[::-1][::step])[::-1]

@@ -34,7 +34,7 @@ from monitor.watch.memory import MEMORY, LoadedState, MemoryFile, check_saved_st
 from updater import parse_structure
 
 _BLOCK_SECONDS = 0.2  # of data in a block of a device
-_MOST_WINDOWS, _MOST_SECONDS = 10.0, 600.0  # that may wait: windows, but seconds of wall time at least
+_MAX_WINDOWS, _MAX_SECONDS = 10.0, 600.0  # that may wait: windows, but seconds of wall time at least
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,8 +113,8 @@ def blocks_a_second(site: Site) -> float:
 def most_waiting(site: Site) -> float:
     """Return how many items may wait for the analysis before it will never catch up: so many windows, but minutes."""
     clock = site.settings.clock
-    least = _MOST_SECONDS * (clock.speed if clock else 1.0)
-    return blocks_a_second(site) * max(_MOST_WINDOWS * site.settings.step_seconds, least)
+    least = _MAX_SECONDS * (clock.speed if clock else 1.0)
+    return blocks_a_second(site) * max(_MAX_WINDOWS * site.settings.step_seconds, least)
 
 
 def analysed_alike(one: Site, other: Site) -> bool:

@@ -14,7 +14,7 @@ from monitor.settings.redaction import revealed
 from monitor.settings.section import Positive, Section, has_place
 
 _BASELINE_WINDOWS = 24  # to begin with
-_MOST_WINDOWS = 100_000  # two years of windows of 10 minutes
+_MAX_WINDOWS = 100_000  # two years of windows of 10 minutes
 
 
 class RecorderSettings(Section):
@@ -47,9 +47,9 @@ class AnalysisSettings(Section):
     """Overlap of successive windows, as a share of the window."""
     band: Annotated[tuple[float, float] | None, Field(examples=[[5.0, 400.0]])] = None
     """Frequency band [low, high] of the modes [Hz]. Default: chosen from rate and window."""
-    baseline_windows: Annotated[int | None, Field(ge=5, le=_MOST_WINDOWS, examples=[24])] = None
+    baseline_windows: Annotated[int | None, Field(ge=5, le=_MAX_WINDOWS, examples=[24])] = None
     """Number of baseline windows. Default: 24, extended automatically if the baseline is too short."""
-    baseline_windows_max: Annotated[int, Field(ge=5, le=_MOST_WINDOWS)] = 144
+    baseline_windows_max: Annotated[int, Field(ge=5, le=_MAX_WINDOWS)] = 144
     """Largest number of baseline windows; ignored with `baseline_windows`."""
 
     @property
@@ -72,9 +72,9 @@ class AlarmSettings(Section):
 
     false_alarms_per_year: Annotated[float, Field(gt=0, le=1000)] = 1.0
     """Expected false alarms per year of all detectors together; determines their limits."""
-    hold_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
+    hold_windows: Annotated[int, Field(ge=1, le=_MAX_WINDOWS)] = 2
     """Number of consecutive windows above the limit that raise the alarm."""
-    clear_windows: Annotated[int, Field(ge=1, le=_MOST_WINDOWS)] = 2
+    clear_windows: Annotated[int, Field(ge=1, le=_MAX_WINDOWS)] = 2
     """Number of consecutive calm windows that clear the alarm."""
     clear_below: Annotated[float, Field(gt=0, le=1)] = 0.8
     """A window is calm if its novelty is below this share of the limit."""

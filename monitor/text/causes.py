@@ -12,7 +12,7 @@ from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, Pair
 from updater.quantities import ParameterChange, Quantity, Where
 
-_LEAST_P = 1e-12  # smallest p that is stated
+_MIN_P = 1e-12  # smallest p that is stated
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
@@ -28,7 +28,7 @@ SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
 
 def fit_text(answer: MassAnswer) -> str:
     """Return the quality of the fit of a mass, and the number of windows."""
-    p = f"= {answer.p_value:.2g}" if answer.p_value > _LEAST_P else f"under {_LEAST_P:.0e}"
+    p = f"= {answer.p_value:.2g}" if answer.p_value > _MIN_P else f"under {_MIN_P:.0e}"
     return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
 
 
@@ -261,7 +261,7 @@ def place_text(place: IncrementPlace | None) -> str:
     if place is None:
         return ""
     if not place.fits:
-        p = f"p = {place.p_value:.2g}" if place.p_value > _LEAST_P else f"p under {_LEAST_P:.0e}"
+        p = f"p = {place.p_value:.2g}" if place.p_value > _MIN_P else f"p under {_MIN_P:.0e}"
         return f"not located: the increments do not fit one mass ({p})"
     x, y, z = place.position
     if place.located:

@@ -11,7 +11,7 @@ DEFAULT_TEMPLATE = """\
 {% for notice in notices %}{{ notice.site }}, {{ notice.utc }}: {{ notice.text }}
 {% endfor %}{% if others %}and {{ others }} others, which the history has
 {% endif %}"""
-_MOST = 200  # notices in one message
+_MAX = 200  # notices in one message
 _LONGEST = 3000  # characters of its text: chat servers refuse more
 
 
@@ -65,7 +65,7 @@ def message(notices: list[Notice], template: str | None = None, others: int = 0)
     template : of the site
     others : notices in addition to these that were not kept
     """
-    most = _MOST
+    most = _MAX
     while True:
         shown = _worth_telling(notices, most)
         left_out = others + len(notices) - len(shown)

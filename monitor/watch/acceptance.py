@@ -14,9 +14,9 @@ from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.answer import diagnosis_of
 from monitor.watch.baseline import Watch, learn_watch
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
-from updater.modal_data import LEAST_PRESENCE
+from updater.modal_data import MIN_PRESENCE
 
-LEAST_WINDOWS = 5  #: windows since the change for a new reference: the minimum of a baseline
+MIN_WINDOWS = 5  #: windows since the change for a new reference: the minimum of a baseline
 
 
 class CannotAcceptError(Exception):
@@ -41,7 +41,7 @@ def accept_change(
     ----------
     structure : of the site
     watch : by which the change was found
-    changed_windows : windows since the change, at least `LEAST_WINDOWS`
+    changed_windows : windows since the change, at least `MIN_WINDOWS`
     devices : of each channel
     settings : of the site
     wanted : person and cause of the acceptance
@@ -92,7 +92,7 @@ def watch_again(
         return None
     *before, last = watch.accepted
     tracks = [watch.tracker.assign(window.synchronized) for window in calm]
-    again = [track for track in last.hides if np.mean([modes[track] >= 0 for modes in tracks]) >= LEAST_PRESENCE]
+    again = [track for track in last.hides if np.mean([modes[track] >= 0 for modes in tracks]) >= MIN_PRESENCE]
     if not again:
         return None
     modes = stack_tracks([window.synchronized for window in calm], tracks)

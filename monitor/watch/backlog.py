@@ -5,8 +5,8 @@ from collections.abc import Callable, Collection
 from daq import Recording
 from monitor.settings import Settings
 
-MOST_WINDOWS = 6  #: windows that may wait before any is left out
-_LEAST_SECONDS = 60.0  # of wall time that these must be: a start, or a diagnosis, may take that on a busy machine
+MAX_WINDOWS = 6  #: windows that may wait before any is left out
+_MIN_SECONDS = 60.0  # of wall time that these must be: a start, or a diagnosis, may take that on a busy machine
 SKIPPED = "left out: the analysis had fallen behind"
 
 Skip = Callable[[int, Recording], bool]  #: whether a window of that number is left out
@@ -24,7 +24,7 @@ class Backlog:
     def __init__(self, settings: Settings, newest: Callable[[], int]) -> None:
         speed = settings.clock.speed if settings.clock else 1.0
         self._step, self._newest = settings.step_seconds, newest
-        self._most = max(MOST_WINDOWS * self._step, _LEAST_SECONDS * speed)
+        self._most = max(MAX_WINDOWS * self._step, _MIN_SECONDS * speed)
         self._behind = False
 
     def __call__(self, index: int, recording: Recording) -> bool:

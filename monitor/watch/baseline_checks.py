@@ -15,7 +15,7 @@ from updater import TrackedModes
 from updater.modal_data import ChangePoint, find_change
 
 _DAY = 86400.0  # s
-_MOST = 288  # windows that the autocorrelation is estimated from, the newest
+_MAX = 288  # windows that the autocorrelation is estimated from, the newest
 _CONSTANTS = (2.0, 5.0, 12.0, 30.0, 80.0)  # windows, of the autocorrelation
 _MOVED = 1.0  # K: a thermometer is no more certain as that of the structure
 _SLOPE_STD = 1e-3  # 1/K of a log frequency: steel has 2e-4, bridges on bearings up to 2e-3
@@ -109,12 +109,12 @@ def shortcomings(
 
 def _effective(modes: TrackedModes, temperature: FloatArray | None) -> float:
     """Return the number of independent windows, with a straight line over temperature if that is given."""
-    y = modes.log_frequency[-_MOST:]
+    y = modes.log_frequency[-_MAX:]
     y = y - np.nanmean(y, axis=0)
     n = len(y)
     columns = [np.ones(n)]
     if temperature is not None:
-        columns.append(temperature[-_MOST:] - temperature[-_MOST:].mean())
+        columns.append(temperature[-_MAX:] - temperature[-_MAX:].mean())
     prior = np.array([1.0, _SLOPE_STD])[: len(columns)]
     constants = tuple(c for c in _CONSTANTS if c <= max(n / 2, _CONSTANTS[0]))  # slower ones are a constant to so few
     found = effective_number(y, np.column_stack(columns), prior, np.arange(n, dtype=float), constants)

@@ -31,7 +31,7 @@ from monitor.settings import Settings
 from monitor.text.trends import trend_result
 from updater import TrackedModes, stack_tracks
 
-MOST_OUT = 100  #: windows that a standing alarm is explained by: the newest, so that years of it fit into memory
+MAX_OUT = 100  #: windows that a standing alarm is explained by: the newest, so that years of it fit into memory
 _YEAR = 365.25 * 86400  # s
 
 
@@ -42,7 +42,7 @@ class DetectorState:
     watched: LawState
     before: int  #: start of the last window [ns UTC]
     calm: tuple[ScoredWindows, ...] = ()  #: not learnt from yet
-    out: tuple[ScoredWindows, ...] = ()  #: windows above the limit, without interruption, the newest `MOST_OUT`
+    out: tuple[ScoredWindows, ...] = ()  #: windows above the limit, without interruption, the newest `MAX_OUT`
     trend: TrendWatch = NO_TREND
 
 
@@ -138,7 +138,7 @@ class Detector:
         self.least = least_unsure(self._watched, judged)
         self._before = window.start
         self._calm.append(judged)
-        self._out = [*self._out, judged][-MOST_OUT:] if judged.over[0] else []
+        self._out = [*self._out, judged][-MAX_OUT:] if judged.over[0] else []
         return self._said(judged, np.flatnonzero(track >= 0))
 
     def _said(self, judged: ScoredWindows, seen: IndexArray) -> Novelty:

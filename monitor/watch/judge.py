@@ -25,7 +25,7 @@ from monitor.text.alarms import (
 from monitor.text.detectability import NO_THERMOMETER
 from monitor.text.quantities import utc
 from monitor.text.trends import trend_text
-from monitor.watch.acceptance import LEAST_WINDOWS, CannotAcceptError, accept_change, undo_last, watch_again
+from monitor.watch.acceptance import MIN_WINDOWS, CannotAcceptError, accept_change, undo_last, watch_again
 from monitor.watch.accepted_change import AcceptanceRequest
 from monitor.watch.answer import answer, sensors
 from monitor.watch.baseline import Watch, learn_watch
@@ -37,7 +37,7 @@ from monitor.watch.baseline_checks import (
     longer_baseline,
     too_short_text,
 )
-from monitor.watch.detector import MOST_OUT
+from monitor.watch.detector import MAX_OUT
 from monitor.watch.memory import Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
 from updater import Structure, UpdaterError
@@ -185,7 +185,7 @@ class WindowEvaluator:
         over = score.t2 > score.limit
         self._alarm, changes = self._alarm.evaluate(window.end, score.level)
         trending = watch.detector.settle(calm=self._alarm.state == "normal")
-        self._out = [*self._out, window][-MOST_OUT:] if over else []
+        self._out = [*self._out, window][-MAX_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
         result = result.model_copy(update={"novelty": score, "phase": self.phase})
         if self._alarm.state == "alarm" and over:
@@ -229,7 +229,7 @@ class WindowEvaluator:
             self._wanted = AcceptanceRequest(cause=said["cause"], by=said["by"])
             yield from self._accept(event.time, self._watch)
             if self._wanted:
-                text = f"to be accepted as {said['cause']!r} once there are {LEAST_WINDOWS} windows since the change"
+                text = f"to be accepted as {said['cause']!r} once there are {MIN_WINDOWS} windows since the change"
                 yield self._notice(event.time, "accepting", f"{text}; there are {len(self._changed_windows())}")
 
     def _accept(self, time: int, watch: Watch) -> Iterator[Result]:
@@ -239,7 +239,7 @@ class WindowEvaluator:
             self._wanted = None
             yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change has disappeared")
             return
-        if wanted is None or len(changed_windows) < LEAST_WINDOWS:
+        if wanted is None or len(changed_windows) < MIN_WINDOWS:
             return
         self._wanted = None
         raised = self._alarm.raised or time

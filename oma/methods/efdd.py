@@ -19,7 +19,7 @@ from oma.types import ComplexArray
 
 _DOMAIN = 0.8  # least MAC of a line's singular vector with that of the peak (Brincker et al. 2001)
 _DECAY = (0.9, 0.2)  # of its start: the part of the decay that is used
-_LEAST_LAGS = 8
+_MIN_LAGS = 8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +76,8 @@ def _poles(parts: Decomposition, one: SpectralResonance, lines: slice, spectra: 
     decay = spectra @ np.exp(1j * np.outer(beat, time)) / window
     size = np.abs(decay[0]) / np.abs(decay[0, 0])
     first, last = (int(np.argmax(size < share)) if np.any(size < share) else len(lag) for share in _DECAY)
-    first = min(first, len(lag) - _LEAST_LAGS)
-    used = slice(first, max(last, first + _LEAST_LAGS))
+    first = min(first, len(lag) - _MIN_LAGS)
+    used = slice(first, max(last, first + _MIN_LAGS))
     weight = size[used] * window[used]
     slope = np.linalg.pinv(np.column_stack((np.ones(len(weight)), time[used])) * weight[:, None])[1] * weight
     logarithm = np.log(np.abs(decay[:, used])) + 1j * np.unwrap(np.angle(decay[:, used]), axis=1)

@@ -22,7 +22,7 @@ from oma.types import ComplexArray
 
 _LONGEST, _SHORTEST = 2048, 64  # samples a segment
 _ROUNDING = 0.2  # of the logarithm of a length, upwards
-_LEAST_SEGMENTS = 4  # without overlap
+_MIN_SEGMENTS = 4  # without overlap
 _MARGIN = (0.8, 1.15)  # of the band, that bells at its ends reach into
 _STORE = 1 << 27  # bytes that the blocks' spectra may take
 
@@ -68,14 +68,14 @@ class FDD:
     def least_samples(self, n_channels: int) -> int:
         """Return how many samples at one rate are the least to identify anything from."""
         del n_channels
-        return _LEAST_SEGMENTS * (self.n_fft or _SHORTEST)
+        return _MIN_SEGMENTS * (self.n_fft or _SHORTEST)
 
     def segment(self, n_samples: int, n_channels: int) -> int:
         """Return the samples a segment: a balance of resolution and averages that the store can hold."""
         if self.n_fft:
             return self.n_fft
         held = 2 * _STORE / (8 * self.n_blocks * n_channels * (n_channels + 1) / 2)
-        wanted = min(10 * np.sqrt(n_samples), _LONGEST, n_samples / _LEAST_SEGMENTS, held)
+        wanted = min(10 * np.sqrt(n_samples), _LONGEST, n_samples / _MIN_SEGMENTS, held)
         return max(_SHORTEST, 1 << int(np.log2(max(wanted, 1)) + _ROUNDING))
 
     def start(self, channels: Sequence[str], level: Level) -> "SpectralLevel":

@@ -18,7 +18,7 @@ from oma.methods.matrix_fraction import HalfSpectrum, MatrixFraction, ridged
 from oma.types import ComplexArray
 
 _AT_ONCE = 8  # poles whose derivatives are held simultaneously
-_LEAST_DAMPING = -2e-4  # of poles that take part: others grow, and explain noise
+_MIN_DAMPING = -2e-4  # of poles that take part: others grow, and explain noise
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,7 +64,7 @@ def fraction_model(fraction: MatrixFraction, spectrum: HalfSpectrum, seen: Windo
     Modes beyond the lines are a constant and a slope between any two channels.
     """
     pole = continuous(fraction.root, seen.decay, seen.rate)
-    part = np.flatnonzero((pole.imag >= 0) & (-pole.real > _LEAST_DAMPING * np.abs(pole)))
+    part = np.flatnonzero((pole.imag >= 0) & (-pole.real > _MIN_DAMPING * np.abs(pole)))
     n_lags, n_channels, n_references = seen.values.shape
     decays = fraction.root[part] ** -np.arange(n_lags)[:, None]
     left, used, point = fraction.left_vector[part].T, spectrum.used, spectrum.point

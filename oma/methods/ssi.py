@@ -35,7 +35,7 @@ from oma.spectral import CorrelationAccumulator, CorrelationSums, covariance, ha
 _FIRST_ORDER = 50  # largest model order, until it is known how many modes there are
 _FEWEST_POLES_A_MODE = 4  # that the largest model must have for each of them; where it has not,
 _POLES_A_MODE = 6  # larger ones follow, up to so many
-_LEAST_POLES_A_MODE = 3  # fewest poles per mode of a model from which modes are estimated
+_MIN_POLES_A_MODE = 3  # fewest poles per mode of a model from which modes are estimated
 _FLOOR = 1e-5  # of the largest variance: see `_root`
 _OVERSAMPLING = 10  # of the randomized block Krylov iteration
 
@@ -225,7 +225,7 @@ class SSILevel:
             lambda order, column: pole_influence(moved, by_order[order], column),
             self._correlations.n_complete / self._level.rate,
             method.selection,
-            poles_a_mode=_LEAST_POLES_A_MODE,
+            poles_a_mode=_MIN_POLES_A_MODE,
             n_beside=n_below,
         )
         return LevelModes(poles=poles, modes=modes), n_below + len(physical(modes, method.selection))

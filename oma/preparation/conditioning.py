@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from daq import FloatArray, Recording
 from oma.errors import TooFewChannels
-from oma.preparation.faults import MOST_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
+from oma.preparation.faults import MAX_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
 from oma.preparation.gaps import filled
 
 _MENTIONED = 0.01  # share of samples missing in a channel above which it is reported
@@ -56,7 +56,7 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
         if share:
             text = f"spikes: {share:.2%} of the samples are taken out"
             faults.setdefault(name, ChannelFault(kind="spikes", text=text))
-        if share > MOST_SPIKES:
+        if share > MAX_SPIKES:
             given_up.add(name)
     kept = [i for i, name in enumerate(names) if name not in given_up]
     lost = np.isnan(data).mean(axis=0)

@@ -21,10 +21,10 @@ BoolArray = npt.NDArray[np.bool_]
 
 FaultKind = Literal["no_signal", "clipped", "wandering", "copy", "spikes", "gaps"]
 SAME_AS = "the same as "  #: beginning of the text of a fault that ends with the name of another channel
-_LEAST_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
+_MIN_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
 #: share of samples: clipping takes as large a share off a channel's gain, of which replacing the samples gives at least
 #: three quarters back (tests/oma/preparation/test_faults.py); the rest is less than the 0.5 % to which gains are known
-MOST_CLIPPED = 0.02
+MAX_CLIPPED = 0.02
 _PILE = 10.0  # how many times as many samples at a limit as next to it
 _SAME = 1e-6  # 1 - correlation of successive differences
 _SPIKE = 8.0  # of robust standard deviations: a Gaussian signal reaches it once in 1e15 samples
@@ -32,7 +32,7 @@ _AROUND, _FEW = 16, 0.9  # samples on each side that a spike towers over, but fo
 _LONE = 5.0  # ... by so much: 8 standard deviations of a Gaussian, too
 _REACH = 2  # samples about a spike in which others may answer, and that are taken out with it
 _COMPANY = 1 / 3  # share of the other channels that jump at the same time: a blow, no spike
-MOST_SPIKES = 0.05  #: share of samples: a channel that loses more is given up [-]
+MAX_SPIKES = 0.05  #: share of samples: a channel that loses more is given up [-]
 _LOW, _MID, _HIGH = 10, 50, 100  # periods in the window: below _HIGH no mode is sought
 _ROBUST = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
 
@@ -122,7 +122,7 @@ def without_clipped(data: FloatArray) -> tuple[FloatArray, FloatArray]:
         if not len(there) or np.ptp(there) == 0:
             continue
         highest, lowest = _at_limit(there), _at_limit(-there)
-        if _LEAST_CLIPPED < highest + lowest <= MOST_CLIPPED:
+        if _MIN_CLIPPED < highest + lowest <= MAX_CLIPPED:
             out = (signal == there.max()) & (highest > 0) | (signal == there.min()) & (lowest > 0)
             result[out, column], removed[column] = np.nan, out.mean()
     return result, removed
@@ -155,7 +155,7 @@ def _own_fault(signal: FloatArray) -> ChannelFault | None:
     if np.ptp(signal) == 0:
         return ChannelFault(kind="no_signal", text="constant")
     share = _at_limit(signal) + _at_limit(-signal)
-    if share > MOST_CLIPPED:
+    if share > MAX_CLIPPED:
         return ChannelFault(kind="clipped", text=f"clipped: {share:.1%} of the samples are at a limit")
     if _wanders(signal):
         text = "wanders: as strong below 50 periods a window as in all of the band above 100"

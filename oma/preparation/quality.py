@@ -7,7 +7,7 @@ import numpy as np
 
 from daq import FloatArray
 
-_LEAST_COMPLETE, _MOST_VARIATION = 0.9, 0.5
+_MIN_COMPLETE, _MAX_VARIATION = 0.9, 0.5
 _FEW_CYCLES = 300.0  # with 1 % damping the law leaves 23 % of the damping then
 
 
@@ -23,9 +23,9 @@ class WindowQuality:
     def remarks(self) -> tuple[str, ...]:
         """Advice in words; empty for a good window."""
         said = []
-        if self.complete < _LEAST_COMPLETE:
+        if self.complete < _MIN_COMPLETE:
             said.append(f"only {self.complete:.0%} of the samples are complete")
-        if self.rms_variation > _MOST_VARIATION:
+        if self.rms_variation > _MAX_VARIATION:
             said.append(f"the vibration varies: rms of the blocks ± {self.rms_variation:.0%}")
         if self.cycles < _FEW_CYCLES:
             said.append(f"{self.cycles:.0f} periods of the lowest mode: use longer windows for its damping")

@@ -9,7 +9,7 @@ from daq import FloatArray
 from oma.mac import mac_matrix, normalise
 from oma.preparation import BoolArray
 from oma.selection.pole_uncertainty import PoleInfluence, block_std
-from oma.selection.selection import BAND, LEAST_MEMBERS, Selection, groups, uncertainty_law
+from oma.selection.selection import BAND, MIN_MEMBERS, Selection, groups, uncertainty_law
 from oma.selection.stabilization_diagram import Stabilization
 from oma.types import ComplexArray, ModalEstimate
 
@@ -41,7 +41,7 @@ class _Group:
     def above(self, order: int) -> "_Group":
         """Return those of this order and above; all where these are too few."""
         chosen = np.flatnonzero(self.members.order >= order)
-        if len(chosen) < LEAST_MEMBERS:
+        if len(chosen) < MIN_MEMBERS:
             return self
         return _Group(self.members[chosen], [self.influences[i] for i in chosen.tolist()])
 
@@ -84,7 +84,7 @@ def candidates(
     found = [
         _group(stable[members], influence)
         for members in groups(stable.frequency, stable.shape, stable.order, selection.cut)
-        if len(members) >= LEAST_MEMBERS
+        if len(members) >= MIN_MEMBERS
     ]
     modes = [_mode(group, n_orders, duration, selection) for group in found]
     lowest = poles_a_mode * (n_beside + len(physical(modes, selection)))

@@ -18,7 +18,7 @@ from daq import FloatArray
 from oma.mac import mac_matrix
 from oma.types import ComplexArray
 
-LEAST_MEMBERS = 3  #: poles of a group that may be a mode [-]
+MIN_MEMBERS = 3  #: poles of a group that may be a mode [-]
 BAND = 4.0  #: half widths of a resonance on each side of it: 84 % of its power [-]
 
 
@@ -84,7 +84,7 @@ def _side_by_side(a: npt.NDArray[np.intp], b: npt.NDArray[np.intp]) -> bool:
     """Return whether most of the orders with the rarer of two groups have the other too: a mode has one pole."""
     a, b = np.unique(a), np.unique(b)
     rarer = min(len(a), len(b))
-    return rarer >= LEAST_MEMBERS and 2 * len(np.intersect1d(a, b, assume_unique=True)) > rarer
+    return rarer >= MIN_MEMBERS and 2 * len(np.intersect1d(a, b, assume_unique=True)) > rarer
 
 
 def uncertainty_law(frequency: float, damping: float, duration: float) -> tuple[float, float]:

@@ -23,13 +23,13 @@ _STEPS, _CLOSE_ENOUGH = 30, 1e-3
 _LARGEST_STEP = 0.7  # of a logarithm, or of a bell's half width, in one step
 _RIDGE = 1e-4  # relative to the number of lines: parameters that the lines do not determine are unchanged
 _RELATIVE_RIDGE = 1e-9  # of each parameter's information: two parts may look alike
-_STEPS_IN_VAIN, _LEAST_SHARE = 5, 0.1  # a bell that is less of every line by then comes to nothing
+_STEPS_IN_VAIN, _MIN_SHARE = 5, 0.1  # a bell that is less of every line by then comes to nothing
 _SLOPE = 1.0  # standard deviation of the logarithm by which the background rises across half of the lines
 _KNOWN = [3, 5]  # parameters that something is known of beforehand: phase and slope
 _TILT = 10.0  # standard deviation of a bell's phase, in damping ratios: spectrum of the forces and type of the signal
-_LEAST_TILT = 1e-3  # damping ratio that this is counted from
-_LEAST_DECAY = 1e-3  # of the distance of two lines: a tone
-_LEAST_FLOOR = 1e-6  # of the median line
+_MIN_TILT = 1e-3  # damping ratio that this is counted from
+_MIN_DECAY = 1e-3  # of the distance of two lines: a tone
+_MIN_FLOOR = 1e-6  # of the median line
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -152,12 +152,12 @@ def fit_bell(
     theta = np.array([start.imag, np.log(-start.real), height, 0.0, floor, 0.0])
     theta = np.concatenate((theta, floor - np.log(known.max(axis=1, initial=1e-300))))
     least = np.full(len(theta), -np.inf)
-    least[[1, 4]] = np.log(_LEAST_DECAY * windowed.width), floor + np.log(_LEAST_FLOOR)
+    least[[1, 4]] = np.log(_MIN_DECAY * windowed.width), floor + np.log(_MIN_FLOOR)
     middle = windowed.width * (windowed.lines.start + windowed.lines.stop - 1) / 2
     reach = windowed.width * (windowed.lines.stop - 1 - windowed.lines.start) / 2
     for k in range(_STEPS):
         model, jacobian = lines.with_bell(theta)
-        if k >= _STEPS_IN_VAIN and jacobian[2].max() < _LEAST_SHARE:
+        if k >= _STEPS_IN_VAIN and jacobian[2].max() < _MIN_SHARE:
             return None
         unit, ridge = _scales(theta, windowed)
         pull = np.zeros(len(theta))
@@ -192,6 +192,6 @@ def _scales(theta: FloatArray, windowed: Windowed) -> tuple[FloatArray, FloatArr
     """Return the unit of each parameter, and the curvature of its prior."""
     unit, ridge = np.ones(len(theta)), np.full(len(theta), _RIDGE)
     unit[0] = max(np.exp(theta[1]), 0.1 * windowed.width)
-    ridge[3] = (_TILT * max(np.exp(theta[1]) / theta[0], _LEAST_TILT)) ** -2
+    ridge[3] = (_TILT * max(np.exp(theta[1]) / theta[0], _MIN_TILT)) ** -2
     ridge[5] = _SLOPE**-2
     return unit, ridge

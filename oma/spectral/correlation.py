@@ -13,7 +13,7 @@ from oma.errors import IdentificationError
 from oma.types import ComplexArray
 
 _PIECE = 3  # lag spans in a piece of one FFT: the overlap costs little, the transforms stay short
-_AT_ONCE, _LEAST_PIECES = 1 << 16, 16  # samples transformed at once (size of the cache); but not too few pieces
+_AT_ONCE, _MIN_PIECES = 1 << 16, 16  # samples transformed at once (size of the cache); but not too few pieces
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +78,7 @@ class CorrelationAccumulator:
         known = np.asarray(np.isfinite(data).all(axis=1, keepdims=True))
         there = np.concatenate((self._known_before, known.astype(np.float64)))
         length = _length(len(data), self._n_lags)
-        chunk = max(_AT_ONCE // (length * data.shape[1]), _LEAST_PIECES) * (length - self._n_lags + 1)
+        chunk = max(_AT_ONCE // (length * data.shape[1]), _MIN_PIECES) * (length - self._n_lags + 1)
         spectrum = np.zeros((length // 2 + 1, data.shape[1], len(self._references)), dtype=np.complex128)
         for start in range(0, len(data), chunk):
             part, whole = data[start : start + chunk], known[start : start + chunk]

@@ -16,7 +16,7 @@ from oma.spectral.bell_fit import Windowed
 from oma.spectral.spectra import SpectralSums
 from oma.types import ComplexArray
 
-LEAST_LINES = 8  #: lines on each side of a resonance required for a background
+MIN_LINES = 8  #: lines on each side of a resonance required for a background
 _HALF_WIDTHS = 16  # half widths on each side of a resonance: its tails contain half of the information on its damping
 _LEVELS = 3  # singular values that are searched: as many modes may be close to each other
 
@@ -44,7 +44,7 @@ class Decomposition:
 
     def around(self, pole: complex) -> slice:
         """Return the lines that the bell of a pole covers."""
-        reach = max(LEAST_LINES, round(_HALF_WIDTHS * -pole.real / self.width))
+        reach = max(MIN_LINES, round(_HALF_WIDTHS * -pole.real / self.width))
         centre = round(pole.imag / self.width) - self.sums.first
         n = len(self.matrix)
         centre, reach = min(max(centre, 0), n - 1), min(reach, n // 4)

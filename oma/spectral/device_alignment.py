@@ -23,12 +23,12 @@ from oma.spectral.spectra import spectral_matrix
 from oma.types import ComplexArray
 
 _LARGEST = 0.01  # s: delay that is looked for
-_LEAST = 3e-4  # s: smaller delays cost no modes (see `mpc`), and are estimated better from the phases of the modes
-_N_FFT, _LEAST_FFT, _LEAST_SEGMENTS = 4096, 256, 8  # half overlapping
+_MIN = 3e-4  # s: smaller delays cost no modes (see `mpc`), and are estimated better from the phases of the modes
+_N_FFT, _MIN_FFT, _MIN_SEGMENTS = 4096, 256, 8  # half overlapping
 _GRID = 1 << 16  # delays that one transform tries: 31 us apart at 1000 Hz
-_LEAST_INCOHERENT = 0.01  # share of a line's power resolved by a window of finite length
-_LEAST_REAL = 0.7  # of 1: how real shapes must be with a delay taken out ...
-_LEAST_GAIN = 0.1  # ... and required improvement of real shapes by a delay
+_MIN_INCOHERENT = 0.01  # share of a line's power resolved by a window of finite length
+_MIN_REAL = 0.7  # of 1: how real shapes must be with a delay taken out ...
+_MIN_GAIN = 0.1  # ... and required improvement of real shapes by a delay
 _SWEEPS = 10
 _MARGIN = 16  # samples at the ends and around gaps that a shift spoils
 
@@ -69,8 +69,8 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
     data = recording.data
     devices = sorted(set(column))
     zero = dict.fromkeys(devices, 0.0)
-    n_fft = min(_N_FFT, 1 << (2 * len(data) // (_LEAST_SEGMENTS + 1)).bit_length() >> 1)
-    if len(devices) < 2 or n_fft < _LEAST_FFT:
+    n_fft = min(_N_FFT, 1 << (2 * len(data) // (_MIN_SEGMENTS + 1)).bit_length() >> 1)
+    if len(devices) < 2 or n_fft < _MIN_FFT:
         return zero
     doubled, weight = _doubled_phases(spectral_matrix(detrended(data), recording.rate, n_fft))
     members = [np.flatnonzero([c == device for c in column]) for device in devices]
@@ -78,7 +78,7 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
     n_steps = int(_LARGEST / step)
     realness, most = _realness(doubled, weight, members, 2 * n_steps)
     found = _most_real(realness, most, n_steps)
-    believed = _sure(realness, most, found) & (np.abs(step * found) >= _LEAST)
+    believed = _sure(realness, most, found) & (np.abs(step * found) >= _MIN)
     late = np.where(believed, step * found, 0.0)
     return zero | dict(zip(devices, late.tolist(), strict=True))
 
@@ -103,7 +103,7 @@ def _doubled_phases(spectrum: ComplexArray) -> tuple[ComplexArray, FloatArray]:
     power = np.einsum("fii->fi", spectrum).real
     squared = np.maximum(np.abs(spectrum) ** 2, 1e-300)
     coherence = squared / np.maximum(power[:, :, None] * power[:, None, :], 1e-300)
-    weight = coherence / np.maximum(1 - coherence, _LEAST_INCOHERENT)
+    weight = coherence / np.maximum(1 - coherence, _MIN_INCOHERENT)
     weight[0] = weight[round(2 * PASS * (len(weight) - 1)) :] = 0
     return np.asarray(weight * spectrum**2 / squared), np.asarray(weight)
 
@@ -152,7 +152,7 @@ def _sure(realness: FloatArray, most: FloatArray, found: IndexArray) -> BoolArra
     each = range(len(found))
     without = np.array([_total(realness, found, d, np.zeros(1, np.intp))[0] for d in each]) / most.sum(1)
     with_it = np.array([_total(realness, found, d, found[d : d + 1])[0] for d in each]) / most.sum(1)
-    return np.asarray((with_it > _LEAST_REAL) & (with_it > without + _LEAST_GAIN))
+    return np.asarray((with_it > _MIN_REAL) & (with_it > without + _MIN_GAIN))
 
 
 def _advanced(signal: FloatArray, n: float) -> FloatArray:

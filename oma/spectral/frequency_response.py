@@ -28,9 +28,9 @@ from oma.errors import IdentificationError
 from oma.types import ComplexArray
 
 _REACH = 6.0  # zeta f on either side of a resonance that are fitted
-_LEAST_LINES = 12  # on either side
+_MIN_LINES = 12  # on either side
 _DAMPING = 5e-3  # where the search begins
-_MOST_DAMPING = 0.2  # beyond it no resonance is visible
+_MAX_DAMPING = 0.2  # beyond it no resonance is visible
 _ROUNDS = 4  # rounds of fitting and selecting the lines
 _LAGS = 2  # lines over which errors are taken to be alike
 
@@ -67,9 +67,9 @@ def fit_resonance(frequency: FloatArray, response: ComplexArray, band: tuple[flo
     if response.ndim != 2 or len(response) != len(frequency):
         raise ValueError(f"response: expected ({len(frequency)}, n_responses), found {response.shape}")
     inside = np.flatnonzero((frequency >= band[0]) & (frequency <= band[1]))
-    if len(inside) < 2 * _LEAST_LINES:
+    if len(inside) < 2 * _MIN_LINES:
         raise IdentificationError(
-            f"{band[0]:g} to {band[1]:g} Hz: expected {2 * _LEAST_LINES} lines or more, found {len(inside)}"
+            f"{band[0]:g} to {band[1]:g} Hz: expected {2 * _MIN_LINES} lines or more, found {len(inside)}"
         )
     peak = frequency[inside[np.argmax(np.linalg.norm(response[inside], axis=1))]]
     pole, spacing = np.array([peak, _DAMPING]), float(frequency[1] - frequency[0])
@@ -77,7 +77,7 @@ def fit_resonance(frequency: FloatArray, response: ComplexArray, band: tuple[flo
     for _ in range(_ROUNDS):
         found = least_squares(_rest, pole, args=(frequency[near], response[near]), x_scale=[spacing, _DAMPING])
         pole = np.array([found.x[0], abs(found.x[1])])
-        if not band[0] <= pole[0] <= band[1] or pole[1] > _MOST_DAMPING:
+        if not band[0] <= pole[0] <= band[1] or pole[1] > _MAX_DAMPING:
             raise IdentificationError(f"{band[0]:g} to {band[1]:g} Hz: no resonance there")
         before, near = near, _around(pole, frequency, spacing)
         if np.array_equal(before, near):
@@ -87,7 +87,7 @@ def fit_resonance(frequency: FloatArray, response: ComplexArray, band: tuple[flo
 
 def _around(pole: FloatArray, frequency: FloatArray, spacing: float) -> IndexArray:
     """Return the lines that a resonance is fitted to."""
-    reach = max(_REACH * pole[1] * pole[0], _LEAST_LINES * spacing)
+    reach = max(_REACH * pole[1] * pole[0], _MIN_LINES * spacing)
     return np.flatnonzero(np.abs(frequency - pole[0]) <= reach)
 
 

@@ -33,8 +33,8 @@ from oma.spectral.narrow_band import LineTest, line_test
 from oma.types import ComplexArray, ModalEstimate
 
 _WANDER = 0.01  # half a band that a wandering tone stays in, as a share of its frequency [-]
-_LEAST_LINES = 8  # on each side
-_LEAST_COMPLETE = 0.5  # share of samples
+_MIN_LINES = 8  # on each side
+_MIN_COMPLETE = 0.5  # share of samples
 _FALSE_TONE = 1e-4  # rate at which a resonance is taken for a tone, by its line or by its steadiness
 _DECAY_EVIDENCE = 2.7  # log likelihood ratio of some decay over none that a tone exceeds in 1 % of cases
 _SUSPECT = 1e-3  # damping below which a mode may be, within three standard deviations, to be compared with a tone
@@ -98,7 +98,7 @@ def classify(
     """
     tone, uncertain, frequency = suspected.copy(), np.zeros_like(suspected), estimate.frequency.copy()
     complete: BoolArray = np.all(np.isfinite(data), axis=1)
-    if complete.mean() < _LEAST_COMPLETE:
+    if complete.mean() < _MIN_COMPLETE:
         return LineClasses(tone=tone, uncertain=uncertain, frequency=frequency)
     gaps = np.repeat(~complete[:, None], estimate.n_modes, axis=1)
     lines = fft.rfft(bridged(data @ estimate.shape.real.T, gaps), axis=0)
@@ -173,7 +173,7 @@ def _half_widths(frequency: float, damping: float) -> tuple[float, float]:
 
 def _variation(lines: ComplexArray, complete: BoolArray, centre: float, half_width: float) -> float:
     """Return the variance of the power of a band's envelope over its mean squared; centre and width in lines."""
-    reach = max(half_width, _LEAST_LINES)
+    reach = max(half_width, _MIN_LINES)
     first, last = max(round(centre - reach), 1), min(round(centre + reach), len(lines) - 1)
     n = fft.next_fast_len(4 * (last - first + 1))  # so many points that the power, of twice the band, is resolved
     band = np.zeros(n, dtype=np.complex128)

@@ -23,7 +23,7 @@ from daq import FloatArray
 from oma.mac import mac, mpc, normalise
 from oma.selection import Selection
 from oma.spectral.bell_fit import BellFit, fit_bell
-from oma.spectral.decomposition import LEAST_LINES, Decomposition
+from oma.spectral.decomposition import MIN_LINES, Decomposition
 from oma.types import ComplexArray
 
 _WIDTHS_TRIED = 3
@@ -33,7 +33,7 @@ _CHANCE = 1e-3  # of a false resonance among all lines of a spectrum of noise
 _OVERLAP_GAIN = 0.95  # of the information in a record that half overlapping Hann windows leave (Welch 1967)
 _SWEEPS = 2
 _COMPARED = 2  # vectors of each half of the record: those of two close modes turn into each other
-_LEAST_COHERENCE = 0.5  # MAC of the vectors of two halves of the record: between that of noise (about 1/n) and 1
+_MIN_COHERENCE = 0.5  # MAC of the vectors of two halves of the record: between that of noise (about 1/n) and 1
 _FILTERED = 0.95  # MAC up to which the shape of another mode is filtered out: more costs more noise than it removes
 
 
@@ -114,7 +114,7 @@ def _candidate(parts: Decomposition, line: int, level: int, duration: float) -> 
     vector = parts.vectors[line, level]
     pole = complex(-0.5 * parts.width, (line + parts.sums.first) * parts.width)
     coherence = _coherence(parts, line, vector)
-    if coherence < _LEAST_COHERENCE:
+    if coherence < _MIN_COHERENCE:
         return None
     return _fitted(parts, pole, vector, vector, [], level + 1, coherence, duration)
 
@@ -130,7 +130,7 @@ def _hidden(parts: Decomposition, one: SpectralResonance, duration: float) -> Sp
         return None
     vector, line = vectors[peak, :, -1], peak + lines.start
     coherence = _coherence(parts, line, vector)
-    if coherence < _LEAST_COHERENCE:
+    if coherence < _MIN_COHERENCE:
         return None
     pole = complex(one.pole.real, (line + parts.sums.first) * parts.width)
     return _fitted(parts, pole, vector, vector, [], 2, coherence, duration)
@@ -198,7 +198,7 @@ def _least_peak(parts: Decomposition, duration: float) -> float:
 
 def _surroundings(values: FloatArray) -> FloatArray:
     """Return the medians of the lines around each line."""
-    reach = 2 * LEAST_LINES
+    reach = 2 * MIN_LINES
     padded = np.pad(values, ((reach, reach), (0, 0)), mode="reflect")
     return np.asarray(np.median(sliding_window_view(padded, 2 * reach + 1, axis=0), axis=-1))
 
@@ -263,7 +263,7 @@ def _stop(one: SpectralResonance, others: list[SpectralResonance]) -> ComplexArr
     close = [
         other.shape
         for other in others
-        if abs(other.pole.imag - one.pole.imag) < LEAST_LINES * abs(one.pole.real + other.pole.real)
+        if abs(other.pole.imag - one.pole.imag) < MIN_LINES * abs(one.pole.real + other.pole.real)
         and mac(one.shape, other.shape) < _FILTERED
     ]
     if not close:

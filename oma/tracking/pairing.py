@@ -9,8 +9,8 @@ from oma.preparation import BoolArray
 
 _IMPOSSIBLE = 1e6  # larger than any cost
 # relative to the longest shape of the model: a mode below it has only the motion of an adjacent mode at the sensors
-_LEAST_LENGTH = 1e-3
-_LEAST_MAC, _FARTHEST = 0.5, 0.3  # limits of a pair of a measured and a model mode; the latter of ln f
+_MIN_LENGTH = 1e-3
+_MIN_MAC, _FARTHEST = 0.5, 0.3  # limits of a pair of a measured and a model mode; the latter of ln f
 
 
 def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
@@ -59,7 +59,7 @@ def mac_of_moving(shape: FloatArray, model_shape: FloatArray) -> FloatArray:
     It is 0 with a mode that does not move the channels: its small motion is that of an adjacent mode.
     """
     length = np.linalg.norm(model_shape, axis=1)
-    moving = length > _LEAST_LENGTH * length.max()
+    moving = length > _MIN_LENGTH * length.max()
     assurance = np.zeros((len(shape), len(model_shape)))
     assurance[:, moving] = mac_matrix(shape, model_shape[moving])
     return assurance
@@ -86,7 +86,7 @@ def pair_modes(
     assurance = mac_of_moving(shape[seen], model_shape)
     distance = np.abs(np.log(frequency[seen, None] / model_frequency))
     row, column = linear_sum_assignment(1 - assurance + distance)
-    near = (assurance[row, column] >= _LEAST_MAC) & (distance[row, column] <= _FARTHEST)
+    near = (assurance[row, column] >= _MIN_MAC) & (distance[row, column] <= _FARTHEST)
     answers = np.full(len(frequency), -1, np.intp)
     answers[seen[row[near]]] = column[near]
     return answers

@@ -33,7 +33,7 @@ from updater.reference import (
 )
 from updater.structure import Body, ModelParameter, Structure, with_springs
 
-_LEAST_P = 1e-3  # p of data and prior below which the priors of the file's parameters are widened
+_MIN_P = 1e-3  # p of data and prior below which the priors of the file's parameters are widened
 
 
 def learn_reference(
@@ -123,7 +123,7 @@ def _with_shapes(structure: Structure, calibration: Calibration, measured: Measu
         return calibration
     far, start = is_far(calibration, measured.mean), parameters_of(calibration)
     found = recalibrated(structure, there, measured, far=far, start=start)
-    if found is not None and not far and found.p_value < _LEAST_P:
+    if found is not None and not far and found.p_value < _MIN_P:
         found = recalibrated(structure, there, measured, far=True, start=start)
     return calibration if found is None else _calibration(found, there, measured.mean)
 

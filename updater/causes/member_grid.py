@@ -9,7 +9,7 @@ from daq import FloatArray, IndexArray
 from updater.structure import Member
 
 _CELLS = 300  # along the longest member
-_MOST_CELLS = 6000  # of all members together, as far as each has two
+_MAX_CELLS = 6000  # of all members together, as far as each has two
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -71,7 +71,7 @@ class Cells:
 def cut(members: tuple[Member, ...]) -> Cells:
     """Return cells of about a 300th of the longest member."""
     length = np.array([member.length for member in members])
-    cell = max(length.max() / _CELLS, length.sum() / _MOST_CELLS)
+    cell = max(length.max() / _CELLS, length.sum() / _MAX_CELLS)
     count = np.maximum(2 * np.round(length / cell / 2).astype(np.intp), 2)
     return Cells(members=members, count=count, length=length / count)
 

@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 S = TypeVar("S", bound="Stretches")
-_MOST_MEMBERS = 2000  # largest number of members for which stretches are considered
+_MAX_MEMBERS = 2000  # largest number of members for which stretches are considered
 RATIO = 1.2  #: about, from one length to the next
 WITHIN = 12**-0.5  #: standard deviation of a uniform prior over one step
-_MOST = 600  # alternatives that are all fitted; of more, on a structure of many members, the most likely are
+_MAX = 600  # alternatives that are all fitted; of more, on a structure of many members, the most likely are
 _KEPT = 240  # of those
-_MOST_FINE = 240  # alternatives between those of the first grid
+_MAX_FINE = 240  # alternatives between those of the first grid
 _NEAR = 30.0  # of log density under the best: between two of the first grid a posterior may hide
 _WORTH = 6  # of the first grid's alternatives that are looked at closer
 _OF_EACH = 2  # and of each length
 _LENGTH = 2  # number of the parameter of a length, of causes that have one
 _NEXT_LENGTHS = 2 * float(np.log(RATIO))  # of a logarithm: lengths of another kind that are looked at too
 _OPEN = 10.0  # log density below the best: other possible places
-_MOST_OTHERS = 120  # of the likeliest that are looked at for that
+_MAX_OTHERS = 120  # of the likeliest that are looked at for that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,12 +157,12 @@ class Stretches:
         fitted = self.sizes(theta, every) if theta.shape[1] > _LENGTH else self.size.astype(float)
         for parts in (4, 3, 2):
             found = self._about(near, middle, fitted, parts)
-            if len(found) <= _MOST_FINE:
+            if len(found) <= _MAX_FINE:
                 break
         rows = np.array(sorted(found), float)
         source = np.array([found[key] for key in sorted(found)], np.intp)
         start = self._starts(rows, theta[source], middle[source], fitted[source], self.size[source])
-        others = np.setdiff1d(order[:_MOST_OTHERS], near)
+        others = np.setdiff1d(order[:_MAX_OTHERS], near)
         others = others[log_density[others] > log_density.max() - _OPEN]
         fields = _fields(self.cells, self.kinds, rows, first=False) | {"start": start}
         both: dict[str, Any] = {
@@ -337,7 +337,7 @@ def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, Fl
 
 def may_be_cut(structure: Structure) -> bool:
     """Return whether stretches of a structure are considered: not with very many members, or external matrices."""
-    return structure.external is None and len(structure.member) <= _MOST_MEMBERS
+    return structure.external is None and len(structure.member) <= _MAX_MEMBERS
 
 
 def begun(cause: S, first: tuple[FloatArray, FloatArray]) -> S:
@@ -350,7 +350,7 @@ def begun(cause: S, first: tuple[FloatArray, FloatArray]) -> S:
     first : strength (n,), and explained part (n,); written into `cause.start`
     """
     cause.start[:, 0], explained = first
-    if len(explained) <= _MOST:
+    if len(explained) <= _MAX:
         return cause
     rows = np.sort(np.argpartition(-explained, _KEPT)[:_KEPT])
     fields = ("member", "begin", "size", "kind", "step", "span", "log_prior", "start")

@@ -19,8 +19,8 @@ from updater.diagnosis.places import next_place
 from updater.diagnosis.weighing import OF_THE_FILE, Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, fit, foreseen, pulls
 
-_MOST = 300  # alternatives of a cause that are looked at; of more, evenly many
-_LEAST = 1.0  # chi-square by a step of one prior standard deviation: smaller effects explain nothing
+_MAX = 300  # alternatives of a cause that are looked at; of more, evenly many
+_MIN = 1.0  # chi-square by a step of one prior standard deviation: smaller effects explain nothing
 _ALIKE = 1e-6  # relative to the product of two squares, the determinant of similar effects: one of them is sufficient
 _FARTHEST = 3.0  # prior standard deviations that a fit begins from
 
@@ -70,9 +70,9 @@ def _columns(weighing: EvidenceComparison) -> _Columns | None:
         std, n = cause.prior_std, len(cause.log_prior)
         if hides(cause) or isinstance(cause, CommonFactor) or not len(std):
             continue
-        rows = np.arange(0, n, -(-n // _MOST))
+        rows = np.arange(0, n, -(-n // _MAX))
         rest, effect = pulls(data, cause, rows)
-        at, parameter = np.nonzero((effect**2).sum(1) * std**2 > _LEAST)
+        at, parameter = np.nonzero((effect**2).sum(1) * std**2 > _MIN)
         prior = cause.log_prior[rows[at]] + weighing.log_prior(name)
         parts.append(
             (effect[at, :, parameter], std[parameter] ** -2, prior, np.full(len(at), len(names)), rows[at], parameter)

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, above which the data distinguish them
-LEAST_P = 1e-3  #: p of chi-square below which a fit is refused
+MIN_P = 1e-3  #: p of chi-square below which a fit is refused
 # p and ratio of probabilities below which neither noise nor model is known well enough to state a value
-_LEAST_TOLD = 1e-12
+_MIN_TOLD = 1e-12
 _WORTH_NAMING = 0.05  # of the best one's posterior
 _ODD = 2.0  # standard deviations from which a frequency is named as odd
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
@@ -180,8 +180,8 @@ def rejected_causes(
 
 def _why(candidate: "Candidate", evidence: float, unchanged: bool) -> str:
     p = candidate.p_value
-    if p < LEAST_P:
-        return f"rejected: poor fit, p {p:.0e}" if p > _LEAST_TOLD else f"rejected: poor fit, p under {_LEAST_TOLD:.0e}"
+    if p < MIN_P:
+        return f"rejected: poor fit, p {p:.0e}" if p > _MIN_TOLD else f"rejected: poor fit, p under {_MIN_TOLD:.0e}"
     if not candidate.effective:
         return "not distinguishable from a uniform frequency shift"
     if evidence >= 0:
@@ -190,8 +190,8 @@ def _why(candidate: "Candidate", evidence: float, unchanged: bool) -> str:
 
 
 def _odds(log_odds: float) -> str:
-    if log_odds > -np.log(_LEAST_TOLD):
-        return f"more than {1 / _LEAST_TOLD:.0e}".replace("+", "")
+    if log_odds > -np.log(_MIN_TOLD):
+        return f"more than {1 / _MIN_TOLD:.0e}".replace("+", "")
     return f"{np.exp(log_odds):.2g}" if log_odds < np.log(1e4) else f"1e{log_odds / np.log(10):.0f}"
 
 

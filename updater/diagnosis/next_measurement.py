@@ -25,7 +25,7 @@ _SHARE = 0.02  # added mass relative to the structure's
 _LONGER = 4  # times the record
 _THERMOMETER_STD = 0.7  # K, of a difference
 _TONE_STD = 5e-4  # of ln f, as `sampling_clock` takes it
-_MOST = 3  # measurements that are named
+_MAX = 3  # measurements that are named
 _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
 Hypothesis = tuple[SelectedCause, ...]
@@ -57,7 +57,7 @@ def next_measurement(
     ]
     said: list[str] = []
     left = set(itertools.combinations(range(len(open_ones)), 2))
-    while left and trials and len(said) < _MOST:
+    while left and trials and len(said) < _MAX:
         best = max(trials, key=lambda trial: sum(min(trial.distance[p], 2 * _DECIDES) for p in left))
         widest = max(best.distance[p] for p in left)
         if widest < _WORTHLESS:

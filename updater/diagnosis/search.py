@@ -39,7 +39,7 @@ from updater.diagnosis.further_modes import with_further_modes
 from updater.diagnosis.held_out_gain import Gained
 from updater.diagnosis.model_extension import agreeing, drift_beside, fixed
 from updater.diagnosis.naming import (
-    LEAST_P,
+    MIN_P,
     as_written,
     calibration_summary,
     modes_of,
@@ -62,18 +62,18 @@ _SURE = 0.8  # posterior at which a cause is named
 _DOUBTFUL = 0.01  # p value of a fit under which one more cause is tried
 _WELL = 0.5  # p value from which on no other pair is sought, and no stretch about one axis is missed ...
 _RIVAL = 60.0  # ... if its log evidence is so far above that of one factor on a stretch
-_LEAST_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
+_MIN_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one place may differ
 _MUCH = 8.0  # predicted log evidence above which another cause is tried despite a good fit
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by that much
-_WORTH_JUDGING, _MOST_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
-_MOST_LEFT = 3.0  # times the residual of noise and a good model in frequencies: an explanation with more is refused
+_WORTH_JUDGING, _MAX_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
+_MAX_LEFT = 3.0  # times the residual of noise and a good model in frequencies: an explanation with more is refused
 _SEEDS = 3  # best candidates to which another cause is added
-_MOST = 3  # causes at once
-_MOST_ROUNDS, _MASS_CONVERGED = 12, 0.01  # until the mass of a removed body changes by no more than this share ...
+_MAX = 3  # causes at once
+_MAX_ROUNDS, _MASS_CONVERGED = 12, 0.01  # until the mass of a removed body changes by no more than this share ...
 _PLACE_CONVERGED = 2e-3  # ... and its place by no more than this share of the structure's size
-_MOST_OPEN = 5  # hypotheses that a next measurement is sought for
+_MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _STRETCH = "local_stiffness"
 _MASSES = ("distributed_mass", "added_mass")
 _STREWN = (
@@ -226,7 +226,7 @@ def _diagnosed(
             return without_bodies
         found = found if _within_noise(good, found[0]) else _closer(case, found, good)
         found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
-        if not found and reference.filed is None and case.weighing.nothing.p_value >= LEAST_P:
+        if not found and reference.filed is None and case.weighing.nothing.p_value >= MIN_P:
             return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
     if not found or not _fits(found[0]) or not _within_noise(good, found[0]):
         odd = found[0] if found else best
@@ -320,7 +320,7 @@ def _nothing(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
     """Return whether nothing has changed: no change fits, and no cause is much more probable."""
     everything = [weighing.log_nothing, *(c.log_evidence for c in singles if c.effective)]
     share = weighing.log_nothing - float(logsumexp(np.array(everything)))
-    return share >= np.log(1 - _SURE) and weighing.nothing.p_value >= LEAST_P
+    return share >= np.log(1 - _SURE) and weighing.nothing.p_value >= MIN_P
 
 
 def _beside_the_file(weighing: EvidenceComparison, singles: list[Candidate]) -> list[Candidate]:
@@ -339,7 +339,7 @@ def _of_the_file(weighing: EvidenceComparison) -> bool:
 
 
 def _fits(best: Candidate) -> bool:
-    return best.p_value >= (LEAST_P if len(best.chosen) == 1 else _LEAST_P_TOGETHER)
+    return best.p_value >= (MIN_P if len(best.chosen) == 1 else _MIN_P_TOGETHER)
 
 
 def _within_noise(good: Comparison, best: Candidate) -> bool:
@@ -353,7 +353,7 @@ def _within_noise(good: Comparison, best: Candidate) -> bool:
     """
     found = fit(good, fixed(good, best.chosen))
     off = found.off_frequencies[0]
-    return bool(off @ off <= _MOST_LEFT**2 * max(freedom_of_frequencies(good, found), 1.0))
+    return bool(off @ off <= _MAX_LEFT**2 * max(freedom_of_frequencies(good, found), 1.0))
 
 
 def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candidate]:
@@ -367,7 +367,7 @@ def _closer(case: _Case, found: list[Candidate], good: Comparison) -> list[Candi
     """
     weighing = replace(case.weighing, data=good)
     sought = _stepwise(weighing, _again(weighing, found), rough=False)
-    closer = [c for c in sought if _within_noise(good, c)][:_MOST_JUDGED]
+    closer = [c for c in sought if _within_noise(good, c)][:_MAX_JUDGED]
     again = [Compositions(case.weighing).coordinate_fit(c.chosen) for c in closer]
     return ranked([fitted for fitted in again if fitted is not None]) or found
 
@@ -402,7 +402,7 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
     other starting causes.
     """
     several = Compositions(weighing)
-    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MOST_JUDGED]
+    near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MAX_JUDGED]
     if _hidden(near[0]):
         near += [c for c in found if not _hidden(c) and c not in near][: _SEEDS - 1]
     again = ranked([fitted for fitted in (several.coordinate_fit(c.chosen) for c in near) if fitted is not None])
@@ -423,7 +423,7 @@ def _stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bo
     rough : whether it is sufficient that the result is no misfit, whatever a further cause would gain
     """
     several = Compositions(weighing)
-    for number in range(1, _MOST):
+    for number in range(1, _MAX):
         as_many = [c for c in found if len(c.chosen) == number]
         seeds = as_many[:_SEEDS]
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
@@ -569,7 +569,7 @@ def _with_removed_bodies(
     unlisted = [c.cause.unlisted(c.row, c.theta) for c in best.chosen if isinstance(c.cause, AddedMass)]
     bodies = [body for body in unlisted if body is not None]
     loaded, chosen = None, best.chosen
-    for _ in range(_MOST_ROUNDS if bodies else 0):
+    for _ in range(_MAX_ROUNDS if bodies else 0):
         loaded = with_bodies_on(case.reference, bodies, shaped=bool(case.data.shaped.any()))
         if loaded is None:
             return None
@@ -648,5 +648,5 @@ def _next(case: _Case, left_open: list[Candidate]) -> str:
         case.event,
         case.data,
         bodies if isinstance(bodies, AddedMass) else None,
-        [c.chosen for c in left_open[:_MOST_OPEN]],
+        [c.chosen for c in left_open[:_MAX_OPEN]],
     )

@@ -54,7 +54,7 @@ OF_THE_FILE = "model_parameters"  #: cause that may occur together with any othe
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
 _EQUAL = 0.02  # log evidence between causes that the data do not distinguish
-_LEAST_GAIN = 10.0  # chi-square relative to a common drift, or to fewer causes: a smaller gain is not an effect
+_MIN_GAIN = 10.0  # chi-square relative to a common drift, or to fewer causes: a smaller gain is not an effect
 
 
 def allowed_causes(only: Collection[str] = (), without: Collection[str] = ()) -> tuple[str, ...]:
@@ -105,7 +105,7 @@ class Candidate:
     def earned(self, fewer: "Sequence[Candidate]") -> bool:
         """Return whether all of its causes have an effect: a combination fits better than any of its parts."""
         parts = [c for c in fewer if len(c.chosen) < len(self.chosen) and Counter(c.names) <= Counter(self.names)]
-        return all(self.chi_square < part.chi_square - _LEAST_GAIN for part in parts)
+        return all(self.chi_square < part.chi_square - _MIN_GAIN for part in parts)
 
 
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:
@@ -198,7 +198,7 @@ class EvidenceComparison:
         """Fit one cause alone."""
         whole = fit(self.data, cause)
         best = SelectedCause(whole.hypotheses, whole.best, whole.theta[whole.best])
-        effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _LEAST_GAIN)
+        effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _MIN_GAIN)
         if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
             effective = True  # its mode is measured: that is more than any drift does
         evidence = whole.log_evidence + self.log_prior(name)

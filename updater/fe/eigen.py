@@ -24,7 +24,7 @@ from updater.fe.factorization import Solve, factorise
 
 _BLOCK = 4
 _TOLERANCE = 1e-9  # of a Ritz vector's residual over its value: the value errs by the square of that
-_MOST = 20  # vectors to one mode, before giving up
+_MAX = 20  # vectors to one mode, before giving up
 _DEPENDENT = 1e-14  # relative to the largest squared length in a block: less is rounding
 
 
@@ -87,7 +87,7 @@ def block_lanczos(
     basis, projected = _Basis(inner), np.zeros((0, 0))
     start = np.random.default_rng(0).standard_normal((mass.shape[0], _BLOCK))
     block, _ = basis.next_block(solve(mass @ start))  # K^-1 M removes parts without inertia
-    while basis.vectors.shape[1] < _MOST * max(n, _BLOCK):
+    while basis.vectors.shape[1] < _MAX * max(n, _BLOCK):
         basis.extend(block)
         components, rest = basis.beside(solve(mass @ block))
         projected = _bordered(projected, components)

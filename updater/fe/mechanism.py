@@ -20,7 +20,7 @@ _NO_FORCE = 1e-12  # likewise of the forces; a frame on soft springs has 1e-9
 _SHIFT = 1e-9  # shift that keeps a large singular matrix solvable
 _DENSE = 1000  # DOFs up to which all of a matrix is solved for at once
 _ALIKE = 1e-6  # relative: rounding
-_MOST = 7  # motions looked for: the rigid ones and one more
+_MAX = 7  # motions looked for: the rigid ones and one more
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,7 +99,7 @@ def _null(unit: sparse.csc_array) -> FloatArray:
     else:
         lifted = factorise(sparse.csc_array(unit + _SHIFT * sparse.eye_array(n)))
         inverse, start = LinearOperator(unit.shape, matvec=lifted, dtype=float), np.random.default_rng(0)
-        value, vector = eigsh(unit, _MOST, sigma=-_SHIFT, OPinv=inverse, v0=start.standard_normal(n))
+        value, vector = eigsh(unit, _MAX, sigma=-_SHIFT, OPinv=inverse, v0=start.standard_normal(n))
     return np.asarray(vector[:, value < _NO_STRAIN])
 
 

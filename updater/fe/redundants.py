@@ -23,8 +23,8 @@ from updater.fe.model import Model
 from updater.fe.section_forces import N_ACTIONS
 from updater.structure import AXES, Axis, Joint, Member, Support
 
-_MOST = 30  # states: with more than that none are used, and internal forces are assumed to be unchanged
-_LEAST = 1e-10  # relative to the largest singular value: less is zero
+_MAX = 30  # states: with more than that none are used, and internal forces are assumed to be unchanged
+_MIN = 1e-10  # relative to the largest singular value: less is zero
 _AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
 Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
 
@@ -114,6 +114,6 @@ def _springs(model: Model) -> dict[Spring, tuple[FloatArray, float]]:
 def _beside_range(strain: FloatArray) -> FloatArray:
     """Return orthonormal columns (n_strains, n) that are no strain of any displacement; none of very many."""
     left, value, _ = np.linalg.svd(strain, full_matrices=True)
-    rank = int((value > _LEAST * value[0]).sum())
+    rank = int((value > _MIN * value[0]).sum())
     states = left[:, rank:]
-    return states if states.shape[1] <= _MOST else states[:, :0]
+    return states if states.shape[1] <= _MAX else states[:, :0]

@@ -17,7 +17,7 @@ from updater.fe.model import Model
 from updater.structure import AXES
 
 _TURNS = AXES[3:]
-_MOST_ELEMENTS = 1000  # largest number of elements with hinges; of more every n-th, between which increments are smooth
+_MAX_ELEMENTS = 1000  # largest number of elements with hinges; of more every n-th, between which increments are smooth
 _BLOCK = 256  # hinges whose flexibility is computed together
 
 
@@ -57,7 +57,7 @@ _Hinge = tuple[str, FloatArray, int, sparse.csr_array]
 
 def _of_elements(model: Model) -> list[_Hinge]:
     found = []
-    every = -(-len(model.elements) // _MOST_ELEMENTS)
+    every = -(-len(model.elements) // _MAX_ELEMENTS)
     for name, (first, last, element) in list(zip(model.member_names, model.elements, strict=True))[::every]:
         middle = model.nodes[[first, last]].mean(0)
         axes = element.axes(model.nodes[last] - model.nodes[first])

@@ -16,8 +16,8 @@ from updater.inference.laplace_fit import Hypotheses, Point, evaluate, normal, s
 from updater.inference.shape_covariance import beside
 
 _CHUNK = 4096  # positions at a time
-_LEAST_SEEN = 1e-6  # of a mode at the channels [1/sqrt(kg)]
-_MOST_TURNED = 50.0  # omega_i^2 / |omega_k^2 - omega_i^2|: closer modes are no longer first order
+_MIN_SEEN = 1e-6  # of a mode at the channels [1/sqrt(kg)]
+_MAX_TURNED = 50.0  # omega_i^2 / |omega_k^2 - omega_i^2|: closer modes are no longer first order
 
 
 def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float, most: int) -> IndexArray:
@@ -53,9 +53,9 @@ def linear_in_mass(comparison: Comparison) -> Linear:
     square, paired = comparison.frequency**2, comparison.paired
     gap = square / square[paired, None] - 1
     gap[np.arange(len(paired)), paired] = np.inf
-    turned = np.clip(1 / np.where(gap == 0, np.inf, gap), -_MOST_TURNED, _MOST_TURNED)
+    turned = np.clip(1 / np.where(gap == 0, np.inf, gap), -_MAX_TURNED, _MAX_TURNED)
     along = (comparison.at_channels[:, paired].T * comparison.model_base).sum(1)
-    along = np.where(np.abs(along) < _LEAST_SEEN, _LEAST_SEEN, along)
+    along = np.where(np.abs(along) < _MIN_SEEN, _MIN_SEEN, along)
     moved = beside((turned / along[:, None])[:, :, None] * comparison.at_channels.T, comparison.base[:, None])
     off = beside(comparison.shape, comparison.base)
     white = comparison.drifting.matrix

@@ -22,7 +22,7 @@ from updater.inference.residuals import Prediction
 _SPLIT = 0.05  # share of an oscillator in a compared mode above which either of two modes may be its successor
 _NEAR = 0.5  # ln f: largest distance of an oscillator's mode from its start
 _OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
-_LEAST = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
+_MIN = 1e-12  # of 1/omega^2 over the largest: a mode without inertia is infinitely high, never a NaN
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,7 +86,7 @@ class Effect:
             if across.any():  # of the place that this one's channels are read at
                 chain[:, :, k * n : (k + 1) * n] += across @ self.chain[:, :, :n]
         # channel whose lag applies: a swap moves it
-        share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _LEAST)
+        share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _MIN)
         return Effect(
             mass=self.mass + other.mass,
             compliance=self.compliance + other.compliance,
@@ -149,7 +149,7 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
     A mode's successor is the one with most of it: the changed mode that holds the largest component of the old one.
     """
     value, vector, weighed = _solve(comparison, effect)
-    value = np.maximum(value, _LEAST * value[:, -1:])
+    value = np.maximum(value, _MIN * value[:, -1:])
     share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
     pick = np.argmax(share[:, comparison.paired, :], axis=2)
     if effect.own.shape[1]:
@@ -208,7 +208,7 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
         return value, factor[:, None] * unit, unit / factor[:, None]
     if not effect.mass.any() and not effect.own.shape[1]:  # F' x = x / omega'^2
         value, unit = np.linalg.eigh(np.diag(plain) + flexibility)
-        scale = np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None]
+        scale = np.sqrt(np.maximum(value, _MIN * value[:, -1:]))[:, None]
         return value, unit * scale, unit / scale
     root = _root(np.diag(plain) + effect.whole_flexibility)
     value, unit = np.linalg.eigh(root.transpose(0, 2, 1) @ mass @ root)
@@ -221,7 +221,7 @@ def _root(flexibility: FloatArray) -> FloatArray:
         return np.asarray(np.linalg.cholesky(flexibility), float)
     except np.linalg.LinAlgError:
         value, vector = np.linalg.eigh(flexibility)
-        return np.asarray(vector * np.sqrt(np.maximum(value, _LEAST * value[:, -1:]))[:, None, :])
+        return np.asarray(vector * np.sqrt(np.maximum(value, _MIN * value[:, -1:]))[:, None, :])
 
 
 def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effect: Effect) -> Prediction:
@@ -254,7 +254,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     if effect.chain[:, :, n:].any():
         across = (comparison.across @ vector).transpose(0, 2, 1) / along
         read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
-    log_ratio = -0.5 * np.log(np.maximum(value / old, _LEAST))
+    log_ratio = -0.5 * np.log(np.maximum(value / old, _MIN))
     frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
     shape, lag = _heard(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
     return Prediction(
@@ -280,7 +280,7 @@ def _damped_by_own(effect: Effect, value: FloatArray, moved: FloatArray) -> Floa
     """
     share = np.clip(moved**2 * value[:, None] / effect.own[:, :, None], 0.0, 1.0)
     more = np.expm1(effect.own_log_damping)[:, :, None]
-    return np.asarray(np.log(np.maximum(1 + (share * more).sum(1), _LEAST)))
+    return np.asarray(np.log(np.maximum(1 + (share * more).sum(1), _MIN)))
 
 
 def _undone(chain: FloatArray) -> FloatArray | None:
@@ -319,7 +319,7 @@ def _heard(
         turned = turned * np.exp(-0.5j * np.angle((turned**2).sum(-1, keepdims=True)))
         sign = np.where((turned.real * real[rows]).sum(-1, keepdims=True) < 0, -1.0, 1.0)
         real[rows], imaginary[rows] = sign * turned.real, sign * turned.imag
-    return real, imaginary / np.maximum(np.linalg.norm(real, axis=-1, keepdims=True), _LEAST)
+    return real, imaginary / np.maximum(np.linalg.norm(real, axis=-1, keepdims=True), _MIN)
 
 
 def picked(changed: Changed) -> tuple[FloatArray, FloatArray]:

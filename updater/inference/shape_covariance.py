@@ -9,10 +9,10 @@ from updater.modal_data import ModalMean
 from updater.reference import Reference
 
 SHAPE_BIAS = 6e-4  #: relative to a unit shape: error of identification beyond its noise, different after a change
-_MOST_TURNED = 0.5  # rad: largest rotation of close modes into each other by such an error
+_MAX_TURNED = 0.5  # rad: largest rotation of close modes into each other by such an error
 _MIXED = 0.05  # rad: from about where on noise turns modes into each other most of all
-_LEAST_GAP = 1e-6  # of squared frequencies
-_MOST_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
+_MIN_GAP = 1e-6  # of squared frequencies
+_MAX_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
 
@@ -36,7 +36,7 @@ def foreign_modes(
     shifts[paired] = shift
     coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
-    return _towards(np.minimum(coupling * closeness, _MOST_TURNED), paired, at_channels)
+    return _towards(np.minimum(coupling * closeness, _MAX_TURNED), paired, at_channels)
 
 
 def mixed_by_change(reference: Reference, tracks: IndexArray, ratio: FloatArray) -> FloatArray:
@@ -70,7 +70,7 @@ def nearer_modes(
     paired = reference.paired[tracks]
     before, after = _closeness(reference.frequency, paired, ratio)
     share = np.where(damping > 0, damping, _USUAL_DAMPING)[:, None] * np.abs(after - before)
-    return _towards(np.minimum(share, _MOST_TURNED), paired, at_channels)
+    return _towards(np.minimum(share, _MAX_TURNED), paired, at_channels)
 
 
 def turned_by_noise(
@@ -98,7 +98,7 @@ def turned_by_noise(
         turn = (2 * mean.log_frequency_std[:, None] * closeness) ** 2
         stated = np.nan_to_num((mean.shape_std**2).sum(1))[:, None]
         square += turn + stated * turn / (turn + _MIXED**2)
-    return _towards(np.minimum(np.sqrt(square), _MOST_TURNED), paired, at_channels)
+    return _towards(np.minimum(np.sqrt(square), _MAX_TURNED), paired, at_channels)
 
 
 def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, base: FloatArray) -> FloatArray:
@@ -118,7 +118,7 @@ def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, b
     (n, 1, n_channels)
         Standard deviation of the rotation times the imaginary part, orthogonal to the baseline's shape.
     """
-    share = np.minimum((imaginary**2).sum(1), _MOST_IMAGINARY)
+    share = np.minimum((imaginary**2).sum(1), _MAX_IMAGINARY)
     turn = np.sqrt(variance.mean(1) * (3 - share)) / (1 - share)
     return np.asarray(turn[:, None] * turned_back(beside(imaginary, shape), shape, base))[:, None]
 
@@ -139,7 +139,7 @@ def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> 
     after[:, paired] = now.T
     itself = np.arange(len(frequency)) == paired[:, None]
     gaps = (np.abs((frequency / own) ** 2 - 1), np.abs((after / now) ** 2 - 1))
-    was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _LEAST_GAP)) for gap in gaps)
+    was, became = (np.where(itself, 0.0, 1 / np.maximum(gap, _MIN_GAP)) for gap in gaps)
     return was, became
 
 

@@ -22,7 +22,7 @@ from updater.inference import MODEL_ERROR, BoolArray, Comparison, Effect, Whiten
 from updater.modal_data import COMMON_STD, ModalMean
 from updater.reference import Reference
 
-_MOST_SETS = 2000  # sets of candidates that are compared
+_MAX_SETS = 2000  # sets of candidates that are compared
 _SCATTER, _SCATTER_SPREAD = 1e-3, 1.5  # median of the scatter of ln f, and standard deviation of its logarithm
 _ERROR, _ERROR_SPREAD = 2 * MODEL_ERROR, 0.8  # the same of the model's error, of a mode's typical displacement
 _FARTHEST = 4.0  # of these standard deviations: how far either is sought
@@ -144,8 +144,8 @@ def _sets(
             )
     most = min(most, n)
     total = int(sum(comb(n, k) for k in range(most + 1)))
-    if most < 1 or total > _MOST_SETS:
-        raise ValueError(f"most: expected at least 1 and at most {_MOST_SETS} sets, found {most} of {n}: {total} sets")
+    if most < 1 or total > _MAX_SETS:
+        raise ValueError(f"most: expected at least 1 and at most {_MAX_SETS} sets, found {most} of {n}: {total} sets")
     return tuple(itertools.chain.from_iterable(itertools.combinations(range(n), k) for k in range(most + 1)))
 
 

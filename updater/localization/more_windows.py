@@ -17,7 +17,7 @@ from updater.localization.one_mass import MassChange, fit_mass, mass_change
 from updater.modal_data import ModalMean
 from updater.reference import Reference
 
-_MOST = 1 << 16  # windows: two months of a window a minute and a half; more are as good as endless
+_MAX = 1 << 16  # windows: two months of a window a minute and a half; more are as good as endless
 Limit = Literal["windows", "baseline", "model"]
 
 
@@ -124,7 +124,7 @@ def _std(reference: Reference, event: ModalMean, body: Bodies, error: float) -> 
 def _first(enough: Callable[[int], bool]) -> int:
     """Return the least number of windows that is enough, by bisection; they only get better."""
     low, high = 0, 1
-    while not enough(high) and high < _MOST:
+    while not enough(high) and high < _MAX:
         low, high = high, 2 * high
     while high - low > 1:
         middle = (low + high) // 2

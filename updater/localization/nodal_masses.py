@@ -20,8 +20,8 @@ from updater.reference import Convergence, Prior, Reference, SensitivityFit, fit
 
 _STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # prior of one node's mass, of the structure's
 _STEP = 1e-5  # kg, of the derivatives of residuals
-_MOST_NODES = 150  # of a larger model every n-th is taken
-_MOST_TAKEN = 0.9  # share of a node's own mass that a bound permits to remove
+_MAX_NODES = 150  # of a larger model every n-th is taken
+_MAX_TAKEN = 0.9  # share of a node's own mass that a bound permits to remove
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,7 +75,7 @@ def _prior(own: FloatArray, strength: float) -> Prior:
     return Prior(
         mean=zero,
         std=np.full(len(own), strength),
-        lower=-_MOST_TAKEN * own,
+        lower=-_MAX_TAKEN * own,
         upper=np.full(len(own), np.inf),
         start=zero,
     )
@@ -87,7 +87,7 @@ def _free_nodes(reference: Reference) -> tuple[IndexArray, FloatArray]:
     mass = np.append(model.mass.diagonal(), 0.0)[model.dofs[:, :3]].max(1)
     mass[[twin for _, twin, _ in model.twins]] = 0.0
     node = np.flatnonzero(mass > 0)
-    node = node[:: -(-len(node) // _MOST_NODES)]
+    node = node[:: -(-len(node) // _MAX_NODES)]
     return node, mass[node]
 
 

@@ -12,7 +12,7 @@ from updater.inference import Comparison, Fit, linearised
 _STARTS = 6  # sets of places of each scan from which a fit begins
 _KNOWN = 2  # sets of one mass fewer to which a further mass is added
 _SCANNED = 5000  # sets of a scan that are looked at
-_LEAST = 1e-6  # relative to the largest effect: less is zero
+_MIN = 1e-6  # relative to the largest effect: less is zero
 _APART = 0.1  # m: two starts nearer than this in every place are one
 
 
@@ -53,8 +53,8 @@ def _best_pairs(data: Comparison, grid: AddedMass) -> IndexArray:
     """Return pairs of positions (n, 2), those that explain most first."""
     rest, per_mass = _to_first_order(data, grid)
     gram, along = per_mass @ per_mass.T, per_mass @ rest
-    own = np.diag(gram) + _LEAST * np.diag(gram).max()
-    determinant = np.maximum(own[:, None] * own - gram**2, _LEAST * own[:, None] * own)
+    own = np.diag(gram) + _MIN * np.diag(gram).max()
+    determinant = np.maximum(own[:, None] * own - gram**2, _MIN * own[:, None] * own)
     gain = (along[:, None] ** 2 * own - 2 * along[:, None] * along * gram + along**2 * own[:, None]) / determinant
     first, second = np.triu_indices(len(own), 1)
     order = np.argsort(-gain[first, second])[:_SCANNED]
@@ -78,7 +78,7 @@ def _best_beside(data: Comparison, grid: AddedMass, sets: tuple[IndexArray, Bodi
         basis = np.linalg.qr(slope[0, :, n:])[0]
         left, per_mass = rest[0] - basis @ (basis.T @ rest[0]), slope[:, :, 0]
         beside = per_mass - (per_mass @ basis) @ basis.T
-        size = np.maximum((beside**2).sum(1), _LEAST * (per_mass**2).sum(1).max())
+        size = np.maximum((beside**2).sum(1), _MIN * (per_mass**2).sum(1).max())
         gains.append((beside @ left) ** 2 / size - left @ left)
         found.append(np.column_stack([np.tile(rows, (len(per_mass), 1)), np.arange(len(per_mass))]))
     order = np.argsort(-np.concatenate(gains))[:_SCANNED]

@@ -1,6 +1,6 @@
 """Measured modes of many windows: tracked, averaged, checked, matched, freed from device delays."""
 
-from updater.modal_data.averaging import LEAST_PRESENCE, FusedModes, choose_tracks, fuse
+from updater.modal_data.averaging import MIN_PRESENCE, FusedModes, choose_tracks, fuse
 from updater.modal_data.change_point import ChangePoint, find_change, windows_of_one_state
 from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
 from updater.modal_data.delay_removal import NOTHING_REMOVED, SynchronizedWindows, remove_device_delays, without_known
@@ -23,8 +23,8 @@ from updater.modal_data.tracked import COMMON_STD, ModalMean, TrackedModes, mean
 
 __all__ = [
     "COMMON_STD",
-    "LEAST_PRESENCE",
     "LOW_MPC",
+    "MIN_PRESENCE",
     "NOTHING_KNOWN",
     "NOTHING_REMOVED",
     "NO_DELAYS",

@@ -18,7 +18,7 @@ from updater.modal_data.plausibility import doubles
 from updater.modal_data.scatter import learn_scatter
 from updater.modal_data.tracked import mean_modes, stack_tracks
 
-LEAST_PRESENCE = 0.7  #: share of windows that must show a mode for it to be tracked [-]
+MIN_PRESENCE = 0.7  #: share of windows that must show a mode for it to be tracked [-]
 _MODAL = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
 
 
@@ -32,7 +32,7 @@ class FusedModes:
 
 
 def choose_tracks(
-    estimates: Sequence[ModalEstimate], least_presence: float = LEAST_PRESENCE, *, identified: bool = True
+    estimates: Sequence[ModalEstimate], least_presence: float = MIN_PRESENCE, *, identified: bool = True
 ) -> tuple[ModalEstimate, IndexArray, list[IndexArray]]:
     """Find the modes that most windows show.
 
@@ -65,13 +65,13 @@ def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
     Raises
     ------
     IdentificationError
-        If no mode is identified in `LEAST_PRESENCE` of the windows.
+        If no mode is identified in `MIN_PRESENCE` of the windows.
     """
     if len(estimates) == 1:
         return FusedModes(estimate=estimates[0], n=np.ones(estimates[0].n_modes, np.intp), scatter=None)
     tracks = _all_tracks(estimates) if estimates else [np.empty(0, np.intp)]
     if not len(tracks[0]):
-        raise IdentificationError(f"no mode is identified in {LEAST_PRESENCE:.0%} of the {len(estimates)} windows")
+        raise IdentificationError(f"no mode is identified in {MIN_PRESENCE:.0%} of the {len(estimates)} windows")
     stacked = stack_tracks(estimates, tracks)
     scatter = learn_scatter(stacked) if len(estimates) > 2 else None
     frequency_factor = max(1.0, scatter.frequency_factor) if scatter else 1.0
@@ -102,7 +102,7 @@ def _all_tracks(estimates: Sequence[ModalEstimate]) -> list[IndexArray]:
             known = Tracker(reference=everything).assign(estimate)
             everything = _joined(everything, estimate, np.setdiff1d(np.arange(estimate.n_modes), known))
     assigned = np.array([Tracker(reference=everything).assign(e) for e in estimates])
-    kept = np.flatnonzero((assigned >= 0).mean(0) >= LEAST_PRESENCE)
+    kept = np.flatnonzero((assigned >= 0).mean(0) >= MIN_PRESENCE)
     return list(assigned[:, kept[np.argsort(everything.frequency[kept])]])
 
 

@@ -13,9 +13,9 @@ from oma import ChannelFault
 from updater.modal_data.tracked import ModalMean, TrackedModes
 
 _SAME_TONE = 0.05  # of ln f: tones farther apart are different ones
-_LEAST_LEVELS = 4  # windows that a slope over amplitude needs
-_LEAST_SPREAD = 0.1  # of the windows' rms over its mean, under which there is no trend to see
-_LEAST_DAMPING = 1e-6
+_MIN_LEVELS = 4  # windows that a slope over amplitude needs
+_MIN_SPREAD = 0.1  # of the windows' rms over its mean, under which there is no trend to see
+_MIN_DAMPING = 1e-6
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,7 +83,7 @@ def trend_of(
         earlier, std = _slopes(before[0].log_frequency, before[0].log_frequency_std, before[1])
         known = np.isfinite(earlier)
         usual, usual_std = np.where(known, earlier, 0.0), np.where(known, std, 0.0)
-    log_damping = np.log(np.maximum(windows.damping, _LEAST_DAMPING))
+    log_damping = np.log(np.maximum(windows.damping, _MIN_DAMPING))
     damping_slope, damping_slope_std = _slopes(log_damping, np.ones(log_damping.shape), rms)
     return Trend(
         slope=slope,
@@ -98,7 +98,7 @@ def trend_of(
 
 
 def _varies(rms: FloatArray) -> bool:
-    return len(rms) >= _LEAST_LEVELS and bool(np.std(rms) > _LEAST_SPREAD * np.mean(rms))
+    return len(rms) >= _MIN_LEVELS and bool(np.std(rms) > _MIN_SPREAD * np.mean(rms))
 
 
 def _slopes(value: FloatArray, std: FloatArray, rms: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -111,7 +111,7 @@ def _slopes(value: FloatArray, std: FloatArray, rms: FloatArray) -> tuple[FloatA
     off = rms[:, None] - (weight * rms[:, None]).sum(0) / total
     inertia = (weight * off**2).sum(0)
     count = (weight > 0).sum(0)
-    known = (count >= _LEAST_LEVELS) & (inertia > 0)
+    known = (count >= _MIN_LEVELS) & (inertia > 0)
     slope = (weight * off * value).sum(0) / np.where(known, inertia, 1.0)
     rest = value - (weight * value).sum(0) / total - slope * off
     freedom = np.maximum(count - 2, 0)[known].sum()

@@ -15,10 +15,10 @@ from daq import FloatArray, IndexArray
 from oma import ComplexArray, ModalEstimate
 
 _ITERATIONS = 8
-_LEAST_STD = 1e-6  # of a shape's entry, whatever is stated
+_MIN_STD = 1e-6  # of a shape's entry, whatever is stated
 _ASTRAY = 3.0  # times their variation: possible difference of the means of two periods
 _SAME_MODE = 5e-3  # by which its frequency may differ from one window to the next, relative
-_LEAST_WANDER = 1e-9  # s: a prior narrower than this is a constant
+_MIN_WANDER = 1e-9  # s: a prior narrower than this is a constant
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
 _BETTER = 1.001  # times as real: a device is moved for no less
 _PHASE_STEP = 0.5  # rad of the highest mode between them: a fit finds its way within one
@@ -158,7 +158,7 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
     names = tuple(sorted({devices[c] for c in estimate.channels}))
     column = np.array([names.index(devices[c]) for c in estimate.channels])
     n_modes, n_channels = estimate.shape.shape
-    weight = (np.abs(estimate.shape) / np.maximum(estimate.shape_std, _LEAST_STD)).ravel()
+    weight = (np.abs(estimate.shape) / np.maximum(estimate.shape_std, _MIN_STD)).ravel()
     # the unit of delays is such that all columns are of one size, and the pseudo-inverse leaves the common delay out
     unit = 1 / (2 * np.pi * float(estimate.frequency.max()))
     design = np.zeros((n_modes * n_channels, n_modes + len(names)))
@@ -254,7 +254,7 @@ def _prior(names: tuple[str, ...], known: DeviceDelays) -> tuple[FloatArray, Flo
     """Return rows (n_known, n_devices) of one over the wander, and the constants (n_devices,), 0 for an unknown."""
     start = np.array([known.seconds.get(name, 0.0) for name in names])
     is_known = np.array([name in known.seconds for name in names])
-    return np.eye(len(names))[is_known] / max(known.wander, _LEAST_WANDER), start
+    return np.eye(len(names))[is_known] / max(known.wander, _MIN_WANDER), start
 
 
 def remove_delays(estimate: ModalEstimate, devices: Mapping[str, str], delays: Mapping[str, float]) -> ModalEstimate:

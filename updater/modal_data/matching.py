@@ -15,7 +15,7 @@ from updater.modal_data.plausibility import check_unit
 from updater.modal_data.tracked import ModalMean
 
 _FARTHEST = 0.3  # of ln f
-_LEAST_MAC = 0.5
+_MIN_MAC = 0.5
 _SAME_MAC = 0.95  # at which a mode is the same one, however far it went ...
 _FARTHEST_SAME = 0.7  # of ln f: ... up to twice or half its frequency
 _FREQUENCY_WEIGHT = 2.0  # weight of |d ln f| relative to 1 - MAC
@@ -91,7 +91,7 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
 
 def _answer(assurance: FloatArray, distance: FloatArray) -> npt.NDArray[np.bool_]:
     """Return which pairs are one mode: a prop may raise a mode by half without changing its shape."""
-    alike = (assurance >= _LEAST_MAC) & (distance <= _FARTHEST)
+    alike = (assurance >= _MIN_MAC) & (distance <= _FARTHEST)
     return np.asarray(alike | ((assurance >= _SAME_MAC) & (distance <= _FARTHEST_SAME)))
 
 

@@ -12,7 +12,7 @@ _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 
 _AS_STATED = 1000  # degrees of freedom of deviations that are taken at their word
 _WORTH_WINDOWS = 4  # windows of equal weight: eight windows of eight modes determine it to a third
 _WORTH_DATA = 20  # that stated deviations are worth, where windows scatter by less
-_LEAST_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
+_MIN_DAMPING = 1e-9  # [-], standard deviation of one, whatever is stated
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,7 +63,7 @@ def learn_scatter(modes: TrackedModes) -> Scatter:
     factor = float(np.sqrt(np.nansum(z**2) / freedom))
     shape_factor, shape_overdispersion = _spread_of_shapes(modes.shape, modes.shape_std)
     phase_factor, phase_overdispersion = _spread_of_shapes(modes.imaginary, modes.shape_std)
-    damping_std = np.maximum(np.sqrt(mean_over_windows(modes.damping_std**2)), _LEAST_DAMPING)
+    damping_std = np.maximum(np.sqrt(mean_over_windows(modes.damping_std**2)), _MIN_DAMPING)
     return Scatter(
         frequency_factor=_believed(factor, freedom),
         degrees_of_freedom=freedom,

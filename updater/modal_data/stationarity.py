@@ -8,9 +8,9 @@ from updater.modal_data.tracked import TrackedModes
 
 _FAR = 3.0  # standard deviations from the median of the windows
 _LARGEST_FACTOR = 3.0  # of real over stated deviations: where the same windows taught it, a slide did
-_MOST_SOFTENING = 0.1  # ln f over the rms relative to its mean: a multiple of the softening of buildings in earthquakes
-_MOST_WARMING = 4e-3  # of ln f a kelvin: ten times steel's, for asphalt that stiffens and bearings that jam
-_MOST_FAR = 0.25  # of all modes in all windows: identification itself errs grossly in a few per cent
+_MAX_SOFTENING = 0.1  # ln f over the rms relative to its mean: a multiple of the softening of buildings in earthquakes
+_MAX_WARMING = 4e-3  # of ln f a kelvin: ten times steel's, for asphalt that stiffens and bearings that jam
+_MAX_FAR = 0.25  # of all modes in all windows: identification itself errs grossly in a few per cent
 
 
 def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperature: FloatArray) -> float:
@@ -29,7 +29,7 @@ def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperat
     n = len(windows.log_frequency)
     known = [
         ((values - values.mean()) / np.ptp(values), most * np.ptp(values))
-        for values, most in ((rms / np.mean(rms), _MOST_SOFTENING), (temperature, _MOST_WARMING))
+        for values, most in ((rms / np.mean(rms), _MAX_SOFTENING), (temperature, _MAX_WARMING))
         if np.isfinite(values).all() and np.ptp(values) > 0
     ]
     design = np.column_stack([np.ones(n), *(values for values, _ in known)])
@@ -50,4 +50,4 @@ def far_share(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperat
 
 def is_steady(windows: TrackedModes, scatter: Scatter, rms: FloatArray, temperature: FloatArray) -> bool:
     """Return whether windows scatter like those of one state; parameters as for `far_share`."""
-    return far_share(windows, scatter, rms, temperature) <= _MOST_FAR
+    return far_share(windows, scatter, rms, temperature) <= _MAX_FAR

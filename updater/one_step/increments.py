@@ -21,7 +21,7 @@ from updater.reference import (
 
 _WORST_CONDITION = 30.0  # of [A B2]: beyond it noise decides, and smaller clusters are taken
 _NEGLIGIBLE = 1e-9  # relative to the largest: a deviation, or a singular value of input errors, that is rounding
-_LEAST_WINDOWS = 3  # of the baseline with all modes of the event, to learn a deviation from
+_MIN_WINDOWS = 3  # of the baseline with all modes of the event, to learn a deviation from
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class NullDistribution:
         windows = self._reference.windows
         whole = np.isfinite(windows.log_frequency[:, chosen]) & np.isfinite(windows.shape[:, chosen, 0])
         usable = np.flatnonzero(whole.all(1))
-        if len(usable) < _LEAST_WINDOWS:
+        if len(usable) < _MIN_WINDOWS:
             return np.array(1.0), 0
         z = np.array([self._window_z(int(w), usable, chosen) for w in usable])
         moving = z.any(0)  # elsewhere no mode reaches: nothing scatters there

@@ -43,7 +43,7 @@ _MIN_SEEN = 1e-6  # of a mode at the channels [1/sqrt(kg)]
 _NEAR = 30.0  # of log density under the best: positions farther below are left out
 _MIN_GAP = 1e-3  # of squared frequencies
 _STEP = 1e-6  # of modal mass, by which slopes are taken
-_LEAST_MASS = 1e-9  # of the structure's mass
+_MIN_MASS = 1e-9  # of the structure's mass
 _ITERATIONS = 5
 _CONVERGED = 0.1  # standard deviations of the mass
 _DRAWS = 200
@@ -169,7 +169,7 @@ class IncrementLocator:
     def _bounded(self, mass: FloatArray) -> FloatArray:
         """Return masses within possible added or removed masses, none exactly 0."""
         mass = np.clip(mass, -LARGEST_REMOVED * self._total, self._total)
-        return np.where(mass == 0, _LEAST_MASS * self._total, mass)
+        return np.where(mass == 0, _MIN_MASS * self._total, mass)
 
     @property
     def _total(self) -> float:

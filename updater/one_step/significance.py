@@ -20,7 +20,7 @@ _PRIOR_WINDOWS = 8  # that the mean over all places counts for at each
 _DRAWS = 4000
 _CHUNK = 500
 _SEED = 1  # a log replayed gives the same limit
-_MOST_PLACES = 2000  # that are simulated; of more every n-th, between which increments are smooth
+_MAX_PLACES = 2000  # that are simulated; of more every n-th, between which increments are smooth
 _NEGLIGIBLE = 1e-6  # standard deviation of an increment, given those before it
 _PREFERENCE = 0.1  # how much less an increment counts as a pivot from the first to the last: no two are equal
 
@@ -42,7 +42,7 @@ def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> f
     common : (n,) the same for a common change of all frequencies, about which windows give no information
     degrees_of_freedom : of the variances learnt from windows: one fewer than there are; 0 if none were
     """
-    every = -(-len(noise) // _MOST_PLACES)
+    every = -(-len(noise) // _MAX_PLACES)
     noise, common = noise[::every], common[::every]
     scale = np.linalg.norm(noise, axis=1)
     root = _correlation_root(noise / scale[:, None])

@@ -13,8 +13,8 @@ from daq import FloatArray
 from updater.errors import PairingError
 
 _SINGULAR = 1e6  # condition of [A B2]: two measured modes correspond to one of the structure
-_LEAST_SHARE = 1e-3  # eq. 14 divides by the updated modes' share of 1/M: below this it is noise
-_LEAST_OF_LARGEST = 1e-2  # or below this part of the largest share, if a fine mesh makes all shares small
+_MIN_SHARE = 1e-3  # eq. 14 divides by the updated modes' share of 1/M: below this it is noise
+_MIN_OF_LARGEST = 1e-2  # or below this part of the largest share, if a fine mesh makes all shares small
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -128,5 +128,5 @@ def normalised_increments(increment: FloatArray, inverse_mass: FloatArray, updat
     updated_share : (n,) sum over the updated modes of b_i(j)^2 [1/kg]
     """
     share = updated_share / inverse_mass
-    seen = share > min(_LEAST_SHARE, _LEAST_OF_LARGEST * float(share.max()))
+    seen = share > min(_MIN_SHARE, _MIN_OF_LARGEST * float(share.max()))
     return np.where(seen, increment / np.where(seen, share, 1.0), np.nan)

@@ -29,7 +29,7 @@ Stretches = list[tuple[float, float]]
 _N_MODES = 30
 _USUAL = 0.01  # m between places
 # on all members, more than a centimetre apart: default, and maximum if a target requires it
-_PLACES, _MOST_PLACES = 600, 2400
+_PLACES, _MAX_PLACES = 600, 2400
 _PLACES_WITHIN = 2.5  # places per distance that is to be resolved
 _STILL = 1e-6  # of the largest signature: a body there moves nothing
 _WHOLE = 1e3  # m: a place that nothing is known of
@@ -208,10 +208,10 @@ def _spacing(structure: Structure, within: float | None) -> float:
     if within is None:
         return usual
     spacing = min(within / _PLACES_WITHIN, usual)
-    if length / spacing > _MOST_PLACES:
+    if length / spacing > _MAX_PLACES:
         raise ModelError(
             f"{structure.name}: {within:g} m on {length:.4g} m of members are too many places; "
-            f"expected {_PLACES_WITHIN * length / _MOST_PLACES:.2g} m or more"
+            f"expected {_PLACES_WITHIN * length / _MAX_PLACES:.2g} m or more"
         )
     return spacing
 

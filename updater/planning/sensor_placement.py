@@ -18,7 +18,7 @@ from updater.errors import ModelError
 from updater.planning.detectability import DetectabilityStudy, with_sensors
 from updater.structure import Sensor
 
-_MOST_PLACES = 40  # where one more is tried
+_MAX_PLACES = 40  # where one more is tried
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -78,7 +78,7 @@ def _judged(outlook: DetectabilityStudy, sensors: tuple[Sensor, ...], changed: S
 def candidates(outlook: DetectabilityStudy) -> list[Sensor]:
     """Return a sensor along each axis at many places where there is none yet."""
     structure = outlook.reference.structure
-    step = -(-len(outlook.member) // _MOST_PLACES)
+    step = -(-len(outlook.member) // _MAX_PLACES)
     found = []
     for x, y, z in outlook.point[::step].tolist():
         there = [s for s in structure.sensor if np.linalg.norm(np.subtract(s.at, (x, y, z))) < 1e-3]

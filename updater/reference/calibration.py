@@ -43,9 +43,9 @@ from updater.structure import (
 FREQUENCY_ERROR = 2e-3  #: ln f: residual that no parameter of a beam model explains
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
 _SEEN = 1e-3  # relative to the largest simulated mode at the sensors: a smaller motion is not measured
-_MOST_MODES = 120  # of the model
+_MAX_MODES = 120  # of the model
 _REACH = 6.0  # times the highest frequency that was measured, that modes should go to ...
-_MOST_FOR_REACH = 60  # ... as far as so many do
+_MAX_FOR_REACH = 60  # ... as far as so many do
 _ALIKE = 0.9  # share of a shape above which it certainly corresponds to the model's modes of the file
 UNLIKE = 0.7  #: share below which it does not, once the model is nearly right
 _CLOSE = 0.03  # of ln f: modes that turn into each other
@@ -234,10 +234,10 @@ def enough_modes(model: Model, rows: FloatArray, highest: float, n_measured: int
         modes = model.modes(n_modes)
         length = np.linalg.norm(rows @ modes.shape, axis=0)
         seen = (length > _SEEN * length.max()).sum() >= n_measured + _BEYOND
-        far = modes.frequency[-1] > _REACH * highest or n_modes >= _MOST_FOR_REACH
-        if (seen and far) or n_modes >= min(most, _MOST_MODES):
+        far = modes.frequency[-1] > _REACH * highest or n_modes >= _MAX_FOR_REACH
+        if (seen and far) or n_modes >= min(most, _MAX_MODES):
             return modes
-        n_modes = min(2 * n_modes, most, _MOST_MODES)
+        n_modes = min(2 * n_modes, most, _MAX_MODES)
 
 
 def _prior(knobs: list[ModelParameter]) -> Prior:

@@ -16,7 +16,7 @@ from updater.reference.calibration import UNLIKE, best_model, share_within
 from updater.reference.model_modes import own_modes
 from updater.structure import Structure
 
-_LEAST_P = 1e-3  # of residuals by measurement noise alone, under which they are more than noise
+_MIN_P = 1e-3  # of residuals by measurement noise alone, under which they are more than noise
 _NEAR = 0.02  # of ln f: a mode of the structure that is the one expected
 _TINY = 1e-12
 
@@ -57,7 +57,7 @@ class ModelFit:
     def exceeds_noise(self) -> bool:
         """Return whether the frequencies' errors are more than measurement noise."""
         z = self.residual[self.paired] / self.noise[self.paired]
-        return bool(chi2.sf(float(z @ z), len(z)) < _LEAST_P)
+        return bool(chi2.sf(float(z @ z), len(z)) < _MIN_P)
 
     def mac_error(self) -> tuple[float, float] | tuple[None, None]:
         """Return the mean of 1 - MAC and its standard deviation; None where no shape is known well enough."""

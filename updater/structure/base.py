@@ -41,12 +41,12 @@ class Entry(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True, allow_inf_nan=False)
 
 
-_LEAST_BEGINNING = 2  # letters of a word from which on they represent it
+_MIN_BEGINNING = 2  # letters of a word from which on they represent it
 
 
 def meant(word: str, known: Collection[str]) -> str:
     """Return the question whether another word was meant: one that is cut short, or that is spelt nearly so."""
-    begun = [name for name in known if len(word) >= _LEAST_BEGINNING and name.startswith(word.lower())]
+    begun = [name for name in known if len(word) >= _MIN_BEGINNING and name.startswith(word.lower())]
     near = begun or difflib.get_close_matches(word.lower(), known, 1)
     return f", did you mean {near[0]!r}?" if near else ""
 

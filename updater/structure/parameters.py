@@ -18,13 +18,13 @@ _STIFFNESS_PRIOR = 0.03  # of ln E
 _FLEXIBILITY_PRIOR = 0.02  # of c E I / L, c the spring's flexibility: a nominally rigid connection
 _BEARING_PRIOR = 1e-4  # times c E I / L^3: prior flexibility of a nominally rigid bearing along an axis
 _STATED_PRIOR = 1.0  # relative to a spring's flexibility in the file: it may be twice that, or half
-_LEAST_STATED = 0.1  # relative to the flexibility in the file
+_MIN_STATED = 0.1  # relative to the flexibility in the file
 _RIGID = 1e-6  # the least flexibility of a turn, c E I / L
 _UNMOVED = 1e-8  # the least of a bearing, c E I / L^3
 _WELD_PRIOR = 0.5  # relative to the flexibility that a joint's zone lacks compared with the members
 _WELDED = 0.95  # the most
 _THICK = 2.0  # radii of gyration that a joint reaches: as far as a member is thick
-_MOST_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
+_MAX_OF_MEMBER = 0.25  # of a member's length, that it reaches at the most
 _OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may have: it may be rounded
 _PLACE_DIGITS = 6  # of a weld's place and extent in metres
 _START = 0.05  # times its standard deviation: start of nominally rigid or unwelded parameters
@@ -257,7 +257,7 @@ def _stated(
         at=spring.at,
         axis=axis,
         mean=mean,
-        lower=_LEAST_STATED * mean,
+        lower=_MIN_STATED * mean,
     )
 
 
@@ -356,7 +356,7 @@ def welded(structure: Structure, point: Vector) -> list[tuple[Member, float, flo
     for member in structure.member:
         if member.passes(point):
             section, s = structure.section[member.section], float(np.linalg.norm(np.subtract(point, member.start)))
-            reach = min(_THICK * (max(section.second_moment) / section.area) ** 0.5, _MOST_OF_MEMBER * member.length)
+            reach = min(_THICK * (max(section.second_moment) / section.area) ** 0.5, _MAX_OF_MEMBER * member.length)
             found.append((member, max(s - reach, 0.0), min(s + reach, member.length)))
     return found
 

@@ -35,7 +35,7 @@ from updater.reference import Reference
 Reading = Literal["stiffness", "mass"]
 _SIZES = np.geomspace(1e-4, 1.0, 41)  # of a relative error of K or M between two modes, that the data may choose
 _FREE = 30.0  # prior standard deviation of a mode's own share: as good as none
-_LEAST_GAP = 1e-3  # of squared frequencies, relative: nearer modes mix freely
+_MIN_GAP = 1e-3  # of squared frequencies, relative: nearer modes mix freely
 _QUIET = 0.05  # relative to the mean strain or motion, added everywhere: a place without any has no information
 
 
@@ -133,7 +133,7 @@ class _Expansion:
         """Return prior variances (n_modes,) of t: b_k^T r of a relative error `size`, over the gap in omega^2."""
         own = self.omega2[self.paired]
         coupling = np.sqrt(own * self.omega2) if self.reading == "stiffness" else np.full(len(self.omega2), own)
-        gap = np.maximum(np.abs(self.omega2 - self.now2), _LEAST_GAP * own)
+        gap = np.maximum(np.abs(self.omega2 - self.now2), _MIN_GAP * own)
         spread = size * coupling / gap
         spread[self.paired] = _FREE
         return np.asarray(spread**2)

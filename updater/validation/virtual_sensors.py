@@ -27,7 +27,7 @@ from updater.modal_data import ModalMean, match_modes
 from updater.validation.modal_correlation import known
 
 ComplexArray = npt.NDArray[np.complex128]
-_MOST = 1 << 16  # samples that are looked at
+_MAX = 1 << 16  # samples that are looked at
 _BELL = 1.5  # half-power bandwidths each way of a resonance that are looked at: farther off other modes speak
 _LINES = 2  # a channel, each way of a resonance at least: from fewer no spectral matrix is known
 _SHOWN = 40  # lines of the spectra about a resonance
@@ -112,7 +112,7 @@ def _gapless(recording: Recording, channels: tuple[str, ...]) -> tuple[int, Floa
         raise ModalDataError("recording: no sample without a gap")
     starts, stops = edges[::2], edges[1::2]
     longest = int(np.argmax(stops - starts))
-    first = max(int(starts[longest]), int(stops[longest]) - _MOST)
+    first = max(int(starts[longest]), int(stops[longest]) - _MAX)
     return first, data[first : stops[longest]]
 
 

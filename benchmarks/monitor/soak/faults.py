@@ -16,7 +16,7 @@ from typing import Protocol
 import psutil
 
 from benchmarks.monitor.soak.memory import HOUR
-from benchmarks.monitor.soak.rig import CUT, CYCLE, LEAST, LEDGER, SILENCE, first_sampled
+from benchmarks.monitor.soak.rig import CUT, CYCLE, LEDGER, MIN, SILENCE, first_sampled
 
 ANY = "*"  # device: all of them
 _STILL = 1.0  # s without a line of the rig's ledger, which has twenty a second
@@ -291,7 +291,7 @@ def _times(fault: Fault, seconds: float) -> list[float]:
     """Return when a fault begins in a soak of a length [s]."""
     times = [CYCLE * cycle + fault.at for cycle in range(1 if fault.once else int(seconds // CYCLE) + 1)]
     spared = seconds - HOUR - 1.5 * CYCLE if fault.ends and seconds >= 2 * HOUR - CYCLE else seconds
-    return [at for at in times if at + fault.seconds + LEAST < seconds and at <= spared]
+    return [at for at in times if at + fault.seconds + MIN < seconds and at <= spared]
 
 
 def by_rig(folder: Path, seconds: float) -> list[Spell]:

@@ -14,7 +14,7 @@ _SETTLED = CYCLE  # s of a process's life before that: everything is loaded and 
 # What grows with time or windows, and not with faults, is to be looked at faster than they come: docs/soak.md.
 # What the monitor has in use, as it says itself, is known to a hundredth of that: a leak shows there first, and what
 # allocators keep between what is in use does not.
-MOST = {"monitor": 2.0, "pages": 2.0, "analysis": 10.0, "view": 10.0, BLOCKS: 5.0, HEAP: 0.5}
+MAX = {"monitor": 2.0, "pages": 2.0, "analysis": 10.0, "view": 10.0, BLOCKS: 5.0, HEAP: 0.5}
 
 
 @dataclass
@@ -66,7 +66,7 @@ def judged(seen: list[Series]) -> tuple[list[str], bool | None]:
         if growth is None or lows is None:
             continue
         slope, deviation = growth
-        judged_so[series.kind] = judged_so.get(series.kind, True) and slope <= MOST[series.kind]
+        judged_so[series.kind] = judged_so.get(series.kind, True) and slope <= MAX[series.kind]
         told = ", ".join(f"{low:.1f}" for low in lows)
-        rows.append(f"| {series.kind} | {told} | {slope:+.2f} ± {deviation:.2f} | {MOST[series.kind]:g} |")
-    return rows, set(judged_so) == set(MOST) and all(judged_so.values())
+        rows.append(f"| {series.kind} | {told} | {slope:+.2f} ± {deviation:.2f} | {MAX[series.kind]:g} |")
+    return rows, set(judged_so) == set(MAX) and all(judged_so.values())

@@ -28,7 +28,7 @@ SILENCE = "beam_right", 100.0, 6.0  # device, since it first sampled, how long [
 CUT = "col_111", 130.0, 3.0
 DRIFT = "beam_left", 50e-6  # device, of its clock
 LEDGER = "sent.jsonl"
-LEAST = 60.0  # s between the end of a fault and that of the soak: shorter ones leave it out
+MIN = 60.0  # s between the end of a fault and that of the soak: shorter ones leave it out
 What = Literal["silent", "cut"]
 _TICK, _LEDGER = 0.004, 0.05  # s
 _BABBLE = 20_000  # bytes
@@ -109,7 +109,7 @@ class Rig:
         _, at, seconds = happens
         begins = [at + CYCLE * k for k in range(int(self._seconds // CYCLE) + 1)]
         what: What = "silent" if happens is SILENCE else "cut"
-        return [LineSpell(what=what, at=t, seconds=seconds) for t in begins if t + seconds + LEAST < self._seconds]
+        return [LineSpell(what=what, at=t, seconds=seconds) for t in begins if t + seconds + MIN < self._seconds]
 
     def obey(self, line: str) -> None:
         """Do what a line says."""

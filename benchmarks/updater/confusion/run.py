@@ -18,7 +18,7 @@ from tests.examiner.signals import N_MODES, modal_std
 from updater.causes import CATALOGUE
 
 Task = tuple[str, int, str]  #: cell, seed, noise
-_MOST_DRAWS = 1000  # of a cell in one run
+_MAX_DRAWS = 1000  # of a cell in one run
 
 
 def known_cells() -> list[str]:
@@ -32,7 +32,7 @@ def known_cells() -> list[str]:
 
 def seed_of(cell: str, seed: int) -> int:
     """Return the first seed of a cell's draws: its own, whatever other cells there are, and no other run's."""
-    return _MOST_DRAWS * zlib.crc32(f"{cell} {seed}".encode())
+    return _MAX_DRAWS * zlib.crc32(f"{cell} {seed}".encode())
 
 
 def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: float) -> Result:

@@ -34,7 +34,7 @@ NUMBERS = (1, 2, 3)
 STD = 3e-4  # of a cantilever's frequency in one window
 BINS = (0.0, 0.5, 0.7, 0.8, 0.9, 0.99, 1.0)
 FORMER = 0.02  # prior probability of one mass more over that of one fewer in the prior used before
-LEAST = 1e-6  # probability, in logarithms
+MIN = 1e-6  # probability, in logarithms
 
 
 def counted(task: tuple[str, int, int, int]) -> dict[str, Any]:
@@ -139,7 +139,7 @@ def tables(results: Sequence[dict[str, Any]]) -> str:
         for name in (*LINES, "all"):
             rows = np.flatnonzero((line == name) | (name == "all"))
             if len(rows):
-                likelihood = np.log(np.maximum(found[rows, number[rows]], LEAST)).sum()
+                likelihood = np.log(np.maximum(found[rows, number[rows]], MIN)).sum()
                 text += f"| {prior} | {name} | {_reliability(found[rows], number[rows])} | {likelihood:.1f} |\n"
     head = "| prior | stated | cases | mean stated [%] | right [%] (95 %) |\n| --- | --- |" + " ---: |" * 3
     text += f"\n{head}\n"

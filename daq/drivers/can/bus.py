@@ -20,8 +20,8 @@ from daq.protocol import slcan
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
 
 _GATHER_SECONDS = 0.03  # time that frames accumulate on a busy bus [s]; replies to requests may be delayed by it
-_LEAST_RATE = 20e3  # bytes/s of a busy bus, some 1000 frames/s
-_MOST_MESSAGES = 1000  # taken of a bus at once
+_MIN_RATE = 20e3  # bytes/s of a busy bus, some 1000 frames/s
+_MAX_MESSAGES = 1000  # taken of a bus at once
 
 
 class SlcanBus(can.BusABC):
@@ -54,7 +54,7 @@ class SlcanBus(can.BusABC):
             raise can.CanInitializationError(f"{channel}: {error}") from error
         self._decoder = slcan.SlcanDecoder()
         self._waiting: deque[can.Message] = deque()
-        self._bites = BufferedPort(self._port.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
+        self._bites = BufferedPort(self._port.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_MIN_RATE)
         self._is_shutdown = False
         self.channel_info = f"SLCAN adapter on {channel}"
         super().__init__(channel, **kwargs)  # type: ignore[arg-type]
@@ -144,7 +144,7 @@ def read_frames(bus: can.BusABC, timeout: float) -> Chunk:
         return Chunk(frames, bus.arrived)
     messages: list[can.Message] = []
     message = bus.recv(timeout)
-    while message is not None and len(messages) < _MOST_MESSAGES:
+    while message is not None and len(messages) < _MAX_MESSAGES:
         messages.append(message)
         message = bus.recv(0)
     arrived = time.perf_counter_ns()

@@ -13,7 +13,7 @@ from cantools.errors import Error
 
 from daq.drivers.addresses import DbcSensor
 from daq.errors import DbcError
-from daq.protocol.can_scan import LARGEST_COUNT, LEAST_COUNT, LONGEST_COUNTER, ScanLayout, ScanMessage
+from daq.protocol.can_scan import LARGEST_COUNT, LONGEST_COUNTER, MIN_COUNT, ScanLayout, ScanMessage
 from daq.protocol.can_signals import CanSignal
 from daq.protocol.frames import EXTENDED
 
@@ -225,4 +225,4 @@ def _scale(signals: list[CanSignal], unit: float) -> float:
     numbers = [number / step for signal in signals for number in (signal.factor, signal.offset)]
     largest = max(abs(end) for signal in signals for end in signal.limits)
     even = all(abs(number - round(number)) <= 1e-9 * abs(number) for number in numbers)
-    return unit * (step if even and largest / step <= -LEAST_COUNT else largest / LARGEST_COUNT)
+    return unit * (step if even and largest / step <= -MIN_COUNT else largest / LARGEST_COUNT)

@@ -17,7 +17,7 @@ from daq.protocol.can_scan import DecodedScans, ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, concatenate
 
 _READ_SECONDS = 0.1
-_LEAST_SECONDS, _SCANS = 1.0, 10  # of silence until a device counts as absent: a second, or so many scans
+_MIN_SECONDS, _SCANS = 1.0, 10  # of silence until a device counts as absent: a second, or so many scans
 
 
 class CanDbc:
@@ -39,7 +39,7 @@ class CanDbc:
     def __init__(self, address: DbcAddress, rate: float) -> None:
         self._address, self._layout = address, read_layout(address.sensor)
         self.scale, self.modulus = self._layout.scale, self._layout.modulus
-        self._patience = max(_LEAST_SECONDS, _SCANS / positive_rate(rate, address))
+        self._patience = max(_MIN_SECONDS, _SCANS / positive_rate(rate, address))
         self._member: Member | None = None
         self._decoder = ScanDecoder(self._layout)
 

@@ -28,7 +28,7 @@ from daq.types import IndexArray
 _WAIT = 0.1  # s
 GATHER_SECONDS = 0.19  #: between a driver's reads: decoding costs by the read more than by the frame
 _ENOUGH = 400  # frames of a device that are worth a read
-_MOST_CHUNKS = 4096  # capacity of a device's queue; further data are lost, and the counter shows it
+_MAX_CHUNKS = 4096  # capacity of a device's queue; further data are lost, and the counter shows it
 _REPLY_SECONDS = 0.5
 #: messages passed to canopen, with their minimum length: emergencies, service data, heartbeats
 _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
@@ -65,7 +65,7 @@ class Member:
     place: CanPlace
     identifiers: frozenset[int]  #: identifiers of its process data, with the bit EXTENDED
     sync: SyncPart | None = None  #: if it samples on that
-    inbox: "queue.Queue[DeviceFrames]" = field(default_factory=lambda: queue.Queue(_MOST_CHUNKS))
+    inbox: "queue.Queue[DeviceFrames]" = field(default_factory=lambda: queue.Queue(_MAX_CHUNKS))
     waiting: int = 0  #: frames that came since they were taken, about
     enough: threading.Event = field(default_factory=threading.Event)  #: they are worth a read, or none will come
 

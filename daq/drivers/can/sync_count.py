@@ -11,7 +11,7 @@ from daq.protocol.epson_can import MODULUS, SYNC
 from daq.types import IndexArray, IntArray
 
 _PAUSE = 0.5e9  # pause without SYNC, longer than a delayed read, after which sampling has restarted [ns]
-_LEAST_SPAN = 0.5e9  # span of SYNC from which the period is estimated [ns]
+_MIN_SPAN = 0.5e9  # span of SYNC from which the period is estimated [ns]
 _OFF_READS = 5  # consecutive reads whose scans do not match their SYNC
 
 
@@ -77,7 +77,7 @@ class SyncCount:
     def _period(self, first: tuple[int, int], rate: float) -> float:
         """Return the time between two SYNC [ns of the host]: as this start has shown it, until then the nominal one."""
         span = self._last - first[1]
-        return span / (self._number - first[0]) if span > _LEAST_SPAN else 1e9 / rate
+        return span / (self._number - first[0]) if span > _MIN_SPAN else 1e9 / rate
 
 
 class SyncedCounter:

@@ -10,7 +10,7 @@ _ROOM = 2600  # bytes that may wait in the port: a pty holds 4 kB, a real port m
 _FIRST = 0.005  # s that bytes gather at first; then twice as long each time
 _SHORTEST = 0.002  # s of gathering below which there is nothing to gain: sleeping is not that exact
 _PART, _FULL = 8192, 4000  # bytes requested at once, and length of a read after which more may be available
-_MOST = 1 << 16  # bytes a read
+_MAX = 1 << 16  # bytes a read
 
 
 class BufferedPort:
@@ -64,7 +64,7 @@ class BufferedPort:
     def _take(self) -> bytes:
         """Return the available bytes."""
         data = part = self._part()
-        while len(part) >= _FULL and len(data) < _MOST:
+        while len(part) >= _FULL and len(data) < _MAX:
             part = self._part()
             data += part
         if data:

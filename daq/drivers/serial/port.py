@@ -17,7 +17,7 @@ else:
 
     PORT_ERRORS = (OSError, termios.error)  #: SerialException is an OSError; flushing raises termios.error
 _GATHER_SECONDS = 0.19  # with the wait for the next scan a block's 0.2 s
-_LEAST_RATE = 500.0  # bytes/s: slower devices are read scan by scan
+_MIN_RATE = 500.0  # bytes/s: slower devices are read scan by scan
 
 
 class SerialPort:
@@ -43,7 +43,7 @@ class SerialPort:
             if error.errno in (errno.EAGAIN, errno.EBUSY):  # locked, or opened exclusively
                 raise serial.SerialException("the port is in use by another program") from error
             raise
-        self._bites = BufferedPort(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_LEAST_RATE)
+        self._bites = BufferedPort(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_MIN_RATE)
 
     def read(self) -> bytes:
         """Return the received bytes; empty if nothing arrives within `READ_SECONDS`.

@@ -31,7 +31,7 @@ _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNO
 # Hz: plausible rates of a log of a structure's accelerations, unless stated explicitly
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3
 _USUAL = 20e3  # Hz: up to which a unit is proposed
-_LEAST_PERIOD = 1e-12  # s
+_MIN_PERIOD = 1e-12  # s
 _LATEST = 1e20  # of a time: nanoseconds since 1970 are less
 
 
@@ -111,7 +111,7 @@ def _ask(path: Path, name: str, t: FloatArray) -> None:
     known = step[np.isfinite(step)]
     period = float(np.median(known)) if len(known) else 0.0
     # times that do not increase are reported elsewhere
-    if period < _LEAST_PERIOD or _SLOWEST <= 1 / period <= _FASTEST:
+    if period < _MIN_PERIOD or _SLOWEST <= 1 / period <= _FASTEST:
         return
     rates = {unit: 1 / (period * worth) for unit, worth in TIME_UNITS.items()}
     usual = [f"{unit} ({hertz:.6g} Hz)" for unit, hertz in rates.items() if _SLOWEST <= hertz <= _USUAL]

@@ -9,7 +9,7 @@ from daq.types import BoolArray, FloatArray, IndexArray
 #: deviation of a sample's time from the even grid, relative to the period: a quarter radian at 0.4 of the rate
 TOLERANCE = 0.1
 _NICE, _NICE_SHARE = 0.02, 1e-5  # a rounder rate may be off: periods at the end of the record, and relative
-_LATEST, _LEAST_STEP = 1e12, 1e-9  # s
+_LATEST, _MIN_STEP = 1e12, 1e-9  # s
 _LARGEST_SHARE = 10_000  # periods a row: a table with more missing than that holds a wrong time
 
 
@@ -52,8 +52,8 @@ def even_grid(t: FloatArray) -> Grid:
     if not good.all():
         raise UnevenError(int(np.argmin(good)), "the time is missing, or no number of seconds")
     step = np.diff(t)
-    if step.min() < _LEAST_STEP:
-        raise UnevenError(int(np.argmax(step < _LEAST_STEP)) + 1, "the time does not increase")
+    if step.min() < _MIN_STEP:
+        raise UnevenError(int(np.argmax(step < _MIN_STEP)) + 1, "the time does not increase")
     single = np.rint(step / np.median(step)) == 1
     steps = np.rint(step / step[single].mean()).astype(np.intp)
     index = np.concatenate([[0], np.cumsum(np.maximum(steps, 1))])

@@ -13,7 +13,7 @@ from mcap.opcode import Opcode
 
 _ENTRY = np.dtype([("time", "<u8"), ("at", "<u8")])
 _MESSAGE = np.dtype([("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4"), ("time", "<u8")])
-_FRAME, _LEAST = 9, 22  # bytes of a record's opcode and length, and of a message behind them
+_FRAME, _MIN = 9, 22  # bytes of a record's opcode and length, and of a message behind them
 _ENOUGH = 1 << 19  # bytes of chunks to be looked at together
 _Places = npt.NDArray[np.int64]
 
@@ -58,13 +58,13 @@ class IndexedChunks:
         at = entries["at"].astype(np.int64) + np.repeat(origin, n)
         order = np.argsort(at)
         at = at[order]
-        if len(at) and (at[0] < 0 or at[-1] + _FRAME + _LEAST > len(raw)):
+        if len(at) and (at[0] < 0 or at[-1] + _FRAME + _MIN > len(raw)):
             raise ValueError("an index points beyond its chunk")
         places = max(0, len(raw) - _MESSAGE.itemsize + 1)  # a message may begin at any byte
         head = np.ndarray((places,), _MESSAGE, raw, strides=(1,))[at]
         length = head["length"].astype(np.int64)
         same = (head["channel"] == np.repeat(channel, n)[order]) & (head["time"] == entries["time"][order])
-        if not (same & (head["opcode"] == Opcode.MESSAGE) & (length >= _LEAST)).all():
+        if not (same & (head["opcode"] == Opcode.MESSAGE) & (length >= _MIN)).all():
             raise ValueError("an index does not point at a message of its channel and time")
         yield from _between(raw, at, at + _FRAME + length)
 

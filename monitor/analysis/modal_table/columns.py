@@ -12,7 +12,7 @@ from monitor.analysis.modal_table.csv import OWN, CsvTable, read_text
 from oma import ComplexArray
 from updater import Structure
 
-_MOST_DAMPING = 0.3  # [-]: larger values are per cent
+_MAX_DAMPING = 0.3  # [-]: larger values are per cent
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class Columns:
 
     def _check_damping(self, path: Path | str) -> None:
         damping = self.values.get("damping", np.zeros(1)).real
-        if damping.max() > _MOST_DAMPING:
+        if damping.max() > _MAX_DAMPING:
             where = f"line {self.line[int(np.argmax(damping))]}, column damping"
             raise LogError(path, f"{where}: expected a ratio, found {damping.max():g}; per cent are headed damping [%]")
 

@@ -24,9 +24,9 @@ _SUFFIXES = (".csv", ".json")
 _FREQUENCY_STD = 1e-3  # relative, if a table has none: usual value of minutes of ambient vibration
 _SHAPE_STD = 0.02  # of a unit shape's components, where a table states none
 _DAMPING = 0.01  # value if a table has none; its deviation marks it as unknown
-_LEAST_RECORDS = 3  # from which their own scatter is learnt
+_MIN_RECORDS = 3  # from which their own scatter is learnt
 _N_MODES = 30  # of the model, which lends its shapes to a table that has none
-_MOST_SAID = 10  # of the model's frequencies in an error
+_MAX_SAID = 10  # of the model's frequencies in an error
 _FARTHEST = 0.3  # of ln f between a mode and the model's
 
 
@@ -91,7 +91,7 @@ def observation_of(tables: Sequence[Table], path: Path | str) -> Observation:
         temperature=np.array([t.temperature for t in tables]),
         rms=np.array([t.rms for t in tables]),
         shaped=tables[0].shaped,
-        stated=len(tables) < _LEAST_RECORDS,
+        stated=len(tables) < _MIN_RECORDS,
     )
 
 
@@ -185,7 +185,7 @@ def _lent(structure: Structure, frequency: FloatArray, path: Path | str) -> Comp
     row, column = linear_sum_assignment(distance**2)  # squares keep the order of close modes
     far = distance[row, column] > _FARTHEST
     if far.any():
-        near = ", ".join(f"{f:.4g}" for f in modes.frequency[seen][:_MOST_SAID])
+        near = ", ".join(f"{f:.4g}" for f in modes.frequency[seen][:_MAX_SAID])
         raise LogError(
             path,
             f"the mode at {frequency[row[far][0]]:.4g} Hz has no partner in the model by frequency, whose modes are at "

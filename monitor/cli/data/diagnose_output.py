@@ -27,7 +27,7 @@ from updater import Cause, Diagnosis, Gain
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
 _STANDS_OUT = 3.0  # times the noise, above which a sensor is named
-_MOST = 6  # refused causes that are listed individually
+_MAX = 6  # refused causes that are listed individually
 
 
 def say_answer(console: Console, diagnosis: Diagnosis) -> None:
@@ -135,9 +135,9 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
 def _refused(console: Console, diagnosis: Diagnosis) -> None:
     """Print the causes that were refused, the nearest first; the hopeless ones only by name, and those that failed."""
     nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
-    for rejected in nearest[:_MOST]:
+    for rejected in nearest[:_MAX]:
         console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
-    if len(nearest) > _MOST:
-        console.print(f"  nor {', '.join(plain(r.cause) for r in nearest[_MOST:])}", style="dim")
+    if len(nearest) > _MAX:
+        console.print(f"  nor {', '.join(plain(r.cause) for r in nearest[_MAX:])}", style="dim")
     for failed in diagnosis.failed:
         console.print(escape(failed_text(failed)), style="yellow")

@@ -43,5 +43,5 @@ def _bound(text: str) -> tuple[str, tuple[float, float]]:
     except ValueError:
         values = 1.0, 0.0
     if not name or not 0 < values[0] < values[1]:
-        raise ArgumentError("--bound", f"expected NAME=LEAST:GREATEST, such as steel.E=200e9:215e9, found {text!r}")
+        raise ArgumentError("--bound", f"expected NAME=MIN:MAX, such as steel.E=200e9:215e9, found {text!r}")
     return name, values

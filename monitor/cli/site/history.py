@@ -22,7 +22,7 @@ from monitor.text.quantities import duration_text, utc
 
 console = Terminal()
 _DAY = 86_400 * 10**9  # ns
-_MOST = 20  # lines of a table
+_MAX = 20  # lines of a table
 _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
 
 
@@ -130,7 +130,7 @@ def _self_tests(tests: list[EventRow]) -> str:
 def _say_alarms(alarms: list[AlarmRow]) -> None:
     """Print one line per alarm, and its text below it, which is too long for a column of a table."""
     console.print("\nalarms" if alarms else "alarms: none")
-    for alarm in alarms[-_MOST:]:
+    for alarm in alarms[-_MAX:]:
         lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
         again = f", went on {alarm.reopened} times" if alarm.reopened else ""
         known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
@@ -159,7 +159,7 @@ def _events(events: list[EventRow]) -> Table:
     table = Table(title="events", title_justify="left", box=SIMPLE_HEAD)
     for name in ("time", "what", "device", ""):
         table.add_column(name, no_wrap=bool(name))
-    for event in events[-_MOST:]:
+    for event in events[-_MAX:]:
         said = event_said(json.loads(event.json), without="device")
         table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(said))
     return table

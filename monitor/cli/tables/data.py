@@ -201,7 +201,7 @@ def diagnose(
     ] = None,
     bound: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME=LEAST:GREATEST", help="Bounds of a model parameter, in its unit. Repeatable."),
+        typer.Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable."),
     ] = None,
 ) -> None:
     """Diagnose a change, or the errors of a model.

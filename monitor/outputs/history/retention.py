@@ -12,7 +12,7 @@ from updater import Cause, Diagnosis
 
 _BEYOND = 2.0  # standard deviations: a smaller difference is the same answer
 # largest number of changed answers per day: one that alternates between two verdicts changes with every window
-_MOST = 8
+_MAX = 8
 _AT_ONCE = 500  # rows in memory
 
 
@@ -50,7 +50,7 @@ def told_before(diagnoses: Iterable[tuple[int, str]], raised: Sequence[int], cle
             gone.append(newest)
         if end // schema.DAY != day:
             day, n_of_day = end // schema.DAY, 0
-        if alarm != of_alarm or (n_of_day < _MOST and not says_the_same(known, found)):
+        if alarm != of_alarm or (n_of_day < _MAX and not says_the_same(known, found)):
             known, of_alarm, newest = found, alarm, None
             n_of_day += 1
         else:

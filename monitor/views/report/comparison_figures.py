@@ -20,7 +20,7 @@ from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, 
 
 WIDTH = 5.2  # inches: half of the page, all of a telephone's
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
-_LEAST = 1e-5  # smallest value on a logarithmic scale
+_MIN = 1e-5  # smallest value on a logarithmic scale
 
 
 def mac_figure(found: DiscrepancyResult) -> Figure | None:
@@ -93,7 +93,7 @@ def sensors_figure(found: DiscrepancyResult) -> Figure | None:
         (ALARM, _column([1 - s.comac for s in found.sensors]), -0.12),
         (OK, _column([None if s.comac_after is None else 1 - s.comac_after for s in found.sensors]), 0.12),
     ):
-        last.plot(np.maximum(values, _LEAST), level + shift, "o", markersize=4.5, color=colour)
+        last.plot(np.maximum(values, _MIN), level + shift, "o", markersize=4.5, color=colour)
     last.set_xscale("log")
     last.set_xlabel("1 - COMAC")
     panels[0].set_yticks(level, names, fontsize=7)

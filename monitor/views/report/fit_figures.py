@@ -11,7 +11,7 @@ from monitor.views.report.svg import ALARM, OK, SOFT, new_figure
 from updater import Cause, Diagnosis
 from updater.diagnosis import ModeFit
 
-_LEAST = 1e-6  # of 1 - MAC that is drawn
+_MIN = 1e-6  # of 1 - MAC that is drawn
 
 
 def fits_figure(diagnosis: Diagnosis) -> Figure | None:
@@ -53,7 +53,7 @@ def _share(mode: ModeFit, std: float | None) -> float:
 
 
 def _far(mac: float | None) -> float:
-    return np.nan if mac is None else max(1 - mac, _LEAST)
+    return np.nan if mac is None else max(1 - mac, _MIN)
 
 
 def causes_figure(reference: ReferenceResult, causes: tuple[Cause, ...]) -> Figure | None:

@@ -11,7 +11,7 @@ from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ADDED, REGION, SOFT, mode_colour, new_figure
 
 _DIRECTIONS = ("x", "y", "z")
-_MOST_SIGMAS = 12.0
+_MAX_SIGMAS = 12.0
 _ALLOWED = 6.0  # sigmas: masses of worse places are not drawn
 
 
@@ -33,7 +33,7 @@ def profile_figure(answer: MassAnswer, unit: tuple[float, str]) -> Figure | None
     figure = new_figure(5.2, 4.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.7, 1.0])
     unrolled, far = Unrolled(places(answer)), sigmas(answer.profile)
-    worst = min(_MOST_SIGMAS, max(3.0, float(far.max())))
+    worst = min(_MAX_SIGMAS, max(3.0, float(far.max())))
     for number, member in enumerate(unrolled.length):
         mine = [i for i, p in enumerate(answer.profile) if p.member == member]
         points = [answer.profile[i] for i in mine]

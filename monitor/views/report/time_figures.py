@@ -14,7 +14,7 @@ from monitor.results.windows import Spectrum, WindowResult
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure
 
 _COLUMNS = 3
-_LEAST_RATIO = 1e-2  # novelty over limit that is drawn at the least
+_MIN_RATIO = 1e-2  # novelty over limit that is drawn at the least
 _ROOM = 0.4  # under the lowest novelty or the limit, for its name
 _ABOVE = 1.12  # of the highest mode: end of the frequency axis
 
@@ -59,7 +59,7 @@ def novelty_figure(story: RunResults) -> Figure | None:
         return None
     figure = new_figure(10.0, 2.1)
     axes = figure.subplots()
-    ratio = np.maximum([n.t2 / n.limit for _, n in judged], _LEAST_RATIO)
+    ratio = np.maximum([n.t2 / n.limit for _, n in judged], _MIN_RATIO)
     dates = _dates([w.end for w, _ in judged])
     axes.semilogy(dates, ratio, color=INK, linewidth=0.8, zorder=2)
     axes.scatter(dates, ratio, c=[ALARM if r > 1 else OK for r in ratio], s=18, zorder=3)

@@ -10,7 +10,7 @@ from monitor.text.verdicts import diagnosis_text
 from monitor.views.viewer.primitives import at, clock
 from updater import Diagnosis
 
-_MOST_REFUSED = 6  # causes whose refusal is listed individually
+_MAX_REFUSED = 6  # causes whose refusal is listed individually
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 
@@ -112,8 +112,8 @@ def diagnosis_card(diagnosis: Diagnosis) -> str:
         parts.append(f"*Next: {diagnosis.next_measurement}*")
     nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
     if nearest:
-        lines = [f"- {plain(r.cause)}: {r.why}" for r in nearest[:_MOST_REFUSED]]
-        rest = ", ".join(plain(r.cause) for r in nearest[_MOST_REFUSED:])
+        lines = [f"- {plain(r.cause)}: {r.why}" for r in nearest[:_MAX_REFUSED]]
+        rest = ", ".join(plain(r.cause) for r in nearest[_MAX_REFUSED:])
         parts.append("\n".join(["Refused:", "", *lines, *([f"- {rest}"] if rest else [])]))
     parts += [failed_text(failed) for failed in diagnosis.failed]
     return "\n\n".join(parts)

@@ -28,7 +28,7 @@ from updater import parse_structure
 
 _HOST = "127.0.0.1"
 _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
-_BASELINES, _LEAST_WINDOWS = 2.0, 12  # range of a live view's trends
+_BASELINES, _MIN_WINDOWS = 2.0, 12  # range of a live view's trends
 _KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
 _KEPT_ALARMS = 50
 
@@ -88,7 +88,7 @@ class LiveResults:
     def __init__(self, recording: rr.RecordingStream, name: str, settings: Settings) -> None:
         self._recording, self._name = recording, name
         analysis = settings.analysis
-        self._most = int(_BASELINES * max(analysis.most_windows, _LEAST_WINDOWS))  # windows that are kept
+        self._most = int(_BASELINES * max(analysis.most_windows, _MIN_WINDOWS))  # windows that are kept
         shown = self._most * analysis.window_seconds
         channels = tuple(channel.name for channel in settings.channels)
         self._live = Live(seconds=shown, channels=channels)

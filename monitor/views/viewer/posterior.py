@@ -16,8 +16,8 @@ from monitor.views.viewer.primitives import Axes, at, band, line, text, times
 BOUNDS = ((-24.0, 208.0), (-16.0, 132.0))  # of the drawing, x and y
 _WIDTH, _TOP, _LOWER = 200.0, 70.0, 34.0
 _BETWEEN = 20.0  # upper and lower panel
-_MOST_SIGMAS = 30.0  # that are drawn, if there is a place so bad
-_LEAST_SIGMAS = 3.0
+_MAX_SIGMAS = 30.0  # that are drawn, if there is a place so bad
+_MIN_SIGMAS = 3.0
 _ALLOWED = 12.0  # sigmas: masses of worse places do not set the scale
 _MARGIN = 0.35  # of the masses that the data allow, above and below them
 _MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
@@ -73,7 +73,7 @@ def scaled(answer: MassAnswer, scale: float) -> MassAnswer:
 
 def _panels(unrolled: Unrolled, answers: list[MassAnswer], scale: float) -> tuple[Axes, Axes]:
     far = [sigmas(a.profile) for a in answers]
-    worst = min(_MOST_SIGMAS, max(_LEAST_SIGMAS, *(float(f.max()) for f in far)))
+    worst = min(_MAX_SIGMAS, max(_MIN_SIGMAS, *(float(f.max()) for f in far)))
     allowed = [scale * p.mass for a, f in zip(answers, far, strict=True) for p in np.array(a.profile)[f <= _ALLOWED]]
     span = min(0.0, *allowed), max(0.0, *allowed)
     room = _MARGIN * (span[1] - span[0]) or 1.0

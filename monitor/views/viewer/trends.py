@@ -9,7 +9,7 @@ from monitor.views.viewer.primitives import band, ends, line, once, rule
 
 SIGMAS = 3.0  # of the control band
 _NAN = float("nan")
-_LEAST = 1e-3  # novelty over its limit: lower is drawn here
+_MIN = 1e-3  # novelty over its limit: lower is drawn here
 
 
 def frequency_span(story: RunResults, number: int) -> tuple[float, float]:
@@ -89,6 +89,6 @@ def _novelty(recording: rr.RecordingStream, story: RunResults) -> None:
     if not any(w.novelty for w in story.watched):
         return
     ratio = [w.novelty.t2 / w.novelty.limit if w.novelty else _NAN for w in story.watched]
-    index = np.log10(np.maximum(ratio, _LEAST)).tolist()
+    index = np.log10(np.maximum(ratio, _MIN)).tolist()
     line(recording, "/novelty/index", "log10(T² / limit)", TEXT, ends(story.watched), index)
     rule(recording, "/novelty/limit", "alarm limit", ALARM, (story.start, story.end), 0.0)

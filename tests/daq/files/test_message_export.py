@@ -17,7 +17,7 @@ from tests.support.monitor.rrd_reader import Rrd
 DRIFT = 50e-6  # the device's clock is this much too fast
 RESTART, GAP = 120, 160  # first blocks after a restart and after a gap
 LATE = 2_000_000  # ns on top of what is least, at the most; drawn
-LEAST = 1_000_000  # ns: what every arrival takes
+MIN = 1_000_000  # ns: what every arrival takes
 
 
 def blocks(seed: int) -> list[Block]:
@@ -36,7 +36,7 @@ def blocks(seed: int) -> list[Block]:
                         "rate": 100.0,
                         "arrival_index": last,
                         "counts": np.ascontiguousarray(block.counts[:, :n_axes]),
-                        "arrival_time": true_time(last) + LEAST + int(random.integers(LATE)),
+                        "arrival_time": true_time(last) + MIN + int(random.integers(LATE)),
                         "flags": Flag.RESTARTED if k in {0, RESTART} else Flag.NONE,
                     }
                 )
@@ -74,7 +74,7 @@ def test_a_stock_reader_finds_every_scan_in_order_and_no_other(expanded: tuple[P
         times = np.array([m.message.log_time for m in found])
         assert (np.diff(times) > 0).all()
         indices = np.concatenate([np.arange(block.first_index, block.end_index) for block in own])
-        late = times - np.array([true_time(int(i)) for i in indices]) - LEAST
+        late = times - np.array([true_time(int(i)) for i in indices]) - MIN
         # Of the arrivals of a second (4) the earliest is 0.4 ms late in the mean; the envelope takes the least of all.
         # Before 30 s no drift is believed: 50 ppm of 30 s are 1.5 ms.
         assert np.abs(late).max() < LATE
@@ -123,7 +123,7 @@ def shared(clock: str, seed: int = 5) -> list[Block]:
     for first in range(0, 4000, 25):
         for name, length in (("a", 25), ("b", 25)):
             last = first + length - 1
-            arrived = true_time(last) + LEAST + int(random.integers(LATE)) + (first % 100 == 75) * 40_000_000
+            arrived = true_time(last) + MIN + int(random.integers(LATE)) + (first % 100 == 75) * 40_000_000
             block = make_block(name, first, n=length)
             found.append(replace(block, rate=100.0, arrival_index=last, arrival_time=arrived, clock=clock))
     return found

@@ -8,7 +8,7 @@ from daq.timing.clock_fit import unwrap
 
 START = 1_767_225_600_000_000_000  # ns UTC
 RATE = 1000.0
-LEAST_DELAY = 1_500_000  # ns
+MIN_DELAY = 1_500_000  # ns
 
 
 def fitted(seconds: float, ppm: float, jitter_ns: float, seed: int) -> tuple[ClockFit, np.random.Generator]:
@@ -21,7 +21,7 @@ def fitted(seconds: float, ppm: float, jitter_ns: float, seed: int) -> tuple[Clo
 
 
 def arrival(index: int, ppm: float) -> int:
-    return START + LEAST_DELAY + round(index / RATE / (1 + ppm * 1e-6) * 1e9)
+    return START + MIN_DELAY + round(index / RATE / (1 + ppm * 1e-6) * 1e9)
 
 
 @pytest.mark.parametrize("seed", range(3))

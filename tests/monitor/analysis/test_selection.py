@@ -122,7 +122,7 @@ def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
     [
         (("--without", "added_mas"), "did you mean 'added_mass'"),
         (("--fix", "steal.E"), "there is no parameter 'steal.E'"),
-        (("--bound", "steel.E=3"), "expected NAME=LEAST:GREATEST"),
+        (("--bound", "steel.E=3"), "expected NAME=MIN:MAX"),
         (("--bound", "steel.E=1e9:2e9"), "expected to contain the file's value"),
         (("--without-channel", "mid"), "the structure has no channel 'mid'"),
         (("--without-mode", "-3"), "expected a positive frequency"),

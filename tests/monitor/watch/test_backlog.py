@@ -11,7 +11,7 @@ from monitor.results.windows import Result, WindowResult
 from monitor.service.replay import replay
 from monitor.service.worker import SavedState, Worker
 from monitor.settings import parse_settings
-from monitor.watch.backlog import MOST_WINDOWS, SKIPPED, Backlog
+from monitor.watch.backlog import MAX_WINDOWS, SKIPPED, Backlog
 from monitor.watch.pipeline import Pipeline
 from tests.support.daq.blocks import START, make_block
 from tests.support.monitor.played_windows import BASELINE, STEP, Played, judged, run, site_settings
@@ -33,7 +33,7 @@ SECONDS = 90
 def test_windows_are_left_out_until_the_newest(monkeypatch: pytest.MonkeyPatch) -> None:
     """Six may wait; from the seventh on all are left out, but for the last."""
     windows = list(Played(41, monkeypatch).windows(12))
-    for waiting, expected in ((MOST_WINDOWS, 0), (MOST_WINDOWS + 1, MOST_WINDOWS), (11, 10)):
+    for waiting, expected in ((MAX_WINDOWS, 0), (MAX_WINDOWS + 1, MAX_WINDOWS), (11, 10)):
         newest = windows[waiting].end
         backlog = Backlog(site_settings(), lambda newest=newest: newest)  # type: ignore[misc]
         left_out = [backlog(i, window) for i, window in enumerate(windows[: waiting + 1])]

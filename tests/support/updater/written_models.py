@@ -13,8 +13,8 @@ from tests.examiner.path import after, observation, stiffer, structure_of
 from tests.examiner.signals import N_MODES, estimated, is_seen
 from updater import Structure, build_model, dump_structure, parse_structure
 
-_LEAST_MOTION = 1e-3  # of the largest mode at the sensors: what moves less is not seen
-_LEAST_LIKENESS = 0.7  # MAC of a mode that is the same
+_MIN_MOTION = 1e-3  # of the largest mode at the sensors: what moves less is not seen
+_MIN_LIKENESS = 0.7  # MAC of a mode that is the same
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,10 +65,10 @@ def file_error(structure: Structure, channels: tuple[str, ...], frequency: Float
     rows = model.sensor_rows[[structure.channels.index(c) for c in channels]]
     at_sensors = (rows @ modes.shape).T
     length = np.linalg.norm(at_sensors, axis=1)
-    moving = length > _LEAST_MOTION * length.max()
+    moving = length > _MIN_MOTION * length.max()
     unit = at_sensors[moving] / length[moving, None]
     likeness = (shape / np.linalg.norm(shape, axis=1, keepdims=True) @ unit.T) ** 2
     apart = np.log(frequency[:, None] / modes.frequency[moving])
     measured, own = linear_sum_assignment(1 - likeness + 2 * np.abs(apart))
-    same = likeness[measured, own] > _LEAST_LIKENESS  # of a twist whose sensors are on the axis they see hardly any
+    same = likeness[measured, own] > _MIN_LIKENESS  # of a twist whose sensors are on the axis they see hardly any
     return 100 * float(np.sqrt(np.mean(apart[measured, own][same] ** 2)))

@@ -12,7 +12,7 @@ from updater import DiagnosisResult, build_model, diagnose, dump_structure, pars
 from updater.quantities import ParameterChange
 
 TOO_STIFF = 1.2
-LEAST_FLEXIBILITY = 1.5e-5  # c E I / L under which a connection is written as rigid
+MIN_FLEXIBILITY = 1.5e-5  # c E I / L under which a connection is written as rigid
 
 
 def _of_a_stiff_file(seed: int) -> DiagnosisResult:
@@ -71,7 +71,7 @@ def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(foun
     springs = [k for support in written.support for k in support.stiffness.values()]
     springs += [k for joint in written.joint for k in joint.stiffness.values()]
     assert springs
-    assert all(unit / k >= LEAST_FLEXIBILITY for k in springs)
+    assert all(unit / k >= MIN_FLEXIBILITY for k in springs)
     assert all(abs(segment.stiffness - 1) >= 1e-4 for segment in written.segment)
     for value in (*springs, *(s.stiffness for s in written.segment)):
         assert len(f"{value:.12g}".strip("0").replace(".", "").strip("0")) <= 5, value

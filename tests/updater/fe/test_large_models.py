@@ -90,7 +90,7 @@ def test_of_very_many_positions_the_most_likely_nodes_are_fitted(monkeypatch: py
     reference = learn_reference(t_frame(), before, unmoved(8))
     event = reference.mean_of(stack_tracks(truth.windows(loaded.modes(N_MODES), loaded.sensor_rows, 4, 24), unmoved(4)))
     exact = locate_mass(reference, event)
-    monkeypatch.setattr(added_mass, "_MOST", 100)
+    monkeypatch.setattr(added_mass, "_MAX", 100)
     monkeypatch.setattr(added_mass, "_KEPT", 40)
     found = locate_mass(reference, event)
     assert found.member == exact.member

@@ -38,16 +38,16 @@ if TYPE_CHECKING:
 DENSITY_STD = 0.015
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
-_MOST = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
+_MAX = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
 _KEPT = 100  # nodes, each of which may be on several members
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _ARRIVED = 300.0  # log density below the best: alternatives below it may not have converged
-_MOST_FINE = 120  # fine positions on one member
-_MOST_FINE_IN_ALL = 480
+_MAX_FINE = 120  # fine positions on one member
+_MAX_FINE_IN_ALL = 480
 _FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off, if as heavy
 _LARGE_SHARE = 0.15  # of a mode's mass
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
-_LEAST_MASS = 1e-4  # of the structure's mass, the smallest of a body's
+_MIN_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # share of the structure's mass: largest removed mass
 OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of the offset of a body's centre from the member's axis
 _BEGUN_BESIDE = 0.1  # of that, where fits begin
@@ -132,7 +132,7 @@ class AddedMass:
             mass,
             std,
             gaussian=MASS_STD * self._total,
-            least=_LEAST_MASS * self._total,
+            least=_MIN_MASS * self._total,
             most=self._total,
         )
 
@@ -142,7 +142,7 @@ class AddedMass:
         They start from the fitted values of neighbouring alternatives that have converged.
         """
         near, arrived = (log_density > log_density.max() - less for less in (_NEAR, _ARRIVED))
-        most = min(_MOST_FINE, _MOST_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
+        most = min(_MAX_FINE, _MAX_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
         members = np.unique(self.member).tolist()
         spacing = {m: max(self._fine, 2 * self.gap * near[self.member == m].sum() / most) for m in members}
         refined = near & np.array([spacing[m] < self.gap for m in self.member.tolist()])
@@ -278,7 +278,7 @@ def propose_added_mass(reference: Reference, comparison: Comparison, spacing: fl
     members = reference.structure.member
     spacing = _COARSE * size(reference.structure) if spacing is None else spacing
     steps = [max(4, round(member.length / spacing)) for member in members]
-    if sum(steps) > _MOST:
+    if sum(steps) > _MAX:
         return along(reference, comparison, *_likely_nodes(reference, comparison))
     grids = {i: np.linspace(0, member.length, n + 1) for i, (member, n) in enumerate(zip(members, steps, strict=True))}
     return along(reference, comparison, grids, max(float(np.diff(grid).max()) for grid in grids.values()))

@@ -31,11 +31,11 @@ if TYPE_CHECKING:
 _COARSE = 0.02  # m between positions, less on structures of less than a metre and a half
 _FINER = 10  # times, where the posterior is
 _KEPT = 90  # of the alternatives, those that are nearest to the data to first order
-_MOST = 2000  # positions that are looked at
-_MOST_FINE = 60
+_MAX = 2000  # positions that are looked at
+_MAX_FINE = 60
 _NEAR = 20.0  # of log density under the best
 _MASS_STD = 0.1  # of the structure's mass, Gaussian prior while it is fitted
-_LEAST_MASS = 1e-4  # of the structure's mass
+_MIN_MASS = 1e-4  # of the structure's mass
 _DAMPING_STD = 1.0  # of ln of its own damping over the modes': a third of it to three times as much
 _TUNED = 0.15  # of ln f: how far its own frequency may lie from the new mode's
 _STEP = 0.15  # step of ln f between starting frequencies if no mode determines it; also the deviation of their prior
@@ -90,7 +90,7 @@ class AttachedOscillator:
     @property
     def lower(self) -> FloatArray:
         """It has a mass."""
-        return np.tile([0.1 * _LEAST_MASS * self._total, -np.inf, -np.inf], (len(self.member), 1))
+        return np.tile([0.1 * _MIN_MASS * self._total, -np.inf, -np.inf], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the mass that moves with the structure, and its coupling."""
@@ -117,7 +117,7 @@ class AttachedOscillator:
     def _magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:
         """Return posteriors of masses under a prior uniform in the logarithm; of its two signs one is possible."""
         found = log_uniform(
-            mass, std, gaussian=_MASS_STD * self._total, least=_LEAST_MASS * self._total, most=self._total
+            mass, std, gaussian=_MASS_STD * self._total, least=_MIN_MASS * self._total, most=self._total
         )
         return replace(found, log_ratio=found.log_ratio + np.log(2.0))
 
@@ -132,7 +132,7 @@ class AttachedOscillator:
             for at in np.clip(self.position[row] + steps, 0, length):
                 key = int(self.member[row]), int(self.axis[row]), int(self.mode[row]), round(float(at), 6)
                 chosen.setdefault(key, row)
-            if len(chosen) > _MOST_FINE:
+            if len(chosen) > _MAX_FINE:
                 break
         keys = sorted(chosen)
         columns = [np.array(column) for column in zip(*keys, strict=True)]
@@ -256,7 +256,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
         return None
     members = reference.structure.member
     length = sum(member.length for member in members)
-    gap = max(_COARSE * fineness(reference.structure), length / _MOST)
+    gap = max(_COARSE * fineness(reference.structure), length / _MAX)
     grids = [np.linspace(0, m.length, max(2, round(m.length / gap)) + 1) for m in members]
     member = np.repeat(np.arange(len(members)), [len(grid) for grid in grids])
     position = np.concatenate(grids)

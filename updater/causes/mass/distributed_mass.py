@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.inference import Fit
 
-_LEAST = 1e-4  # of the structure's mass
+_MIN = 1e-4  # of the structure's mass
 _GYRATION_STD = 0.7  # relative to g: the distribution of a load around the axis is unknown
 _REMOVABLE = 0.9  # of a stretch's own mass
 #: from a sixth of the longest member to all of it: a shorter one is a body
@@ -78,7 +78,7 @@ class DistributedMass(Spread):
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the correction of the evidence for a mass of any order of magnitude."""
         std, most = np.sqrt(covariance[:, 0, 0]), self._total
-        return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_LEAST * most, most=most).log_ratio
+        return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_MIN * most, most=most).log_ratio
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the mass in all and the length over which it is spread."""

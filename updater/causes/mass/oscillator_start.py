@@ -11,7 +11,7 @@ from updater.fe import local_axes
 from updater.inference import Comparison, NewModes, beside, linear_in_mass, shaken
 from updater.reference import Reference
 
-_LEAST_START = 0.01  # of the largest mass, from where a fit begins
+_MIN_START = 0.01  # of the largest mass, from where a fit begins
 _SAME_FREQUENCY, _SAME_SHAPE = 0.1, 0.6  # of ln f, and MAC: a mode of the reference that was not seen before
 
 
@@ -54,7 +54,7 @@ def shaking(
     effect = -0.5 * (across - squared * answer[comparison.paired]) @ whitener.T
     shift = whitener @ comparison.log_ratio
     mass = effect @ shift / np.maximum((effect**2).sum(-1), 1e-12)
-    mass = np.clip(mass, _LEAST_START * largest, largest)
+    mass = np.clip(mass, _MIN_START * largest, largest)
     off += ((shift - mass[:, :, None] * effect) ** 2).sum(-1)
     # the structure's receptance at its foot: omega_o^2 = omega^2 / (1 - m sum phi_s^2 / (omega_r^2 / omega^2 - 1))
     foot = np.clip(mass * (translation**2 * answer).sum(-1), -0.3, 0.3)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 _FINER = 4  # elements for one
 _WORTH = 1e-4  # of ln f: less than this is a fine mesh
-_MOST_DOFS = 20_000  # of the finer model: a larger one is fine, and slow
+_MAX_DOFS = 20_000  # of the finer model: a larger one is fine, and slow
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -62,7 +62,7 @@ def propose_mesh_error(reference: Reference, comparison: Comparison) -> MeshErro
     """Return the finer mesh; None where a baseline was measured, or the mesh is fine already."""
     calibration = reference.calibration
     model = calibration.model
-    if calibration.fitted or calibration.structure.external is not None or _FINER * model.n_dofs > _MOST_DOFS:
+    if calibration.fitted or calibration.structure.external is not None or _FINER * model.n_dofs > _MAX_DOFS:
         return None
     refined = best_model(_refined(calibration.structure))
     modes = refined.modes(len(reference.frequency))

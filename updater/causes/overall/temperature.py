@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 SOFTENING = 3.5e-4  # 1/K, of Young's modulus
 SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel
-_LEAST_WARMER = 1.0  # K, below which no softening per kelvin is stated
+_MIN_WARMER = 1.0  # K, below which no softening per kelvin is stated
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,7 +49,7 @@ class Temperature(OwnFactor):
         """Return the temperature rise; with a thermometer, also the loss of stiffness over mass per kelvin."""
         value, std = self.found(fit)
         warmer = -2 * value / SOFTENING
-        if abs(self.warmer) > _LEAST_WARMER:
+        if abs(self.warmer) > _MIN_WARMER:
             softening = Quantity(value=-2 * value / self.warmer, std=2 * std / abs(self.warmer), unit="1/K")
             measured = Quantity(value=self.warmer, std=self.comparison.circumstances.warmer_std, unit="K")
             return {"warmer": measured, "softening": softening}

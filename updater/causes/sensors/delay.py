@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _STD = 2e-3  # s: filters of other settings, stations on a bus, clocks that are not disciplined
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
 _WORTH = 100.0  # chi-square that a fault must explain, so that several faults start with theirs together
-_MOST_FAULTS = 8  # that are looked for so
+_MAX_FAULTS = 8  # that are looked for so
 _PHASE_STEP = 0.5  # rad of the highest mode between them: a fit finds its way within one
 
 
@@ -76,7 +76,7 @@ def begin_at(reference: Reference, comparison: Comparison) -> tuple[FloatArray, 
     n = len(comparison.channels)
     late = np.array([[float(c in group) for c in comparison.channels] for group in groups_of(reference, comparison)])
     sign, lag = np.ones(n), np.zeros(n)
-    for _ in range(_MOST_FAULTS):
+    for _ in range(_MAX_FAULTS):
         delay, gained = _search(comparison, late if comparison.phased.any() else late[:0], sign, lag)
         other, better = _other_gain(comparison, sign, lag)
         most = gained.max(initial=0.0)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STD = 2.0  # of ln(1 + k f), while it is fitted
-_LEAST, _MOST = 0.003, 7.0  # range relative to it: from hardly visible to fixed
+_MIN, _MAX = 0.003, 7.0  # range relative to it: from hardly visible to fixed
 _LARGE = 3e6  # points times DOFs, of which only the kept modes' flexibility is known
 _DIRECTIONS = Kinds(
     size={0: 0, 1: 0, 2: 0}, step={0: 12, 1: 12, 2: 12}, about={0: (0,), 1: (0,), 2: (0,)}
@@ -68,14 +68,14 @@ class SupportSpring(Stretches):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
         moved, give = self.at(theta, rows)
-        held = -np.expm1(-np.minimum(theta[:, 0], _MOST)) / give
+        held = -np.expm1(-np.minimum(theta[:, 0], _MAX)) / give
         change = -held[:, None, None] * moved[:, :, None] * moved[:, None, :]
         return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the correction of the evidence for a stiffness of any order; half of that prior would bias it."""
         std = np.sqrt(covariance[:, 0, 0])
-        found = log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+        found = log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
         return np.asarray(found + np.log(2))
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
@@ -84,7 +84,7 @@ class SupportSpring(Stretches):
         axis = int(np.argmax(np.bincount(self.kind, likely)))
         share = np.where(self.kind == axis, likely, 0.0)
         share = share / share.sum()
-        theta = np.clip(fit.theta[:, 0], _LEAST, _MOST)
+        theta = np.clip(fit.theta[:, 0], _MIN, _MAX)
         log = np.log(np.expm1(theta) / self.at(fit.theta, np.arange(len(theta)))[1])
         mean, std = float(share @ log), np.sqrt(fit.covariance[:, 0, 0]) / -np.expm1(-theta)
         spread = float(np.sqrt(share @ (std**2 + (log - mean) ** 2) + DENSITY_STD**2))
@@ -97,7 +97,7 @@ class SupportSpring(Stretches):
         distance = float(self.middles(theta[None], this)[0] * self.cells.length[member])
         at = vector(self.cells.members[member].point(distance))
         give = float(self.at(theta[None], this)[1][0])
-        stiffness = {AXES[self.kind[row]]: float(np.expm1(min(theta[0], _MOST))) / give}
+        stiffness = {AXES[self.kind[row]]: float(np.expm1(min(theta[0], _MAX))) / give}
         support = Support.model_validate({"at": at, "stiffness": stiffness})
         return structure.model_copy(update={"support": (*structure.support, support)})
 

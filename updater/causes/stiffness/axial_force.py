@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STD = 0.3  # of the force over that of buckling, while it is fitted
-_LEAST, _MOST = 0.003, 3.0  # of its magnitude
+_MIN, _MAX = 0.003, 3.0  # of its magnitude
 _COMPRESSED = -0.9  # relative to buckling: no structure is stable beyond
 
 
@@ -53,7 +53,7 @@ class AxialForce(Discrete):
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the correction of the evidence for a force of any order."""
         std = np.sqrt(covariance[:, 0, 0])
-        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return the member, all of it."""

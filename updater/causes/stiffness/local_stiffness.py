@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STD = 1.0  # of ln of the factor on stiffness, while it is fitted
-_LEAST, _MOST = 0.01, 4.0  # of its magnitude: one per cent to all but two
+_MIN, _MAX = 0.01, 4.0  # of its magnitude: one per cent to all but two
 _STIFFEST = -1.0  # logarithm of the largest gain of stiffness
 SHEAR = 0.5  #: share of the loss in shear and along the axis: little for a crack, all for a softer material
 SOFTEST = 7.0  #: beyond it the stretch is a hinge
@@ -78,7 +78,7 @@ class LocalStiffness(Spread):
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the correction of the evidence for a loss of any order."""
         std = np.sqrt(covariance[:, 0, 0])
-        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_LEAST, most=_MOST).log_ratio
+        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
 
     def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the logarithm that adds as much flexibility in all."""

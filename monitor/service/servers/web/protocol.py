@@ -11,7 +11,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 REQUEST_SECONDS = 10.0  #: time from connecting, or from the previous answer, until a request is complete
 ANSWER_SECONDS = 30.0  #: time from then on until its answer has been received
-MOST_CONNECTIONS = 512  #: above it, the connection that has waited longest for its request is closed
+MAX_CONNECTIONS = 512  #: above it, the connection that has waited longest for its request is closed
 
 
 class BoundedProtocol(H11Protocol):
@@ -27,7 +27,7 @@ class BoundedProtocol(H11Protocol):
         """Begin to wait for a request; make room if there are too many connections."""
         super().connection_made(transport)
         self._wait()
-        if len(self.connections) > MOST_CONNECTIONS:
+        if len(self.connections) > MAX_CONNECTIONS:
             next(iter(self.waiting)).transport.abort()
 
     def data_received(self, data: bytes) -> None:

@@ -126,7 +126,7 @@ def test_request_that_does_not_end_is_cut_and_others_are_not(app: ASGIApp, monke
 
 
 def test_connection_that_waits_longest_gives_way(app: ASGIApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocol, "MOST_CONNECTIONS", 3)
+    monkeypatch.setattr(protocol, "MAX_CONNECTIONS", 3)
 
     async def visit(connect: Connect) -> None:
         opened = [await connect() for _ in range(5)]
