@@ -1,4 +1,4 @@
-"""/metrics in the text form that Prometheus reads."""
+"""Metrics in the text format of Prometheus, for `/metrics`."""
 
 import time
 from typing import Any
@@ -7,20 +7,26 @@ from prometheus_client import CollectorRegistry, Gauge, generate_latest
 
 from monitor.service.servers.web.source import TROUBLES, problems
 
+_MEMORY = {
+    "blocks": ("python_allocated_blocks", "Blocks of Python's allocator in use by the monitor process."),
+    "heap_bytes": ("heap_used_bytes", "Bytes of the C library's heap in use by the monitor process."),
+}
 _STATES = ("learning", "normal", "watch", "alarm")
 
 
 def metrics(vitals: dict[str, Any] | None) -> bytes:
-    """Return the figures; of a monitor that never ran, only that it is not well."""
+    """Return the metrics; without a status file, only that the monitor is not healthy."""
     registry = CollectorRegistry()
-    _gauge(registry, "healthy", "1 if nothing is stale or lost", float(not problems(vitals)))
+    _gauge(registry, "healthy", "1 if the monitor is healthy, else 0.", float(not problems(vitals)))
     if vitals is not None:
         _of_monitor(registry, vitals)
         _of_ways(registry, vitals)
         _of_devices(registry, vitals["devices"])
         _of_window(registry, vitals["window"])
         _of_self_test(registry, vitals.get("self_test"))
-        gauge = Gauge("modalwatch_state", "1 for the state of the alarm", ["state"], registry=registry)
+        gauge = Gauge(
+            "modalwatch_state", "1 for the present state of the alarm, 0 for the others.", ["state"], registry=registry
+        )
         for name in _STATES:
             gauge.labels(name).set(name == vitals["state"])
     return generate_latest(registry)
@@ -28,7 +34,7 @@ def metrics(vitals: dict[str, Any] | None) -> bytes:
 
 def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     now = time.time()
-    _gauge(registry, "start_time_seconds", "Start of the monitor", vitals["started"])
+    _gauge(registry, "start_time_seconds", "Start of the monitor, in seconds since 1970.", vitals["started"])
     _gauge(
         registry,
         "vitals_age_seconds",
@@ -36,18 +42,23 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
         now - vitals["time"],
     )
     _gauge(
-        registry, "window_age_seconds", "Since a window was last analysed", now - vitals["time"] + vitals["window_age"]
+        registry,
+        "window_age_seconds",
+        "Time since a window was last analysed, in seconds.",
+        now - vitals["time"] + vitals["window_age"],
     )
-    _gauge(registry, "dropped_items", "Items that did not reach the log", vitals["dropped"])
-    _gauge(registry, "history_dropped_items", "Items that the history had no room for", vitals["not_in_history"])
-    _gauge(registry, "disk_free_bytes", "Where the log is", vitals["disk_free"])
-    for name, text in {"blocks": "Of Python's allocator", "heap_bytes": "Of the C library's"}.items():
-        if name in vitals["held"]:
-            _gauge(registry, f"held_{name}", f"{text}, in use by the monitor's own process", vitals["held"][name])
+    _gauge(registry, "dropped_items", "Items dropped because the queue of the log was full.", vitals["dropped"])
+    _gauge(
+        registry, "history_dropped_items", "Items that the history did not store or spool.", vitals["not_in_history"]
+    )
+    _gauge(registry, "disk_free_bytes", "Free space of the disk of the log, in bytes.", vitals["disk_free"])
+    for key, (name, text) in _MEMORY.items():
+        if key in vitals["held"]:
+            _gauge(registry, name, text, vitals["held"][key])
     _gauge(
         registry,
         "left_out_windows",
-        "Windows left out since the start as the analysis had fallen behind.",
+        "Windows left out since the start because the analysis was behind.",
         vitals.get("windows_left_out", 0),
     )
     failures = Gauge(
@@ -56,32 +67,37 @@ def _of_monitor(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     for name, count in vitals.get("thread_failures", {}).items():
         failures.labels(name).set(count)
     for name in TROUBLES:
-        _gauge(registry, f"{name}_failed", f"1 while {name} is in trouble", float(bool(vitals.get(name))))
+        _gauge(
+            registry, f"{name}_failed", f"1 while the part {name} has a problem, else 0.", float(bool(vitals.get(name)))
+        )
 
 
 def _of_ways(registry: CollectorRegistry, vitals: dict[str, Any]) -> None:
     """Add queues, damaged data, and the delay of results."""
-    waiting = Gauge("modalwatch_queue_items", "That wait", ["queue"], registry=registry)
+    waiting = Gauge("modalwatch_queue_items", "Items that wait in a queue.", ["queue"], registry=registry)
     for name, items in vitals["waiting"].items():
         waiting.labels(name).set(items)
     bad = Gauge(
         "modalwatch_bad_bytes",
-        "That no frame with a right checksum held",
+        "Bytes since the start outside frames with a valid checksum.",
         ["device"],
         registry=registry,
     )
     for name, count in vitals["bad_bytes"].items():
         bad.labels(name).set(count)
-    texts = {"window": "From a window's last sample to its result", "alarm": "From the last sample that raised it"}
+    texts = {
+        "window": "Time from the last sample of a window to its result, in seconds.",
+        "alarm": "Time from the last sample of a window to the alarm that it raised, in seconds.",
+    }
     for name, seconds in vitals["late"].items():
         _gauge(registry, f"{name}_latency_seconds", texts[name], seconds)
 
 
 def _of_devices(registry: CollectorRegistry, devices: dict[str, Any]) -> None:
-    rate = Gauge("modalwatch_scan_rate_hertz", "Scans a second of wall time", ["device"], registry=registry)
-    scans = Gauge("modalwatch_scans", "Since the start", ["device"], registry=registry)
-    gaps = Gauge("modalwatch_gaps", "Since the start", ["device"], registry=registry)
-    lost = Gauge("modalwatch_device_lost", "1 while it is", ["device"], registry=registry)
+    rate = Gauge("modalwatch_scan_rate_hertz", "Scans received per second of wall time.", ["device"], registry=registry)
+    scans = Gauge("modalwatch_scans", "Scans received since the start.", ["device"], registry=registry)
+    gaps = Gauge("modalwatch_gaps", "Gaps in the scans since the start.", ["device"], registry=registry)
+    lost = Gauge("modalwatch_device_lost", "1 while the device is lost, else 0.", ["device"], registry=registry)
     for name, device in devices.items():
         rate.labels(name).set(device["rate"])
         scans.labels(name).set(device["scans"])
@@ -92,11 +108,21 @@ def _of_devices(registry: CollectorRegistry, devices: dict[str, Any]) -> None:
 def _of_window(registry: CollectorRegistry, window: dict[str, Any]) -> None:
     if not window:
         return
-    _gauge(registry, "window_modes", "Modes in the last window", window["n_modes"])
+    _gauge(registry, "window_modes", "Number of modes in the last window.", window["n_modes"])
     if window["novelty"] and window["novelty"]["t2"] is not None:
-        _gauge(registry, "novelty", "Of the last window", window["novelty"]["t2"])
-        _gauge(registry, "novelty_limit", "Of the last window", window["novelty"]["limit"] or float("nan"))
-    frequency = Gauge("modalwatch_mode_frequency_hertz", "In the last window", ["mode"], registry=registry)
+        _gauge(registry, "novelty", "Novelty of the last window.", window["novelty"]["t2"])
+        _gauge(
+            registry,
+            "novelty_limit",
+            "Limit of the novelty of the last window.",
+            window["novelty"]["limit"] or float("nan"),
+        )
+    frequency = Gauge(
+        "modalwatch_mode_frequency_hertz",
+        "Frequency of a mode in the last window, in hertz.",
+        ["mode"],
+        registry=registry,
+    )
     if window["phase"] != "learning":
         for mode, value in window["frequencies"].items():
             frequency.labels(mode).set(value)
@@ -106,11 +132,21 @@ def _of_self_test(registry: CollectorRegistry, test: dict[str, Any] | None) -> N
     if test is None:
         return
     now = time.time()
-    _gauge(registry, "self_test_detection_ratio", "Of the mass, over places", test["detected"] / test["places"])
-    _gauge(registry, "self_test_mass_kilograms", "That was put into copies of windows", test["mass"])
-    _gauge(registry, "self_test_age_seconds", "Since the last one", now - test["time"] * 1e-9)
+    _gauge(
+        registry,
+        "self_test_detection_ratio",
+        "Share of places at which the simulated mass was detected by the last self-test.",
+        test["detected"] / test["places"],
+    )
+    _gauge(registry, "self_test_mass_kilograms", "Simulated mass of the last self-test, in kilograms.", test["mass"])
+    _gauge(registry, "self_test_age_seconds", "Time since the last self-test, in seconds.", now - test["time"] * 1e-9)
     if test["last_passed"] is not None:
-        _gauge(registry, "self_test_success_age_seconds", "Since one has passed", now - test["last_passed"] * 1e-9)
+        _gauge(
+            registry,
+            "self_test_success_age_seconds",
+            "Time since the last self-test that has passed, in seconds.",
+            now - test["last_passed"] * 1e-9,
+        )
 
 
 def _gauge(registry: CollectorRegistry, name: str, text: str, value: float) -> None:

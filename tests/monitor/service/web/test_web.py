@@ -214,7 +214,7 @@ def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
     assert sum(float(v) for k, v in found.items() if k.startswith("modalwatch_state")) == 1.0
     assert found['modalwatch_queue_items{queue="analysis"}'] == "40.0"
     assert found['modalwatch_bad_bytes{device="left"}'] == "21.0"
-    assert float(found["modalwatch_held_blocks"]) > 1e5
+    assert float(found["modalwatch_python_allocated_blocks"]) > 1e5
     assert {"modalwatch_window_latency_seconds", "modalwatch_alarm_latency_seconds"} <= found.keys()
 
 
