@@ -1,4 +1,4 @@
-"""What the reference model is worth: as the file says, one-step updated, calibrated by sensitivities, or both.
+"""Accuracy with reference models: as in the file, one-step updated, calibrated by sensitivities, or both.
 
 One body of 4 % of the mass at random places of ten frames that differ from the reference in kind, located by the
 likelihood from the same data with each of the four references. Prints a table of docs/paper.md.
@@ -33,7 +33,7 @@ def references(rig: Rig) -> dict[str, Reference]:
     paired = pair_baseline(model, modes, both.baseline)
     raw = replace(both.calibration, structure=structure, model=model, modes=modes, paired=paired)
     found = {}
-    for said, calibration in (("as the file says", raw), ("calibrated by sensitivities", both.calibration)):
+    for said, calibration in (("as in the file", raw), ("calibrated by sensitivities", both.calibration)):
         shape = calibration.modes.shape.copy()
         seen = both.rows(calibration.model) @ shape[:, calibration.paired]
         shape[:, calibration.paired] *= np.sign((seen * both.baseline.shape.T).sum(0))  # as the measured ones point
