@@ -92,7 +92,7 @@ def run(
     with SiteRun(site, on_result, live, takers, recalled, mended) as running:
         manager.ready()
         while not stop.is_set():
-            if running.turn():
+            if running.poll():
                 manager.status(running.vitals.line)
             manager.feed(running.signs)
             _reload(running, reread, manager)

@@ -211,7 +211,7 @@ class LogAndAnalysis:
         """Have an event logged that happens now."""
         self._log.put(Event(topic=f"/event/{what}", time=self._clock.now(), payload=payload))
 
-    def turn(self) -> None:
+    def poll(self) -> None:
         """Log and pass on results, for a moment; restart parts that have died or cannot catch up."""
         self._report()
         if self._revive_at and time.monotonic() >= self._revive_at:

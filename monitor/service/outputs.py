@@ -62,11 +62,11 @@ class Outputs:
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 
-    def said(self) -> Iterator[TopicPayload]:
+    def events(self) -> Iterator[TopicPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
-        yield from self._history.said()
+        yield from self._history.events()
         for courier in self._couriers:
-            yield from courier.said()
+            yield from courier.events()
         yield from self._tend()
 
     def _tend(self) -> Iterator[TopicPayload]:

@@ -89,14 +89,14 @@ class SiteRun:
         self._devices.stop()
         self._undo.close()
 
-    def turn(self) -> bool:
+    def poll(self) -> bool:
         """Log and pass on results, for a moment; return whether a second is over since the last time."""
-        if not FAILURES.attempt("log and analysis", self.logs.turn):
+        if not FAILURES.attempt("log and analysis", self.logs.poll):
             time.sleep(_POLL)
         for part, said in (
             ("inbox", self._inbox.taken),
-            ("outlets", self._outlets.said),
-            ("status", self.vitals.said),
+            ("outlets", self._outlets.events),
+            ("status", self.vitals.events),
             ("threads", FAILURES.events),
         ):
             FAILURES.attempt(part, self._log_events, said)

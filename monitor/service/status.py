@@ -158,7 +158,7 @@ class MonitorStatus:
             self._devices = {name: self._devices.get(name, DeviceStatus()) for name in devices}
             self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
-    def said(self) -> Iterator[TopicPayload]:
+    def events(self) -> Iterator[TopicPayload]:
         """Yield topic and payload of device events since the last time."""
         while self._said:
             yield self._said.popleft()

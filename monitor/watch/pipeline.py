@@ -13,8 +13,8 @@ from monitor.results.convert import spectrum_result
 from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings
 from monitor.watch.backlog import SKIPPED, Skip, none
-from monitor.watch.judge import WindowEvaluator
 from monitor.watch.memory import Memory
+from monitor.watch.window_evaluator import WindowEvaluator
 from oma import IdentificationError, identify_all
 from updater import Structure
 

@@ -71,7 +71,7 @@ class HistoryRecorder:
         mute = 0.0 if asked is None else time.monotonic() - asked
         return f"{shown_url(self._url)}: no answer for {mute:.0f} s" if mute > _MUTE else self._failed
 
-    def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
+    def events(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield topic and payload of events of the database since the last call."""
         if problem := self.problem:
             self._say_down(problem)

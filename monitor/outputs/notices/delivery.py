@@ -62,7 +62,7 @@ class NoticeSender:
         if notice is not None and notice.kind in self._target.events:
             (self.others if notice.kind in _OTHERS else self.alarms).put(notice)
 
-    def said(self) -> Iterator[tuple[str, dict[str, Any]]]:
+    def events(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield topic and payload of events of the deliveries since the last call."""
         while not self._said.empty():
             yield self._said.get()

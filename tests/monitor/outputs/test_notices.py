@@ -201,7 +201,7 @@ def test_server_that_is_down_gets_everything_later_in_one_message(server: Server
         until(lambda: courier.problem is None)
     [got] = server.got
     assert [notice["text"] for notice in got["notices"]] == ["ALARM: a mass", "over"]
-    assert [(topic, said.get("why")) for topic, said in courier.said()] == [
+    assert [(topic, said.get("why")) for topic, said in courier.events()] == [
         (TOPIC_FAILED, "webhook: 503 Service Unavailable"),
         (TOPIC_BACK, None),
     ]
@@ -246,7 +246,7 @@ def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server
         file.write('{"of": "another version"}\n{"cut')
     with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge") as courier:
         until(lambda: server.got)
-    assert list(courier.said()) == [(TOPIC_BACK, {"to": "webhook"})]
+    assert list(courier.events()) == [(TOPIC_BACK, {"to": "webhook"})]
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
 
 
@@ -259,7 +259,7 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
         courier.put(ALARM)
         until(lambda: server.got)
         until(lambda: not (tmp_path / "n.jsonl").exists())
-    assert list(courier.said()) == []
+    assert list(courier.events()) == []
 
 
 def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:

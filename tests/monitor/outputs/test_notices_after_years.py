@@ -84,7 +84,7 @@ def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, t
         until(lambda: courier.problem)
         server.answer = 200
         until(lambda: courier.problem is None)
-    assert [topic for topic, _ in courier.said()] == [TOPIC_FAILED, TOPIC_BACK]
+    assert [topic for topic, _ in courier.events()] == [TOPIC_FAILED, TOPIC_BACK]
 
 
 def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:

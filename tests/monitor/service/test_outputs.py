@@ -55,16 +55,16 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
     view = View()
     outlets = Outputs(site, cast("LiveView", view))
-    assert list(outlets.said()) == []
+    assert list(outlets.events()) == []
     view.problem, view.port_taken = "its process ended with code -9", True
-    assert list(outlets.said()) == [("/event/viewer_failed", {"why": "its process ended with code -9"})]
-    assert list(outlets.said()) == []
+    assert list(outlets.events()) == [("/event/viewer_failed", {"why": "its process ended with code -9"})]
+    assert list(outlets.events()) == []
     now += 61.0
-    assert list(outlets.said()) == []  # tried, in vain
+    assert list(outlets.events()) == []  # tried, in vain
     assert outlets.problems["viewer"] == "port 9876 is in use"
     view.port_taken = False
     now += 61.0
-    assert list(outlets.said()) == [("/event/viewer_recovered", {})]
+    assert list(outlets.events()) == [("/event/viewer_recovered", {})]
     assert outlets.problems["viewer"] is None
 
 
@@ -86,9 +86,9 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
         [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
         server.kill()
         server.join()
-        assert list(outlets.said()) == [("/event/web_failed", {"why": "its process ended with code -9"})]
+        assert list(outlets.events()) == [("/event/web_failed", {"why": "its process ended with code -9"})]
         now += 61.0
-        assert list(outlets.said()) == [("/event/web_recovered", {})]
+        assert list(outlets.events()) == [("/event/web_recovered", {})]
         assert outlets.problems["web"] is None
         socket.create_connection(("127.0.0.1", port), 5.0).close()
 

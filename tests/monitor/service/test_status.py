@@ -102,7 +102,7 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
         vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock())
         payload = {"device": "left", "serial": serial, "filter_delay": 0.1}
         vitals.take(Event(topic="/event/device_open", time=1, payload=payload))
-        told.append(list(vitals.said()))
+        told.append(list(vitals.events()))
         vitals.write(WELL)
     replaced = {"device": "left", "before": {"serial": "S1"}, "now": {"serial": "S2"}}
     assert told == [[], [], [("/event/device_replaced", replaced)], []]
@@ -118,7 +118,7 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         said = {"problem": "no resonance stands out"} if row is None else {"faults": row}
         vitals.take(result_event(WindowResult.model_validate(window | said)))
-        if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in vitals.said()]:
+        if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in vitals.events()]:
             told[index] = found
     copies = "contain identical samples (error of cabling or export?)"
     assert told == {
@@ -145,7 +145,7 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
         heard = [channel for channel in "abc" if channel not in row]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         vitals.take(result_event(WindowResult.model_validate(window | {"faults": row})))
-        told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in vitals.said()]
+        told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in vitals.events()]
     assert told == [(1, "channel_failed", "c"), (5, "channel_failed", "a")]
 
 
@@ -182,7 +182,7 @@ def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_
             vitals.take(result_event(result))
         vitals.write(WELL)
         vitals._due = 0.0
-        return list(vitals.said()), json.loads((tmp_path / NAME).read_text())["overload"]
+        return list(vitals.events()), json.loads((tmp_path / NAME).read_text())["overload"]
 
     assert take(window) == ([], None)
     assert take(skipped, skipped, window, skipped) == (
@@ -192,4 +192,4 @@ def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_
     assert take(*[window] * 9)[1] == "1 of the last 10 windows left out: the analysis has fallen behind"
     assert take(window) == ([("/event/analysis_caught_up", {"left_out": 3})], None)
     vitals.take(Event(topic="/event/analysis_lagging", time=1, payload={"left_out_s": 6000.0}))
-    assert [topic for topic, _ in vitals.said()] == ["/event/windows_left_out"]
+    assert [topic for topic, _ in vitals.events()] == ["/event/windows_left_out"]

@@ -15,8 +15,8 @@ def fails(*_: object, **__: object) -> None:
 
 def test_alarm_is_raised_though_diagnosis_sensors_and_self_test_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each would end the process of the analysis, with each window anew."""
-    monkeypatch.setattr("monitor.watch.judge.answer", fails)
-    monkeypatch.setattr("monitor.watch.judge.sensors", fails)
+    monkeypatch.setattr("monitor.watch.window_evaluator.answer", fails)
+    monkeypatch.setattr("monitor.watch.window_evaluator.sensors", fails)
     monkeypatch.setattr("monitor.watch.self_test.self_test", fails)
     played = Played(7, monkeypatch)
     played.settings = played.settings.model_copy(

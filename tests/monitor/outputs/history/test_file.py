@@ -42,7 +42,7 @@ def attacked(folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.M
     HistoryStore(sqlite_url(folder)).__exit__()
 
     def back() -> bool:
-        said.extend(made.said())
+        said.extend(made.events())
         return any(topic == TOPIC_BACK for topic, _ in said)
 
     with recording(sqlite_url(folder), folder / "spool.jsonl") as made:
@@ -54,7 +54,7 @@ def attacked(folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.M
             made.put(event)
             time.sleep(0.002)
         until(back)
-    said += made.said()
+    said += made.events()
     assert made.problem is None
     assert made.dropped == 0
     assert not (folder / "spool.jsonl").exists()
@@ -151,7 +151,7 @@ def test_rows_that_were_not_taken_over_before_the_end_are_at_the_next_start(tmp_
     with recording(url, tmp_path / "spool.jsonl") as made:
         until(lambda: not list(tmp_path.glob("*_unread*")))
     assert len(rows(url, "windows")) == 20
-    assert [topic for topic, _ in made.said()] == [TOPIC_RESTORED]
+    assert [topic for topic, _ in made.events()] == [TOPIC_RESTORED]
 
 
 def test_file_that_is_deleted_twice_within_the_pause_is_restored(

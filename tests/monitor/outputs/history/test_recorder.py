@@ -29,7 +29,7 @@ def test_what_is_put_in_is_there_at_the_end(tmp_path: Path) -> None:
         for event in EVENTS:
             made.put(event)
     assert len(rows(sqlite_url(tmp_path), "windows")) == 20
-    assert (list(made.said()), made.dropped) == ([], 0)
+    assert (list(made.events()), made.dropped) == ([], 0)
     assert not (tmp_path / "spool.jsonl").exists()
 
 
@@ -50,7 +50,7 @@ def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pyte
         until(lambda: made.problem is None)
         assert not spool.exists()
     assert len(rows(url, "windows")) == 20
-    (down, why), (back, brought) = made.said()
+    (down, why), (back, brought) = made.events()
     assert (down, back, brought) == (TOPIC_DOWN, TOPIC_BACK, {"brought_in": len(EVENTS)})
     assert "locked" in why["why"]
 
@@ -69,7 +69,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
         until(lambda: mute.problem)
         for event in EVENTS[1:]:
             mute.put(event)
-        [(topic, payload)] = mute.said()
+        [(topic, payload)] = mute.events()
         assert (topic, "history.sqlite: no answer for" in payload["why"]) == (TOPIC_DOWN, True)
     lines = spool.read_text(encoding="utf-8").splitlines()
     assert len(lines) == len(EVENTS)
@@ -80,7 +80,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     with recording(url, spool) as made:
         until(lambda: not spool.exists())
     assert len(rows(url, "windows")) == 20
-    assert list(made.said()) == [(TOPIC_BACK, {"brought_in": len(EVENTS)})]
+    assert list(made.events()) == [(TOPIC_BACK, {"brought_in": len(EVENTS)})]
 
 
 def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
@@ -90,7 +90,7 @@ def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(
         for event in EVENTS:
             made.put(event)
             time.sleep(0.01)
-    [(topic, payload)] = made.said()
+    [(topic, payload)] = made.events()
     assert (topic, made.dropped) == (TOPIC_DOWN, 0)
     assert "unable to open database file" in payload["why"]
     file.rmdir()
