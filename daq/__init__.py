@@ -17,7 +17,7 @@ from daq.emulator.slcan import EmulatedSlcan
 from daq.emulator.witmotion import EmulatedWitmotion
 from daq.emulator.witmotion_can import EmulatedWitmotionCan
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
-from daq.files.archive_size import check_archive
+from daq.files.archive_size import DAMAGED_FILE, check_archive
 from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
 from daq.files.columns.headings import ACCELERATIONS, acceleration
 from daq.files.columns.time_column import TIME_UNITS
@@ -50,6 +50,7 @@ __all__ = [
     "BEGINNING",
     "CAN_LOGS",
     "CHANNELS",
+    "DAMAGED_FILE",
     "DEVICE_FAILED",
     "END",
     "EPSON_SCALE",

@@ -109,7 +109,7 @@ class DeviceReader(SupervisedThread):
             guarded(self.device, self._driver.close)
 
     def _stream(self) -> None:
-        heard = self._moved()
+        last_moved = self._moved()
         while not self.ending.is_set():
             scans = self._driver.read()
             self.bad_bytes += scans.bad_bytes
@@ -119,8 +119,8 @@ class DeviceReader(SupervisedThread):
             for block in self._blocks.add(scans, now):
                 self._hand_on(block)
             if len(scans.counts):
-                heard = now
-            elif now - heard > self._silent_seconds * 1e9 * self._clock.speed:
+                last_moved = now
+            elif now - last_moved > self._silent_seconds * 1e9 * self._clock.speed:
                 raise DeviceLost(self.device, f"silent for {self._silent_seconds:g} s")
 
     def _moved(self) -> int:

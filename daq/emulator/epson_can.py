@@ -162,7 +162,7 @@ class EmulatedEpsonCan:
 
     def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the process data that are due, of as many scans as there is room for; the others are dropped."""
-        n = self._n_heard(syncs) if self.synced else self._n_due()
+        n = self._n_received(syncs) if self.synced else self._n_due()
         first = self._due
         counts = self._source.read(first - self._train_first, n)[:room] if n else np.empty((0, 3), np.int32)
         self._due += n
@@ -203,7 +203,7 @@ class EmulatedEpsonCan:
         elapsed = (self._clock.now() - self._started) * 1e-9 - self._delay
         return max(0, math.floor(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
 
-    def _n_heard(self, syncs: Syncs) -> int:
+    def _n_received(self, syncs: Syncs) -> int:
         """Return the number of scans due by SYNC frames, one each; the source gets the time of the first."""
         if not syncs.n or self._state != _OPERATIONAL or self._hung:
             return 0

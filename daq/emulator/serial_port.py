@@ -111,11 +111,11 @@ class SerialEmulator(ABC):
 
     def _listen(self, understood: bool) -> None:
         try:
-            heard = os.read(self._master, 256)
+            received = os.read(self._master, 256)
         except OSError:
             return  # no reply, or the port is not open
         if understood and self.line.happening(self._scans_until(self._clock.now()), self._true_rate) != "silent":
-            self.receive(heard)
+            self.receive(received)
 
     def _sample(self, started: int) -> None:
         due = math.floor(((self._clock.now() - started) * 1e-9 - self._delay) * self._true_rate) + 1

@@ -1,6 +1,8 @@
 """Sizes of compressed files before they are unpacked: a megabyte of zeros fits into a kilobyte."""
 
 import math
+import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -10,6 +12,11 @@ import numpy as np
 
 from daq.errors import DataError
 
+#: Exceptions of numpy, scipy and zipfile for damaged files, and for files of another format.
+DAMAGED_FILE = (
+    *(ValueError, TypeError, LookupError, AttributeError, EOFError, ArithmeticError, MemoryError, RuntimeError),
+    *(SyntaxError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError),
+)
 _MAX_UNPACKED = 64_000_000  # bytes that every file may have
 _MAX_RATIO = 50  # unpacked over packed of a larger one: measured signals have 1 to 10
 _PIECE = 1 << 20

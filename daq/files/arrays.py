@@ -1,9 +1,5 @@
 """Arrays of numpy's .npz and Matlab's .mat files."""
 
-import struct
-import tokenize
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,17 +7,12 @@ from typing import Any
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.archive_size import check_archive
+from daq.files.archive_size import DAMAGED_FILE, check_archive
 from daq.files.columns.time_column import time_column
 from daq.files.mat import read_mat
 from daq.files.origin import Origin, parse_origin
 from daq.types import FloatArray
 
-#: exceptions of numpy and scipy for files of another format, or damaged ones
-_DAMAGED = (
-    *(ValueError, TypeError, IndexError, KeyError, AttributeError, EOFError, OverflowError, MemoryError),
-    *(RuntimeError, struct.error, zlib.error, zipfile.BadZipFile, tokenize.TokenError, SyntaxError),
-)
 _MAX_CHANNELS = 10_000
 ORIGIN = "origin"  #: array of one text
 _DATA, _RATE, _NAMES = ("data", "y"), ("rate", "fs"), ("channels", "names")
@@ -120,7 +111,7 @@ def _load(path: Path) -> dict[str, Any]:
         raise
     except OSError as error:
         raise DataError(path, f"cannot be read: {error.strerror or error}") from error
-    except _DAMAGED as error:
+    except DAMAGED_FILE as error:
         raise DataError(path, f"holds no arrays: {error}") from error
 
 

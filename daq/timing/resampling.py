@@ -130,10 +130,10 @@ class _Device:
 
     @property
     def ready(self) -> bool:
-        return self.heard and self._stretches[-1].clock.span >= _SETTLE_SECONDS
+        return self.has_data and self._stretches[-1].clock.span >= _SETTLE_SECONDS
 
     @property
-    def heard(self) -> bool:
+    def has_data(self) -> bool:
         return bool(self._stretches)
 
     @property
@@ -247,8 +247,8 @@ class Assembler:
 
     def finish(self) -> Iterator[Recording]:
         """Yield the remaining windows at the end: incomplete for some devices, and a last, shorter one."""
-        alive = [d for d in self._devices.values() if d.heard and not d.lost]
-        alive = alive or [d for d in self._devices.values() if d.heard]
+        alive = [d for d in self._devices.values() if d.has_data and not d.lost]
+        alive = alive or [d for d in self._devices.values() if d.has_data]
         if not alive:
             return
         if self._next is None:

@@ -66,15 +66,15 @@ def _of_log(path: Path) -> tuple[tuple[Channel, ...], float]:
 
 def measured_only(structure: Structure, check: ChannelCheck) -> Structure:
     """Return the structure with only the sensors that something measures."""
-    both = zip(structure.sensor, structure.heard, strict=True)
-    kept = tuple(sensor for sensor, heard in both if heard.channel not in check.without_channel)
+    both = zip(structure.sensor, structure.corrected_sensors, strict=True)
+    kept = tuple(sensor for sensor, corrected in both if corrected.channel not in check.without_channel)
     corrections = {s.channel: c for s in kept if (c := structure.sensors.get(s.channel))}
     return structure.model_copy(update={"sensor": kept, "sensors": corrections})
 
 
 def twins(structure: Structure) -> list[tuple[str, str]]:
     """Return the pairs of sensors that measure the same motion, at one place along one line."""
-    sensors = structure.heard
+    sensors = structure.corrected_sensors
     if len(sensors) < 2:
         return []
     near = KDTree([s.at for s in sensors]).query_pairs(_SAME_PLACE, output_type="ndarray")

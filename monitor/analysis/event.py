@@ -55,7 +55,7 @@ def event_of(
     """
     modes = stack_tracks(windows.estimates, tracks)
     measured = reference.mean_of(modes)
-    delayed = windows.heard(reference.delays)
+    delayed = windows.with_new_delays(reference.delays)
     late = reference.mean_of(stack_tracks(delayed, tracks)) if delayed else None
     found, new = matched_and_new(reference, measured)
     there = {channel for estimate in windows.estimates for channel in estimate.channels}

@@ -34,7 +34,7 @@ def shift_of(watched: LawState, judged: Sequence[ScoredWindows]) -> Shift:
     residual = law.residual(terms, np.concatenate([j.whitened for j in judged], axis=-2))
     n = np.isfinite(residual).sum(-2)
     seen = np.where(n, n, np.nan)
-    lasting = np.diagonal(law.slow + law.feared, axis1=-2, axis2=-1)
+    lasting = np.diagonal(law.slow + law.unobserved, axis1=-2, axis2=-1)
     mean = np.where(np.isfinite(residual), residual, 0.0).sum(-2) / seen
     fast = law.fast * np.concatenate([j.variance for j in judged], axis=-1).mean(-1)
     return Shift(log_frequency=mean * law.scale, std=np.sqrt(fast[..., None] / seen + lasting) * law.scale)

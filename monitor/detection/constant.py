@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from daq import FloatArray
-from monitor.detection.temperature_law import FEARED_STD, Law
+from monitor.detection.temperature_law import UNOBSERVED_STD, Law
 
-_YEAR = 365.25 * 86400.0  # s, in which the constant wanders by `FEARED_STD`
+_YEAR = 365.25 * 86400.0  # s, in which the constant wanders by `UNOBSERVED_STD`
 
 
 def less_sure(law: Law, variance: FloatArray) -> Law:
@@ -29,4 +29,4 @@ def wandered(law: Law, seconds: float) -> Law:
     Without that the constant is the mean over all windows since the baseline, and lags behind a slow drift by half of
     the movement since then.
     """
-    return less_sure(law, seconds / _YEAR * (FEARED_STD / law.scale) ** 2)
+    return less_sure(law, seconds / _YEAR * (UNOBSERVED_STD / law.scale) ** 2)

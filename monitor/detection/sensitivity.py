@@ -74,7 +74,7 @@ def least_unsure(watched: LawState, judged: ScoredWindows) -> float | None:
     least = _least(law, np.array([watched.age]), judged, judged.terms, seen)
     if_sure = _least(
         sure, None, judged, measured, seen
-    )  # and all had come that is feared, which makes a young law's mean unsure
+    )  # with all unobserved movements, which make the mean of a young law uncertain
     return least if judged.carried[-1] or least > _MUCH * if_sure else None
 
 

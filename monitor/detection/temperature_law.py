@@ -30,12 +30,12 @@ from monitor.detection.temperature_terms import N_TERMS, THERMOMETER_STD, prior_
 BoolArray = npt.NDArray[np.bool_]
 
 CHUNK = 24  #: windows learned from at once; movements of their means are slow
-FEARED_STD = 3e-4  #: possible effect of an environment not yet observed on all log frequencies alike, and on each
-_FEARED_WORTH = 2.0  # degrees of freedom that its variance is worth
+UNOBSERVED_STD = 3e-4  #: possible effect of an environment not yet observed on all log frequencies alike, and on each
+_UNOBSERVED_WORTH = 2.0  # degrees of freedom of the variance of unobserved movements
 _FITTED = 4.0  # degrees of freedom that the law of temperature takes from residuals
 _YEAR_WORTH = 15.6e6  # s that an unmeasured temperature's seasons are worth: half a year
 _WEIGHTINGS = 3  # iterations of the weights of windows at freezing, by the errors of the law at freezing
-_FEARED_SECONDS = 6 * 3600.0  # in which that comes
+_UNOBSERVED_SECONDS = 6 * 3600.0  # time constant of unobserved movements [s]
 _THERMOMETER = np.array([0.15, 0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.5])  # K, that the thermometer's deviation may be ...
 _THERMOMETER_PRIOR = -0.5 * (np.log(_THERMOMETER / THERMOMETER_STD) / 0.7) ** 2  # ... and the logarithm of how likely
 _LASTING = 0.5  # of the fast variance: a direction that varies more for long makes successive windows alike
@@ -44,7 +44,7 @@ _STATED_WORTH = 8.0  # degrees of freedom that the stated deviations are worth
 _EVEN_WORTH = 24.0  # ... and that modes scatter by the same times these
 _MAX_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
-_CORRELATED_SECONDS = np.array([86400.0, 2 * _FEARED_SECONDS])  # that slow and feared movements are alike
+_CORRELATED_SECONDS = np.array([86400.0, 2 * _UNOBSERVED_SECONDS])  # of slow and of unobserved movements
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
 _TAILS = np.array([3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have ...
 _TAILS_PRIOR = np.array([-12.0, -11.0, -10.0, -9.0, -8.0, -7.0, -5.0, -3.0, 0.0])  # ... and the logarithm of how likely
@@ -66,7 +66,7 @@ class Sums:
     weight_of_means: FloatArray  #: (...,) the same of means
     tail: FloatArray  #: (..., n_tails) log likelihood of each tail
     thermometer: FloatArray  #: (..., n) log likelihood of each deviation of the thermometer
-    moving: FloatArray  #: (..., 2, 2) variance of slow and of feared movements by which `information` is weighted
+    moving: FloatArray  #: (..., 2, 2) variance of slow and of unobserved movements by which `information` is weighted
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,7 +83,7 @@ class Law:
     fast: FloatArray  #: (...,) variance new in every window, over the one predicted for it (`scatter`)
     freedom: FloatArray  #: (...,) degrees of freedom it is known with
     slow: FloatArray  #: (..., n_tracks, n_tracks) covariance that lasts, whitened
-    feared: FloatArray  #: (..., n_tracks, n_tracks) the same for movements for which the baseline was too short
+    unobserved: FloatArray  #: (..., n_tracks, n_tracks) the same for movements for which the baseline was too short
     rank: npt.NDArray[np.intp]  #: (...,) rank of lasting movements
     tail: FloatArray  #: (...,) degrees of freedom of a deviation's tail
     thermometer: FloatArray  #: (...,) standard deviation of the thermometer's as the structure's temperature [K]
@@ -115,7 +115,7 @@ class Law:
         spread = (
             unknown[..., 0, None, None] * along[..., None, :, :] + unknown[..., 1, None, None] * across[..., None, :, :]
         )
-        slow = self.slow[..., None, :, :] + self.come(age)[..., None, None] * self.feared[..., None, :, :]
+        slow = self.slow[..., None, :, :] + self.come(age)[..., None, None] * self.unobserved[..., None, :, :]
         moved = self.by_temperature(terms)
         return np.asarray(spread + slow + np.swapaxes(moved, -1, -2) @ moved)
 
@@ -150,7 +150,7 @@ class Law:
 
         A short baseline is one moment, which differs from a later one by twice the variance; a long one averages it.
         """
-        come = np.ones(1) if age is None else -np.expm1(-age / _FEARED_SECONDS)
+        come = np.ones(1) if age is None else -np.expm1(-age / _UNOBSERVED_SECONDS)
         return np.asarray((1 + self._unseen)[..., None] * come)
 
     @property
@@ -166,8 +166,8 @@ class Law:
         unknown = self.unsure(terms)
         rank = np.repeat(self.rank[..., None], terms.shape[-3], axis=-1)
         share = np.broadcast_to(self.come(age), rank.shape)
-        young = np.flatnonzero((share < 1.0).reshape(-1, rank.shape[-1]).any(0))  # less is feared than rank counts
-        come = share[..., young, None, None] * self.feared[..., None, :, :]
+        young = np.flatnonzero((share < 1.0).reshape(-1, rank.shape[-1]).any(0))
+        come = share[..., young, None, None] * self.unobserved[..., None, :, :]
         value = np.linalg.eigvalsh(self.slow[..., None, :, :] + come)
         rank[..., young] = (value > least[..., young, None]).sum(-1)
         some = rank + ((self.by_temperature(terms) ** 2).sum(-1) > least[..., None]).sum(-1) + (unknown[..., 0] > least)
@@ -180,8 +180,8 @@ def _unseen(watched: FloatArray) -> FloatArray:
 
     Movements of some hours show their variance with one degree of freedom in that time.
     """
-    freedom = np.maximum(watched / _FEARED_SECONDS - _FITTED, 0.0)
-    return np.asarray(_FEARED_WORTH / (_FEARED_WORTH + freedom))
+    freedom = np.maximum(watched / _UNOBSERVED_SECONDS - _FITTED, 0.0)
+    return np.asarray(_UNOBSERVED_WORTH / (_UNOBSERVED_WORTH + freedom))
 
 
 def common_direction(scale: FloatArray) -> FloatArray:
@@ -324,7 +324,7 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         fast=np.ones(lead),
         freedom=np.full(lead, _STATED_WORTH),
         slow=np.zeros((*lead, p, p)),
-        feared=np.zeros((*lead, p, p)),
+        unobserved=np.zeros((*lead, p, p)),
         rank=np.zeros(lead, dtype=np.intp),
         tail=np.full(lead, 100.0),
         thermometer=np.full(lead, THERMOMETER_STD),
@@ -332,7 +332,7 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
 
 
 def _with_scatter(blank: Law, law: Law) -> Law:
-    names = ("fast", "freedom", "slow", "feared", "rank", "tail", "thermometer")
+    names = ("fast", "freedom", "slow", "unobserved", "rank", "tail", "thermometer")
     return replace(blank, **{name: getattr(law, name) for name in names})
 
 
@@ -358,7 +358,7 @@ def _noise(law: Law, terms: FloatArray, age: float, variance: FloatArray) -> Flo
     A movement lasts for many windows, so that together they determine it no better than one does. The same applies to
     errors of the law's regressors at freezing.
     """
-    come = np.array([1.0, -np.expm1(-age / _FEARED_SECONDS)])
+    come = np.array([1.0, -np.expm1(-age / _UNOBSERVED_SECONDS)])
     alike = _alike(law, age)
     moving = (_moving(law) * (come * alike)[..., None]).sum(-2)
     freezing = np.moveaxis(law.freezing(terms), -1, -2) * alike[..., 1, None, None]
@@ -366,12 +366,12 @@ def _noise(law: Law, terms: FloatArray, age: float, variance: FloatArray) -> Flo
 
 
 def _moving(law: Law) -> FloatArray:
-    """Return the variance (..., 2, 2) of slow and of feared movements, along the common direction and across it."""
-    return np.stack([_parts(law, law.slow), _parts(law, law.feared)], axis=-2)
+    """Return the variance (..., 2, 2) of slow and of unobserved movements, along the common direction and across it."""
+    return np.stack([_parts(law, law.slow), _parts(law, law.unobserved)], axis=-2)
 
 
 def _alike(law: Law, age: float) -> FloatArray:
-    """Return the windows (..., 2) within the correlation times of slow and of feared movements, or seen so far."""
+    """Return the windows (..., 2) within the correlation times of slow and of unobserved movements, or seen so far."""
     lasted = np.mean(law.sums.n_product, axis=(-2, -1)) * law.step + age
     return np.asarray(np.minimum(_CORRELATED_SECONDS, lasted[..., None]) / law.step)
 
@@ -386,7 +386,7 @@ def _parts(law: Law, covariance: FloatArray) -> FloatArray:
 def _reweighted(law: Law, age: float) -> Law:
     """Return the law, its windows so far weighted by the present variance of movements.
 
-    That was feared to be larger when the first windows were learnt from.
+    It was assumed to be larger when the first windows were learnt from.
     """
     moving, alike = _moving(law), _alike(law, age)[..., None]
     before, now = (law.fast[..., None] + (alike * m).sum(-2) for m in (law.sums.moving, moving))
@@ -442,10 +442,10 @@ def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray, s
     )
     worth = _EFFICIENCY * sums.n_difference
     fast = (_STATED_WORTH + _EFFICIENCY * sums.difference) / (_STATED_WORTH + worth)
-    slow, feared = _slow(law, sums, fast)
-    rank = (np.linalg.eigvalsh(slow + feared) > _LASTING * fast[..., None]).sum(-1)
+    slow, unobserved = _slow(law, sums, fast)
+    rank = (np.linalg.eigvalsh(slow + unobserved) > _LASTING * fast[..., None]).sum(-1)
     freedom = np.minimum(_STATED_WORTH + worth, _MAX_FREEDOM)
-    return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, feared=feared, rank=rank)
+    return replace(law, sums=sums, fast=fast, freedom=freedom, slow=slow, unobserved=unobserved, rank=rank)
 
 
 def _means(residual: FloatArray, variance: FloatArray, share: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -502,8 +502,10 @@ def _slow(law: Law, sums: Sums, fast: FloatArray) -> tuple[FloatArray, FloatArra
     watched = n * law.step
     share = _unseen(watched)
     unmeasured = np.where(law.measured, 0.0, _YEAR_WORTH / (_YEAR_WORTH + watched))
-    feared = _uniform(law, share, FEARED_STD, FEARED_STD) + _uniform(law, unmeasured, COMMON_STD, COMMON_STD / 3)
-    return (1 - share)[..., None, None] * (hours + windows), feared
+    unobserved = _uniform(law, share, UNOBSERVED_STD, UNOBSERVED_STD) + _uniform(
+        law, unmeasured, COMMON_STD, COMMON_STD / 3
+    )
+    return (1 - share)[..., None, None] * (hours + windows), unobserved
 
 
 def _uniform(law: Law, share: FloatArray, common_std: float, own_std: float) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from daq import FloatArray
 from monitor.detection.correlated_noise import regress
-from monitor.detection.temperature_law import COMMON_STD, FEARED_STD
+from monitor.detection.temperature_law import COMMON_STD, UNOBSERVED_STD
 from monitor.detection.temperature_terms import N_TERMS, prior_std
 
 WEEK = 7 * 86400.0  #: s
@@ -213,7 +213,7 @@ def _design(weekly: WeeklyMeans, time: FloatArray) -> tuple[FloatArray, FloatArr
     used = np.arange(1, terms.shape[1])  # all but the constant
     measured = bool(terms[:, used].any())
     season = 2 * np.pi * time[:, None] * _HARMONICS
-    season_std = np.tile((FEARED_STD if measured else _UNMEASURED * COMMON_STD) / _HARMONICS, 2)
+    season_std = np.tile((UNOBSERVED_STD if measured else _UNMEASURED * COMMON_STD) / _HARMONICS, 2)
     states = (weekly.state.reshape(-1, 1) == np.unique(weekly.state)).astype(float)
     x = np.column_stack([time - time.mean(), terms[:, used], np.cos(season), np.sin(season), states])
     prior = np.concatenate([[_RATE_STD], each[used], season_std, np.ones(states.shape[1])])

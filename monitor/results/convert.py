@@ -125,7 +125,7 @@ def _geometry(model: Model) -> dict[str, Any]:
     lines: dict[str, list[int]] = {}
     for member, (start, end) in zip(model.member_names, model.spans, strict=True):
         lines.setdefault(member, [start]).append(end)
-    sensors = {s.channel: (s.at, s.direction) for s in model.structure.heard}
+    sensors = {s.channel: (s.at, s.direction) for s in model.structure.corrected_sensors}
     return {"nodes": [_vector(p) for p in model.nodes], "lines": lines, "sensors": sensors}
 
 

@@ -85,7 +85,7 @@ def discrepancy_result(
         _correlation(modes_with_causes(reference, extended, expected), measured, shaped=shaped) if extended else None
     )
     written = _correlation(as_written(extended, expected), measured, shaped=shaped) if extended else None
-    heard, note = _heard(reference, measured, extended, recording) if recording else (None, "")
+    sensing, note = _sensing(reference, measured, extended, recording) if recording else (None, "")
     faulty = _only_sensors(explained)
     told = matched_surely(reference, measured)
     return DiscrepancyResult(
@@ -93,9 +93,9 @@ def discrepancy_result(
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
         mac=tuple(_said(row) for row in before.mac) if shaped else (),
-        sensors=_sensors(before, after, heard, health) if shaped else (),
+        sensors=_sensors(before, after, sensing, health) if shaped else (),
         balance=None if faulty or not shaped else _balance(force_balance(reference, told)),
-        signals=_signals(*heard) if heard else (),
+        signals=_signals(*sensing) if sensing else (),
         trends=trends,
         places=_places(densities(reference.structure, explained.parts)),
         gain_std=explained.gained.std if explained.gained and explained.gained.significant else None,
@@ -127,12 +127,12 @@ def _places(found: tuple[Density, ...]) -> tuple[PlaceDensity, ...]:
     )
 
 
-Heard = tuple[VirtualSensing, VirtualSensing | None]
+Sensing = tuple[VirtualSensing, VirtualSensing | None]
 
 
-def _heard(
+def _sensing(
     reference: Reference, measured: ModalMean, extended: Structure | None, recording: Recording
-) -> tuple[Heard | None, str]:
+) -> tuple[Sensing | None, str]:
     """Return signals predicted without and with the causes, or why they cannot be."""
     expected = modes_before(reference, _ALL)
     try:
@@ -223,9 +223,12 @@ def _fit(after: ModalCorrelation, column: int) -> tuple[float | None, float | No
 
 
 def _sensors(
-    before: ModalCorrelation, after: ModalCorrelation | None, heard: Heard | None, health: Mapping[str, ChannelHealth]
+    before: ModalCorrelation,
+    after: ModalCorrelation | None,
+    sensing: Sensing | None,
+    health: Mapping[str, ChannelHealth],
 ) -> tuple[SensorComparison, ...]:
-    missed: Mapping[str, dict[str, float]] = _missed(heard) if heard else {}
+    missed: Mapping[str, dict[str, float]] = _missed(sensing) if sensing else {}
     return tuple(
         SensorComparison(
             channel=channel,
@@ -241,8 +244,8 @@ def _sensors(
     )
 
 
-def _missed(heard: Heard) -> dict[str, dict[str, float]]:
-    before, after = heard
+def _missed(sensing: Sensing) -> dict[str, dict[str, float]]:
+    before, after = sensing
     found = {
         channel: {"missed": float(before.error[i]), "missed_least": float(before.expected[i])}
         for i, channel in enumerate(before.channels)

@@ -73,20 +73,20 @@ class DeviceStatus:
     scans: int = 0
     gaps: int = 0
     lost: bool = False
-    heard: float | None = None  #: when the last block came [s, monotonic]
+    last_block: float | None = None  #: when the last block came [s, monotonic]
     looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: last block, scans
 
     def look(self, now: float) -> dict[str, Any]:
         """Return the published status at a time [s, monotonic]."""
-        heard = now if self.heard is None or now - self.heard > _LUMP else self.heard  # scans come in lumps
-        self.looks.append((heard, self.scans))
+        last_block = now if self.last_block is None or now - self.last_block > _LUMP else self.last_block
+        self.looks.append((last_block, self.scans))
         then, scans = self.looks[0]
         return {
             "scans": self.scans,
             "gaps": self.gaps,
             "lost": self.lost,
-            "silent": None if self.heard is None else now - self.heard,
-            "rate": (self.scans - scans) / max(heard - then, _EVERY),
+            "silent": None if self.last_block is None else now - self.last_block,
+            "rate": (self.scans - scans) / max(last_block - then, _EVERY),
         }
 
 
@@ -126,7 +126,7 @@ class MonitorStatus:
         self._path, self._lock, self._started = path, threading.Lock(), time.time()
         self._devices = {name: DeviceStatus() for name in devices}
         self._pace, self._windowed = pace, time.monotonic()
-        self._heard_first = self._windowed  # until a device is
+        self._first_block = self._windowed  # until a device is
         self._window: dict[str, Any] = {}
         self._novelty: dict[str, Any] = {}  # of the last window that was judged
         self._sight, self._unheard = BlindWindows(), MissingChannels()
@@ -173,8 +173,8 @@ class MonitorStatus:
     def silence(self) -> float:
         """Since a block of any device was logged, or since the start [s]."""
         with self._lock:
-            heard = [device.heard for device in self._devices.values() if device.heard is not None]
-            return time.monotonic() - max(heard, default=self._heard_first)
+            last_block = [device.last_block for device in self._devices.values() if device.last_block is not None]
+            return time.monotonic() - max(last_block, default=self._first_block)
 
     @property
     def line(self) -> str:
@@ -233,7 +233,7 @@ class MonitorStatus:
         device = self._devices.get(block.device)
         if device is not None:
             device.scans += len(block.counts)
-            device.heard, device.lost = time.monotonic(), False
+            device.last_block, device.lost = time.monotonic(), False
 
     def _tested(self, event: Event) -> None:
         result = event_result(event)

@@ -77,8 +77,8 @@ def sensors_seen(
     windows : as for `explain_windows`
     tracks : for each window (n_tracks,) indices into its modes in the order of the baseline's tracks, or -1
     """
-    heard = windows.heard(reference.delays) or windows.estimates
-    event = reference.mean_of(stack_tracks(heard, tracks))
+    delayed = windows.with_new_delays(reference.delays) or windows.estimates
+    event = reference.mean_of(stack_tracks(delayed, tracks))
     try:
         return health_result(
             sensor_health(reference, event, Circumstances(devices=windows.devices, wander=windows.delays.wander))

@@ -188,7 +188,7 @@ class Model:
 
     def _read_along(self, way: FloatArray) -> FloatArray:
         """Return rows (n_sensors, n_dofs) that read the sensors' places along unit vectors (n_sensors, 3)."""
-        sensors = self.structure.heard
+        sensors = self.structure.corrected_sensors
         way = way.reshape(-1, 3) * np.array([s.gain for s in sensors])[:, None]
         try:
             at = self.reader(np.array([s.at for s in sensors], float))

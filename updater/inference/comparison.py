@@ -137,13 +137,13 @@ class Comparison:
         return float(np.log(diagonal).sum() / self.overdispersion)
 
     @property
-    def heard_at_channels(self) -> FloatArray:
+    def new_at_channels(self) -> FloatArray:
         """The reference's modes (n_channels, n_modes) at the channels, with the baseline's faults."""
-        heard = self.at_channels.copy()
-        length = np.linalg.norm(heard[:, self.paired], axis=0)
+        scaled = self.at_channels.copy()
+        length = np.linalg.norm(scaled[:, self.paired], axis=0)
         sign = np.where((self.base * self.model_base).sum(1) < 0, -1.0, 1.0)
-        heard[:, self.paired] = (sign * length) * self.base.T
-        return heard
+        scaled[:, self.paired] = (sign * length) * self.base.T
+        return scaled
 
     def freedom_of_new(self, n_new: int) -> float:
         """Return the number of data of new modes, for a hypothesis with `n_new`."""

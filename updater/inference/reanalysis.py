@@ -240,7 +240,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     new = np.zeros((len(value), 0, len(comparison.channels)))
     log_damping = effect.log_damping[:, comparison.paired]
     if effect.own.shape[1]:
-        new = (comparison.heard_at_channels @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
+        new = (comparison.new_at_channels @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
         log_damping = log_damping + _damped_by_own(effect, value[:, :n_compared], vector[:, n_modes:, :n_compared])
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
@@ -256,7 +256,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
     log_ratio = -0.5 * np.log(np.maximum(value / old, _MIN))
     frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
-    shape, lag = _heard(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
+    shape, lag = _delayed(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
     return Prediction(
         log_ratio=log_ratio,
         shape=shape,
@@ -299,7 +299,7 @@ def _undone(chain: FloatArray) -> FloatArray | None:
     return np.asarray(np.eye(n)[said].transpose(0, 2, 1) * sign[:, None, :])
 
 
-def _heard(
+def _delayed(
     real: FloatArray, imaginary: FloatArray, frequency: FloatArray, late: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the real part of shapes (p, n, n_channels) with delays, and the imaginary one where that has unit norm.

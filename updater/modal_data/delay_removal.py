@@ -25,7 +25,7 @@ class SynchronizedWindows:
     removed: tuple[Delays, ...] = ()  #: per window: device -> total delay removed from it [s]
     delays: DeviceDelays = NO_DELAYS  #: common total delays of the windows
 
-    def heard(self, known: DeviceDelays) -> tuple[ModalEstimate, ...] | None:
+    def with_new_delays(self, known: DeviceDelays) -> tuple[ModalEstimate, ...] | None:
         """Return the windows with the delays beyond known constants; None if there are none.
 
         The mean over the windows is put back, not each window's wander about it; and only where that wander does not

@@ -117,13 +117,13 @@ class _Undo:
         return shape[:, self._order] * self._sign
 
 
-def matched(baseline: ModalMean, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:
+def matched(baseline: ModalMean, event: ModalMean, original: ModalMean | None = None) -> ModalMean:
     """Return the event's modes in the order of the baseline's tracks, NaN where there is none.
 
     Parameters
     ----------
     baseline, event : (n_tracks,) and (n_modes,)
-    heard : (n_modes,) the same event with everything removed for matching; returned in its place
+    original : (n_modes,) the same event with everything removed for matching; returned in its place
 
     Raises
     ------
@@ -134,7 +134,7 @@ def matched(baseline: ModalMean, event: ModalMean, heard: ModalMean | None = Non
     baseline, event = baseline.at(channels), event.at(channels)
     check_unit(np.exp(event.log_frequency), event.shape, np.exp(baseline.log_frequency), baseline.shape)
     found = match_modes(baseline, event)
-    event = heard.at(channels) if heard else event
+    event = original.at(channels) if original else event
     values = {}
     for field in fields(event):
         if field.name != "channels":

@@ -85,12 +85,12 @@ def _without_rivals(
     return found, new[~rival.any(0)]
 
 
-def matched_surely(reference: Reference, event: ModalMean, heard: ModalMean | None = None) -> ModalMean:
+def matched_surely(reference: Reference, event: ModalMean, original: ModalMean | None = None) -> ModalMean:
     """Return the event's modes in the order of the baseline's tracks, NaN if there is none or it is uncertain.
 
     Parameters and errors as for `matched`.
     """
-    told = matched(reference.known, event, heard).only(np.arange(len(reference.baseline.n)))
+    told = matched(reference.known, event, original).only(np.arange(len(reference.baseline.n)))
     found, _ = matched_and_new(reference, event)
     for name in (field.name for field in fields(told) if field.name not in {"channels", "n"}):
         getattr(told, name)[found < 0] = np.nan

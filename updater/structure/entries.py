@@ -232,23 +232,23 @@ class Entries(Entry):
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the sensors' channels, as logs have them."""
-        return tuple(sensor.channel for sensor in self.heard)
+        return tuple(sensor.channel for sensor in self.corrected_sensors)
 
     @property
-    def heard(self) -> tuple[Sensor, ...]:
+    def corrected_sensors(self) -> tuple[Sensor, ...]:
         """The sensors as logs have them: each under the channel that carries it, with all of its gain."""
         return tuple(sensor.corrected(self.sensors.get(sensor.channel)) for sensor in self.sensor)
 
     @property
     def active_channels(self) -> tuple[str, ...]:
         """Names of the channels with a gain other than 0."""
-        return tuple(sensor.channel for sensor in self.heard if sensor.gain)
+        return tuple(sensor.channel for sensor in self.corrected_sensors if sensor.gain)
 
     @property
     def delays(self) -> dict[str, float]:
         """Known delay of each channel [s]."""
         known = {s.channel: self.sensors.get(s.channel) for s in self.sensor}
-        return {h.channel: c.delay if c else 0.0 for h, c in zip(self.heard, known.values(), strict=True)}
+        return {h.channel: c.delay if c else 0.0 for h, c in zip(self.corrected_sensors, known.values(), strict=True)}
 
     def member_named(self, name: str) -> Member:
         """Return the member of that name."""

@@ -56,14 +56,14 @@ class CanDbc:
         return {"product": self._address.sensor.file.stem, "messages": ", ".join(frames)}
 
     def _wait_for_scan(self, member: Member) -> None:
-        heard = [NO_FRAMES]
+        received = [NO_FRAMES]
         end = time.monotonic() + self._patience
         while time.monotonic() < end:
             chunks = member.take(_READ_SECONDS)
-            heard += [chunk.frames for chunk in chunks]
+            received += [chunk.frames for chunk in chunks]
             if len(self._decoded(chunks).counts):
                 return
-        why = what_is_missing(self._layout, concatenate(heard))
+        why = what_is_missing(self._layout, concatenate(received))
         raise DriverError(str(self._address), f"no scan within {self._patience:g} s: {why}")
 
     def _decoded(self, chunks: Sequence[Chunk]) -> DecodedScans:

@@ -30,13 +30,13 @@ class HeartbeatConsumer:
     def __init__(self, node: canopen.RemoteNode) -> None:
         self._said: deque[int] = deque(maxlen=16)  # states that were not processed yet
         self._warnings: deque[str] = deque(maxlen=16)
-        self._heard = self._scanned = time.monotonic()
+        self._last_heartbeat = self._scanned = time.monotonic()
         self._running = self._told = False
         node.nmt.add_heartbeat_callback(self._beat)
         node.emcy.add_callback(self._emergency)
 
     def _beat(self, state: int) -> None:
-        self._heard = time.monotonic()
+        self._last_heartbeat = time.monotonic()
         self._said.append(state)
 
     def _emergency(self, error: EmcyError) -> None:
@@ -50,7 +50,7 @@ class HeartbeatConsumer:
     @property
     def alive(self) -> bool:
         """True if heartbeats arrive."""
-        return time.monotonic() - self._heard < PATIENCE
+        return time.monotonic() - self._last_heartbeat < PATIENCE
 
     @property
     def silence(self) -> float:
@@ -69,14 +69,14 @@ class HeartbeatConsumer:
             if self._running and state != _OPERATIONAL:
                 return f"state of its heartbeat: {NMT_STATES.get(state, state)}, expected OPERATIONAL"
             self._running |= state == _OPERATIONAL  # a heartbeat sent before the start command may have another state
-        quiet = time.monotonic() - max(self._heard, self._scanned)
+        quiet = time.monotonic() - max(self._last_heartbeat, self._scanned)
         return f"neither heartbeat nor scan for {PATIENCE:g} s" if quiet > PATIENCE else ""
 
     def warning(self) -> str:
         """Return a warning about a node that still sends scans, each once; empty if there is none."""
         if self._warnings:
             return self._warnings.popleft()
-        late = time.monotonic() - self._heard > _FULL_SECONDS
+        late = time.monotonic() - self._last_heartbeat > _FULL_SECONDS
         news, self._told = late and not self._told, late
         if not news:
             return ""

@@ -37,12 +37,12 @@ def _adapter(path: str) -> str | None:
         with serial.Serial(path, 115_200, timeout=0.05, write_timeout=1.0, exclusive=True) as line:
             line.reset_input_buffer()
             line.write(b"\r\r" + slcan.CLOSE + b"V\r")
-            heard, end = b"", time.monotonic() + _ADAPTER_SECONDS
-            while time.monotonic() < end and not _IS_ADAPTER.search(heard):
-                heard += line.read(256)
+            received, end = b"", time.monotonic() + _ADAPTER_SECONDS
+            while time.monotonic() < end and not _IS_ADAPTER.search(received):
+                received += line.read(256)
     except PORT_ERRORS:
         return None
-    found = _IS_ADAPTER.search(heard)
+    found = _IS_ADAPTER.search(received)
     return found[1].decode("ascii", "replace") if found else None
 
 

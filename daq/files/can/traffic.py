@@ -132,7 +132,7 @@ class _Stream:
         self._decoder = ScanDecoder(self._layout)
         n = max(1, round(_BLOCK_SECONDS * sensor.rate))
         self._blocks = BlockBuilder(sensor.device, sensor.rate, self._layout.scale, self._layout.modulus, n)
-        self._heard = NO_FRAMES
+        self._recent_frames = NO_FRAMES
         self._n = self._end = self._missing = 0
         self._times: list[int] = []  # of the first scan and the last [ns UTC]
 
@@ -140,7 +140,7 @@ class _Stream:
         """Take frames (n) and when each came (n,) [ns UTC]; yield full blocks, and gaps."""
         before, scans = self._decoder.bad_frames, self._decoder.feed(frames, stamps)
         if not self._times and not len(scans.counts):
-            self._heard = concatenate([self._heard, frames])[-_PIECE_FRAMES:]
+            self._recent_frames = concatenate([self._recent_frames, frames])[-_PIECE_FRAMES:]
             return
         if len(scans.arrived):
             first, last = scans.arrived[[0, -1]].tolist()
@@ -154,7 +154,7 @@ class _Stream:
         """Yield the remaining blocks, if there were any, and check the rate."""
         device, rate = self._sensor.device, self._sensor.rate
         if not self._times:
-            raise DataError(path, f"has no scan of {device}: {what_is_missing(self._layout, self._heard)}")
+            raise DataError(path, f"has no scan of {device}: {what_is_missing(self._layout, self._recent_frames)}")
         for block in self._blocks.flush(self._times[-1]):
             yield from self._counted(block)
         found = self.found()

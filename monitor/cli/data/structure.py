@@ -47,19 +47,19 @@ class Asked:
     channels: Path | None
     parameters: bool = False  #: whether the model parameters and their sensitivities are listed
 
-    def record(self, heard: float) -> Record:
+    def record(self, highest_measured: float) -> Record:
         """Return the record that is planned.
 
         Parameters
         ----------
-        heard : highest frequency of identified modes, unless it was given [Hz]
+        highest_measured : highest frequency of identified modes, unless it was given [Hz]
 
         Raises
         ------
         ArgumentError
             Naming the option that makes no sense.
         """
-        highest = self.highest if self.highest is not None else heard
+        highest = self.highest if self.highest is not None else highest_measured
         for name, value in (("--record-seconds", self.seconds), ("--damping", self.damping), ("--highest", highest)):
             if not value > 0:
                 raise ArgumentError(name, f"expected a positive number, found {value:g}")

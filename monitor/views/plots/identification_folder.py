@@ -81,7 +81,7 @@ def _geometry(
     structure: Structure, estimate: ModalEstimate
 ) -> tuple[dict[str, Place], dict[int, Vector], list[list[int]]]:
     """Return places of the channels, positions of nodes, and the nodes on each member: its ends and its sensors."""
-    sensors = {s.channel: s for s in structure.heard}
+    sensors = {s.channel: s for s in structure.corrected_sensors}
     points = [sensors[channel].at for channel in estimate.channels]
     points += [end for member in structure.member for end in (member.start, member.end)]
     number = {point: k for k, point in enumerate(dict.fromkeys(points), 1)}

@@ -87,7 +87,7 @@ def _draw_arrows(axes: Axes3D, estimate: ModalEstimate, k: int, structure: Struc
     low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
     size = float((high - low).max())
     motion: dict[tuple[float, float, float], FloatArray] = {}
-    for sensor in structure.heard:
+    for sensor in structure.corrected_sensors:
         if sensor.channel in estimate.channels:
             way = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
             value = estimate.shape[k, estimate.channels.index(sensor.channel)].real

@@ -58,7 +58,7 @@ def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
         way = np.array([np.asarray(s.direction) / np.linalg.norm(s.direction) for s in structure.sensor])
         tip = at + 0.07 * extent * way
         axes.quiver(*at.T, *(tip - at).T, color=_SENSOR, linewidth=1.5, arrow_length_ratio=0.35, label="sensor")
-        for sensor, place in zip(structure.heard[:_LABELS], at + 0.09 * extent * way, strict=False):
+        for sensor, place in zip(structure.corrected_sensors[:_LABELS], at + 0.09 * extent * way, strict=False):
             below = "top" if abs(sensor.direction[0]) > abs(sensor.direction[1]) else "bottom"  # x points down here
             axes.text(*place, sensor.channel, fontsize=7, color=_SENSOR, va=below)
     for support in structure.support[:_LABELS]:

@@ -80,13 +80,13 @@ def sensors_figure(found: DiscrepancyResult) -> Figure | None:
     """Return residual, prediction error, and 1 - COMAC of each sensor, without and with the causes."""
     if not found.sensors:
         return None
-    heard = any(s.missed is not None for s in found.sensors)
+    has_prediction = any(s.missed is not None for s in found.sensors)
     figure = new_figure(WIDTH, 1.2 + 0.26 * len(found.sensors))
-    panels = np.atleast_1d(figure.subplots(1, 3 if heard else 2, sharey=True))
+    panels = np.atleast_1d(figure.subplots(1, 3 if has_prediction else 2, sharey=True))
     names = [s.channel for s in found.sensors]
     level: FloatArray = np.arange(float(len(names)))
     _dots(panels[0], level, found.sensors, "residual", "noise", "residual [%]")
-    if heard:
+    if has_prediction:
         _dots(panels[1], level, found.sensors, "missed", "missed_least", "prediction error [%]")
     last = panels[-1]
     for colour, values, shift in (

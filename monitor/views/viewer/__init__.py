@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from monitor.results.story import RunResults
-from monitor.views.viewer.blueprint import layout
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
 from monitor.views.viewer.increments import draw_increments
+from monitor.views.viewer.layout.blueprint import layout
 from monitor.views.viewer.mode_shapes import draw_mode_shapes
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import recording_file

@@ -13,9 +13,9 @@ from monitor.results.story import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_attached
 from monitor.views.geometry import Geometry
-from monitor.views.viewer.blueprint import Live, layout
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
+from monitor.views.viewer.layout.blueprint import Live, layout
 from monitor.views.viewer.mode_shapes import draw_mode_shapes
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION

@@ -19,7 +19,7 @@ from monitor.watch.self_test import Tested
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
-VERSION = 9  # version of this format, or of the identification of modes: another one is not read
+VERSION = 10  # version of this format, or of the identification of modes: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

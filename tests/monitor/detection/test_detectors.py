@@ -37,7 +37,7 @@ def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
 ) -> None:
     """Gaussian windows whose real deviation is `factor` times the stated; Poisson bounds at 1e-4.
 
-    Where an environment not seen is feared, and does not come, there is an upper bound only. With a true mean, no
+    If unobserved movements are assumed, and do not occur, there is an upper bound only. With a true mean, no
     fear and no heavy tails the stated rate must come: not less than half of it, as a table of limits is rounded down
     in degrees of freedom and pairs in longer runs are counted once more.
     """
@@ -50,7 +50,9 @@ def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
     watched = started(windows(n_baseline), warm, DetectionSettings(rate=rate, overlap=0.0, hold=2))
     if not fear:
         law, none = watched.law, np.zeros_like(watched.law.slow)
-        law = replace(law, slow=none, feared=none, unknown=law.unknown * 0, rank=law.rank * 0, tail=law.tail * 0 + 100)
+        law = replace(
+            law, slow=none, unobserved=none, unknown=law.unknown * 0, rank=law.rank * 0, tail=law.tail * 0 + 100
+        )
         law = replace(law, centre=law.centre * 0, coefficient=law.coefficient * 0)  # the true mean
         watched = replace(watched, law=law)
     judged: list[ScoredWindows] = []
@@ -69,7 +71,7 @@ def test_a_shift_of_a_deviation_and_a_half_that_stays_is_found_within_a_quarter_
     """Modes to and fro, as no temperature does, by what no single window shows.
 
     Settled, the quick average of such modes has T2/p = 20 by itself (variance 1/9 of a window's) and 3 where the
-    environment's feared 3e-4 is allowed for wholly, which six hours do to two thirds: the jump or an average shows it.
+    unobserved 3e-4 are allowed for wholly, which six hours do to two thirds: the jump or an average shows it.
     """
     random = np.random.default_rng(5)
     warm = np.full(14 * DAY, 20.0)
@@ -197,7 +199,7 @@ def test_windows_one_by_one_are_judged_as_many_at_once() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_modes_known_far_better_than_the_weather_have_no_tails_for_that(seed: int) -> None:
-    """Gaussian windows of 1e-4, a third of what weather not yet seen is feared to do: 1 % is over the limit at once."""
+    """Gaussian windows of 1e-4, a third of the assumed unobserved movements: 1 % is over the limit at once."""
     random = np.random.default_rng(seed)
     for n_baseline in (12, 60):
         y = 1e-4 * random.standard_normal((n_baseline + 2, P))

@@ -40,7 +40,7 @@ def test_change_that_could_be_told_is_the_one_that_brings_a_window_to_the_limit(
     assert least is not None
     print(f"seed 11, {100 * least:.2f} % at 21.5 degC")
     assert at(watched, 21.5, least)[0] == pytest.approx(1.0, rel=0.01)  # between points of a table
-    assert least > 1e-3 * 10 * 2  # the slope is feared 1e-3 per kelvin, and a limit lies beyond two deviations
+    assert least > 1e-3 * 10 * 2  # the prior slope is 1e-3 per kelvin, and a limit lies beyond two deviations
 
 
 def test_nothing_is_said_where_the_law_knows() -> None:

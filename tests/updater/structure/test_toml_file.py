@@ -262,7 +262,7 @@ def test_corrections_of_sensors_stand_beside_them() -> None:
     found = parse_structure(wrong)
     first, second = (plain.channels.index(name) for name in ("col_037_x", "col_037_y"))
     assert (found.channels[first], found.channels[second]) == ("col_037_y", "col_037_x")
-    assert found.heard[first].gain == pytest.approx(-0.8 * plain.sensor[first].gain)
+    assert found.corrected_sensors[first].gain == pytest.approx(-0.8 * plain.sensor[first].gain)
     assert found.delays["col_037_y"] == 5e-4
     assert set(plain.channels) - set(found.active_channels) == {"beam_mid_y"}
     rows, expected = build_model(found).sensor_rows, build_model(plain).sensor_rows

@@ -44,8 +44,8 @@ def groups_of(reference: Reference, comparison: Comparison) -> list[tuple[str, .
     Devices are known from the log; otherwise channels at one position count as one device. A change common to all
     channels is not a fault, because it has no effect.
     """
-    devices, heard = comparison.circumstances.devices, reference.structure.heard
-    place = {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in heard}
+    devices, corrected = comparison.circumstances.devices, reference.structure.corrected_sensors
+    place = {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in corrected}
     owner = {c: devices.get(c, place[c]) for c in comparison.channels}
     together = [tuple(c for c in comparison.channels if owner[c] == d) for d in dict.fromkeys(owner.values())]
     alone = [(c,) for c in comparison.channels]
@@ -62,8 +62,8 @@ def corrected(
 ) -> Structure:
     """Return a structure with further corrections of its sensors, named as in logs."""
     found = dict(structure.sensors)
-    for sensor, heard in zip(structure.sensor, structure.heard, strict=True):
-        if heard.channel in channels:
+    for sensor, corrected in zip(structure.sensor, structure.corrected_sensors, strict=True):
+        if corrected.channel in channels:
             old = found.get(sensor.channel, Correction())
             more = {"gain": old.gain * gain, "sign": old.sign * sign, "delay": old.delay + delay}
             found[sensor.channel] = old.model_copy(update=more)
@@ -73,7 +73,7 @@ def corrected(
 def exchanged(structure: Structure, first: str, second: str) -> Structure:
     """Return a structure with two sensors on each other's channels; corrections stay with the channels."""
     known = [structure.sensors.get(s.channel, Correction()) for s in structure.sensor]
-    at = {h.channel: i for i, h in enumerate(structure.heard)}
+    at = {h.channel: i for i, h in enumerate(structure.corrected_sensors)}
     found = dict(structure.sensors)
     for here, there in itertools.permutations((first, second)):
         name = structure.sensor[at[here]].channel

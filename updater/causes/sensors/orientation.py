@@ -95,17 +95,17 @@ class SensorOrientation(Chain):
         turn = Rotation.from_rotvec(theta[:2] @ self.axes[row]).as_matrix()
         sensors = tuple(
             sensor.model_copy(update={"direction": tuple((turn @ np.array(sensor.direction)).tolist())})
-            if heard.channel in self.channels[row]
+            if corrected.channel in self.channels[row]
             else sensor
-            for sensor, heard in zip(structure.sensor, structure.heard, strict=True)
+            for sensor, corrected in zip(structure.sensor, structure.corrected_sensors, strict=True)
         )
         return structure.model_copy(update={"sensor": sensors})
 
 
 def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> SensorOrientation:
     """Return every channel, and every device about each global axis."""
-    heard = {s.channel: s for s in reference.structure.heard}
-    mounted = np.array([sensor_axes(heard[c].direction) for c in comparison.channels])
+    corrected = {s.channel: s for s in reference.structure.corrected_sensors}
+    mounted = np.array([sensor_axes(corrected[c].direction) for c in comparison.channels])
     groups: list[tuple[str, ...]] = []
     axes: list[FloatArray] = []
     for group in groups_of(reference, comparison):
@@ -114,7 +114,7 @@ def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> 
             axes.append(mounted[comparison.channels.index(group[0]), 1:])
         else:
             for axis in np.eye(3):
-                turned = tuple(c for c in group if np.linalg.norm(np.cross(axis, heard[c].direction)) > _ALONG)
+                turned = tuple(c for c in group if np.linalg.norm(np.cross(axis, corrected[c].direction)) > _ALONG)
                 if len(turned) > 1:  # else it is a sensor by itself
                     groups.append(turned)
                     axes.append(np.array([axis, np.zeros(3)]))

@@ -4,28 +4,23 @@ A DOF table gives the meaning of the rows: node, its position and the axis (x y 
 """
 
 import csv
-import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from scipy import sparse
 from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
-from daq import DataError, FloatArray, IndexArray, IntArray, check_archive
+from daq import DAMAGED_FILE, DataError, FloatArray, IndexArray, IntArray, check_archive
 from updater.errors import StructureError
 from updater.structure import AXES
 
 _MAX_ROWS = 10_000_000
 _BLANK, _NEWLINE = ord(" "), ord("\n")
-_DAMAGED = (
-    *(OSError, ValueError, KeyError, TypeError, IndexError, EOFError, ArithmeticError, MemoryError),
-    *(BadZipFile, zlib.error, NotImplementedError, DataError),
-)
+_DAMAGED = (*DAMAGED_FILE, OSError, DataError)
 _SYMMETRIC = 1e-8  # relative to the largest entry: error of truncated digits in a text file
 _ROUNDING = 1e-8  # relative to a DOF's own mass: error of an eigenvalue of zero by truncated digits
 _DENSE = 300  # DOFs up to which all eigenvalues are solved for

@@ -7,7 +7,7 @@ from monitor.results.comparison import BalanceResult, DiscrepancyResult
 from monitor.results.windows import ReferenceResult
 from monitor.views.geometry import Geometry
 from monitor.views.viewer import scene
-from monitor.views.viewer import view_specs as views
+from monitor.views.viewer.layout import view_specs as views
 from updater import Diagnosis
 
 SECONDS_TIMELINE = "seconds"

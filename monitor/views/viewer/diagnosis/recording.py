@@ -115,14 +115,16 @@ def _causes(
     above = np.array([0.0, 0.0, _LIFT * geometry.size])
     placed = [c for c in diagnosis.causes if c.where and c.where.position]
     places = np.array([c.where.position for c in placed if c.where], float).reshape(-1, 3)
-    heard = [(name, c) for c in diagnosis.causes if c.where for name in c.where.channels if name in reference.sensors]
-    at = np.array([reference.sensors[name][0] for name, _ in heard], float).reshape(-1, 3)
+    placed_channels = [
+        (name, c) for c in diagnosis.causes if c.where for name in c.where.channels if name in reference.sensors
+    ]
+    at = np.array([reference.sensors[name][0] for name, _ in placed_channels], float).reshape(-1, 3)
     balls = rr.Points3D(places, radii=2.2 * TUBE * geometry.size, colors=[ALARM])
     recording.log("/structure/causes", balls, static=True)
     rings = rr.Points3D(at, radii=2.0 * TUBE * geometry.size, colors=[REGION])
     recording.log("/structure/channels", rings, static=True)
     words = [cause_text(c).split(" on the ")[0].split(" at ")[0] for c in placed]
-    words += [f"{plain(c.cause)}: {name}" for name, c in heard]
+    words += [f"{plain(c.cause)}: {name}" for name, c in placed_channels]
     spots = np.concatenate([places, at]) + above
     labels = rr.Points3D(spots, radii=0.0, colors=[TEXT], labels=words, show_labels=True)
     recording.log("/structure/causes/names", labels, static=True)

@@ -15,10 +15,10 @@ from monitor.results.windows import ProfilePoint, ReferenceResult
 from monitor.views.geometry import FIELD_OF_VIEW, Geometry, screen
 from monitor.views.member_axis import Unrolled, places, sigmas, ticks
 from monitor.views.palette import heat, mode_colour
+from monitor.views.viewer.layout.view_specs import best_grid
 from monitor.views.viewer.primitives import Axes
 from monitor.views.viewer.scene import common_name
 from monitor.views.viewer.spectrum import side_by_side, spectrum_axes
-from monitor.views.viewer.view_specs import best_grid
 from tests.support.monitor import results as made
 
 SITE = made.Site()

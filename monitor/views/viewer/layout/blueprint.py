@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 
 from monitor.results.story import RunResults
 from monitor.views.member_axis import has_profile
-from monitor.views.viewer import view_specs as views
+from monitor.views.viewer.layout import view_specs as views
 from monitor.views.viewer.posterior import mass_span
 from monitor.views.viewer.primitives import TIME
 from monitor.views.viewer.signals import SECONDS

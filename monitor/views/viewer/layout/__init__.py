@@ -1,0 +1,1 @@
+"""Layout of the viewer: blueprint and specifications of views."""
