@@ -1,7 +1,7 @@
 """The catalogue: every cause that a diagnosis may name, one file each."""
 
-from updater.causes.base import Cause, Discrete, Nothing, Parametric, Placed, Propose, Sized
-from updater.causes.catalogue import CATALOGUE, RARITY
+from updater.causes.base import CatalogueEntry, Cause, Discrete, Nothing, Parametric, Placed, Propose, Sized
+from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import JointHypothesis, SelectedCause
 from updater.causes.joint_prediction import effect_of, mac_of, prediction
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, AddedMass, propose_added_mass
@@ -9,21 +9,19 @@ from updater.causes.mass.attached_oscillator import hides
 from updater.causes.mass.several_bodies import PER_BODY, Bodies
 from updater.causes.model.parameters import ModelParameters, propose_model_parameters
 from updater.causes.overall.common_factor import CommonFactor
-from updater.causes.overall.temperature import SOFTENING, SOFTENING_STD
 from updater.causes.sensors.delay import begin_at
+from updater.causes.stiffness.connections import CONNECTIONS
 from updater.causes.stiffness.local_stiffness import LocalStiffness
-from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
 
 __all__ = [
     "CATALOGUE",
+    "CONNECTIONS",
     "DENSITY_STD",
     "LARGEST_REMOVED",
     "PER_BODY",
-    "RARITY",
-    "SOFTENING",
-    "SOFTENING_STD",
     "AddedMass",
     "Bodies",
+    "CatalogueEntry",
     "Cause",
     "CommonFactor",
     "Discrete",
@@ -43,5 +41,4 @@ __all__ = [
     "prediction",
     "propose_added_mass",
     "propose_model_parameters",
-    "propose_one_sided_stiffness",
 ]

@@ -105,6 +105,17 @@ class Propose(Protocol[C]):
         ...
 
 
+@dataclass(frozen=True, kw_only=True)
+class CatalogueEntry:
+    """A cause of the catalogue, and its relations to the others."""
+
+    propose: Propose[Cause]
+    rarity: float = 1.0  #: prior probability relative to that of any other cause
+    common_form: str = ""  #: more common cause with a similar effect; its prediction to first order may be lower
+    relaxed: Propose[Cause] | None = None  #: the same cause with more parameters, considered if it is much likelier
+    of_the_file: bool = False  #: whether it is an error of the structure file, which may occur with any other cause
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Discrete:
     """Common part of causes with equally probable alternatives without refinement."""

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 
-from updater.causes.base import Cause, Propose
+from updater.causes.base import CatalogueEntry
 from updater.causes.mass.added_mass import propose_added_mass
 from updater.causes.mass.attached_oscillator import propose_attached_oscillator
 from updater.causes.mass.distributed_mass import propose_distributed_mass
@@ -25,12 +25,13 @@ from updater.causes.stiffness.added_support import propose_support_spring
 from updater.causes.stiffness.axial_force import propose_axial_force
 from updater.causes.stiffness.connections import propose_joint_stiffness, propose_support_stiffness
 from updater.causes.stiffness.local_stiffness import propose_local_stiffness
+from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
 
 GROUP = "modalwatch.causes"
 _log = logging.getLogger(__name__)
 
 
-class Catalogue(Mapping[str, Propose[Cause]]):
+class Catalogue(Mapping[str, CatalogueEntry]):
     """Built-in causes, followed by installed ones, which are loaded at first use.
 
     Parameters
@@ -38,11 +39,11 @@ class Catalogue(Mapping[str, Propose[Cause]]):
     own : causes by name, which no other can replace
     """
 
-    def __init__(self, own: Mapping[str, Propose[Cause]]) -> None:
+    def __init__(self, own: Mapping[str, CatalogueEntry]) -> None:
         self._own = own
 
     @cached_property
-    def _all(self) -> Mapping[str, Propose[Cause]]:
+    def _all(self) -> Mapping[str, CatalogueEntry]:
         found = dict(self._own)
         for entry in sorted(entry_points(group=GROUP), key=lambda e: e.name):
             propose = _usable(entry, found)
@@ -50,8 +51,8 @@ class Catalogue(Mapping[str, Propose[Cause]]):
                 found[entry.name] = propose
         return found
 
-    def __getitem__(self, name: str) -> Propose[Cause]:
-        """Return the function that proposes a cause."""
+    def __getitem__(self, name: str) -> CatalogueEntry:
+        """Return a cause and its relations."""
         return self._all[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -63,47 +64,48 @@ class Catalogue(Mapping[str, Propose[Cause]]):
         return len(self._all)
 
 
-def _usable(entry: EntryPoint, known: Mapping[str, object]) -> Propose[Cause] | None:
+def _usable(entry: EntryPoint, known: Mapping[str, object]) -> CatalogueEntry | None:
     """Load a cause; one that cannot be used is named and left out, so that the others can be."""
     try:
         propose = entry.load()
     except Exception as error:  # noqa: BLE001 - a stranger's module may raise anything at all
         problem = f"{type(error).__name__}: {error}"
     else:
-        if entry.name not in known and callable(propose):
-            return propose  # type: ignore[no-any-return]
+        made = propose if isinstance(propose, CatalogueEntry) else None
+        if made is None and callable(propose):
+            made = CatalogueEntry(propose=propose)
+        if entry.name not in known and made is not None:
+            return made
         problem = "that name is taken" if entry.name in known else f"expected a function, found {propose!r}"
     _log.warning("cause %s (%s) is left out: %s", entry.name, entry.value, " ".join(problem.split()))
     return None
 
 
-_OWN: dict[str, Propose[Cause]] = {
-    "added_mass": propose_added_mass,
-    "global_stiffness": propose_global_stiffness,
-    "global_density": propose_global_density,
-    "temperature": propose_temperature,
-    "sampling_clock": propose_sampling_clock,
-    "local_stiffness": propose_local_stiffness,
-    "distributed_mass": propose_distributed_mass,
-    "axial_force": propose_axial_force,
-    "support_spring": propose_support_spring,
-    "attached_oscillator": propose_attached_oscillator,
-    "mesh_error": propose_mesh_error,
-    "model_parameters": propose_model_parameters,
-    "damping_change": propose_damping_change,
-    "amplitude_softening": propose_amplitude_softening,
-    "support_stiffness": propose_support_stiffness,
-    "joint_stiffness": propose_joint_stiffness,
-    "sensor_gain": propose_sensor_gain,
-    "sensor_polarity": propose_sensor_polarity,
-    "sensor_swap": propose_sensor_swap,
-    "sensor_orientation": propose_sensor_orientation,
-    "sensor_delay": propose_sensor_delay,
-    "sensor_dead": propose_sensor_dead,
+_OWN: dict[str, CatalogueEntry] = {
+    "added_mass": CatalogueEntry(propose=propose_added_mass),
+    "global_stiffness": CatalogueEntry(propose=propose_global_stiffness),
+    "global_density": CatalogueEntry(propose=propose_global_density),
+    "temperature": CatalogueEntry(propose=propose_temperature),
+    "sampling_clock": CatalogueEntry(propose=propose_sampling_clock),
+    "local_stiffness": CatalogueEntry(propose=propose_local_stiffness, relaxed=propose_one_sided_stiffness),
+    # a body at a point is twenty times as common as a distributed mass, which lies on the axis here, whereas the
+    # offsets of a body are fitted (1 / 15, the prior volume of the offsets)
+    "distributed_mass": CatalogueEntry(propose=propose_distributed_mass, rarity=1 / 300, common_form="added_mass"),
+    "axial_force": CatalogueEntry(propose=propose_axial_force),
+    "support_spring": CatalogueEntry(propose=propose_support_spring),
+    "attached_oscillator": CatalogueEntry(propose=propose_attached_oscillator),
+    "mesh_error": CatalogueEntry(propose=propose_mesh_error),
+    "model_parameters": CatalogueEntry(propose=propose_model_parameters, of_the_file=True),
+    "damping_change": CatalogueEntry(propose=propose_damping_change),
+    "amplitude_softening": CatalogueEntry(propose=propose_amplitude_softening),
+    "support_stiffness": CatalogueEntry(propose=propose_support_stiffness),
+    "joint_stiffness": CatalogueEntry(propose=propose_joint_stiffness),
+    "sensor_gain": CatalogueEntry(propose=propose_sensor_gain),
+    "sensor_polarity": CatalogueEntry(propose=propose_sensor_polarity),
+    "sensor_swap": CatalogueEntry(propose=propose_sensor_swap),
+    "sensor_orientation": CatalogueEntry(propose=propose_sensor_orientation),
+    "sensor_delay": CatalogueEntry(propose=propose_sensor_delay),
+    "sensor_dead": CatalogueEntry(propose=propose_sensor_dead),
 }
 
-CATALOGUE: Mapping[str, Propose[Cause]] = Catalogue(_OWN)
-
-#: prior probability relative to that of any other cause: a body at a point is twenty times as common as a distributed
-#: mass, which lies on the axis here, whereas the offsets of a body are fitted (1 / 15, the prior volume of the offsets)
-RARITY: Mapping[str, float] = {"distributed_mass": 1 / 300}
+CATALOGUE: Mapping[str, CatalogueEntry] = Catalogue(_OWN)

@@ -7,7 +7,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells, weighed
-from updater.inference import Comparison, credible, places
+from updater.inference import Comparison, PositionPosterior
 from updater.quantities import Vector, Where, vector
 from updater.reference import Reference
 from updater.structure import Structure
@@ -230,21 +230,17 @@ class Stretches:
         return found
 
     def where(self, fit: "Fit[Cause]") -> Where:
-        """Return mean of the most probable place, and the region of all middles."""
-        member, position, probability, _ = self._spread(fit)
+        """Return mean of the most probable place, and the region of all stretches."""
         share = self.likely(fit)
         distance, std = self._distances(fit)
         mean = float(share @ distance)
         members = self.cells.members
-        found, half = int(self.member[np.argmax(share)]), self.cells.length / 2
+        found = int(self.member[np.argmax(share)])
         return Where(
             member=members[found].name,
             position=vector(members[found].point(mean)),
             position_std=float(np.sqrt(share @ (std**2 + (distance - mean) ** 2))),
-            region=tuple(
-                (vector(members[m].point(a - half[m])), vector(members[m].point(b + half[m])))
-                for m, a, b in credible(member, position, probability, probability)
-            ),
+            region=self._posterior(fit)[0].region(self.cells.length / 2),
         )
 
     def likely(self, fit: "Fit[Any]") -> FloatArray:
@@ -268,9 +264,8 @@ class Stretches:
 
     def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
-        member, position, probability, cell_of = self._spread(fit)
-        found = places(member, position, probability, probability)
-        return [np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in found]
+        posterior, cell_of = self._posterior(fit)
+        return [np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in posterior.places]
 
     def averaged(self, fit: "Fit[Any]", value: FloatArray, std: FloatArray) -> tuple[float, float]:
         """Return mean and standard deviation of values (n,), (n,) over the most probable place."""
@@ -278,8 +273,8 @@ class Stretches:
         mean = float(share @ value)
         return mean, float(np.sqrt(share @ (std**2 + (value - mean) ** 2)))
 
-    def _spread(self, fit: "Fit[Any]") -> tuple[IndexArray, FloatArray, FloatArray, IndexArray]:
-        """Return member, middle [m] and probability of every cell, and the cell of each alternative's middle.
+    def _posterior(self, fit: "Fit[Any]") -> tuple[PositionPosterior, IndexArray]:
+        """Return the posterior of middles over all cells, and the cell of each alternative's middle.
 
         The middle of an alternative is distributed uniformly with its deviation.
         """
@@ -295,7 +290,14 @@ class Stretches:
         np.add.at(edge, before[self.member] + high, -fit.probability / (high - low))
         probability = np.maximum(np.cumsum(edge)[:-1], 0.0)
         cell_of = before[self.member] + np.clip(middle.astype(np.intp), low, high - 1)
-        return member, position, probability / probability.sum(), cell_of
+        posterior = PositionPosterior(
+            members=self.cells.members,
+            member=member,
+            position=position,
+            probability=probability / probability.sum(),
+            length=np.ones(len(member)),
+        )
+        return posterior, cell_of
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -322,17 +324,6 @@ class Spread(Stretches):
             (first + edges[:, None]).reshape(len(rows), -1),
             (share[:, :, None] * weight[:, None]).reshape(len(rows), -1),
         )
-
-
-def strength(comparison: Comparison, effect: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the strengths (n,) of changes of log frequencies (n, n_compared) in the data, and the explained part (n,).
-
-    Each separately, to first order; the explained part is in chi-square.
-    """
-    whitener = comparison.drifting.matrix
-    white, data = effect @ whitener.T, whitener @ comparison.log_ratio
-    found = white @ data / np.maximum((white**2).sum(1), 1e-12)
-    return np.asarray(found), np.asarray(found * (white @ data))
 
 
 def may_be_cut(structure: Structure) -> bool:

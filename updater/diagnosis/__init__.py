@@ -1,5 +1,7 @@
 """Diagnosis: causes fitted and compared, combined, named, and checked on data not used."""
 
+from updater.diagnosis.case import DiagnosisResult
+from updater.diagnosis.explanation import diagnose
 from updater.diagnosis.places import Density, densities
 from updater.diagnosis.schema import (
     CalibrationSummary,
@@ -14,7 +16,6 @@ from updater.diagnosis.schema import (
     Rejected,
     Verdict,
 )
-from updater.diagnosis.search import DiagnosisResult, diagnose
 from updater.diagnosis.weighing import allowed_causes
 
 __all__ = [

@@ -14,9 +14,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes import Cause, CommonFactor, JointHypothesis, SelectedCause, hides
+from updater.causes import CATALOGUE, Cause, CommonFactor, JointHypothesis, SelectedCause, hides
 from updater.diagnosis.places import next_place
-from updater.diagnosis.weighing import OF_THE_FILE, Candidate, EvidenceComparison, ranked
+from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, fit, foreseen, pulls
 
 _MAX = 300  # alternatives of a cause that are looked at; of more, evenly many
@@ -100,7 +100,6 @@ _HOPELESS = 15.0  # predicted log evidence below the best: combinations that are
 _ERRS = 0.2  # ... and relative to the predicted gain of the best: error of first order
 _TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
 _NEXT = 8.0  # of log density under a cause's best place: another one that is tried
-_LIKE = {"distributed_mass": "added_mass"}  # a rare cause, and a common one with a possibly lower prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +117,8 @@ class PredictedCandidate:
 
 
 def common(names: Sequence[str]) -> list[str]:
-    """Return names of causes in order, each rare one as the common one that acts much like it."""
-    return sorted(_LIKE.get(name, name) for name in names)
+    """Return names of causes in order, each rare one as its common form."""
+    return sorted(CATALOGUE[name].common_form or name for name in names)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,22 +141,23 @@ class Compositions:
         ]
         return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
 
-    def at_once(self, only: Collection[str] = ()) -> list[Candidate]:
+    def at_once(self, only: Collection[str] | None = None) -> list[Candidate]:
         """Fit the two causes that explain most together to first order, wherever the one that does alone may be.
 
         A rare cause among them is exchanged for the common one that acts much like it, too.
 
         Parameters
         ----------
-        only : names of the causes to which the pair is limited; all that are considered if empty
+        only : names of the causes to which the pair is limited; None: all that are considered
         """
-        allowed = [name for name in self.weighing.causes if not only or name in only]
-        weighing = replace(self.weighing, allowed=allowed) if only else self.weighing
+        allowed = [name for name in self.weighing.causes if only is None or name in only]
+        weighing = self.weighing if only is None else replace(self.weighing, allowed=allowed)
         pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
         found = None if pair is None else self._refit_until_converged(self.coordinate_fit(pair))
         if found is None:
             return []
-        alike = [self._refit_until_converged(self.coordinate_fit(chosen)) for chosen in self._alike(found) if not only]
+        others = self._alike(found) if only is None else []
+        alike = [self._refit_until_converged(self.coordinate_fit(chosen)) for chosen in others]
         return ranked([found, *(other for other in alike if other is not None)])
 
     @cached_property
@@ -170,11 +170,12 @@ class Compositions:
 
         A file that is off may be so in all its stiffness: that is one, and it is off once.
         """
-        if cause.name == OF_THE_FILE:
-            return OF_THE_FILE in seed.names
+        of_the_file = any(CATALOGUE[name].of_the_file for name in seed.names)
+        if CATALOGUE[cause.name].of_the_file:
+            return of_the_file
         if not isinstance(cause, CommonFactor):
             return False
-        has_one = any(isinstance(c.cause, CommonFactor) or c.cause.name == OF_THE_FILE for c in seed.chosen)
+        has_one = of_the_file or any(isinstance(c.cause, CommonFactor) for c in seed.chosen)
         return has_one or cause in self._same_factor[1:]
 
     def _with_other_makers(self, found: Sequence[Candidate]) -> list[Candidate]:
@@ -299,7 +300,7 @@ class Compositions:
         """Return the causes with a common one in the place of a rare one that acts much like it."""
         found = []
         for number, one in enumerate(fitted.chosen):
-            other = self.weighing.causes.get(_LIKE.get(one.cause.name, ""))
+            other = self.weighing.causes.get(CATALOGUE[one.cause.name].common_form)
             if other is not None:
                 others = fitted.chosen[:number] + fitted.chosen[number + 1 :]
                 found.append((*others, SelectedCause(other, 0, np.zeros(len(other.prior_std)))))

@@ -1,7 +1,11 @@
-"""Parameters of the extended model: refitted to the frequencies within noise.
+"""Extended model: its parameters, refitted to the frequencies within noise and to all measured modes.
 
 The comparison of causes allows for errors of the reference in predicted changes. The next record has the same error:
 parameters that compensate for it predict that record better, although they are no closer to the truth.
+
+A change may excite a mode that was not measured before, such as a twist that an eccentric body couples to bending.
+Until the causes are known, its counterpart in the model is unknown. Its frequency is then compared with the model's
+own, whose error counts.
 """
 
 from collections.abc import Sequence
@@ -9,11 +13,27 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes import Cause, CommonFactor, JointHypothesis, Nothing, SelectedCause, prediction
-from updater.inference import Comparison, fit
-from updater.modal_data import COMMON_STD
+from daq import IndexArray
+from oma import mac_matrix
+from updater.causes import (
+    CATALOGUE,
+    Cause,
+    CommonFactor,
+    JointHypothesis,
+    Nothing,
+    Parametric,
+    SelectedCause,
+    effect_of,
+    prediction,
+)
+from updater.inference import Comparison, Fit, fit, reanalyse
+from updater.modal_data import COMMON_STD, ModalMean
+from updater.reference import FREQUENCY_STD, Calibration
+from updater.structure import Structure, rounded, simplified
 
 _SHARE = 0.2  # of the model error of frequencies: five times as close
+_NEAR = 0.03  # ln f between measured and predicted modes that may be the same
+_ALIKE = 0.8  # MAC, likewise
 _SIGNIFICANT = 3.0  # standard deviations of a drift that is kept
 
 
@@ -51,3 +71,67 @@ def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Caus
     if abs(drift) < _SIGNIFICANT / np.sqrt(precision):
         return ()
     return (SelectedCause(factor, 0, np.array([(drift - factor.centre) / factor.spread])),)
+
+
+def with_further_modes(
+    data: Comparison, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
+) -> Comparison:
+    """Return data with the measured modes that the baseline lacks and the model has, once causes act on it.
+
+    Parameters
+    ----------
+    data : the event compared with the baseline
+    event : (n_tracks,) in the order of the baseline's tracks
+    every : (n_modes,) all modes measured, in any order
+    chosen : causes that are found
+    """
+    if data.circumstances.trend is not None or not np.isfinite(every.shape).all():
+        return data
+    others = every.only(np.flatnonzero(~np.isin(every.log_frequency, event.log_frequency)))
+    measured, modes = _answers(data, chosen, others.at(data.channels))
+    if not len(measured):
+        return data
+    log_ratio = others.log_frequency[measured] - np.log(data.frequency[modes])
+    return data.with_frequencies(modes, log_ratio, np.hypot(others.log_frequency_std[measured], FREQUENCY_STD))
+
+
+def _answers(data: Comparison, chosen: tuple[SelectedCause, ...], others: ModalMean) -> tuple[IndexArray, IndexArray]:
+    """Return modes measured (n,) and the modes of the reference (n,) that have become these by the causes."""
+    changed = reanalyse(data, effect_of(chosen))
+    value, vector, weighed = changed.value[0], changed.vector[0], changed.weighed[0]
+    n_modes = len(data.frequency)
+    log_frequency = -0.5 * np.log(value) - np.log(2 * np.pi)
+    mac = mac_matrix(others.shape, (data.at_channels @ vector[:n_modes]).T)
+    alike = (mac > _ALIKE) & (np.abs(others.log_frequency[:, None] - log_frequency) < _NEAR)
+    alike[:, changed.pick[0]] = False
+    found = np.argmax(np.where(alike, mac, -1.0), axis=1)
+    measured = np.flatnonzero(alike.any(1))
+    modes = np.argmax((vector * weighed)[:n_modes, found[measured]], axis=0)
+    fresh = ~np.isin(modes, data.paired) & (np.bincount(modes, minlength=n_modes)[modes] == 1)
+    return measured[fresh], modes[fresh]
+
+
+def extended_structure(
+    calibration: Calibration, chosen: Sequence[SelectedCause], parts: Sequence[Fit[Cause]]
+) -> Structure:
+    """Return a calibrated structure with causes written in."""
+    extended = calibration.structure
+    acting = chosen[::-1]  # the last named acts first: a gain on exchanged channels is another's
+    for part in sorted(acting, key=_turn):
+        extended = part.cause.extend(extended, part.row, part.theta)
+    return _as_known(calibration, extended, parts)
+
+
+def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit[Cause]]) -> Structure:
+    """Return an extended structure without springs and welds that have no effect, rounded to its accuracy."""
+    std = calibration.physical_std()
+    for part in parts:
+        if isinstance(part.hypotheses, Parametric):
+            std |= part.hypotheses.physical_std(part)
+    knobs = calibration.knobs
+    return rounded(simplified(extended, knobs), knobs, std)
+
+
+def _turn(chosen: SelectedCause) -> int:
+    """Return the order in which a cause is written: errors of the file first, a factor on everything last."""
+    return 0 if CATALOGUE[chosen.cause.name].of_the_file else 1 + chosen.cause.place_free

@@ -8,14 +8,24 @@ import numpy as np
 from scipy.special import logsumexp
 
 from daq import FloatArray
-from updater.causes import CommonFactor, Parametric, Placed, SelectedCause, hides, mac_of, prediction
+from updater.causes import (
+    CONNECTIONS,
+    CommonFactor,
+    LocalStiffness,
+    Parametric,
+    Placed,
+    SelectedCause,
+    hides,
+    mac_of,
+    prediction,
+)
 from updater.diagnosis.places import by_place
 from updater.diagnosis.schema import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
 from updater.inference import Comparison, beside, residual
 from updater.modal_data import ModalMean
 from updater.quantities import ParameterChange, Quantity, Vector
 from updater.reference import ModelFit, Reference, match_nominal_modes
-from updater.structure import Joint, Structure, Support, size
+from updater.structure import Structure, size
 
 if TYPE_CHECKING:
     from updater import causes
@@ -91,7 +101,8 @@ def _at_one_connection(one: "Candidate", other: "Candidate") -> bool:
     if own.total() != 1 or theirs.total() != 1:
         return False
     kinds = {*own, *theirs}
-    if "local_stiffness" not in kinds or not kinds & {"support_stiffness", "joint_stiffness"}:
+    stretches = {p.hypotheses.name for c in (one, other) for p in c.parts if isinstance(p.hypotheses, LocalStiffness)}
+    if not kinds & stretches or not kinds & set(CONNECTIONS):
         return False
     (name,), (other_name,) = own, theirs
     first, second = _position(one, name), _position(other, other_name)
@@ -141,13 +152,11 @@ def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
     """Return the stiffness of a foot or joint next to a stretch, which the model may not represent."""
     cause = part.hypotheses
     where = cause.where(part)
-    if cause.name != "local_stiffness" or not isinstance(cause, Placed) or not where or where.position is None:
+    if not isinstance(cause, LocalStiffness) or not where or where.position is None:
         return []
     structure = cause.reference.structure
     near = _BESIDE * size(structure)
-    ends = [("support_stiffness", s.at) for s in structure.support] + [
-        ("joint_stiffness", j.at) for j in structure.joint
-    ]
+    ends = [(name, each.at) for name, of in CONNECTIONS.items() for each in of(structure)]
     return [name for name, at in ends if np.linalg.norm(np.subtract(where.position, at)) < near]
 
 
@@ -327,12 +336,8 @@ def as_written(cause: Cause, structure: Structure) -> Cause:
 
     Flexibilities add, so that the deviation of a stiffness goes with its square; other causes are returned as they are.
     """
-    springs: dict[str, Sequence[Support | Joint]] = {
-        "support_stiffness": structure.support,
-        "joint_stiffness": structure.joint,
-    }
     where, found = cause.where, cause.parameters
-    for connection in springs.get(cause.cause, ()):
+    for connection in CONNECTIONS[cause.cause](structure) if cause.cause in CONNECTIONS else ():
         if where and connection.at == where.position and getattr(connection, "member", None) == where.member:
             now = {f"stiffness_{axis}": stiffness for axis, stiffness in connection.stiffness.items()}
             found = {

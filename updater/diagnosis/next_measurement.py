@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import SOFTENING, SOFTENING_STD, AddedMass, CommonFactor, SelectedCause, effect_of, prediction
+from updater.causes import AddedMass, CommonFactor, SelectedCause, effect_of, prediction
 from updater.inference import MODEL_ERROR, Changed, Comparison, Effect, compare, picked, reanalyse, residual
 from updater.modal_data import ModalMean
 from updater.reference import Reference
@@ -23,8 +23,6 @@ _NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good a
 _SPACING = 0.1  # of a member's length, between places that are tried
 _SHARE = 0.02  # added mass relative to the structure's
 _LONGER = 4  # times the record
-_THERMOMETER_STD = 0.7  # K, of a difference
-_TONE_STD = 5e-4  # of ln f, as `sampling_clock` takes it
 _MAX = 3  # measurements that are named
 _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
@@ -110,9 +108,9 @@ def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) ->
     """Return the modes that a hypothesis expects, alone or with one more effect."""
     effect = effect_of(chosen)
     for part in chosen:  # a denser part moves less by a known mass, a softer one does not
-        if part.cause.name == "global_density" and isinstance(part.cause, CommonFactor):
+        if isinstance(part.cause, CommonFactor) and part.cause.as_mass(part.theta):
             own = part.cause.effect(part.theta[None], np.array([part.row]))
-            heavier = np.expm1(-2 * part.cause.log_factor(part.theta)) * np.eye(len(data.frequency))
+            heavier = part.cause.as_mass(part.theta) * np.eye(len(data.frequency))
             effect = replace(effect, compliance=effect.compliance - own.compliance, mass=effect.mass + heavier)
     if more is None:
         return reanalyse(data, effect)
@@ -201,18 +199,15 @@ def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones:
 
 def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
     """Try a thermometer and a tone, where the factor on all frequencies may be a temperature's or a clock's."""
+    factors = [
+        [(part, part.cause) for part in chosen if isinstance(part.cause, CommonFactor) and not part.cause.informed]
+        for chosen in open_ones
+    ]
     found = []
-    for name, text in (
-        ("temperature", "A thermometer during both records"),
-        ("sampling_clock", "A tone of known frequency in both records"),
-    ):
-        reading = np.zeros((len(open_ones), 1))
-        for i, chosen in enumerate(open_ones):
-            for part in chosen:
-                if part.cause.name == name and isinstance(part.cause, CommonFactor) and not part.cause.informed:
-                    factor = float(part.cause.log_factor(part.theta))
-                    std = np.hypot(0.5 * SOFTENING * _THERMOMETER_STD, factor * SOFTENING_STD / SOFTENING)
-                    reading[i] = factor / (std if name == "temperature" else _TONE_STD)
+    for instrument in sorted({cause.instrument for each in factors for _, cause in each} - {""}):
+        reading = np.array(
+            [[sum(c.reading(p.theta) for p, c in each if c.instrument == instrument)] for each in factors]
+        )
         if reading.any():
-            found.append(_Trial(text, _apart(reading, np.ones(1))))
+            found.append(_Trial(instrument, _apart(reading, np.ones(1))))
     return found

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from updater.causes import CATALOGUE, RARITY, Cause, Nothing, Propose, SelectedCause, prediction
+from updater.causes import CATALOGUE, Cause, Nothing, Propose, SelectedCause, prediction
 from updater.errors import SelectionError
 from updater.inference import Comparison, Fit, fit
 from updater.reference import Reference
@@ -50,7 +50,10 @@ class Faults:
 
 
 PRIOR_NOTHING = 0.5
-OF_THE_FILE = "model_parameters"  #: cause that may occur together with any other
+SURE = 0.8  #: posterior at which a cause is named
+DOUBTFUL = 0.01  #: p value of a fit under which one more cause is tried
+WELL = 0.5  #: p value from which on no other pair is sought, and no relaxed form
+MUCH = 8.0  #: predicted log evidence above which another cause is tried despite a good fit
 _TWINS = 0.05  # of frequency, between modes that may be one, if their shapes are
 _TWINS_MAC = 0.8
 _EQUAL = 0.02  # log evidence between causes that the data do not distinguish
@@ -142,15 +145,26 @@ class EvidenceComparison:
 
     @cached_property
     def _proposed(self) -> Mapping[str, Cause]:
-        makers = {name: self.instead.get(name, propose) for name, propose in CATALOGUE.items() if name in self.allowed}
         found = {}
-        for name, propose in makers.items():
+        for name in (name for name in CATALOGUE if name in self.allowed):
+            propose = self.instead.get(name, CATALOGUE[name].propose)
             found[name] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
         return {name: cause for name, cause in found.items() if cause is not None}
 
     def label(self, name: str) -> str:
         """Return the name of a cause, marked if its maker is not that of the catalogue."""
         return f"{name} (another form)" if name in self.instead else name
+
+    @property
+    def of_the_file(self) -> list[str]:
+        """Names of the considered causes that are errors of the structure file: of many places, each a little."""
+        return [name for name in self.causes if CATALOGUE[name].of_the_file]
+
+    @property
+    def common_forms(self) -> list[str]:
+        """Names of the considered causes that are common forms of rare ones."""
+        forms = {entry.common_form for entry in CATALOGUE.values()}
+        return [name for name in self.causes if name in forms]
 
     @cached_property
     def nothing(self) -> Fit[Nothing]:
@@ -180,10 +194,10 @@ class EvidenceComparison:
 
     def log_prior(self, name: str) -> float:
         """Return the log probability of a cause."""
-        if name == OF_THE_FILE:
+        if CATALOGUE[name].of_the_file:
             return float(np.log(PRIOR_NOTHING))  # that the file is right is no likelier
-        whole = sum(RARITY.get(each, 1.0) for each in CATALOGUE if each != OF_THE_FILE)
-        return float(np.log((1 - PRIOR_NOTHING) * RARITY.get(name, 1.0) / whole))
+        whole = sum(entry.rarity for entry in CATALOGUE.values() if not entry.of_the_file)
+        return float(np.log((1 - PRIOR_NOTHING) * CATALOGUE[name].rarity / whole))
 
     def singles(self, only: Sequence[str] = ()) -> list[Candidate]:
         """Fit every cause alone, or only some, the best first; one that fails is left out."""

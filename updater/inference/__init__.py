@@ -12,10 +12,10 @@ from updater.inference.laplace_fit import (
     freedom_of_frequencies,
     slopes,
 )
-from updater.inference.linearization import foreseen, linear_in_mass, linearised, most_likely, pulls
+from updater.inference.linearization import first_order, foreseen, linear_in_mass, linearised, most_likely, pulls
 from updater.inference.new_shapes import shaken
 from updater.inference.phases_and_damping import without_mode
-from updater.inference.posterior import Place, credible, likeliest_place, places
+from updater.inference.posterior import Place, PositionPosterior, credible, likeliest_place
 from updater.inference.priors import Magnitude, log_uniform
 from updater.inference.reanalysis import Changed, Effect, Tangent, in_modes, no_effect, picked, predict, reanalyse
 from updater.inference.residuals import Prediction, residual
@@ -34,6 +34,7 @@ __all__ = [
     "Magnitude",
     "NewModes",
     "Place",
+    "PositionPosterior",
     "Prediction",
     "Tangent",
     "Whitener",
@@ -41,6 +42,7 @@ __all__ = [
     "compare",
     "credible",
     "evaluate",
+    "first_order",
     "fit",
     "foreseen",
     "freedom_of_frequencies",
@@ -52,7 +54,6 @@ __all__ = [
     "most_likely",
     "no_effect",
     "picked",
-    "places",
     "predict",
     "pulls",
     "reanalyse",

@@ -1,4 +1,4 @@
-"""First-order screening of very many positions of a mass, so that the exact fit examines hundreds of them only.
+"""Changes to first order: where fits begin, and screening of very many positions of a mass.
 
 A small mass m at a point where mode i moves by u_i changes ln omega_i by -m |u_i|^2 / 2 and rotates the mode by m (u_i
 . u_k) omega_i^2 / (omega_k^2 - omega_i^2) towards mode k (Brincker et al., MSSP 45 (2014) 91-104). Whitened like the
@@ -15,9 +15,29 @@ from updater.inference.comparison import Comparison
 from updater.inference.laplace_fit import Hypotheses, Point, evaluate, normal, slopes
 from updater.inference.shape_covariance import beside
 
+_MIN_INFORMATION = 1e-12  # of a parameter without effect and without prior: it starts at zero
 _CHUNK = 4096  # positions at a time
 _MIN_SEEN = 1e-6  # of a mode at the channels [1/sqrt(kg)]
 _MAX_TURNED = 50.0  # omega_i^2 / |omega_k^2 - omega_i^2|: closer modes are no longer first order
+
+
+def first_order(comparison: Comparison, slope: FloatArray, prior_std: float = np.inf) -> tuple[FloatArray, FloatArray]:
+    """Return the parameters (n, k) at which fits of n alternatives begin, and the explained part of chi-square (n,).
+
+    One Gauss-Newton step from no change, on the frequencies alone, each alternative by itself.
+
+    Parameters
+    ----------
+    comparison : measured
+    slope : (n, k, n_compared) change of each log frequency by a unit of each parameter
+    prior_std : standard deviation of each parameter without data
+    """
+    whitener = comparison.drifting.matrix
+    white, data = slope @ whitener.T, whitener @ comparison.log_ratio
+    score = white @ data
+    normal = white @ white.transpose(0, 2, 1) + np.eye(slope.shape[1]) * max(prior_std**-2.0, _MIN_INFORMATION)
+    found = np.linalg.solve(normal, score[:, :, None])[:, :, 0]
+    return np.asarray(found), np.asarray((found * score).sum(1))
 
 
 def most_likely(comparison: Comparison, translation: FloatArray, mass_std: float, most: int) -> IndexArray:

@@ -1,10 +1,14 @@
 """A posterior over positions along members: its 95 % region, and the separate places that it leaves open."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.quantities import Vector, Where, vector
+from updater.structure import Member
 
 HELD = 0.95  # of the posterior, by the region
 _APART = 0.02  # m on a structure of 1.5 m: stretches of the region nearer than this are one place
@@ -19,6 +23,68 @@ class Place:
     stop: float  #: [m]
     probability: float  #: probability of the place [-]
     share: FloatArray  #: (n,) probability of each position, given the place; sums to one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PositionPosterior:
+    """Posterior of a cause over positions along members."""
+
+    members: Sequence[Member]
+    member: IndexArray  #: (n,) number of the member of each position
+    position: FloatArray  #: (n,) distance from the member's start, ascending on each member [m]
+    probability: FloatArray  #: (n,) summing to one
+    length: FloatArray  #: (n,) that each position represents, or their ratios [m]
+    scale: float = 1.0  #: size of the structure over the usual one
+    resolution: float = 0.0  #: distance between positions where they are closest [m]
+
+    @cached_property
+    def intervals(self) -> list[tuple[int, float, float]]:
+        """Stretches (member, from, to) of highest density that hold 95 % [m]."""
+        return credible(self.member, self.position, self.probability / self.length, self.probability)
+
+    @cached_property
+    def places(self) -> list[Place]:
+        """Separate places, the most probable first.
+
+        A mean over two places would be neither: if the data cannot distinguish left from right it lies in the middle.
+        Each position therefore counts for the nearest stretch of the region on its member, and every place has its own
+        figures. Probability on members outside the region belongs to no place.
+        """
+        stretches = _merged(self.intervals, self.scale * _APART)
+        owner = _nearest(stretches, self.member, self.position)
+        found = []
+        for number, (m, a, b) in enumerate(stretches):
+            own = np.where(owner == number, self.probability, 0.0)
+            found.append(Place(member=m, start=a, stop=b, probability=float(own.sum()), share=own / own.sum()))
+        return sorted(found, key=lambda place: -place.probability)
+
+    def distance(self, place: Place) -> tuple[float, float]:
+        """Return mean and standard deviation of the distance from the member's start at a place [m]."""
+        mean = float(place.share @ self.position)
+        return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + self.resolution**2 / 12))
+
+    def region(self, half: FloatArray | None = None) -> tuple[tuple[Vector, Vector], ...]:
+        """Return the ends of the intervals in space [m].
+
+        Parameters
+        ----------
+        half : (n_members,) by which intervals extend beyond their first and last positions [m]
+        """
+        more = np.zeros(len(self.members)) if half is None else half
+        return tuple(
+            (vector(self.members[m].point(a - more[m])), vector(self.members[m].point(b + more[m])))
+            for m, a, b in self.intervals
+        )
+
+    @property
+    def where(self) -> Where:
+        """Mean of the most probable place, and the region."""
+        place = self.places[0]
+        distance, std = self.distance(place)
+        member = self.members[place.member]
+        return Where(
+            member=member.name, position=vector(member.point(distance)), position_std=std, region=self.region()
+        )
 
 
 def credible(
@@ -38,31 +104,6 @@ def credible(
     starts = np.flatnonzero(inside & ~np.r_[False, inside[:-1] & (member[1:] == member[:-1])])
     stops = np.flatnonzero(inside & ~np.r_[inside[1:] & (member[1:] == member[:-1]), False])
     return [(int(member[a]), float(position[a]), float(position[b])) for a, b in zip(starts, stops, strict=True)]
-
-
-def places(
-    member: IndexArray, position: FloatArray, density: FloatArray, probability: FloatArray, size: float = 1.0
-) -> list[Place]:
-    """Return the separate places of a posterior, the most probable first.
-
-    A mean over two places would be neither: if the data cannot distinguish left from right it lies in the middle. Each
-    position therefore counts for the nearest stretch of the region on its member, and every place has its own figures.
-    Probability on members outside the region belongs to no place.
-
-    Parameters
-    ----------
-    member, position : (n,) member and distance from its start [m], ascending on each member
-    density : (n,) posterior [1/m]
-    probability : (n,) posterior, summing to one
-    size : of the structure, over the usual one: how near stretches of the region are one place
-    """
-    stretches = _merged(credible(member, position, density, probability), size * _APART)
-    owner = _nearest(stretches, member, position)
-    found = []
-    for number, (m, a, b) in enumerate(stretches):
-        own = np.where(owner == number, probability, 0.0)
-        found.append(Place(member=m, start=a, stop=b, probability=float(own.sum()), share=own / own.sum()))
-    return sorted(found, key=lambda place: -place.probability)
 
 
 def _merged(stretches: list[tuple[int, float, float]], apart: float) -> list[tuple[int, float, float]]:

@@ -7,7 +7,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes import AddedMass, propose_added_mass
 from updater.fe import local_axes
-from updater.inference import Fit, Place, compare, credible, fit
+from updater.inference import Fit, Place, PositionPosterior, compare, fit
 from updater.modal_data import ModalMean
 from updater.reference import Reference
 from updater.structure import Structure
@@ -115,10 +115,10 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
     """Return a fitted mass with its profile."""
     cause, probability = found.hypotheses, found.probability
     names = [member.name for member in cause.reference.structure.member]
-    density = probability / cause.weight
-    open_places = cause.places(found)
+    posterior = cause.posterior(found)
+    open_places = posterior.places
     alternatives = tuple(
-        _alternative(found, place, names[place.member])
+        _alternative(found, posterior, place)
         for place in open_places
         if place is open_places[0] or place.probability >= _WORTH_SAYING
     )
@@ -131,27 +131,23 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
         mass_std=first.mass_std,
         body=_shape(found, open_places[0]),
         alternatives=alternatives,
-        region=tuple(
-            Stretch(member=names[m], start=a, stop=b)
-            for m, a, b in credible(cause.member, cause.position, density, probability)
-        ),
+        region=tuple(Stretch(member=names[m], start=a, stop=b) for m, a, b in posterior.intervals),
         member_probability=float(probability[cause.member == open_places[0].member].sum()),
         p_value=found.p_value,
         model_error=model_error,
         tracks=cause.comparison.tracks,
         members=tuple(names[m] for m in cause.member),
         position=cause.position,
-        density=density,
+        density=probability / cause.weight,
         profile_mass=found.theta[:, 0],
     )
 
 
-def _alternative(found: Fit[AddedMass], place: Place, member: str) -> Alternative:
-    cause = found.hypotheses
-    distance, distance_std = cause.distance(place)
-    mass, mass_std = cause.mass(found, place)
+def _alternative(found: Fit[AddedMass], posterior: PositionPosterior, place: Place) -> Alternative:
+    distance, distance_std = posterior.distance(place)
+    mass, mass_std = found.hypotheses.mass(found, place)
     return Alternative(
-        member=member,
+        member=posterior.members[place.member].name,
         distance=distance,
         distance_std=distance_std,
         mass=mass,

@@ -64,7 +64,7 @@ def _without_rivals(
 
     A bearing that loses most of its stiffness moves each mode half of the way to the next one's shape and frequency.
     Two similar modes of the event are no rivals: an oscillator splits one. Modes left out are data again once causes
-    are found (`updater.diagnosis.further_modes`). At least three are left.
+    are found (`updater.diagnosis.model_extension`). At least three are left.
 
     Parameters
     ----------

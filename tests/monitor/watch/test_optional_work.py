@@ -6,7 +6,7 @@ import pytest
 from monitor.results.windows import AlarmResult, SelfTestResult
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
 from updater import Body
-from updater.causes import CATALOGUE
+from updater.causes import CATALOGUE, CatalogueEntry, Cause
 
 
 def fails(*_: object, **__: object) -> None:
@@ -39,7 +39,7 @@ def singular(*_: object, **__: object) -> None:
     raise np.linalg.LinAlgError("Singular matrix")  # a ValueError, but no bad input
 
 
-def broken(*_: object) -> None:
+def broken(*_: object) -> Cause:
     raise IndexError("index 3 is out of bounds")
 
 
@@ -54,7 +54,7 @@ def test_parts_of_the_answer_that_fail_cost_only_themselves(
     parts: tuple[str, ...], left: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The alarm is raised and the other parts are there; a cause that fails within the diagnosis is reported once."""
-    causes = {"added_mass": CATALOGUE["added_mass"], "axial_force": broken}
+    causes = {"added_mass": CATALOGUE["added_mass"], "axial_force": CatalogueEntry(propose=broken)}
     monkeypatch.setattr(CATALOGUE, "_all", causes)
     for part in parts:
         monkeypatch.setattr(f"monitor.watch.answer.{part}", singular)

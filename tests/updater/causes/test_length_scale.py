@@ -114,5 +114,6 @@ def test_a_body_under_a_girder_is_found_though_nothing_says_to_which_side_it_han
     data = compare(reference, matched(reference.baseline, now))
     found = fit(data, propose_added_mass(reference, data))
     assert found.p_value > 1e-3
-    distance, std = found.hypotheses.distance(found.hypotheses.places(found)[0])
+    posterior = found.hypotheses.posterior(found)
+    distance, std = posterior.distance(posterior.places[0])
     assert abs(distance - 3.16) < 4 * std

@@ -55,7 +55,7 @@ def test_softened_column_of_a_tower_is_found() -> None:
     before, after = ([measure(model, random, gain) for _ in range(5)] for model in models)
     reference = learn_reference(structure, before, [TRACK] * 5)
     data = compare(reference, matched(reference.baseline, reference.mean_of(stack_tracks(after, [TRACK] * 5))))
-    cause = CATALOGUE["local_stiffness"](reference, data)
+    cause = CATALOGUE["local_stiffness"].propose(reference, data)
     assert cause is not None
     assert len(cause.start) < 300
     found = fit(data, cause)

@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import build_model, diagnose, learn_reference, matched, stack_tracks
-from updater.causes import CATALOGUE
+from updater.causes import CATALOGUE, CatalogueEntry
 from updater.causes.catalogue import GROUP, Catalogue
 from updater.causes.overall.stiffness import propose_global_stiffness
 
@@ -79,10 +79,10 @@ def test_what_cannot_be_used_is_named_and_left_out(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, name: str, value: str, problem: str
 ) -> None:
     monkeypatch.setattr("updater.causes.catalogue.entry_points", lambda group: [EntryPoint(name, value, group)])
-    catalogue = Catalogue({"global_stiffness": propose_global_stiffness})
+    catalogue = Catalogue({"global_stiffness": CatalogueEntry(propose=propose_global_stiffness)})
     with caplog.at_level(logging.WARNING):
         assert list(catalogue) == ["global_stiffness"]
-    assert catalogue["global_stiffness"] is propose_global_stiffness
+    assert catalogue["global_stiffness"].propose is propose_global_stiffness
     assert len(catalogue) == 1
     (record,) = caplog.records
     assert problem in record.message

@@ -1,6 +1,7 @@
 """A cause that fails numerically is left out of a diagnosis and reported; the reaction to amplitude stays bounded."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -12,10 +13,10 @@ from monitor.analysis.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
 from tests.support.updater.frames import as_estimate
-from updater import Structure, learn_reference, parse_structure
-from updater.causes import CATALOGUE
+from updater import Reference, Structure, learn_reference, parse_structure
+from updater.causes import CATALOGUE, CatalogueEntry, Cause
 from updater.causes.overall.amplitude_softening import propose_amplitude_softening
-from updater.inference import compare, fit
+from updater.inference import Comparison, compare, fit
 from updater.modal_data import Circumstances, trend_of
 
 PIERS = (0.0, 18.0, 42.0, 60.0)  # m
@@ -160,13 +161,16 @@ def test_a_cause_that_fails_is_left_out_reported_and_logged(
         def effect(self, theta: FloatArray, rows: FloatArray) -> object:
             raise np.linalg.LinAlgError("Singular matrix")
 
-    def broken(*_: object) -> None:
+    def broken(*_: object) -> Cause:
         raise IndexError("index 3 is out of bounds")
+
+    def singular(reference: Reference, comparison: Comparison) -> Cause:
+        return cast("Cause", Singular(own["global_stiffness"].propose(reference, comparison)))
 
     own = {name: CATALOGUE[name] for name in ("added_mass", "global_stiffness", "axial_force")}
     monkeypatch.setattr(CATALOGUE, "_all", own | {
-        "axial_force": broken,
-        "global_stiffness": lambda *given: Singular(own["global_stiffness"](*given)),
+        "axial_force": CatalogueEntry(propose=broken),
+        "global_stiffness": CatalogueEntry(propose=singular),
     })  # fmt: skip
     found = explain(girder_file(), *girder).explained.diagnosis
     assert [cause.cause for cause in found.causes] == ["added_mass"]

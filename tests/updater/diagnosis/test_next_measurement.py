@@ -90,7 +90,7 @@ def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyP
         named, sure, left_open = named_causes(*args)
         return named, sure, [left_open[0], left_open[0]]
 
-    monkeypatch.setattr("updater.diagnosis.search.named_causes", two_open)
+    monkeypatch.setattr("updater.diagnosis.explanation.named_causes", two_open)
     found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",)).diagnosis
     assert found.verdict == "explained"
     assert "None of" not in found.next_measurement

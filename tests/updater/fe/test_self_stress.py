@@ -64,7 +64,7 @@ def test_frequencies_of_what_gives_much_are_the_extended_structures(
     Sixty modes miss a full solution by a thousandth; as if the frame were statically determinate, by per cents.
     """
     reference, data = portal
-    cause = CATALOGUE[name](reference, data)
+    cause = CATALOGUE[name].propose(reference, data)
     assert cause is not None
     rows = np.random.default_rng(4).choice(len(cause.lower), 5, replace=False)
     chosen = [SelectedCause(cause, int(row), np.array(parameters, float)) for row in rows]

@@ -12,7 +12,7 @@ from daq import FloatArray
 from tests.support.updater.frames import beam, clamped, t_frame
 from tests.support.updater.planned_records import TrueRig, away
 from updater import Body, ModelError, Record, Structure, build_model, parse_structure, study_detectability
-from updater.inference import SHAPE_BIAS, likeliest_place, places
+from updater.inference import SHAPE_BIAS, PositionPosterior, likeliest_place
 from updater.planning import (
     DetectabilityStudy,
     LocalizationSimulation,
@@ -206,7 +206,10 @@ def test_the_likeliest_place_is_the_one_that_localization_names() -> None:
     probability = density / density.sum(1, keepdims=True)
     mean = likeliest_place(member, probability) @ line
     for k in range(50):
-        best = places(member, position, probability[k], probability[k])[0]
+        posterior = PositionPosterior(
+            members=(), member=member, position=position, probability=probability[k], length=np.ones(len(member))
+        )
+        best = posterior.places[0]
         assert best.member + best.start <= mean[k] <= best.member + best.stop
 
 

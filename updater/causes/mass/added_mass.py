@@ -20,11 +20,11 @@ from updater.inference import (
     Effect,
     Magnitude,
     Place,
-    credible,
+    PositionPosterior,
+    first_order,
     log_uniform,
     most_likely,
     no_effect,
-    places,
 )
 from updater.quantities import Quantity, Vector, Where, vector
 from updater.reference import Reference
@@ -162,32 +162,26 @@ class AddedMass:
     def _member_of(self, number: int) -> Member:
         return self.reference.structure.member[number]
 
+    def posterior(self, fit: "Fit[Any]") -> PositionPosterior:
+        """Return the posterior over positions."""
+        return PositionPosterior(
+            members=self.reference.structure.member,
+            member=self.member,
+            position=self.position,
+            probability=fit.probability,
+            length=self.weight,
+            scale=size(self.reference.structure),
+            resolution=self._fine,
+        )
+
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return mean of the most probable place, and the region."""
-        place = self.places(fit)[0]
-        distance, std = self.distance(place)
-        members = self.reference.structure.member
-        probability = fit.probability
-        return Where(
-            member=members[place.member].name,
-            position=vector(members[place.member].point(distance)),
-            position_std=std,
-            region=tuple(
-                (vector(members[m].point(a)), vector(members[m].point(b)))
-                for m, a, b in credible(self.member, self.position, probability / self.weight, probability)
-            ),
-        )
+        return self.posterior(fit).where
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the mass, averaged over positions."""
-        value, std = self.mass(fit, self.places(fit)[0])
+        value, std = self.mass(fit, self.posterior(fit).places[0])
         return {"mass": Quantity(value=value, std=std, unit="kg")}
-
-    def places(self, fit: "Fit[Any]") -> list[Place]:
-        """Return the places that a fit leaves open, the most probable first."""
-        probability = fit.probability
-        large = size(self.reference.structure)
-        return places(self.member, self.position, probability / self.weight, probability, large)
 
     def points(self, fit: "Fit[Any]") -> FloatArray:
         """Return where each alternative is (n, 3), on its member's axis [m]."""
@@ -197,12 +191,7 @@ class AddedMass:
 
     def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
-        return [place.probability * place.share for place in self.places(fit)]
-
-    def distance(self, place: Place) -> tuple[float, float]:
-        """Return mean and standard deviation of the distance from the member's start at a place [m]."""
-        mean = float(place.share @ self.position)
-        return mean, float(np.sqrt(place.share @ (self.position - mean) ** 2 + self._fine**2 / 12))
+        return [place.probability * place.share for place in self.posterior(fit).places]
 
     def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the mass at a place [kg]."""
@@ -334,7 +323,7 @@ def along(
         translation=translation,
         rotation=rotation,
         by_offset=np.array([np.cross(rotation, across[:, k, :, None], axis=1) for k in (1, 2)]),
-        start=_first_order(reference, comparison, translation) if start is None else start,
+        start=_start(reference, comparison, translation) if start is None else start,
         gap=gap,
     )
 
@@ -350,14 +339,13 @@ def _axes_along(direction: Vector, local_y: Vector | None) -> FloatArray:
     return local_axes(np.array(direction), local_y)
 
 
-def _first_order(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
+def _start(reference: Reference, comparison: Comparison, translation: FloatArray) -> FloatArray:
     """Return d ln f_i = -m/2 sum_a phi_ia^2, fitted to the whitened log frequencies; hardly an offset, no inertia.
 
     On the axis of a structure that is symmetric about it, the slope with respect to an offset is zero.
     """
-    whitener = comparison.drifting.matrix
-    effect = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1) @ whitener.T
-    mass = effect @ (whitener @ comparison.log_ratio) / np.maximum((effect**2).sum(1), 1e-12)
+    slope = -0.5 * (translation[:, :, comparison.paired] ** 2).sum(1)
+    mass = first_order(comparison, slope[:, None])[0][:, 0]
     # where a mass hardly moves there is hardly an effect to divide by: start no farther than the prior reaches
     total = reference.model.total_mass()
     mass = np.clip(mass, -LARGEST_REMOVED * total, MASS_STD * total)

@@ -18,7 +18,7 @@ from scipy.special import gammaln
 from daq import FloatArray, IndexArray
 from updater.causes.mass.oscillator_start import hung, not_known, shaking, translations
 from updater.fe import local_axes
-from updater.inference import Comparison, Effect, Magnitude, NewModes, credible, log_uniform, no_effect, places
+from updater.inference import Comparison, Effect, Magnitude, NewModes, PositionPosterior, log_uniform, no_effect
 from updater.inference import fit as fit_all
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
@@ -158,21 +158,15 @@ class AttachedOscillator:
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return mean of the most probable place, and the region."""
         own = self._alike(fit)
-        probability = fit.probability[own] / fit.probability[own].sum()
-        member, position = self.member[own], self.position[own]
-        place = places(member, position, probability, probability, size(self.reference.structure))[0]
-        mean = float(place.share @ position)
-        std = float(np.sqrt(place.share @ (position - mean) ** 2 + (self.gap / _FINER) ** 2 / 12))
-        members = self.reference.structure.member
-        return Where(
-            member=members[place.member].name,
-            position=vector(members[place.member].point(mean)),
-            position_std=std,
-            region=tuple(
-                (vector(members[m].point(a)), vector(members[m].point(b)))
-                for m, a, b in credible(member, position, probability, probability)
-            ),
-        )
+        return PositionPosterior(
+            members=self.reference.structure.member,
+            member=self.member[own],
+            position=self.position[own],
+            probability=fit.probability[own] / fit.probability[own].sum(),
+            length=np.ones(len(own)),
+            scale=size(self.reference.structure),
+            resolution=self.gap / _FINER,
+        ).where
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return mass and own frequency, averaged over the places; damping of the new mode where it was seen."""

@@ -14,9 +14,9 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.member_grid import Cells, cut
-from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
+from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
 from updater.fe import local_axes
-from updater.inference import Comparison, Effect, log_uniform, no_effect
+from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Segment, Structure
@@ -115,16 +115,17 @@ def propose_distributed_mass(reference: Reference, comparison: Comparison) -> Di
         own=np.array(own),
         **everywhere(cells, _LENGTHS, 4),
     )
-    return begun(found, _first_order(found))
+    return begun(found, _start(found))
 
 
-def _first_order(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
+def _start(cause: DistributedMass) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -m/2 dM_ii, fitted to the log frequencies."""
     comparison = cause.comparison
     per_metre = cause.per_metre(cause.start, np.arange(len(cause.member)))
     heavier = np.diagonal(per_metre, axis1=1, axis2=2)[:, comparison.paired]
-    mass, explained = strength(comparison, -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None])
-    return np.clip(mass, cause.lower[:, 0] / 2, cause.prior_std[0]), explained
+    slope = -0.5 * heavier / (cause.size * cause.cells.length[cause.member])[:, None]
+    mass, explained = first_order(comparison, slope[:, None])
+    return np.clip(mass[:, 0], cause.lower[:, 0] / 2, cause.prior_std[0]), explained
 
 
 @lru_cache(maxsize=4)

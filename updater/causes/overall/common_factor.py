@@ -33,6 +33,17 @@ class CommonFactor(Discrete):
     centre: float = 0.0  #: prior mean of that logarithm
     spread: float = COMMON_FACTOR_STD  #: its prior standard deviation
     place_free: bool = True
+    instrument: str = ""  #: what would measure the factor during both records, if anything
+
+    def reading(self, theta: FloatArray) -> float:
+        """Return the factor of parameters (1,) that the instrument would measure, in its standard deviations."""
+        del theta
+        return 0.0
+
+    def as_mass(self, theta: FloatArray) -> float:
+        """Return the relative change of mass by parameters (1,), if it is one of mass."""
+        del theta
+        return 0.0
 
     @property
     def informed(self) -> bool:

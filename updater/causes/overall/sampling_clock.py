@@ -31,12 +31,17 @@ class SamplingClock(CommonFactor):
 
     log_tones: float  #: log likelihood of the tones, if it is the clock, over that if it is not
     name: str = "sampling_clock"
+    instrument: str = "A tone of known frequency in both records"
     advice: str = "Record a tone of known frequency (mains, a tuning fork) during the next log."
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the log evidence of the tones."""
         del covariance
         return np.full(len(theta), self.log_tones)
+
+    def reading(self, theta: FloatArray) -> float:
+        """Return the factor over the error of a tone."""
+        return float(self.log_factor(theta)) / _STEADY
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the error of the clock: indicated over true frequencies, less one."""

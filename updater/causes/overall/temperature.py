@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 SOFTENING = 3.5e-4  # 1/K, of Young's modulus
 SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel
+_THERMOMETER_STD = 0.7  # K, of a difference
 _MIN_WARMER = 1.0  # K, below which no softening per kelvin is stated
 
 
@@ -43,7 +44,13 @@ class Temperature(OwnFactor):
 
     warmer: float  #: measured temperature rise [K], NaN if unknown
     name: str = "temperature"
+    instrument: str = "A thermometer during both records"
     advice: str = "Record at another temperature, with a thermometer on the structure."
+
+    def reading(self, theta: FloatArray) -> float:
+        """Return the factor over the error of a thermometer and of the law."""
+        factor = float(self.log_factor(theta))
+        return factor / float(np.hypot(0.5 * SOFTENING * _THERMOMETER_STD, factor * SOFTENING_STD / SOFTENING))
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the temperature rise; with a thermometer, also the loss of stiffness over mass per kelvin."""

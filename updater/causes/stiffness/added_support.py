@@ -13,17 +13,9 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.member_grid import Cells, cut
-from updater.causes.stretches import (
-    WITHIN,
-    Kinds,
-    Stretches,
-    begun,
-    everywhere,
-    may_be_cut,
-    strength,
-)
+from updater.causes.stretches import WITHIN, Kinds, Stretches, begun, everywhere, may_be_cut
 from updater.fe import flexibility
-from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect
+from updater.inference import Comparison, Effect, first_order, in_modes, log_uniform, no_effect
 from updater.quantities import Quantity, vector
 from updater.reference import Reference
 from updater.structure import AXES, Structure, Support
@@ -117,15 +109,17 @@ def propose_support_spring(reference: Reference, comparison: Comparison) -> Supp
         give=give,
         **everywhere(cells, _DIRECTIONS, 2),
     )
-    return begun(found, _first_order(found))
+    return begun(found, _start(found))
 
 
-def _first_order(cause: SupportSpring) -> tuple[FloatArray, FloatArray]:
+def _start(cause: SupportSpring) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = s/2 omega_i^2 mu_i^2 / f, s = k f / (1 + k f), fitted to the log frequencies."""
     comparison = cause.comparison
     moved, give = cause.at(cause.start, np.arange(len(cause.member)))
     omega = 2 * np.pi * comparison.frequency[comparison.paired]
-    held, explained = strength(comparison, 0.5 * (omega * moved[:, comparison.paired]) ** 2 / give[:, None])
+    slope = 0.5 * (omega * moved[:, comparison.paired]) ** 2 / give[:, None]
+    found, explained = first_order(comparison, slope[:, None])
+    held = found[:, 0]
     return -np.log1p(-np.clip(held, 0.0, 0.9)), np.where(held > 0, explained, 0.0)
 
 

@@ -5,7 +5,7 @@ spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact i
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.modal_loads import modal_spring_force
-from updater.inference import Comparison, Effect, no_effect
+from updater.inference import Comparison, Effect, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import AXES, Axis, Joint, Structure, Support, all_knobs, flexibility_unit, is_of
@@ -132,6 +132,13 @@ class Springs(Discrete):
         ]
 
 
+#: feet and joints of a structure by the cause that changes their stiffness
+CONNECTIONS: Mapping[str, Callable[[Structure], Sequence[Support | Joint]]] = {
+    "support_stiffness": lambda structure: structure.support,
+    "joint_stiffness": lambda structure: structure.joint,
+}
+
+
 def _stiffness(connection: Support | Joint) -> dict[Axis, float]:
     return dict(connection.stiffness.items())
 
@@ -185,7 +192,9 @@ def _springs(
     couple = np.where(active[:, :, None], both[which], 0.0)
     lower = -0.999 * own[which]
     least = np.where(own > of_member, of_member - own, -0.999 * own)[which]
-    first = np.maximum(_first_order(comparison, couple, unit[which]), least)
+    square = (2 * np.pi * comparison.frequency[comparison.paired]) ** 2
+    slope = -0.5 / unit[which][:, :, None] * square * couple[:, :, comparison.paired] ** 2
+    first = np.maximum(first_order(comparison, slope, LOOSE)[0], least)
     return Springs(
         name=name,
         advice=advice,
@@ -233,13 +242,3 @@ def _together(stiffness: FloatArray) -> tuple[IndexArray, BoolArray]:
         if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
     ]
     return np.array([i for i, _ in sets]), np.array([axes for _, axes in sets])
-
-
-def _first_order(comparison: Comparison, couple: FloatArray, unit: FloatArray) -> FloatArray:
-    """Return the parameters (n, 3) by d ln f_i = -omega_i^2 sum_a theta_a mu_ai^2 / 2 unit, fitted to frequencies."""
-    square = (2 * np.pi * comparison.frequency[comparison.paired]) ** 2
-    whitener = comparison.drifting.matrix
-    slope = (-0.5 / unit[:, :, None] * square * couple[:, :, comparison.paired] ** 2) @ whitener.T
-    normal = slope @ slope.transpose(0, 2, 1) + np.eye(3) / LOOSE**2
-    score = slope @ (whitener @ comparison.log_ratio)
-    return np.asarray(np.linalg.solve(normal, score[:, :, None])[:, :, 0])

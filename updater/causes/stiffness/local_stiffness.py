@@ -14,8 +14,8 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells, cut
 from updater.causes.modal_loads import modal_section_forces
-from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut, strength
-from updater.inference import Comparison, Effect, log_uniform, no_effect
+from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
+from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Segment, Structure
@@ -129,10 +129,10 @@ def propose_local_stiffness(reference: Reference, comparison: Comparison) -> Loc
         compliance=compliance,
         **everywhere(cells, kinds, 4),
     )
-    return begun(found, first_order(found))
+    return begun(found, start_of(found))
 
 
-def first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
+def start_of(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
     """Return d ln f_i = -c/2 omega_i^2 dF_ii, c = loss / (1 - loss), fitted to the log frequencies."""
     comparison = cause.comparison
     paired = comparison.paired
@@ -140,8 +140,9 @@ def first_order(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
     bent = cause.shares(cause.start, rows)[:, :-1]
     softer = cause.matrix(cause.compliance[:-1], bent, cause.start, rows)
     gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
-    more, explained = strength(comparison, -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2)
-    return np.log1p(np.clip(more, -0.5, np.e**2)), explained
+    slope = -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2
+    more, explained = first_order(comparison, slope[:, None])
+    return np.log1p(np.clip(more[:, 0], -0.5, np.e**2)), explained
 
 
 @lru_cache(maxsize=4)

@@ -14,7 +14,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.member_grid import Cells
-from updater.causes.stiffness.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, first_order
+from updater.causes.stiffness.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, start_of
 from updater.causes.stretches import Kinds, begun, everywhere, may_be_cut
 from updater.inference import Comparison
 from updater.quantities import Quantity
@@ -115,7 +115,7 @@ def propose_one_sided_stiffness(reference: Reference, comparison: Comparison) ->
         compliance=compliance,
         **everywhere(cells, _KINDS, 6),
     )
-    strength, explained = first_order(found)
+    strength, explained = start_of(found)
     return begun(found, (np.maximum(strength, _BEGUN), explained))
 
 

@@ -1,0 +1,49 @@
+"""An event to be explained with its fits, and the result of its diagnosis."""
+
+from dataclasses import dataclass
+
+from updater.causes import Cause
+from updater.diagnosis.held_out_gain import Gained
+from updater.diagnosis.schema import Diagnosis
+from updater.diagnosis.weighing import Candidate, EvidenceComparison
+from updater.diagnosis.written_gain import WindowModes
+from updater.inference import Comparison, Fit
+from updater.modal_data import ModalMean
+from updater.reference import Calibration, Reference
+from updater.structure import Body, Structure
+
+
+@dataclass(frozen=True, eq=False)
+class RecalibratedModel:
+    """An inconsistent structure file with fitted parameters, which does not explain all measurements."""
+
+    structure: Structure
+    gained: Gained
+
+
+@dataclass(frozen=True, eq=False)
+class DiagnosisResult:
+    """A diagnosis, with the model that it extends."""
+
+    diagnosis: Diagnosis
+    extended: Structure | None  #: structure with the causes; None if nothing is explained
+    gained: Gained | None = None  #: gain of it, with its deviation
+    parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
+    nearer: RecalibratedModel | None = None  #: recalibrated model of a file that is far off, if nothing is explained
+    calibration: Calibration | None = None  #: calibration of `extended`, if not the reference's: with removed bodies on
+    removed: tuple[Body, ...] = ()  #: bodies taken off that the structure file lacks, as they were on it
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Data to be explained, and every cause fitted alone."""
+
+    reference: Reference
+    event: ModalMean
+    data: Comparison
+    singles: list[Candidate]  #: single causes as searched for
+    weighing: EvidenceComparison
+    measured: WindowModes
+    heldout: WindowModes | None
+    #: calibration of the structure file, if the reference's model has bodies that it lacks
+    bare: Calibration | None = None

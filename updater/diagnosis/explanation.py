@@ -1,0 +1,294 @@
+"""Diagnosis of a change, or of an error of the model: every cause of the catalogue is fitted and compared.
+
+Laplace evidence with proper priors decides: a cause with many possible places must explain correspondingly more; no
+change is one of the hypotheses. A cause is named at a posterior of 0.8. If the best explanation does not fit (p under
+1e-3, of several causes together 0.03; of the frequencies alone a hundredth of that), the diagnosis is unexplained.
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause
+from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
+from updater.diagnosis.combinations import common
+from updater.diagnosis.held_out_gain import Gained
+from updater.diagnosis.model_extension import agreeing, drift_beside, extended_structure, with_further_modes
+from updater.diagnosis.naming import (
+    MIN_P,
+    as_written,
+    calibration_summary,
+    modes_of,
+    named_causes,
+    oddest,
+    rejected_causes,
+)
+from updater.diagnosis.next_measurement import next_measurement
+from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
+from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
+from updater.diagnosis.schema import Diagnosis, Failed, Verdict
+from updater.diagnosis.search import beside_the_file, closer, fits, judged, nothing_changed, stepwise, within_noise
+from updater.diagnosis.simplification import merged, significant_only
+from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, allowed_causes, ranked, say_nothing
+from updater.diagnosis.written_gain import WindowModes, fit_of_compared, written_gain
+from updater.errors import SelectionError
+from updater.inference import MODEL_ERROR, Comparison, compare
+from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
+from updater.reference import Calibration, Reference
+from updater.structure import Structure
+
+_ROUGHER = 2.0  # times the model error that a good model has, to search with
+_MAX_OPEN = 5  # hypotheses that a next measurement is sought for
+_DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
+_KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
+_STREWN = (
+    "Mass changed at several places that these modes cannot resolve. Inspect the structure, or measure with more "
+    "sensors and up to higher modes."
+)
+_WORN = (
+    "Stiffness has changed along most of several members: corrosion, another material or other sections, of which a "
+    "loss of stiffness alone is a part. Measure the members' sections, and correct the structure file."
+)
+_NOTHING = "None: the data agree with the reference."
+_UNSTEADY = "The frequencies drift between windows. Record again while the structure is stationary."
+
+
+def diagnose(
+    reference: Reference,
+    event: ModalMean,
+    *,
+    heldout: ModalMean | None = None,
+    every: ModalMean | None = None,
+    heldout_every: ModalMean | None = None,
+    circumstances: Circumstances = NOTHING_KNOWN,
+    on_cause: Callable[[str], None] = say_nothing,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
+) -> DiagnosisResult:
+    """Explain an event against a reference.
+
+    Parameters
+    ----------
+    reference : of the structure as it was, or of the nominal model
+    event : (n_tracks,) mean of the windows to explain
+    heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
+    every, heldout_every : (n_modes,) all modes of these windows, in any order; if not given those of the tracks
+    circumstances : further knowledge of the event
+    on_cause : called with the name of each cause before it is weighed
+    only : names of the causes to which the search is limited; all of the catalogue if empty
+    without : names of causes that are left out of it
+
+    Raises
+    ------
+    ModalDataError
+        If fewer than three modes can be compared.
+    SelectionError
+        If the catalogue has no cause of a name, or none of those that are left applies.
+    """
+    unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
+    return _diagnosed(
+        reference,
+        WindowModes.of(event, every),
+        unused,
+        None,
+        circumstances=circumstances,
+        on_cause=on_cause,
+        only=only,
+        without=without,
+    )
+
+
+def _diagnosed(
+    reference: Reference,
+    measured: WindowModes,
+    unused: WindowModes | None,
+    bare: Calibration | None,
+    *,
+    circumstances: Circumstances,
+    on_cause: Callable[[str], None],
+    only: Collection[str],
+    without: Collection[str],
+) -> DiagnosisResult:
+    """Explain an event as `diagnose` does.
+
+    Parameters
+    ----------
+    measured, unused : the event, and the modes of windows that the fit must not see
+    bare : of the structure file, where the reference's model has bodies that it lacks
+    """
+    event = measured.event
+    less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
+    rough = compare(reference, event, circumstances=circumstances, model_error=less)
+    plain = EvidenceComparison(reference, rough, on_cause, allowed=allowed_causes(only, without))
+    if reference.filed is not None and not plain.of_the_file:
+        name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
+        raise SelectionError(f"{name} cannot be left out: the structure file is too far from the measured modes")
+    if not plain.causes:
+        raise SelectionError(
+            f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
+        )
+    singles = plain.singles(() if reference.filed is None else plain.of_the_file)
+    if not singles:
+        raise RuntimeError(f"every cause has failed: {plain.faults.found}")
+    search, singles = relaxed_alone(plain, singles)
+    case = Case(reference, event, search.data, singles, search, measured, unused, bare)
+    if not circumstances.steady:
+        return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
+    if reference.filed is None and nothing_changed(search, singles):
+        return _refused("nothing_to_explain", case, search.log_nothing, _NOTHING)
+    alone = [c for c in singles if c.effective]
+    found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
+    search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
+    case = replace(case, weighing=search)
+    best = max((*singles, *found), key=lambda c: c.log_evidence)
+    good = compare(reference, event, circumstances=circumstances, model_error=MODEL_ERROR / reference.doubt)
+    if found and fits(found[0]):
+        case, found = judged(case, found, compare(reference, event, circumstances=circumstances))
+
+        def again(loaded: Reference) -> DiagnosisResult:
+            given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
+            return _diagnosed(loaded, measured, unused, reference.calibration, on_cause=on_cause, **given)
+
+        without_bodies = case.weighing.faults.attempt(
+            "removed bodies that the file lacks", partial(with_removed_bodies, case, found[0], again)
+        )
+        if without_bodies is not None:
+            return without_bodies
+        found = found if within_noise(good, found[0]) else closer(case, found, good)
+        found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
+        if not found and reference.filed is None and case.weighing.nothing.p_value >= MIN_P:
+            return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
+    if not found or not fits(found[0]) or not within_noise(good, found[0]):
+        odd = found[0] if found else best
+        nearer = reference.filed and case.weighing.faults.attempt("the file nearer to the logs", lambda: _nearer(case))
+        refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
+        return replace(refused, nearer=nearer or None)
+    if _strewn(found[0]):
+        return _refused("unexplained", case, best.log_evidence, _STREWN)
+    if _worn(found[0]):
+        return _refused("unexplained", case, best.log_evidence, _WORN)
+    return _explained(case, found, best.log_evidence)
+
+
+def _strewn(best: Candidate) -> bool:
+    """Return whether a rare cause occurs with another one of its common form: mass at many places."""
+    rare = {CATALOGUE[name].common_form for name in best.names} - {""}
+    return any(common(best.names).count(name) > 1 for name in rare)
+
+
+def _worn(best: Candidate) -> bool:
+    """Return whether stiffness has changed along most of several members: of two, or of one and of all together.
+
+    A factor on all frequencies that only the modes show may be one on all stiffness, whatever it is named.
+    """
+    along = sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in best.parts)
+    of_all = any(isinstance(p.hypotheses, CommonFactor) and not p.hypotheses.informed for p in best.parts)
+    return along + of_all > 1
+
+
+def _refused(verdict: Verdict, case: Case, best: float, advice: str) -> DiagnosisResult:
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        causes=(),
+        rejected=rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain"),
+        modes=modes_of(case.reference, case.event, case.data),
+        gain=None,
+        calibration=calibration_summary(case.reference),
+        next_measurement=advice,
+        failed=_failed(case),
+    )
+    return DiagnosisResult(diagnosis, None)
+
+
+def _failed(case: Case) -> tuple[Failed, ...]:
+    """Return the parts left out because of internal faults."""
+    return tuple(Failed(part=name, error=text) for name, text in case.weighing.faults.found.items())
+
+
+def _nearer(case: Case) -> RecalibratedModel:
+    """Return an inconsistent file with its best-fitting parameters alone."""
+    (chosen,) = case.singles[0].chosen
+    written = chosen.cause.extend(case.reference.file.structure, chosen.row, chosen.theta)
+    return RecalibratedModel(written, _gained(case, [chosen], written))
+
+
+def _gained(case: Case, chosen: Sequence[SelectedCause], written: Structure) -> Gained:
+    before = (case.bare or case.reference.file.calibration).structure
+    return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written))
+
+
+def _explained(case: Case, found: list[Candidate], searched: float) -> DiagnosisResult:
+    """Name the causes that hold 0.8 of the posterior, those that the data cannot separate as one.
+
+    Parameters
+    ----------
+    searched : log evidence of the best, as `case.singles` have theirs
+    """
+    named, sure, left_open = named_causes(case.data, found, SURE)
+    best = found[0]
+    chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
+    chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get(_DRIFT)))
+    calibration = case.reference.file.calibration
+    taken = [] if case.bare is None else removed_bodies(chosen)
+    removed = [(one, body) for one, body in taken if case.bare and is_lacked(case.bare, calibration, body)]
+    if case.bare is not None:  # written without the bodies that the file lacks, once they are taken off
+        structure = calibration.structure.model_copy(update={"body": case.bare.structure.body})
+        calibration = replace(calibration, structure=structure, nominal=case.bare.nominal)
+    others = [c for c in chosen if not any(c is one for one, _ in removed)]
+    extended = extended_structure(calibration, others, best.parts)
+    if any(CATALOGUE[name].of_the_file for name in best.names):
+        named = tuple(as_written(cause, extended) for cause in named)
+    accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
+    settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
+    faults = case.weighing.faults
+    fit = faults.attempt(
+        "the modes of the written model",
+        lambda: fit_of_compared(case.reference, case.data, case.measured, extended, chosen),
+    )
+    gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
+    decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
+    diagnosis = Diagnosis(
+        causes=named,
+        rejected=rejected_causes(case.singles, accepted, searched),
+        modes=modes_of(case.reference, case.event, case.data, fit),
+        gain=gained.gain if gained and gained.significant else None,
+        calibration=calibration_summary(case.reference),
+        next_measurement=decisive or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
+        failed=_failed(case),
+        **settings,
+    )
+    return DiagnosisResult(
+        diagnosis,
+        extended,
+        gained,
+        best.parts,
+        calibration=calibration if case.bare else None,
+        removed=tuple(body for _, body in removed),
+    )
+
+
+def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tuple[SelectedCause, ...], Comparison]:
+    """Return causes as they agree with all modes that were measured, those included that the baseline lacks."""
+
+    def refitted() -> tuple[tuple[SelectedCause, ...], Comparison]:
+        more = with_further_modes(case.data, case.event, case.measured.every, chosen)
+        return (chosen if more is case.data else agreeing(more, chosen)), more
+
+    if case.data.filed is not None:  # the model was recalibrated to these very modes
+        return chosen, case.data
+    return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
+
+
+def _next(case: Case, left_open: list[Candidate]) -> str:
+    """Return the measurement that would decide between the remaining hypotheses; empty if there is only one."""
+    if len(left_open) < 2:
+        return ""
+    bodies = case.weighing.causes.get(_KNOWN_MASS)
+    return next_measurement(
+        case.reference,
+        case.event,
+        case.data,
+        bodies if isinstance(bodies, AddedMass) else None,
+        [c.chosen for c in left_open[:_MAX_OPEN]],
+    )

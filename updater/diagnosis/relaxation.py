@@ -1,0 +1,102 @@
+"""Relaxed forms of causes: the same with more parameters, where that is much likelier.
+
+A stretch has one loss of stiffness; relaxed, it has one about either axis of its section and one in twist. Two other
+causes may explain what the additional parameters do, so that the plain form is tried again in combinations.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from updater.causes import CATALOGUE, SelectedCause, hides
+from updater.diagnosis.combinations import Compositions
+from updater.diagnosis.weighing import DOUBTFUL, MUCH, WELL, Candidate, EvidenceComparison, ranked
+
+_RIVAL = 60.0  # of log evidence below the best of the plain form: its relaxed one is not tried
+
+
+def relaxed_alone(search: EvidenceComparison, singles: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
+    """Replace the likeliest cause that has a relaxed form by it, if that is much likelier."""
+    plain = next((c for c in singles if CATALOGUE[c.names[0]].relaxed), None)
+    if plain is None or search.nothing.p_value >= WELL:
+        return search, singles
+    if singles[0].p_value >= WELL and plain.log_evidence < singles[0].log_evidence - _RIVAL:
+        return search, singles
+    relaxed = _relaxed(search, plain.names[0])
+    found = next(iter(relaxed.singles(plain.names)), None)
+    if found is None or found.log_evidence < plain.log_evidence + MUCH:
+        return search, singles
+    return relaxed, ranked([found, *(c for c in singles if c is not plain)])
+
+
+def relaxed_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
+    """Relax a cause in the best combination that has it, or add it relaxed to another cause, if much likelier."""
+    for name in () if search.instead or not found else _relaxable(search):
+        relaxed = _relaxed(search, name)
+        several = Compositions(relaxed)
+        fitted = [several.coordinate_fit(chosen) for chosen in _combined(relaxed, name, found)]
+        other = max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=None)
+        if other is None:
+            continue
+        alike = [c for c in found if sorted(c.names) == sorted(other.names)]
+        if other.log_evidence >= max(c.log_evidence for c in alike or found) + MUCH:
+            return relaxed, ranked([other, *(c for c in found if c not in alike[:1])])
+    return search, found
+
+
+def unrelaxed_beside(
+    plain: EvidenceComparison, search: EvidenceComparison, found: list[Candidate]
+) -> tuple[EvidenceComparison, list[Candidate]]:
+    """Return to the plain form if another cause explains the part that the additional parameters had to explain."""
+    best = found[0] if found else None
+    for name in search.instead:
+        if best is None or len(best.chosen) == 1 or best.names.count(name) != 1:
+            continue
+        other = Compositions(plain).coordinate_fit(_last(best.chosen, name))
+        if other is not None and best.log_evidence < other.log_evidence + MUCH:
+            return plain, ranked([other, *(c for c in found if c is not best)])
+    return search, found
+
+
+def is_relaxed_doubtful(weighing: EvidenceComparison, found: Candidate) -> bool:
+    """Return whether it is one relaxed cause with a mediocre fit: it has as many parameters as two causes."""
+    return len(found.chosen) == 1 and found.names[0] in weighing.instead and found.p_value < WELL
+
+
+def is_hidden(found: Candidate) -> bool:
+    """Return whether it has an oscillator with an unmeasured mode, which may absorb other effects."""
+    return any(hides(c.cause) for c in found.chosen)
+
+
+def _relaxable(search: EvidenceComparison) -> list[str]:
+    return [name for name in search.causes if CATALOGUE[name].relaxed]
+
+
+def _relaxed(search: EvidenceComparison, name: str) -> EvidenceComparison:
+    form = CATALOGUE[name].relaxed
+    assert form is not None
+    return replace(search, instead={name: form})
+
+
+def _last(chosen: tuple[SelectedCause, ...], name: str) -> tuple[SelectedCause, ...]:
+    """Return causes with one of a name last: it is fitted first."""
+    return tuple(sorted(chosen, key=lambda c: c.cause.name == name))
+
+
+def _combined(relaxed: EvidenceComparison, name: str, found: list[Candidate]) -> list[tuple[SelectedCause, ...]]:
+    """Return combinations with a relaxed cause, which comes last.
+
+    If one cause alone does not fit, nor several, and none of these is the one that can be relaxed, it is tried together
+    with the best.
+    """
+    best = next((c for c in found if len(c.chosen) > 1 and c.names.count(name) == 1), None)
+    tried = []
+    if best is not None and best.log_evidence >= found[0].log_evidence - _RIVAL:
+        tried.append(_last(best.chosen, name))
+    alone = next((c for c in found if len(c.chosen) == 1 and not is_hidden(c)), None)
+    form = relaxed.causes.get(name)
+    if alone is None or form is None or alone.names == (name,):
+        return tried
+    if alone.p_value < DOUBTFUL and found[0].p_value < WELL and name not in found[0].names:
+        tried.append((*alone.chosen, SelectedCause(form, 0, np.zeros(len(form.prior_std)))))
+    return tried
