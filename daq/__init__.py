@@ -38,7 +38,7 @@ from daq.log.rotating_writer import RotatingWriter, Rotation
 from daq.log.summary import DeviceInfo, LogInfo, log_info
 from daq.log.writer_thread import WriterThread
 from daq.protocol.epson import SCALE as EPSON_SCALE
-from daq.supervision import FAILURES, Failures, SupervisedThread, error_text, short_line
+from daq.supervision import FAILURES, Backoff, Failures, SupervisedThread, error_text, short_line
 from daq.timing.clock_fit import ClockFit
 from daq.timing.host_clock import HostClock, ScaledClock, SystemClock
 from daq.timing.resampling import Assembler
@@ -59,6 +59,7 @@ __all__ = [
     "TIME_UNITS",
     "AnyLog",
     "Assembler",
+    "Backoff",
     "Block",
     "CanAddress",
     "CanPlace",

@@ -95,6 +95,29 @@ class Failures:
 FAILURES = Failures()  #: failures of this process
 
 
+class Backoff:
+    """Pauses before repeated attempts, each twice as long as the one before.
+
+    Parameters
+    ----------
+    first, longest : pause [s]
+    """
+
+    def __init__(self, first: float, longest: float) -> None:
+        self._first, self._longest = first, longest
+        self._pause = min(first, longest)
+
+    def next(self) -> float:
+        """Return the pause before the next attempt [s]."""
+        pause = self._pause
+        self._pause = min(2 * pause, self._longest)
+        return pause
+
+    def reset(self) -> None:
+        """Start again with the first pause."""
+        self._pause = min(self._first, self._longest)
+
+
 class SupervisedThread(threading.Thread):
     """Background thread whose work is restarted after an unforeseen exception, with a pause that doubles.
 
@@ -118,11 +141,12 @@ class SupervisedThread(threading.Thread):
     ) -> None:
         super().__init__(name=name, daemon=daemon)
         self.ending = threading.Event()  #: set when the work is to return
-        self._work, self._longest_pause, self._failures = work, longest_pause, failures
+        self._work, self._failures = work, failures
+        self._backoff = Backoff(_FIRST_PAUSE_SECONDS, longest_pause)
 
     def run(self) -> None:
         """Work until that returns; once `ending` is set there is one more attempt to end in order."""
-        pause, last = _FIRST_PAUSE_SECONDS, False
+        last = False
         while True:
             begun = time.monotonic()
             try:
@@ -134,6 +158,5 @@ class SupervisedThread(threading.Thread):
             if last:
                 return
             if time.monotonic() - begun > _CALM_SECONDS:
-                pause = _FIRST_PAUSE_SECONDS
-            last = self.ending.wait(min(pause, self._longest_pause))
-            pause *= 2
+                self._backoff.reset()
+            last = self.ending.wait(self._backoff.next())

@@ -20,8 +20,9 @@ import numpy as np
 import psutil
 
 from daq import SystemClock
+from monitor.results.site_status import FILE_NAME
 from monitor.service.servers.web import Source, WebServer, web_process
-from monitor.service.status import NAME, MonitorStatus
+from monitor.service.status import MonitorStatus
 from tests.support.monitor.history import HOUR, run_events, sqlite_url, write_years
 from tests.support.monitor.status import PACE, WELL
 
@@ -85,10 +86,10 @@ def main() -> None:
         state = Path(folder)
         source = Source(name="bridge", state=state, url=sqlite_url(state))
         write_years(source.url, years=300 / 24 / 365.25, step=HOUR, n_modes=8)
-        vitals = MonitorStatus(state / NAME, ("left",), PACE, SystemClock())
+        status = MonitorStatus(state / FILE_NAME, ("left",), PACE, SystemClock())
         for event in run_events():
-            vitals.take(event)
-        vitals.write(WELL)
+            status.take(event)
+        status.write(*WELL)
         with web_process(source, "127.0.0.1", PORT, None) as server:
             asked("/state")
             alone = [asked("/healthz") for _ in range(20)]

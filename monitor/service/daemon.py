@@ -93,7 +93,7 @@ def run(
         manager.ready()
         while not stop.is_set():
             if running.poll():
-                manager.status(running.vitals.line)
+                manager.status(running.status.line)
             manager.feed(running.signs)
             _reload(running, reread, manager)
         manager.stopping()

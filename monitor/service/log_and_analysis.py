@@ -13,6 +13,7 @@ from typing import Any, Self
 from daq import (
     CHANNELS,
     FAILURES,
+    Backoff,
     ChannelMap,
     DiskGuard,
     Event,
@@ -142,8 +143,8 @@ def _retention(recorder: RecorderSettings) -> Retention:
 
 _POLL = 0.2  # s
 _LAST_SECONDS = 80.0  # that a stop waits for the analysis; systemd kills after 90, see unit_file.py
-_LAST_WORDS = 20.0  # longest wait for the end of a replaced analysis [s]: the watchdog is fed four times per minute
-_REVIVE_FIRST, _REVIVE_LONGEST = 1.0, 600.0  # s until a dead analysis is restarted; doubled each time
+_LAST_RESULTS_SECONDS = 20.0  # longest wait for those of a replaced analysis: the watchdog is fed every 15 s
+_RESTART_FIRST, _RESTART_LONGEST = 1.0, 600.0  # s until a dead analysis is restarted; doubled each time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +187,7 @@ class LogAndAnalysis:
         self._logs: list[ResilientWriter | FinishedLog] = [self._analysis.keeper]  # all so far
         seconds = site.settings.recorder.chunk_seconds
         self._log = WriterThread(self._analysis.keeper, self._take, chunk_seconds=seconds)
-        self._revive_at, self._revive_after = 0.0, _REVIVE_FIRST
+        self._restart_at, self._backoff = 0.0, Backoff(_RESTART_FIRST, _RESTART_LONGEST)
 
     def __enter__(self) -> Self:
         """Start to write and to analyse."""
@@ -214,7 +215,7 @@ class LogAndAnalysis:
     def poll(self) -> None:
         """Log and pass on results, for a moment; restart parts that have died or cannot catch up."""
         self._report()
-        if self._revive_at and time.monotonic() >= self._revive_at:
+        if self._restart_at and time.monotonic() >= self._restart_at:
             self.renew("the analysis had died")
         waiting = self._worker.waiting if self._worker else 0
         if waiting > most_waiting(self.site):
@@ -231,15 +232,15 @@ class LogAndAnalysis:
         old = self._analysis
         if self._worker is not None:
             self._say_stopped(why=why)
-            self._hear_out(_LAST_WORDS)
+            self._await_results(_LAST_RESULTS_SECONDS)
         try:
             new = new_analysis(self.site, self._clock, self._take, self._remembered())
         except Exception as error:  # noqa: BLE001 - whatever it is, recording goes on
-            self._mourn(error)  # the old log continues, without an analysis, until there is room for another one
+            self._continue_without_analysis(error)
             return
-        self._analysis, self._revive_at = new, 0.0
+        self._analysis, self._restart_at = new, 0.0
         self._logs.append(new.keeper)
-        self._log.switch(new.keeper, partial(self._go_over, old.keeper, new))
+        self._log.switch(new.keeper, partial(self._switch_analysis, old.keeper, new))
         FAILURES.attempt("analysis", new.worker.__enter__)  # one that does not start is found dead
         FAILURES.attempt("analysis", old.worker.__exit__)
         self._say_refused()
@@ -249,7 +250,7 @@ class LogAndAnalysis:
     def finish(self) -> None:
         """Log the received data, and analyse them as far as possible in a while: service managers do not wait."""
         self._say_stopped()
-        self._hear_out(_LAST_SECONDS)
+        self._await_results(_LAST_SECONDS)
 
     @property
     def learnt(self) -> bool:
@@ -282,10 +283,9 @@ class LogAndAnalysis:
         return "; ".join(filter(None, map(self._problem, self._logs))) or None
 
     @property
-    def state(self) -> dict[str, Any]:
-        """Signs of health of the parts."""
+    def problems(self) -> dict[str, str | None]:
+        """Problem of each part, None while it works."""
         return {
-            "dropped": self._log.dropped,
             "disk": self._problem(self._analysis.keeper),
             "memory": self._memory.problem,
             "analysis": None if self._worker else "its process has died; it is started again",
@@ -302,7 +302,7 @@ class LogAndAnalysis:
             return log.problem
         return "; ".join(filter(None, (log.problem, f"nothing more is written: {self._log.failure}")))
 
-    def _hear_out(self, seconds: float) -> None:
+    def _await_results(self, seconds: float) -> None:
         """Wait for the last results of the analysis, for a limited time; the log states what it leaves out."""
         end = time.monotonic() + seconds
         while self._report():
@@ -330,7 +330,7 @@ class LogAndAnalysis:
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept
 
-    def _go_over(self, old: ResilientWriter, new: Analysis) -> None:
+    def _switch_analysis(self, old: ResilientWriter, new: Analysis) -> None:
         """Feed the new analysis, the old log being closed; in the log's thread."""
         self._logs[self._logs.index(old)] = FinishedLog(paths=old.paths, problem=self._problem(old))
         self._worker = new.worker
@@ -344,14 +344,14 @@ class LogAndAnalysis:
             for result in self._analysis.worker.results(_POLL):
                 if result is None:
                     return False
-                self._tell(result)
+                self._pass_on(result)
             self._memory.write()
         except AnalysisError as error:
-            self._mourn(error)
+            self._continue_without_analysis(error)
             return False
         return True
 
-    def _tell(self, result: WorkerMessage) -> None:
+    def _pass_on(self, result: WorkerMessage) -> None:
         if isinstance(result, SavedState):
             self._memory.expect(result.text)
             self._kept = result.text
@@ -360,14 +360,14 @@ class LogAndAnalysis:
         self._memory.after(event)
         self._log.put(event)
         self._on_result(result)
-        self._revive_after = _REVIVE_FIRST
+        self._backoff.reset()
 
-    def _mourn(self, error: Exception) -> None:
+    def _continue_without_analysis(self, error: Exception) -> None:
         """Continue without an analysis for a while: one that dies at once, again and again, must not fill the disk."""
         self._worker = None
-        self._revive_at = time.monotonic() + self._revive_after
-        self.say("analysis_failed", {"why": str(error) or type(error).__name__, "again_in_s": self._revive_after})
-        self._revive_after = min(2 * self._revive_after, _REVIVE_LONGEST)
+        pause = self._backoff.next()
+        self._restart_at = time.monotonic() + pause
+        self.say("analysis_failed", {"why": str(error) or type(error).__name__, "again_in_s": pause})
 
     def _take(self, item: Item) -> None:
         """Hand on an item once it is logged; in the log's thread."""

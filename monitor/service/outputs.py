@@ -110,12 +110,16 @@ class Outputs:
         return self._live.waiting if self._live else 0
 
     @property
-    def problems(self) -> dict[str, Any]:
-        """Fault of each output, None if it has none."""
+    def history_dropped(self) -> int:
+        """Items that the history did not store or spool."""
+        return self._history.dropped
+
+    @property
+    def problems(self) -> dict[str, str | None]:
+        """Problem of each output, None while it works."""
         troubled = "; ".join(courier.problem for courier in self._couriers if courier.problem)
         return {
             "history": self._history.problem,
-            "not_in_history": self._history.dropped,
             "notices": troubled or None,
             "viewer": self._live.problem if self._live else None,
             "web": self._web_problem,

@@ -10,6 +10,7 @@ from typing import Any, Self
 
 from daq import FAILURES, Event, Item, SystemClock, error_text
 from monitor.errors import SettingsError
+from monitor.results.site_status import FILE_NAME, Counters, PartProblems
 from monitor.results.windows import Result
 from monitor.service.acquisition.devices import Devices, Drivers, site_clock, site_drivers
 from monitor.service.acquisition.thermometer import Thermometer, thermometer
@@ -19,7 +20,7 @@ from monitor.service.outputs import Outputs
 from monitor.service.processes import trim_memory
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site
-from monitor.service.status import NAME, MonitorStatus, Pace
+from monitor.service.status import MonitorStatus, Pace
 from monitor.service.systemd.notify import SignsOfLife
 from monitor.settings import Settings
 from monitor.watch.memory import LoadedState
@@ -58,9 +59,10 @@ class SiteRun:
         self._mended = mended
         self._inbox, self._outlets = Inbox(site.state), Outputs(site, live)
         settings = site.settings
-        self.vitals = MonitorStatus(site.state / NAME, _names(site), pace_of(settings), self._clock, settings.device_of)
+        path, pace = site.state / FILE_NAME, pace_of(settings)
+        self.status = MonitorStatus(path, _names(site), pace, self._clock, settings.device_of)
         #: the log that is written and the analysis that is fed, and all before them
-        self.logs = LogAndAnalysis(site, self._clock, on_result, self._take, lambda: self.vitals.lost, recalled)
+        self.logs = LogAndAnalysis(site, self._clock, on_result, self._take, lambda: self.status.lost, recalled)
         self._thermometer = ExitStack()
         self._reads: Thermometer | None = None
         self._devices = Devices(self._clock, self.logs.put)
@@ -96,7 +98,7 @@ class SiteRun:
         for part, said in (
             ("inbox", self._inbox.taken),
             ("outlets", self._outlets.events),
-            ("status", self.vitals.events),
+            ("status", self.status.events),
             ("threads", FAILURES.events),
         ):
             FAILURES.attempt(part, self._log_events, said)
@@ -114,7 +116,7 @@ class SiteRun:
             self.logs.put(reading)
 
     def _write_status(self) -> None:
-        self._second_over = self.vitals.write(self._state())
+        self._second_over = self.status.write(self._problems, self._counters)
 
     def _sweep(self) -> None:
         """Free circular references: with few objects Python does that once in hours.
@@ -135,7 +137,7 @@ class SiteRun:
     def signs(self) -> SignsOfLife:
         """Signs that the run works."""
         disk = time.monotonic() - self.logs.turned
-        return SignsOfLife(data=self.vitals.silence, disk=disk, losing=self.logs.losing)
+        return SignsOfLife(data=self.status.silence, disk=disk, losing=self.logs.losing)
 
     def reload(self, site: Site) -> None:
         """Continue with other settings: only affected parts are restarted.
@@ -186,7 +188,7 @@ class SiteRun:
         alike = analysed_alike(old, self._site)
         stopped = self._devices.stop(changed)
         settings = self._site.settings
-        self.vitals.follow(_names(self._site), pace_of(settings), settings.device_of)
+        self.status.follow(_names(self._site), pace_of(settings), settings.device_of)
         if not alike:
             self.logs.renew("other settings")
         self._devices.resume(drivers, stopped if alike else {})
@@ -214,21 +216,26 @@ class SiteRun:
     def _take(self, item: Item) -> None:
         """Hand on an item once it is logged; in the log's thread. One that fails takes it from no other."""
         self._outlets.put(item)
-        FAILURES.attempt("status", self.vitals.take, item)
+        FAILURES.attempt("status", self.status.take, item)
         for taker in self._takers:
             FAILURES.attempt("journal", taker, item)
 
-    def _state(self) -> dict[str, Any]:
-        """Return the state of parts other than devices and windows."""
-        more = {
-            "disk_free": _free(logs_of(self._site)),
-            "temperature": self._reads.problem if self._reads else None,
-            "waiting": self.logs.waiting | {"view": self._outlets.waiting},
-            "bad_bytes": self._devices.bad_bytes,
-            "threads": FAILURES.problem,
-            "thread_failures": FAILURES.counts,
-        }
-        return self._outlets.problems | self.logs.state | more
+    @property
+    def _problems(self) -> PartProblems:
+        temperature = self._reads.problem if self._reads else None
+        found = self._outlets.problems | self.logs.problems | {"temperature": temperature, "threads": FAILURES.problem}
+        return PartProblems(**found)
+
+    @property
+    def _counters(self) -> Counters:
+        return Counters(
+            dropped=self.logs.dropped,
+            history_dropped=self._outlets.history_dropped,
+            disk_free=_free(logs_of(self._site)),
+            waiting=self.logs.waiting | {"view": self._outlets.waiting},
+            bad_bytes=self._devices.bad_bytes,
+            thread_failures=FAILURES.counts,
+        )
 
 
 def _names(site: Site) -> tuple[str, ...]:

@@ -1,7 +1,6 @@
 """State of a running monitor, written to one small file once per second."""
 
 import contextlib
-import json
 import os
 import threading
 import time
@@ -12,14 +11,17 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from daq import Block, Event, HostClock, Item, parse_json
+from daq import Block, Event, HostClock, Item
+from monitor.detection.alarm import State
 from monitor.results.events import event_result
+from monitor.results.site_status import Counters, DeviceStatus, PartProblems, SiteStatus, WindowStatus, read_status
 from monitor.results.windows import (
     TOPIC_ALARM,
     TOPIC_REFERENCE,
     TOPIC_SELF_TEST,
     TOPIC_WINDOW,
     AlarmResult,
+    Novelty,
     SelfTestResult,
     WindowResult,
 )
@@ -60,15 +62,14 @@ class Overload:
         return f"{n} of the last {len(self._last)} windows left out: the analysis has fallen behind"
 
 
-NAME = "status.json"
 _EVERY = 1.0  # s
 _RATE_LOOKS = 10  # that a rate is the mean over
 _LUMP = 2.0  # s that scans may take until they are logged: a device that is silent for longer has no rate of before
 
 
 @dataclass
-class DeviceStatus:
-    """One device since the start."""
+class DeviceCounts:
+    """Counts of one device since the start."""
 
     scans: int = 0
     gaps: int = 0
@@ -76,18 +77,18 @@ class DeviceStatus:
     last_block: float | None = None  #: when the last block came [s, monotonic]
     looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: last block, scans
 
-    def look(self, now: float) -> dict[str, Any]:
-        """Return the published status at a time [s, monotonic]."""
+    def status(self, now: float) -> DeviceStatus:
+        """Return the status at a time [s, monotonic]."""
         last_block = now if self.last_block is None or now - self.last_block > _LUMP else self.last_block
         self.looks.append((last_block, self.scans))
         then, scans = self.looks[0]
-        return {
-            "scans": self.scans,
-            "gaps": self.gaps,
-            "lost": self.lost,
-            "silent": None if self.last_block is None else now - self.last_block,
-            "rate": (self.scans - scans) / max(last_block - then, _EVERY),
-        }
+        return DeviceStatus(
+            scans=self.scans,
+            gaps=self.gaps,
+            lost=self.lost,
+            silent=None if self.last_block is None else now - self.last_block,
+            rate=(self.scans - scans) / max(last_block - then, _EVERY),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,46 +123,47 @@ class MonitorStatus:
         device_of: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self._clock, self._device_of = clock, device_of
-        self._late: dict[str, float] = {}  # of results: since their last sample came [s of wall time]
+        self._latency: dict[str, float] = {}  # of results: since their last sample came [s of wall time]
         self._path, self._lock, self._started = path, threading.Lock(), time.time()
-        self._devices = {name: DeviceStatus() for name in devices}
+        self._devices = {name: DeviceCounts() for name in devices}
         self._pace, self._windowed = pace, time.monotonic()
         self._first_block = self._windowed  # until a device is
-        self._window: dict[str, Any] = {}
-        self._novelty: dict[str, Any] = {}  # of the last window that was judged
-        self._sight, self._unheard = BlindWindows(), MissingChannels()
+        self._window: WindowStatus | None = None
+        self._novelty: Novelty | None = None  # of the last window that was evaluated
+        self._blind, self._missing = BlindWindows(), MissingChannels()
         self._overload = Overload()
-        self._learnt, self._state = False, "normal"  # whether there is a reference, and of the alarm
-        before = last_written(path)
-        self._self_test = before.get("self_test")
-        self._identities: dict[str, Any] = before.get("identities") or {}  # of devices, over restarts
-        self._said: deque[TopicPayload] = deque()
+        self._learnt = False  # whether there is a reference
+        self._state: State = "normal"  # of the alarm
+        before = read_status(path)
+        self._self_test = before.self_test if before else None
+        self._identities = dict(before.identities) if before else {}  # of devices, over restarts
+        self._events: deque[TopicPayload] = deque()
         self._due = 0.0
 
     def take(self, item: Item) -> None:
         """Add a logged item."""
         with self._lock:
             if isinstance(item, Block):
-                self._heard(item)
+                self._count(item)
             elif item.topic in (TOPIC_WINDOW, TOPIC_ALARM):
-                self._analysed(item)
+                self._take_result(item)
             elif item.topic == TOPIC_SELF_TEST:
-                self._tested(item)
+                self._take_self_test(item)
             elif item.topic == TOPIC_REFERENCE:
                 self._learnt = True
             else:
-                self._happened(item)
+                self._take_event(item)
 
     def follow(self, devices: tuple[str, ...], pace: Pace, device_of: Mapping[str, str]) -> None:
         """Follow these devices from now on, whose first window begins now; the state of continued ones is kept."""
         with self._lock:
-            self._devices = {name: self._devices.get(name, DeviceStatus()) for name in devices}
+            self._devices = {name: self._devices.get(name, DeviceCounts()) for name in devices}
             self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
     def events(self) -> Iterator[TopicPayload]:
         """Yield topic and payload of device events since the last time."""
-        while self._said:
-            yield self._said.popleft()
+        while self._events:
+            yield self._events.popleft()
 
     @property
     def lost(self) -> list[str]:
@@ -181,12 +183,12 @@ class MonitorStatus:
         """State in one line."""
         with self._lock:
             lost = [name for name, device in self._devices.items() if device.lost]
-            state = self._window.get("phase", "no window yet")
+            state = self._window.phase if self._window else "no window yet"
             devices = f"{len(self._devices) - len(lost)} of {len(self._devices)} devices"
             return f"{state}; {devices}" + (f", lost: {', '.join(lost)}" if lost else "")
 
-    def write(self, more: dict[str, Any]) -> bool:
-        """Write the file once per second, with further values; disk failures are reported elsewhere.
+    def write(self, problems: PartProblems, counters: Counters) -> bool:
+        """Write the file once per second, with values of other parts; disk failures are reported elsewhere.
 
         Returns
         -------
@@ -200,47 +202,49 @@ class MonitorStatus:
         unfinished = self._path.with_suffix(".part")
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_text(json.dumps(self._content() | more), encoding="utf-8")
+            unfinished.write_text(self._content(problems, counters).model_dump_json(), encoding="utf-8")
             os.replace(unfinished, self._path)
         return True
 
-    def _content(self) -> dict[str, Any]:
+    def _content(self, problems: PartProblems, counters: Counters) -> SiteStatus:
         with self._lock:
             now = time.monotonic()
-            return {
-                "time": time.time(),
-                "started": self._started,
-                "pid": os.getpid(),
-                "held": held_memory(),
-                "state": self._state if self._learnt else "learning",
-                "step_seconds": self._pace.step,
-                "window_age": now - self._windowed,
-                "window_overdue": now - self._windowed > self._pace.window + 2 * self._pace.step,
-                "window": self._window,
-                "trend": self._novelty.get("trend"),
-                "detectable": self._novelty.get("detectable"),
-                "blind": self._sight.blind,
-                "unheard": self._unheard.texts,
-                "overload": self._overload.problem,
-                "windows_left_out": self._overload.total,
-                "late": self._late,
-                "self_test": self._self_test if self._pace.tests else None,
-                "identities": self._identities,
-                "devices": {name: device.look(now) for name, device in self._devices.items()},
-            }
+            return SiteStatus(
+                time=time.time(),
+                started=self._started,
+                pid=os.getpid(),
+                memory_use=held_memory(),
+                state=self._state if self._learnt else "learning",
+                step_seconds=self._pace.step,
+                window_age=now - self._windowed,
+                window_overdue=now - self._windowed > self._pace.window + 2 * self._pace.step,
+                window=self._window,
+                trend=self._novelty.trend if self._novelty else None,
+                detectable=self._novelty.detectable if self._novelty else None,
+                blind=self._blind.blind,
+                missing_channels=self._missing.texts,
+                overload=self._overload.problem,
+                windows_left_out=self._overload.total,
+                latency=dict(self._latency),
+                self_test=self._self_test if self._pace.tests else None,
+                identities=dict(self._identities),
+                devices={name: device.status(now) for name, device in self._devices.items()},
+                problems=problems,
+                counters=counters,
+            )
 
-    def _heard(self, block: Block) -> None:
+    def _count(self, block: Block) -> None:
         device = self._devices.get(block.device)
         if device is not None:
             device.scans += len(block.counts)
             device.last_block, device.lost = time.monotonic(), False
 
-    def _tested(self, event: Event) -> None:
+    def _take_self_test(self, event: Event) -> None:
         result = event_result(event)
         if isinstance(result, SelfTestResult):
-            self._self_test = result.payload() | {"text": result.text}
+            self._self_test = result
 
-    def _happened(self, event: Event) -> None:
+    def _take_event(self, event: Event) -> None:
         if event.topic == "/event/analysis_lagging":
             self._note(self._overload.take(left_out=True))
         device = self._devices.get(str(event.payload.get("device", "")))
@@ -250,56 +254,53 @@ class MonitorStatus:
                 device.lost and event.topic != "/event/device_recovered"
             )
             if event.topic == "/event/device_open":
-                self._compare(event.payload)
+                self._compare_identity(event.payload)
 
-    def _compare(self, payload: dict[str, Any]) -> None:
+    def _compare_identity(self, payload: dict[str, Any]) -> None:
         """Report a device that differs from the one in the run before: ports may have been reassigned."""
         name = str(payload["device"])
         found = {key: value for key, value in payload.items() if key not in ("device", "filter_delay")}
         known = self._identities.get(name, found)
         if known != found:
-            self._said.append(("/event/device_replaced", {"device": name, "before": known, "now": found}))
+            self._events.append(("/event/device_replaced", {"device": name, "before": known, "now": found}))
         self._identities[name] = found
 
-    def _note(self, said: TopicPayload | None) -> None:
-        if said:
-            self._said.append(said)
+    def _note(self, event: TopicPayload | None) -> None:
+        if event:
+            self._events.append(event)
 
-    def _analysed(self, event: Event) -> None:
+    def _take_result(self, event: Event) -> None:
         result = event_result(event)
         late = (self._clock.now() - event.time) * 1e-9 / self._clock.speed
         if isinstance(result, AlarmResult):
             self._state = result.state
             if result.raised:
-                self._late["alarm"] = late
+                self._latency["alarm"] = late
         if isinstance(result, WindowResult):
-            self._late["window"] = late
+            self._latency["window"] = late
             self._note(self._overload.take(left_out=result.skipped))
-            self._windowed, self._sight = time.monotonic(), self._sight.after(result)
-            self._listen(result)
+            self._windowed, self._blind = time.monotonic(), self._blind.after(result)
+            self._check_channels(result)
             self._learnt = result.phase != "learning"
             if not self._learnt:
-                self._self_test, self._novelty = None, {}  # they belong to an obsolete baseline
-            self._window = result.model_dump(mode="json", include={"index", "phase", "problem", "novelty", "end"})
-            self._novelty = self._window["novelty"] or self._novelty
-            self._window["n_modes"] = len(result.modes)
-            self._window["frequencies"] = {mode.id: mode.frequency for mode in result.modes}
+                self._self_test, self._novelty = None, None  # they belong to an obsolete baseline
+            self._novelty = result.novelty or self._novelty
+            self._window = WindowStatus(
+                index=result.index,
+                phase=result.phase,
+                problem=result.problem,
+                novelty=result.novelty,
+                end=result.end,
+                n_modes=len(result.modes),
+                frequencies={mode.id: mode.frequency for mode in result.modes},
+            )
 
-    def _listen(self, window: WindowResult) -> None:
+    def _check_channels(self, window: WindowResult) -> None:
         """Update the channels without data, and those with data again; a lost device is reported separately."""
         lost = {name for name, device in self._devices.items() if device.lost}
         faults = {c: why for c, why in window.faults.items() if self._device_of.get(c) not in lost}
-        self._unheard = self._unheard.after(window.model_copy(update={"faults": faults}))
-        for channels, why in self._unheard.gone:
-            self._said.append(("/event/channel_failed", {"channels": ", ".join(channels), "why": why}))
-        if self._unheard.back:
-            self._said.append(("/event/channel_recovered", {"channels": ", ".join(self._unheard.back)}))
-
-
-def last_written(path: Path) -> dict[str, Any]:
-    """Return the content of the status file of the run before; empty if it cannot be read."""
-    try:
-        found = parse_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
+        self._missing = self._missing.after(window.model_copy(update={"faults": faults}))
+        for channels, why in self._missing.gone:
+            self._events.append(("/event/channel_failed", {"channels": ", ".join(channels), "why": why}))
+        if self._missing.back:
+            self._events.append(("/event/channel_recovered", {"channels": ", ".join(self._missing.back)}))

@@ -33,8 +33,7 @@ from benchmarks.monitor.soak.faults import Spell, by_rig, played, stood_still
 from benchmarks.monitor.soak.found import missing, named
 from benchmarks.monitor.soak.memory import BLOCKS, HEAP, Series, judged
 from benchmarks.monitor.soak.rig import places
-from monitor.service.status import NAME as STATUS
-from monitor.service.status import last_written
+from monitor.results.site_status import FILE_NAME, read_status
 from updater import t_structure_toml
 
 _HERE = Path(__file__).parent
@@ -217,11 +216,11 @@ class Soak:
 
     def _look_at_held(self, life: Life) -> None:
         """Note what the monitor says that it has in use."""
-        said = last_written(self.folder / "state" / STATUS)
-        if said.get("pid") == self.monitor.pid:
+        status = read_status(self.folder / "state" / FILE_NAME)
+        if status and status.pid == self.monitor.pid:
             blocks, heap = life.held
-            blocks.note(time.monotonic() - self._started, said["held"]["blocks"] / 1e3)
-            heap.note(time.monotonic() - self._started, said["held"]["heap_bytes"] / 1e6)
+            blocks.note(time.monotonic() - self._started, status.memory_use["blocks"] / 1e3)
+            heap.note(time.monotonic() - self._started, status.memory_use["heap_bytes"] / 1e6)
 
     def _role(self, process: psutil.Process) -> str:
         """Return what a process is of the monitor's; nothing if that is not known yet."""

@@ -40,8 +40,8 @@ def send_command(site: Site, command: Command) -> None:
 
 
 def _runs(site: Site) -> bool:
-    vitals = site.source.vitals()
-    return vitals is not None and abs(time.time() - vitals["time"]) < _FRESH
+    status = site.source.status()
+    return status is not None and abs(time.time() - status.time) < _FRESH
 
 
 def standing(site: Site) -> AlarmRow | None:

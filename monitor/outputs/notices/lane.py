@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from daq import FAILURES, SupervisedThread, error_text
+from daq import FAILURES, Backoff, SupervisedThread, error_text
 from monitor.outputs.notices.transports import NoticeError, Sender
 from monitor.outputs.spool import Spool
 from monitor.text.notices import Notice
@@ -70,7 +70,7 @@ class Lane:
     ) -> None:
         self._heartbeat = heartbeat
         self._send, self._spool, self._quota = send, Spool(spool), quota
-        self._first_retry = self._retry = retry_seconds
+        self._backoff = Backoff(retry_seconds, _RETRY_LONGEST)
         self._on_change = on_change
         self._queue: queue.SimpleQueue[Notice] = queue.SimpleQueue()
         self._in_memory: deque[str] = deque()  # notices that the disk did not accept
@@ -131,7 +131,8 @@ class Lane:
         if any(thread.is_alive() for thread in self._before):
             return
         if self._attempt(self._deliver_all):
-            self._retry, self.due, self._urgent = self._first_retry, 0.0, False
+            self.due, self._urgent = 0.0, False
+            self._backoff.reset()
 
     def _deliver_all(self) -> None:
         """Send the notices in memory even if the file cannot be read or removed."""
@@ -159,8 +160,7 @@ class Lane:
             self._report(str(error) if known else error_text(error))
             if repeated:
                 asked = min(error.wait, _ASKED_LONGEST) if isinstance(error, NoticeError) else 0.0
-                self.due = time.monotonic() + max(self._retry, asked)
-                self._retry = min(2 * self._retry, _RETRY_LONGEST)
+                self.due = time.monotonic() + max(self._backoff.next(), asked)
             return False
         if repeated or self.idle:
             self._report(None)

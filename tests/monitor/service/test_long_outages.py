@@ -139,7 +139,7 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It may be amid a diagnosis: the watchdog is not to be left without food for as long."""
-    monkeypatch.setattr("monitor.service.log_and_analysis._LAST_WORDS", 0.3)
+    monkeypatch.setattr("monitor.service.log_and_analysis._LAST_RESULTS_SECONDS", 0.3)
     devices = {"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)}
     watched.write(devices)
     with watched.running() as ended:

@@ -11,14 +11,16 @@ import pytest
 from daq import Event, SystemClock
 from monitor.detection.alarm import Alarm, AlarmRules, Change
 from monitor.results.events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
+from monitor.results.site_status import FILE_NAME
 from monitor.results.windows import AlarmResult
 from monitor.service.operator_commands import Acknowledgement, Inbox, write_command
-from monitor.service.status import NAME, MonitorStatus, Pace
+from monitor.service.status import MonitorStatus, Pace
 from monitor.settings import parse_settings
 from monitor.text.alarms import acknowledged_said
 from monitor.text.quantities import duration_text
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.cli import Commands, assert_refused
+from tests.support.monitor.status import WELL
 from updater import parse_structure, t_structure_toml
 
 SITE = """
@@ -102,7 +104,7 @@ def test_command_waits_until_the_word_is_taken(
 ) -> None:
     """A monitor that runs takes it at once; one that stands still is told of."""
     state = site.parent / "state"
-    MonitorStatus(state / NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write({})
+    MonitorStatus(state / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write(*WELL)
     monkeypatch.setattr("monitor.cli.site.send._WAIT", 0.2)
     assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
     monkeypatch.setattr("monitor.cli.site.send._WAIT", 10.0)

@@ -8,8 +8,9 @@ import pytest
 
 from daq import Event, SystemClock
 from monitor.results.events import event_result, result_event
+from monitor.results.site_status import FILE_NAME
 from monitor.results.windows import WindowResult
-from monitor.service.status import NAME, MonitorStatus, Pace
+from monitor.service.status import MonitorStatus, Pace
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events
 from tests.support.monitor.status import PACE, WELL
@@ -17,13 +18,13 @@ from tests.support.monitor.status import PACE, WELL
 EVENTS = run_events()
 
 
-def test_vitals_follow_devices(tmp_path: Path) -> None:
-    vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock())
-    vitals.take(make_block("left", 0))
-    vitals.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
-    vitals.take(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
-    vitals.write(WELL)
-    device = json.loads((tmp_path / NAME).read_text())["devices"]["left"]
+def test_status_follows_devices(tmp_path: Path) -> None:
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock())
+    status.take(make_block("left", 0))
+    status.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
+    status.take(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
+    status.write(*WELL)
+    device = json.loads((tmp_path / FILE_NAME).read_text())["devices"]["left"]
     assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
 
 
@@ -33,19 +34,19 @@ def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
     """NTP may set it by hours, to and fro: what flows goes on flowing, and a device that falls silent is told."""
     wall, ages = [1e9], [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime(wall, ages))
-    vitals = MonitorStatus(tmp_path / NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
     for step in (7200.0, -9000.0):
-        vitals.take(make_block("left", 0))
+        status.take(make_block("left", 0))
         wall[0] += step
-        assert vitals.silence == 0.0
+        assert status.silence == 0.0
         ages[0] += 30.0
-        vitals.write(WELL)
-        said = json.loads((tmp_path / NAME).read_text())
-        assert said["devices"]["left"]["silent"] == vitals.silence == 30.0
+        status.write(*WELL)
+        said = json.loads((tmp_path / FILE_NAME).read_text())
+        assert said["devices"]["left"]["silent"] == status.silence == 30.0
         assert not said["window_overdue"]  # a first window may take its length and two steps
     ages[0] += 700.0
-    vitals.write(WELL)
-    assert json.loads((tmp_path / NAME).read_text())["window_overdue"]
+    status.write(*WELL)
+    assert json.loads((tmp_path / FILE_NAME).read_text())["window_overdue"]
 
 
 class FakeTime:
@@ -65,14 +66,14 @@ def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.Mo
     """Blocks come in pieces: of each second alone it would be 750 one time and 1250 the next."""
     ages = [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
-    vitals, first = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
+    status, first = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock()), 0
     for second in range(60):
         for _ in range(3 if second % 2 else 5):
-            vitals.take(make_block("left", first, n=250))
+            status.take(make_block("left", first, n=250))
             first += 250
         ages[0] += 1.0
-        vitals.write(WELL)
-        rate = json.loads((tmp_path / NAME).read_text())["devices"]["left"]["rate"]
+        status.write(*WELL)
+        rate = json.loads((tmp_path / FILE_NAME).read_text())["devices"]["left"]["rate"]
         if second > 10:
             assert rate == pytest.approx(1000.0, abs=30.0)
 
@@ -81,15 +82,15 @@ def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkey
     """Blocks of 0.7 s, looked at each second: over ten seconds of the clock they would be 9.8 or 10.5 s of scans."""
     ages, rates = [0.0], []
     monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
-    vitals, first = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock()), 0
+    status, first = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock()), 0
     for tick in range(1, 601):  # tenths of a second
         ages[0] = 0.1 * tick
         if tick % 7 == 0 and tick < 400:
-            vitals.take(make_block("left", first, n=700))
+            status.take(make_block("left", first, n=700))
             first += 700
         if tick % 10 == 0:
-            vitals.write(WELL)
-            rates.append(json.loads((tmp_path / NAME).read_text())["devices"]["left"]["rate"])
+            status.write(*WELL)
+            rates.append(json.loads((tmp_path / FILE_NAME).read_text())["devices"]["left"]["rate"])
     assert rates[15:39] == pytest.approx([1000.0] * 24, rel=1e-6)
     assert rates[45] < 700.0
     assert rates[-1] == 0.0
@@ -99,11 +100,11 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
     """Ports may have been given out anew: whoever has two sensors swapped is to hear of it before the alarm."""
     told = []
     for serial in ("S1", "S1", "S2", "S2"):
-        vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, SystemClock())
+        status = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock())
         payload = {"device": "left", "serial": serial, "filter_delay": 0.1}
-        vitals.take(Event(topic="/event/device_open", time=1, payload=payload))
-        told.append(list(vitals.events()))
-        vitals.write(WELL)
+        status.take(Event(topic="/event/device_open", time=1, payload=payload))
+        told.append(list(status.events()))
+        status.write(*WELL)
     replaced = {"device": "left", "before": {"serial": "S1"}, "now": {"serial": "S2"}}
     assert told == [[], [], [("/event/device_replaced", replaced)], []]
 
@@ -112,13 +113,13 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
     """One window may miss a channel for a gap; copies are told together; a window without modes tells nothing."""
     dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
     rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
-    vitals, told = MonitorStatus(tmp_path / NAME, (), PACE, SystemClock()), {}
+    status, told = MonitorStatus(tmp_path / FILE_NAME, (), PACE, SystemClock()), {}
     for index, row in enumerate(rows):
         heard = [channel for channel in "abcd" if channel not in (row or {})]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         said = {"problem": "no resonance stands out"} if row is None else {"faults": row}
-        vitals.take(result_event(WindowResult.model_validate(window | said)))
-        if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in vitals.events()]:
+        status.take(result_event(WindowResult.model_validate(window | said)))
+        if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in status.events()]:
             told[index] = found
     copies = "contain identical samples (error of cabling or export?)"
     assert told == {
@@ -131,21 +132,21 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
 
 def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Path) -> None:
     """What is dead on another device is; and so is what is still not heard when the device is back."""
-    vitals = MonitorStatus(
-        tmp_path / NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"}
+    status = MonitorStatus(
+        tmp_path / FILE_NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"}
     )
     gone = dict.fromkeys("ab", "0% of the samples are there")
     rows = [gone | {"c": "constant"}] * 3 + ["device_recovered"] + [{"a": "constant", "c": "constant"}] * 2
     told = []
-    vitals.take(Event(topic="/event/device_failed", time=0, payload={"device": "left"}))
+    status.take(Event(topic="/event/device_failed", time=0, payload={"device": "left"}))
     for index, row in enumerate(rows):
         if isinstance(row, str):
-            vitals.take(Event(topic=f"/event/{row}", time=0, payload={"device": "left"}))
+            status.take(Event(topic=f"/event/{row}", time=0, payload={"device": "left"}))
             continue
         heard = [channel for channel in "abc" if channel not in row]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
-        vitals.take(result_event(WindowResult.model_validate(window | {"faults": row})))
-        told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in vitals.events()]
+        status.take(result_event(WindowResult.model_validate(window | {"faults": row})))
+        told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in status.events()]
     assert told == [(1, "channel_failed", "c"), (5, "channel_failed", "a")]
 
 
@@ -164,25 +165,25 @@ class FastClock:
 def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
     """A result 5 s of data after the end of its window came 0.5 s of wall time after it."""
     raised = next(e for e in EVENTS if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
-    vitals = MonitorStatus(tmp_path / NAME, ("left",), PACE, FastClock(raised.time + 5_000_000_000))
-    vitals.take(raised)
-    vitals.take(next(e for e in EVENTS if e.topic == "/result/window" and e.time == raised.time))
-    vitals.write(WELL)
-    assert json.loads((tmp_path / NAME).read_text())["late"] == {"alarm": 0.5, "window": 0.5}
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, FastClock(raised.time + 5_000_000_000))
+    status.take(raised)
+    status.take(next(e for e in EVENTS if e.topic == "/result/window" and e.time == raised.time))
+    status.write(*WELL)
+    assert json.loads((tmp_path / FILE_NAME).read_text())["latency"] == {"alarm": 0.5, "window": 0.5}
 
 
 def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_path: Path) -> None:
     """An overloaded machine analyses a window now and then: that does not make it well. Ten in a row do."""
-    vitals = MonitorStatus(tmp_path / NAME, ("left",), Pace(step=600.0, window=600.0), SystemClock())
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left",), Pace(step=600.0, window=600.0), SystemClock())
     window = next(result for event in EVENTS if isinstance(result := event_result(event), WindowResult))
     skipped = window.model_copy(update={"skipped": True, "problem": "left out"})
 
     def take(*results: WindowResult) -> tuple[list[Any], str | None]:
         for result in results:
-            vitals.take(result_event(result))
-        vitals.write(WELL)
-        vitals._due = 0.0
-        return list(vitals.events()), json.loads((tmp_path / NAME).read_text())["overload"]
+            status.take(result_event(result))
+        status.write(*WELL)
+        status._due = 0.0
+        return list(status.events()), json.loads((tmp_path / FILE_NAME).read_text())["overload"]
 
     assert take(window) == ([], None)
     assert take(skipped, skipped, window, skipped) == (
@@ -191,5 +192,5 @@ def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_
     )
     assert take(*[window] * 9)[1] == "1 of the last 10 windows left out: the analysis has fallen behind"
     assert take(window) == ([("/event/analysis_caught_up", {"left_out": 3})], None)
-    vitals.take(Event(topic="/event/analysis_lagging", time=1, payload={"left_out_s": 6000.0}))
-    assert [topic for topic, _ in vitals.events()] == ["/event/windows_left_out"]
+    status.take(Event(topic="/event/analysis_lagging", time=1, payload={"left_out_s": 6000.0}))
+    assert [topic for topic, _ in status.events()] == ["/event/windows_left_out"]

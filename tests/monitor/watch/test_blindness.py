@@ -1,6 +1,5 @@
 """A sensor that dies while the watch goes on is told by the windows, the page and the look at the sensors."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -8,9 +7,10 @@ import pytest
 
 from daq import SystemClock
 from monitor.results.events import result_event
+from monitor.results.site_status import FILE_NAME, read_status
 from monitor.results.windows import WindowResult
 from monitor.service.servers.web.source import problems
-from monitor.service.status import NAME, MonitorStatus, Pace
+from monitor.service.status import MonitorStatus, Pace
 from monitor.watch.blindness import MissingChannels
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
 from tests.support.monitor.status import WELL
@@ -33,11 +33,11 @@ def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
     assert DEAD not in looked[0].sensors
     assert len(looked[0].sensors) == 11
     for n, said in ((0, []), (1, []), (2, [f"{DEAD} is left out: constant"])):
-        vitals = MonitorStatus(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        status = MonitorStatus(tmp_path / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock())
         for window in (calm[-1], *last[:n]):
-            vitals.take(result_event(window))
-        vitals.write(WELL)
-        assert problems(json.loads((tmp_path / NAME).read_text())) == said
+            status.take(result_event(window))
+        status.write(*WELL)
+        assert problems(read_status(tmp_path / FILE_NAME)) == said
     assert np.isfinite([window.novelty.t2 for window in last if window.novelty]).all()
 
 

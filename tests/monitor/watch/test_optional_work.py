@@ -5,8 +5,9 @@ import pytest
 
 from monitor.results.windows import AlarmResult, SelfTestResult
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
-from updater import Body
+from updater import Body, Reference
 from updater.causes import CATALOGUE, CatalogueEntry, Cause
+from updater.inference import Comparison
 
 
 def fails(*_: object, **__: object) -> None:
@@ -39,7 +40,8 @@ def singular(*_: object, **__: object) -> None:
     raise np.linalg.LinAlgError("Singular matrix")  # a ValueError, but no bad input
 
 
-def broken(*_: object) -> Cause:
+def broken(reference: Reference, comparison: Comparison) -> Cause:
+    del reference, comparison
     raise IndexError("index 3 is out of bounds")
 
 

@@ -1,6 +1,5 @@
 """The self-test puts a mass where it says, finds what it ought to, and leaves the watch as it is."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -10,13 +9,14 @@ from daq import FloatArray, SystemClock
 from monitor.outputs.history import HistoryStore, Reader, Span
 from monitor.outputs.notices.filter import NoticeFilter
 from monitor.results.events import result_event
+from monitor.results.site_status import FILE_NAME, read_status
 from monitor.results.windows import Result, SelfTestResult, WindowResult
 from monitor.service.servers.web import Source
 from monitor.service.servers.web.metrics import metrics
 from monitor.service.servers.web.source import problems
 from monitor.service.servers.web.status_page import state_html
 from monitor.service.site_run import pace_of
-from monitor.service.status import NAME, MonitorStatus, Pace, last_written
+from monitor.service.status import MonitorStatus, Pace
 from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.self_test import DRAWS, with_mass
 from tests.support.monitor.played_windows import BASELINE, STEP, Played, judged, run, site_settings, without_answers
@@ -133,26 +133,32 @@ def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
     assert '"detected": 3' in event.json
 
 
-@pytest.mark.parametrize(
-    ("text", "found"), [('{"self_test": {"passed": true}}', {"passed": True}), ("[]", None), ("", None)]
-)
-def test_last_test_outlives_a_restart(tmp_path: Path, text: str, found: object) -> None:
-    path = tmp_path / "status.json"
-    assert last_written(path) == {}
-    path.write_text(text)
-    assert last_written(path).get("self_test") == found
+@pytest.mark.parametrize("damage", ["[]", "", '{"time": 1}'])
+def test_last_test_remains_after_a_restart_and_a_damaged_file_is_no_status(tmp_path: Path, damage: str) -> None:
+    path = tmp_path / FILE_NAME
+    assert read_status(path) is None
+    for results in ([FAILED], []):
+        status = MonitorStatus(path, (), Pace(step=600.0, window=600.0), SystemClock())
+        for result in results:
+            status.take(result_event(result))
+        status.write(*WELL)
+        found = read_status(path)
+        assert found is not None
+        assert found.self_test == FAILED
+    path.write_text(damage)
+    assert read_status(path) is None
 
 
 def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
     source = Source(name="frame", state=tmp_path, url=f"sqlite:///{tmp_path / 'history.sqlite'}")
     for test, ratio, count in ((TEST, 20 / 24, 1), (FAILED, 3 / 24, 2)):
-        vitals = MonitorStatus(tmp_path / NAME, (), Pace(step=600.0, window=600.0), SystemClock())
-        vitals.take(result_event(test))
-        vitals.write(WELL)
-        text = metrics(source.vitals()).decode()
+        status = MonitorStatus(tmp_path / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock())
+        status.take(result_event(test))
+        status.write(*WELL)
+        text = metrics(source.status()).decode()
         assert f"modalwatch_self_test_detection_ratio {ratio}" in text
         assert "modalwatch_self_test_success_age_seconds" in text
-        assert problems(source.vitals()) == ([] if test.passed else [f"{test.text} (2001-09-09 01:46:40 UTC)"])
+        assert problems(source.status()) == ([] if test.passed else [f"{test.text} (2001-09-09 01:46:40 UTC)"])
         assert state_html(source).count(test.text) == count  # a failed one among what is not well too
 
 
@@ -161,12 +167,15 @@ def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
 )
 def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, days: int, phase: str, well: bool) -> None:
     """A test has failed before tests were turned off, or before all was learnt anew."""
-    path, pace = tmp_path / NAME, pace_of(site_settings(f"self_test_days = {days}"))
-    path.write_text(json.dumps({"self_test": FAILED.payload() | {"text": FAILED.text}}))
-    vitals = MonitorStatus(path, (), pace, SystemClock())
+    path, pace = tmp_path / FILE_NAME, pace_of(site_settings(f"self_test_days = {days}"))
+    before = MonitorStatus(path, (), Pace(step=600.0, window=600.0), SystemClock())
+    before.take(result_event(FAILED))
+    before.write(*WELL)
+    status = MonitorStatus(path, (), pace, SystemClock())
     window = {"index": 0, "start": 0, "end": 1, "phase": phase, "channels": [], "modes": []}
-    vitals.take(result_event(WindowResult.model_validate(window)))
-    vitals.write(WELL)
-    said = json.loads(path.read_text())
-    assert (said["self_test"] is None) == well
+    status.take(result_event(WindowResult.model_validate(window)))
+    status.write(*WELL)
+    said = read_status(path)
+    assert said is not None
+    assert (said.self_test is None) == well
     assert (problems(said) == []) == well

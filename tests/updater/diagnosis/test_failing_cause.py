@@ -161,7 +161,8 @@ def test_a_cause_that_fails_is_left_out_reported_and_logged(
         def effect(self, theta: FloatArray, rows: FloatArray) -> object:
             raise np.linalg.LinAlgError("Singular matrix")
 
-    def broken(*_: object) -> Cause:
+    def broken(reference: Reference, comparison: Comparison) -> Cause:
+        del reference, comparison
         raise IndexError("index 3 is out of bounds")
 
     def singular(reference: Reference, comparison: Comparison) -> Cause:

@@ -24,8 +24,8 @@ _Endpoint = Callable[[Request], Awaitable[Response]]
 def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
     """Return the application: answers are computed once per second at most, for any number of requests."""
     state = Snapshot(lambda: state_html(source))
-    problem_list = Snapshot(lambda: problems(source.vitals()))
-    figures = Snapshot(lambda: metrics(source.vitals()))
+    problem_list = Snapshot(lambda: problems(source.status()))
+    figures = Snapshot(lambda: metrics(source.status()))
 
     async def page(_: Request) -> Response:
         return HTMLResponse(page_html(source.name, await state.get()))

@@ -3,16 +3,14 @@
 import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
-from daq import parse_json
 from monitor.outputs.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
-from monitor.results.windows import ReferenceResult
-from monitor.service.status import NAME
+from monitor.results.site_status import FILE_NAME, DeviceStatus, SiteStatus, read_status
+from monitor.results.windows import ReferenceResult, SelfTestResult
 from monitor.text.quantities import utc
 from updater import Diagnosis
 
-_STALE_SECONDS = 10.0  # without a new file of vitals
+_STALE_SECONDS = 10.0  # without a new status file
 _SILENT_SECONDS = 5.0  # without data of a device
 _SHOWN = 300  # windows
 _EVENTS = 12  # that are shown
@@ -30,10 +28,6 @@ class Past:
     places: list[tuple[float, float, float]]  #: positions of the active alarm's causes [m]
 
 
-#: parts of `status.json` with a problem, or null
-TROUBLES = ("disk", "history", "notices", "memory", "viewer", "analysis", "temperature", "threads")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Source:
     """Paths of a site's state."""
@@ -46,20 +40,17 @@ class Source:
         """Return the path of the token: a file next to the settings, by default in the state folder."""
         return self.state / "web_token" if file is None else self.state.parent / file
 
-    def vitals(self) -> dict[str, Any] | None:
-        """Return the newest vitals; None where no monitor of this version has ever run."""
-        try:
-            found: dict[str, Any] = parse_json((self.state / NAME).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            return None
-        return found if isinstance(found, dict) and "blind" in found else None
+    def status(self) -> SiteStatus | None:
+        """Return the newest status; None where no monitor of this version has ever run."""
+        return read_status(self.state / FILE_NAME)
 
     def past(self) -> Past | None:
         """Return the last windows of the history; None if it is not available or empty.
 
         Times after the monitor's last window are of a clock that ran ahead: it is not the last.
         """
-        last = ((self.vitals() or {}).get("window") or {}).get("end")
+        status = self.status()
+        last = status.window.end if status and status.window else None
         try:
             with Reader(self.url) as reader:
                 whole = reader.span()
@@ -96,39 +87,38 @@ def _places(diagnosis: Diagnosis) -> list[tuple[float, float, float]]:
     return [cause.where.position for cause in diagnosis.causes if cause.where and cause.where.position]
 
 
-def problems(vitals: dict[str, Any] | None) -> list[str]:
+def problems(status: SiteStatus | None) -> list[str]:
     """Return the problems of a monitor; empty for a healthy one."""
-    if vitals is None:
+    if status is None:
         return ["no monitor has run here yet"]
-    now = time.time()
-    if (age := now - vitals["time"]) > _STALE_SECONDS:
+    if (age := time.time() - status.time) > _STALE_SECONDS:
         return [f"no status of the monitor for {age:.0f} s"]
-    found = [problem for name, device in vitals["devices"].items() for problem in _device_problems(name, device)]
-    if vitals["window_overdue"]:
-        late, step = vitals["window_age"], vitals["step_seconds"]
+    found = [problem for name, device in status.devices.items() for problem in _device_problems(name, device)]
+    if status.window_overdue:
+        late, step = status.window_age, status.step_seconds
         found.append(f"no window has been analysed for {late:.0f} s; one is due every {step:.0f} s")
-    if vitals["blind"]:
-        found.append(vitals["blind"])
-    found += vitals.get("unheard", ())
-    if vitals.get("overload"):
-        found.append(vitals["overload"])
-    if vitals["dropped"]:
-        found.append(f"{vitals['dropped']} items did not reach the log")
-    if (test := vitals.get("self_test")) and not test["passed"]:
-        found.append(self_test_said(test))
-    found += [f"{name}: {vitals[name]}" for name in TROUBLES if vitals.get(name)]
+    if status.blind:
+        found.append(status.blind)
+    found += status.missing_channels
+    if status.overload:
+        found.append(status.overload)
+    if status.counters.dropped:
+        found.append(f"{status.counters.dropped} items did not reach the log")
+    if status.self_test and not status.self_test.passed:
+        found.append(self_test_text(status.self_test))
+    found += [f"{name}: {problem}" for name, problem in status.problems.found.items()]
     return found
 
 
-def self_test_said(test: dict[str, Any]) -> str:
+def self_test_text(test: SelfTestResult) -> str:
     """Return a text on the last self-test."""
-    return f"{test['text']} ({utc(test['time'])})"
+    return f"{test.text} ({utc(test.time)})"
 
 
-def _device_problems(name: str, device: dict[str, Any]) -> list[str]:
-    if device["lost"]:
+def _device_problems(name: str, device: DeviceStatus) -> list[str]:
+    if device.lost:
         return [f"device {name} is lost"]
-    silent = device["silent"]
-    if silent is None:
+    if device.silent is None:
         return [f"device {name} has sent nothing yet"]
-    return [f"device {name} has been silent for {silent:.0f} s"] if silent > _SILENT_SECONDS else []
+    silent = device.silent > _SILENT_SECONDS
+    return [f"device {name} has been silent for {device.silent:.0f} s"] if silent else []

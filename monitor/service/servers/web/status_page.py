@@ -9,8 +9,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from monitor.outputs.history import AlarmRow, EventRow
-from monitor.results.windows import DetectableChange, SingleMode, TrendResult, Unsure
-from monitor.service.servers.web.source import Past, Source, problems, self_test_said
+from monitor.results.site_status import SiteStatus
+from monitor.service.servers.web.source import Past, Source, problems, self_test_text
 from monitor.service.servers.web.svg import course_svg, structure_svg
 from monitor.text.detectability import detectable_text
 from monitor.text.events import event_name, event_said
@@ -42,56 +42,54 @@ def state_html(source: Source) -> str:
 
 
 def _content(source: Source) -> dict[str, Any]:
-    vitals, past = source.vitals(), source.past()
+    status, past = source.status(), source.past()
     standing = [alarm for alarm in past.alarms if alarm.cleared is None] if past else []
-    state = vitals["state"] if vitals else "learning"  # the history may lag behind, or be down
-    unsure = _unsure(vitals) if vitals and state == "normal" else ""
+    state = status.state if status else "learning"  # the history may lag behind, or be down
+    unsure = _unsure(status) if status and state == "normal" else ""
     return {
         "name": source.name,
         "state": state,
         "colour": "watch" if unsure else state,
         "said": _SAID[state] + (" (estimated)" if unsure else ""),
         "unsure": unsure,
-        "trend": _trend(vitals) if vitals else "",
-        "detectable": _detectable(vitals) if vitals else "",
-        "so_far": _so_far(vitals) if vitals and state == "learning" else None,
-        "problems": problems(vitals) + ([] if past or (vitals and vitals["history"]) else [_NO_PAST]),
+        "trend": _trend(status) if status else "",
+        "detectable": _detectable(status) if status else "",
+        "so_far": _so_far(status) if status and state == "learning" else None,
+        "problems": problems(status) + ([] if past or (status and status.problems.history) else [_NO_PAST]),
         "alarm": _alarm(standing[-1]) if standing else None,
         "alarms": [_alarm(alarm) for alarm in reversed(past.alarms)] if past else [],
         "structure": structure_svg(past.reference, past.places) if past and past.reference else None,
         "novelty": _novelty(past) if past else None,
         "modes": _modes(past) if past else [],
-        "devices": _devices(vitals) if vitals else [],
+        "devices": _devices(status) if status else [],
         "events": [_event(event) for event in reversed(past.events)] if past else [],
         "window": utc(past.windows[-1].end) if past else None,
-        "self_test": self_test_said(test) if vitals and (test := vitals.get("self_test")) else None,
+        "self_test": self_test_text(status.self_test) if status and status.self_test else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
     }
 
 
-def _so_far(vitals: dict[str, Any]) -> str:
-    n = vitals["window"].get("index", -1) + 1
+def _so_far(status: SiteStatus) -> str:
+    n = status.window.index + 1 if status.window else 0
     return f"{n} window{'s' * (n != 1)} so far, nothing is judged yet"
 
 
-def _unsure(vitals: dict[str, Any]) -> str:
+def _unsure(status: SiteStatus) -> str:
     """Return the detectable change in the last window, if the law was uncertain."""
-    novelty = vitals["window"].get("novelty") or {}
-    found, single = novelty.get("unsure"), novelty.get("single_mode")
-    unsure = f"in the last window, {unsure_text([Unsure.model_validate(found)])}" if found else ""
-    return "; ".join(
-        part for part in (unsure, single_mode_text(SingleMode.model_validate(single)) if single else "") if part
-    )
+    novelty = status.window.novelty if status.window else None
+    if novelty is None:
+        return ""
+    unsure = f"in the last window, {unsure_text([novelty.unsure])}" if novelty.unsure else ""
+    single = single_mode_text(novelty.single_mode) if novelty.single_mode else ""
+    return "; ".join(filter(None, (unsure, single)))
 
 
-def _detectable(vitals: dict[str, Any]) -> str:
-    found = vitals.get("detectable")
-    return detectable_text(DetectableChange.model_validate(found)) if found else ""
+def _detectable(status: SiteStatus) -> str:
+    return detectable_text(status.detectable) if status.detectable else ""
 
 
-def _trend(vitals: dict[str, Any]) -> str:
-    found = vitals.get("trend")
-    return trend_text(TrendResult.model_validate(found)) if found else ""
+def _trend(status: SiteStatus) -> str:
+    return trend_text(status.trend) if status.trend else ""
 
 
 def _alarm(alarm: AlarmRow) -> dict[str, Any]:
@@ -124,15 +122,15 @@ def _modes(past: Past) -> list[dict[str, Any]]:
     return found
 
 
-def _devices(vitals: dict[str, Any]) -> list[dict[str, Any]]:
+def _devices(status: SiteStatus) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "rate": f"{device['rate']:.0f}",
-            "gaps": device["gaps"],
-            "state": "lost" if device["lost"] else _age(device["silent"]),
+            "rate": f"{device.rate:.0f}",
+            "gaps": device.gaps,
+            "state": "lost" if device.lost else _age(device.silent),
         }
-        for name, device in vitals["devices"].items()
+        for name, device in status.devices.items()
     ]
 
 

@@ -9,9 +9,10 @@ import pytest
 
 from daq import SystemClock
 from monitor.outputs.history import HistoryStore
+from monitor.results.site_status import FILE_NAME
 from monitor.service.operator_commands import Inbox
 from monitor.service.servers.web import Source, web_process
-from monitor.service.status import NAME, MonitorStatus
+from monitor.service.status import MonitorStatus
 from tests.support.browser import BROWSER, Tab, browser_tab
 from tests.support.monitor.history import run_events, sqlite_url
 from tests.support.monitor.status import PACE, WELL
@@ -27,10 +28,10 @@ def tab(tmp_path: Path) -> Iterator[Tab]:
     events = run_events()
     with HistoryStore(sqlite_url(tmp_path)) as store:
         store.write(events)
-    vitals = MonitorStatus(tmp_path / NAME, (), PACE, SystemClock())
+    status = MonitorStatus(tmp_path / FILE_NAME, (), PACE, SystemClock())
     for event in events:
-        vitals.take(event)
-    vitals.write(WELL)
+        status.take(event)
+    status.write(*WELL)
     source = Source(name="bridge", state=tmp_path, url=sqlite_url(tmp_path))
     with web_process(source, "127.0.0.1", PORT, None) as server, browser_tab(tmp_path / "profile") as opened:
         opened.call("Page.navigate", url=server.url)

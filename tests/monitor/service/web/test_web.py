@@ -18,9 +18,10 @@ import pytest
 from daq import Event, SystemClock
 from monitor.errors import StartError
 from monitor.outputs.history import HistoryStore
+from monitor.results.site_status import FILE_NAME
 from monitor.service.operator_commands import Inbox
 from monitor.service.servers.web import Source, make_app, web_process
-from monitor.service.status import NAME, MonitorStatus
+from monitor.service.status import MonitorStatus
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events, sqlite_url
 from tests.support.monitor.status import PACE, WELL
@@ -46,12 +47,12 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def source(tmp_path: Path, history: Path) -> Source:
     """Return what a run leaves behind that goes on."""
     shutil.copytree(history, tmp_path, dirs_exist_ok=True)
-    vitals = MonitorStatus(tmp_path / NAME, ("left", "right"), PACE, SystemClock())
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left", "right"), PACE, SystemClock())
     for name in ("left", "right"):
-        vitals.take(make_block(name, 0))
+        status.take(make_block(name, 0))
     for event in EVENTS:
-        vitals.take(event)
-    vitals.write(WELL)
+        status.take(event)
+    status.write(*WELL)
     return Source(name="bridge <b>", state=tmp_path, url=sqlite_url(tmp_path))
 
 
@@ -77,7 +78,7 @@ class Client:
 
 
 def changed(source: Source, **fields: Any) -> Source:
-    file = source.state / NAME
+    file = source.state / FILE_NAME
     file.write_text(json.dumps(json.loads(file.read_text()) | fields))
     return source
 
@@ -104,11 +105,14 @@ def test_events_of_the_page_have_the_alarm_and_what_was_left_out(source: Source)
             {"window_age": 4000.0, "window_overdue": True},
             "no window has been analysed for 4000 s; one is due every 600 s",
         ),
-        ({"dropped": 3}, "3 items did not reach the log"),
+        ({"counters": {"dropped": 3}}, "3 items did not reach the log"),
         ({"overload": "2 of the last 10 windows left out: the analysis has fallen behind"}, "2 of the last 10 windows"),
-        ({"threads": "notices_1: OverflowError (senders.py:9), 2 times"}, "threads: notices_1: OverflowError"),
-        ({"disk": "No space left"}, "disk: No space left"),
-        ({"history": "database is locked"}, "history: database is locked"),
+        (
+            {"problems": {"threads": "notices_1: OverflowError (senders.py:9), 2 times"}},
+            "threads: notices_1: OverflowError",
+        ),
+        ({"problems": {"disk": "No space left"}}, "disk: No space left"),
+        ({"problems": {"history": "database is locked"}}, "history: database is locked"),
         ({"devices": {"left": {"lost": True, "silent": 9.0}}}, "device left is lost"),
         ({"devices": {"left": {"lost": False, "silent": None}}}, "device left has sent nothing yet"),
         ({"devices": {"left": {"lost": False, "silent": 9.0}}}, "device left has been silent for"),
@@ -132,13 +136,13 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
     """Data flow and windows are analysed, yet none says anything: that is worth as little as no watch."""
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     unseen: dict[str, Any] = dict.fromkeys(("t2", "limit"), math.nan) | {"modes": [], "detectors": []}
-    vitals = MonitorStatus(source.state / NAME, (), PACE, SystemClock())
+    status = MonitorStatus(source.state / FILE_NAME, (), PACE, SystemClock())
     for nothing, well in ((0, True), (2, True), (3, False), (0, True)):
-        vitals.take(replace(window, payload=window.payload | {"problem": None}))
+        status.take(replace(window, payload=window.payload | {"problem": None}))
         for _ in range(nothing):
-            vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": unseen}))
-        vitals._due = 0.0
-        vitals.write(WELL)
+            status.take(replace(window, payload=window.payload | {"modes": [], "novelty": unseen}))
+        status._due = 0.0
+        status.write(*WELL)
         found = Client(source).get("/healthz").json()
         assert found["healthy"] == well, found
         assert well or "no watched mode was identified" in found["problems"][0]
@@ -159,10 +163,10 @@ def test_smallest_detectable_change_stays_over_a_window_without_modes(source: So
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     found = {"alike_percent": 0.57, "modes_percent": [1.0, 2.0], "thermometer": True}
     novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "detectable": found}
-    vitals = MonitorStatus(source.state / NAME, (), PACE, SystemClock())
-    vitals.take(replace(window, payload=window.payload | {"novelty": novelty}))
-    vitals.take(replace(window, payload=window.payload | {"modes": [], "novelty": None, "problem": "no modes"}))
-    vitals.write(WELL)
+    status = MonitorStatus(source.state / FILE_NAME, (), PACE, SystemClock())
+    status.take(replace(window, payload=window.payload | {"novelty": novelty}))
+    status.take(replace(window, payload=window.payload | {"modes": [], "novelty": None, "problem": "no modes"}))
+    status.write(*WELL)
     assert (
         "smallest detectable change: a lasting change of all frequencies alike by 0.57 %"
         in Client(source).get("/").text
@@ -178,7 +182,7 @@ def test_page_says_how_far_learning_has_come(source: Source) -> None:
 def test_history_that_is_down_is_not_said_to_be_empty(source: Source) -> None:
     (source.state / "history.sqlite").unlink()
     assert "the history is empty" in Client(source).get("/").text
-    text = Client(changed(source, history="it is gone")).get("/").text
+    text = Client(changed(source, problems={"history": "it is gone"})).get("/").text
     assert ("history: it is gone" in text, "the history is empty" in text) == (True, False)
 
 

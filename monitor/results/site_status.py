@@ -1,0 +1,104 @@
+"""Status of a running monitor, as it is written to `status.json` and read by the web server and the commands."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict
+
+from daq import parse_json
+from monitor.detection.alarm import State
+from monitor.results.windows import DetectableChange, Novelty, Phase, SelfTestResult, TrendResult
+
+FILE_NAME = "status.json"  #: in the state folder
+
+
+class _Status(BaseModel):
+    """Base: keys of other versions are ignored."""
+
+    model_config = ConfigDict(frozen=True, extra="ignore", ser_json_inf_nan="null")
+
+
+class DeviceStatus(_Status):
+    """One device since the start."""
+
+    scans: int = 0
+    gaps: int = 0
+    lost: bool
+    silent: float | None  #: time since the last block; None if there was none [s]
+    rate: float = 0.0  #: scans per second of wall time [Hz]
+
+
+class WindowStatus(_Status):
+    """The last window."""
+
+    index: int
+    phase: Phase
+    problem: str | None = None  #: why it has no modes
+    novelty: Novelty | None = None
+    end: int | None = None  #: [ns UTC]
+    n_modes: int = 0
+    frequencies: dict[int, float] = {}  #: of the modes, by identity [Hz]
+
+
+class PartProblems(_Status):
+    """Problem of each part of the monitor, None while it works."""
+
+    disk: str | None = None
+    history: str | None = None
+    notices: str | None = None
+    memory: str | None = None
+    viewer: str | None = None
+    web: str | None = None
+    analysis: str | None = None
+    temperature: str | None = None
+    threads: str | None = None
+
+    @property
+    def found(self) -> dict[str, str]:
+        """Problems by part; without that of the web server, which then reports nothing."""
+        return {name: text for name, text in self if text and name != "web"}
+
+
+class Counters(_Status):
+    """Numbers of the monitor's queues, files and threads since the start."""
+
+    dropped: int = 0  #: items for which the queue of the log had no room
+    history_dropped: int = 0  #: items that the history did not store or spool
+    disk_free: int = 0  #: free space of the disk of the log [bytes]
+    waiting: dict[str, int] = {}  #: items in each queue
+    bad_bytes: dict[str, int] = {}  #: outside valid frames, by device
+    thread_failures: dict[str, int] = {}  #: unforeseen exceptions, by thread
+
+
+class SiteStatus(_Status):
+    """Status of a monitor; ages are those at the time of writing."""
+
+    time: float  #: of writing [s since 1970]
+    started: float  #: [s since 1970]
+    pid: int
+    memory_use: dict[str, int] = {}  #: of the process
+    state: State | Literal["learning"]
+    step_seconds: float  #: interval of windows in wall time [s]
+    window_age: float  #: time since the last window [s]
+    window_overdue: bool
+    window: WindowStatus | None = None
+    trend: TrendResult | None = None  #: of the last evaluated window, as the next
+    detectable: DetectableChange | None = None
+    blind: str | None = None  #: report of windows in a row without a usable result
+    missing_channels: list[str] = []  #: reports of channels without data
+    overload: str | None = None  #: report of windows that were left out
+    windows_left_out: int = 0  #: since the start
+    latency: dict[str, float] = {}  #: of the last window and alarm, since their last sample [s of wall time]
+    self_test: SelfTestResult | None = None  #: last one of the present baseline
+    identities: dict[str, dict[str, Any]] = {}  #: of devices, over restarts
+    devices: dict[str, DeviceStatus] = {}
+    problems: PartProblems = PartProblems()
+    counters: Counters = Counters()
+
+
+def read_status(path: Path) -> SiteStatus | None:
+    """Return the content of a status file; None where none can be read, or it is of another version."""
+    try:
+        return SiteStatus.model_validate(parse_json(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,105 @@
+"""Parts of the law of temperature: evidence of slow movements, of frost and of the thermometer, tails, chance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor.detection import CHUNK, DetectionSettings, LawState, judge, start
+from monitor.detection import detectors as detectors_module
+from monitor.detection import temperature_law as law_module
+from monitor.detection.temperature_terms import THERMOMETER_STD
+
+P, STD, STEP, DAY = 8, 5e-4, 600.0, 144
+WATCHING = DetectionSettings(rate=1e-4, overlap=0.0, hold=2)
+
+
+def state(celsius: np.ndarray, slope: float, *, off: float = 0.0, seed: int = 1) -> LawState:
+    """Return what is learned from windows at temperatures, by a thermometer that is wrong for hours at a time [K]."""
+    random = np.random.default_rng(seed)
+    n = len(celsius)
+    error = np.repeat(off * random.standard_normal(-(-n // CHUNK)), CHUNK)[:n]
+    y = slope * (celsius + error)[:, None] + STD * random.standard_normal((n, P))
+    return start(y, np.full(y.shape, STD), celsius, np.full(n, STEP), WATCHING)
+
+
+def days(n: int, mean: float = 15.0, swing: float = 5.0) -> np.ndarray:
+    """Return temperatures of days, whose means differ [degC]."""
+    t = np.arange(n * DAY) / DAY
+    return np.asarray(mean + swing * np.sin(2 * np.pi * t) + 3 * np.sin(2 * np.pi * t / 5.3))
+
+
+@pytest.mark.parametrize("off", [0.0, 0.4, 0.8])
+def test_deviation_of_the_thermometer_is_learned_from_means_over_hours(off: float) -> None:
+    """Half of the modes' deviation per kelvin; 24 days give 144 means, so that a deviation is known to 6 %."""
+    found = float(state(days(24), -3e-4, off=off).law.thermometer)
+    print(f"seed 1: {found:.2f} K where the thermometer is off by {off} K")
+    assert found == pytest.approx(off, rel=0.3) if off else found < 0.25
+
+
+def test_first_means_are_no_evidence_on_the_thermometer() -> None:
+    """They are fitted by the law: two days leave the prior, whatever the residuals are."""
+    assert float(state(days(1), -3e-4, off=0.8).law.thermometer) == pytest.approx(THERMOMETER_STD, rel=0.1)
+
+
+def test_variance_of_frost_is_that_of_its_regressors_in_all_directions() -> None:
+    """The sum over the common direction and those across it is the sum of squares; the law's own variance comes on."""
+    watched = state(days(6, mean=-1.0), -2e-4)
+    judged, _ = judge(watched, np.zeros((DAY, P)), days(1, mean=-4.0), np.full(DAY, STEP))
+    law, terms = watched.law, judged.terms
+    moved = law.by_temperature(terms)[..., 2:, :]
+    assert np.abs(moved).max() > 0.5  # in deviations of a window
+    exact = replace(law, unknown=np.zeros_like(law.unknown))
+    along, across = np.moveaxis(exact.freezing(terms), -1, 0)
+    assert along + (P - 1) * across == pytest.approx((moved**2).sum((-1, -2)))
+    assert along == pytest.approx(((moved @ law.common) ** 2).sum(-1))
+    assert (law.freezing(terms)[..., 0] >= along).all()
+
+
+def test_share_of_a_window_in_its_variance_falls_with_frost_and_rises_with_its_own_error() -> None:
+    watched = state(days(6, mean=-1.0), -2e-4)
+    cold = judge(watched, np.zeros((DAY, P)), days(1, mean=-4.0), np.full(DAY, STEP))[0].terms
+    warm = judge(watched, np.zeros((DAY, P)), days(1, mean=15.0), np.full(DAY, STEP))[0].terms
+    law = replace(watched.law, unknown=np.zeros_like(watched.law.unknown))
+    share = law_module._own_share(law, cold, np.ones(DAY))
+    frost = (law.by_temperature(cold)[..., 2:, :] ** 2).sum((-1, -2)) / P
+    assert share == pytest.approx(law.fast / (law.fast + frost))
+    assert (law_module._own_share(law, cold, np.full(DAY, 4.0)) > share).all()
+    assert law_module._own_share(law, warm, np.ones(DAY)) == pytest.approx(1.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("n", "p"), [(12, 4), (40, 8), (400, 8)])
+def test_a_direction_is_kept_from_the_size_on_that_chance_reaches_once_in_a_hundred(n: int, p: int) -> None:
+    """Johnstone's mean and deviation of the largest eigenvalue of n values of white noise, with its 99 % quantile."""
+    mean = (np.sqrt(n - 1) + np.sqrt(p)) ** 2
+    deviation = (np.sqrt(n - 1) + np.sqrt(p)) * ((n - 1) ** -0.5 + p**-0.5) ** (1 / 3)
+    chance = (mean + 2.02 * deviation) / n
+    for factor, kept in ((0.999, False), (1.001, True)):
+        covariance = 3.0 * np.diag([factor * chance, *np.ones(p - 1)])
+        found = law_module._dominant(covariance, np.array(float(n)), np.array(3.0))
+        assert found[0, 0] == pytest.approx(3.0 * (factor * chance - 1) if kept else 0.0, abs=1e-9)
+    random = np.random.default_rng(n)
+    values = random.standard_normal((2000, n, p))
+    noise = np.swapaxes(values, 1, 2) @ values / n
+    share = (law_module._dominant(noise, np.full(2000, float(n)), np.ones(2000)) != 0).any((1, 2)).mean()
+    print(f"seed {n}: {100 * share:.1f} % of {n} values of noise in {p} directions")
+    assert share < 0.03
+
+
+def test_heavier_tails_are_less_probable_and_start_at_none() -> None:
+    assert (np.diff(law_module._TAILS_PRIOR) > 0).all()
+    blank = law_module._blank(np.zeros(P), np.full(P, STD), np.array(True), STEP)
+    assert float(blank.tail) == law_module._TAILS[-1]
+
+
+@pytest.mark.parametrize(("overlap", "windows"), [(0.0, 1), (0.5, 2), (0.75, 4), (0.8, 5), (0.9, 10)])
+def test_windows_from_one_to_the_next_that_shares_no_sample(overlap: float, windows: int) -> None:
+    assert detectors_module._lag(replace(WATCHING, overlap=overlap)) == windows
+
+
+def test_one_mode_alone_is_named_only_if_it_is_the_same_in_every_detector_over_its_limit() -> None:
+    """Cases by column; the rows are the three detectors."""
+    over = np.array([[1, 0, 1, 1, 0, 1], [1, 0, 0, 1, 0, 1], [1, 1, 0, 0, 0, 1]], bool)
+    single = np.array([[1, 0, 0, 1, 1, 1], [1, 0, 1, 1, 1, 1], [1, 1, 1, 0, 1, 1]], bool)
+    mode = np.array([[3, 5, 2, 4, 1, 0], [3, 5, 2, 6, 1, 0], [3, 7, 2, 4, 1, 0]])
+    assert detectors_module._single(over, single, mode).tolist() == [3, 7, -1, -1, -1, 0]
