@@ -1,6 +1,6 @@
 """Acceptance of a change as the new reference; temperature law and scatter are kept."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from monitor.settings import Settings
 from monitor.text.causes import change_text
 from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.answer import diagnosis_of
-from monitor.watch.baseline import Watch, learn_watch
+from monitor.watch.baseline import LearnedBaseline, learn_baseline
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
 from updater.modal_data import MIN_PRESENCE
 
@@ -25,13 +25,12 @@ class CannotAcceptError(Exception):
 
 def accept_change(
     structure: Structure,
-    watch: Watch,
+    learned: LearnedBaseline,
     changed_windows: Sequence[Window],
-    devices: Mapping[str, str],
     settings: Settings,
     wanted: AcceptanceRequest,
     raised: int,
-) -> Watch:
+) -> LearnedBaseline:
     """Return the new state of monitoring.
 
     If the diagnosis explains the change, its causes are written into the structure first: a mass is not mistaken for a
@@ -40,9 +39,8 @@ def accept_change(
     Parameters
     ----------
     structure : of the site
-    watch : by which the change was found
+    learned : by which the change was found
     changed_windows : windows since the change, at least `MIN_WINDOWS`
-    devices : of each channel
     settings : of the site
     wanted : person and cause of the acceptance
     raised : when the alarm was [ns UTC]
@@ -52,8 +50,8 @@ def accept_change(
     CannotAcceptError
         Saying why.
     """
-    text, found = _explained(watch, changed_windows, devices)
-    known, shift = watch.detector.moved(len(changed_windows))
+    text, found = _explained(learned, changed_windows)
+    known, shift = learned.detector.moved(len(changed_windows))
     change = AcceptedChange(
         time=changed_windows[-1].end,
         raised=raised,
@@ -67,15 +65,18 @@ def accept_change(
     last: Exception | None = None
     for tried in (change, replace(change, structure="")) if text else (change,):
         try:
-            return learn_watch(structure, watch.baseline, devices, settings, known, (*watch.accepted, tried))
+            return learn_baseline(structure, learned.baseline, settings, known, (*learned.accepted, tried))
         except (UpdaterError, np.linalg.LinAlgError) as error:
             last = error
     raise CannotAcceptError(str(last)) from last
 
 
-def watch_again(
-    structure: Structure, watch: Watch, calm: Sequence[Window], devices: Mapping[str, str], settings: Settings
-) -> Watch | None:
+def restore_hidden_modes(
+    structure: Structure,
+    learned: LearnedBaseline,
+    calm: Sequence[Window],
+    settings: Settings,
+) -> LearnedBaseline | None:
     """Return a watch of modes too that the last accepted change hid and most windows show again; None without such.
 
     Their frequencies are those of now: they were not watched meanwhile.
@@ -83,40 +84,39 @@ def watch_again(
     Parameters
     ----------
     structure : of the site
-    watch : as it is
+    learned : as it is
     calm : the last windows, none over the limit, as many as a baseline has
-    devices : of each channel
     settings : of the site
     """
-    if not watch.accepted:
+    if not learned.accepted:
         return None
-    *before, last = watch.accepted
-    tracks = [watch.tracker.assign(window.synchronized) for window in calm]
+    *before, last = learned.accepted
+    tracks = [learned.tracker.assign(window.synchronized) for window in calm]
     again = [track for track in last.hides if np.mean([modes[track] >= 0 for modes in tracks]) >= MIN_PRESENCE]
     if not again:
         return None
     modes = stack_tracks([window.synchronized for window in calm], tracks)
-    known, now = watch.detector.seen_again(modes, np.array(again))
+    known, now = learned.detector.seen_again(modes, np.array(again))
     shift = Shift(
         log_frequency=np.where(np.isin(np.arange(len(now.std)), again), now.log_frequency, last.shift.log_frequency),
         std=np.where(np.isnan(now.std), last.shift.std, now.std),
     )
     change = replace(last, windows=tuple(calm), shift=shift)
     try:
-        return learn_watch(structure, watch.baseline, devices, settings, known, (*before, change))
+        return learn_baseline(structure, learned.baseline, settings, known, (*before, change))
     except (PairingError, ModalDataError):
         return None  # it has no partner in the model: it stays hidden
 
 
-def undo_last(structure: Structure, watch: Watch, devices: Mapping[str, str], settings: Settings) -> Watch:
+def undo_last(structure: Structure, learned: LearnedBaseline, settings: Settings) -> LearnedBaseline:
     """Return the state before the last acceptance, with all later learning of scatter."""
-    *before, last = watch.accepted
-    return learn_watch(structure, watch.baseline, devices, settings, watch.detector.moved_back(last.shift), before)
+    *before, last = learned.accepted
+    return learn_baseline(structure, learned.baseline, settings, learned.detector.moved_back(last.shift), before)
 
 
-def _explained(watch: Watch, changed_windows: Sequence[Window], devices: Mapping[str, str]) -> tuple[str, str]:
+def _explained(learned: LearnedBaseline, changed_windows: Sequence[Window]) -> tuple[str, str]:
     """Return the structure with the causes of the change, empty if there is no explanation, and its text."""
-    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(watch, changed_windows, devices))
+    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(learned, changed_windows))
     if both is None:
         return "", "not explained"
     found, _ = both

@@ -11,7 +11,7 @@ from monitor.results.convert import increment_result, mass_answer
 from monitor.results.windows import MassAnswer, MassIncrements
 from monitor.text.causes import failed_text
 from monitor.text.verdicts import is_one_mass
-from monitor.watch.baseline import Watch
+from monitor.watch.baseline import LearnedBaseline
 from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
 from updater import (
     DiagnosisResult,
@@ -32,9 +32,8 @@ def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) 
 
 
 def answer(
-    watch: Watch,
+    learned: LearnedBaseline,
     changed_windows: Sequence[Window],
-    devices: Mapping[str, str],
     structure: Structure,
     extras: OptionalWork,
 ) -> dict[str, Any]:
@@ -45,20 +44,19 @@ def answer(
 
     Parameters
     ----------
-    watch : by which the change was found
+    learned : by which the change was found
     changed_windows : windows over the limit that begin after the first one: that one may hold both states
-    devices : of each channel
     structure : of the site
     extras : collects failures
     """
     if not changed_windows:
         return {}
-    reference = watch.reference
-    tracks = [watch.modes_of(window.synchronized) for window in changed_windows]
+    reference = learned.reference
+    tracks = [learned.modes_of(window.synchronized) for window in changed_windows]
     modes = reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
     found: dict[str, Any] = {}
-    found["increments"] = extras.found("the one-step update", lambda: _increments(watch, modes, len(changed_windows)))
-    both = extras.found("the diagnosis", lambda: diagnosis_of(watch, changed_windows, devices))
+    found["increments"] = extras.found("the one-step update", lambda: _increments(learned, modes, len(changed_windows)))
+    both = extras.found("the diagnosis", lambda: diagnosis_of(learned, changed_windows))
     if both is None:
         return found
     explained, event = both
@@ -75,16 +73,14 @@ def answer(
     return found
 
 
-def diagnosis_of(
-    watch: Watch, changed_windows: Sequence[Window], devices: Mapping[str, str]
-) -> tuple[DiagnosisResult, Event] | None:
+def diagnosis_of(learned: LearnedBaseline, changed_windows: Sequence[Window]) -> tuple[DiagnosisResult, Event] | None:
     """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
     try:
         return explain_windows(
-            watch.reference,
-            watch.before,
+            learned.reference,
+            learned.before,
             conditions_of(changed_windows),
-            synchronized_windows(changed_windows, devices),
+            synchronized_windows(changed_windows, learned.devices),
         )
     except ModalDataError:
         return None  # there is an alarm, but no cause
@@ -95,15 +91,15 @@ def _location(reference: Reference, modes: ModalMean, structure: Structure, n_wi
     return mass_answer(structure, change, n_windows, outlook.said)
 
 
-def sensors(watch: Watch, calm: Sequence[Window], devices: Mapping[str, str]) -> dict[str, ChannelHealth]:
+def sensors(learned: LearnedBaseline, calm: Sequence[Window]) -> dict[str, ChannelHealth]:
     """Return the health of each channel in calm windows; of one that died among them a window holds half."""
-    tracks = [watch.modes_of(window.synchronized) for window in calm]
-    found = sensors_seen(watch.reference, synchronized_windows(calm, devices), tracks)
+    tracks = [learned.modes_of(window.synchronized) for window in calm]
+    found = sensors_seen(learned.reference, synchronized_windows(calm, learned.devices), tracks)
     return {channel: health for channel, health in found.items() if channel in calm[-1].synchronized.channels}
 
 
-def _increments(watch: Watch, event: ModalMean, n_windows: int) -> MassIncrements | None:
+def _increments(learned: LearnedBaseline, event: ModalMean, n_windows: int) -> MassIncrements | None:
     try:
-        return increment_result(watch.updater.update(event), n_windows)
+        return increment_result(learned.updater.update(event), n_windows)
     except (PairingError, ModalDataError):
         return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments

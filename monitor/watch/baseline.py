@@ -43,10 +43,11 @@ class Identified(Protocol):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Watch:
+class LearnedBaseline:
     """Learnt baseline, with everything needed to watch."""
 
     baseline: tuple[Window, ...]
+    devices: Mapping[str, str]  #: device of each channel
     accepted: tuple[AcceptedChange, ...]  #: changes of the structure since, in order
     before: Conditions  #: conditions of the windows from which the reference is learned
     tracker: Tracker
@@ -83,21 +84,19 @@ class Watch:
         return self.baseline[-1].end
 
 
-def learn_watch(
+def learn_baseline(
     structure: Structure,
     baseline: Sequence[Window],
-    devices: Mapping[str, str],
     settings: Settings,
     known: DetectorState | None = None,
     accepted: Sequence[AcceptedChange] = (),
-) -> Watch:
+) -> LearnedBaseline:
     """Learn from baseline windows, and from those of changes that were accepted since.
 
     Parameters
     ----------
     structure : of the site
     baseline : its windows
-    devices : of each channel
     settings : of the site
     known : later state of the detector, if these windows were learned from before
     accepted : changes of the structure, in order
@@ -108,14 +107,15 @@ def learn_watch(
         If fewer than three modes can be tracked, or one that an accepted change does not hide has no partner in the
         model.
     """
-    tracker, reference = learn_baseline(structure, baseline, devices)
+    tracker, reference = learn_tracked_reference(structure, baseline, settings.device_of)
     watched = np.arange(len(reference.paired))
     for change in accepted:
         structure = parse_structure(change.structure) if change.structure else structure
         watched = np.setdiff1d(np.arange(tracker.reference.n_modes), change.hides)
         tracker, reference = learn_changed(structure, change.windows, tracker, reference, watched)
-    return Watch(
+    return LearnedBaseline(
         baseline=tuple(baseline),
+        devices=settings.device_of,
         accepted=tuple(accepted),
         before=conditions_of(accepted[-1].windows if accepted else baseline),
         tracker=tracker,
@@ -126,7 +126,7 @@ def learn_watch(
     )
 
 
-def learn_baseline(
+def learn_tracked_reference(
     structure: Structure, found: Sequence[Identified], devices: Mapping[str, str]
 ) -> tuple[Tracker, Reference]:
     """Choose the modes to track and learn the reference, the devices' delays first.

@@ -21,7 +21,7 @@ from monitor.settings import Settings
 from monitor.text.causes import change_text
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.answer import synchronized_windows
-from monitor.watch.baseline import Watch, learn_watch
+from monitor.watch.baseline import LearnedBaseline, learn_baseline
 from monitor.watch.explanation import conditions_of, explain_windows
 from monitor.watch.memory import Memory
 from monitor.watch.self_test import with_mass
@@ -107,7 +107,7 @@ class Evidence:
     """Knowledge of a watch about the active change."""
 
     structure: Structure
-    watch: Watch
+    learned: LearnedBaseline
     event: ModalMean  #: modes of the windows with the mass
     diagnosis: Diagnosis
     found: MassChange
@@ -135,19 +135,18 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     ProofError
         If no baseline is learnt, no change is seen, or too little is known of it.
     """
-    devices = settings.device_of
-    watch, changed_windows = _watch(memory, structure, settings, devices)
-    tracks = [watch.modes_of(window.synchronized) for window in changed_windows]
-    event = watch.reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
-    late = synchronized_windows(changed_windows, devices)
+    learned, changed_windows = _learned(memory, structure, settings)
+    tracks = [learned.modes_of(window.synchronized) for window in changed_windows]
+    event = learned.reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
+    late = synchronized_windows(changed_windows, learned.devices)
     try:
-        explained, _ = explain_windows(watch.reference, watch.before, conditions_of(changed_windows), late)
-        found, _ = locate_mass_with_forecast(watch.reference, event)
+        explained, _ = explain_windows(learned.reference, learned.before, conditions_of(changed_windows), late)
+        found, _ = locate_mass_with_forecast(learned.reference, event)
     except (ModalDataError, PairingError) as error:
         raise ProofError(f"the change cannot be explained: {error}") from error
     return Evidence(
         structure=structure,
-        watch=watch,
+        learned=learned,
         event=event,
         diagnosis=explained.diagnosis,
         found=found,
@@ -188,17 +187,15 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
         found_place=evidence.place,
         raised=evidence.raised,
         checks=checks,
-        channels=evidence.watch.reference.baseline.channels,
-        scales=tuple(_scales(evidence.watch, evidence.event, place, mass)) if proven else (),
+        channels=evidence.learned.reference.baseline.channels,
+        scales=tuple(_scales(evidence.learned, evidence.event, place, mass)) if proven else (),
         n_windows=evidence.n_windows,
         start=evidence.start,
         end=evidence.end,
     )
 
 
-def _watch(
-    memory: Memory, structure: Structure, settings: Settings, devices: dict[str, str]
-) -> tuple[Watch, list[Window]]:
+def _learned(memory: Memory, structure: Structure, settings: Settings) -> tuple[LearnedBaseline, list[Window]]:
     """Return the learned state, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
         n, of = len(memory.baseline), memory.target
@@ -210,7 +207,7 @@ def _watch(
     changed_windows = [w for w in memory.out if w.start >= memory.out[0].end]
     if not changed_windows or memory.alarm.state != "alarm":
         raise ProofError(f"a change is detected, but in too few windows: repeat after {minutes:.3g} min")
-    return learn_watch(structure, memory.baseline, devices, settings, memory.detector, memory.accepted), changed_windows
+    return learn_baseline(structure, memory.baseline, settings, memory.detector, memory.accepted), changed_windows
 
 
 def _on_member(structure: Structure, at: FloatArray) -> tuple[str, FloatArray]:
@@ -244,13 +241,13 @@ def _mass_check(found: MassChange, mass: float) -> Check:
     return Check(what="mass", said=said, passed=abs(off) <= _SIGMAS * found.mass_std)
 
 
-def _scales(watch: Watch, event: ModalMean, place: FloatArray, mass: float) -> Iterator[Scale]:
+def _scales(learned: LearnedBaseline, event: ModalMean, place: FloatArray, mass: float) -> Iterator[Scale]:
     """Yield the scale of each mode that the mass determines.
 
     A mass changes 1 / omega^2 by itself times the square of the mode's motion: the ratio of the real to the modelled
     effect is that of the model's modal mass to the real one.
     """
-    reference = watch.reference
+    reference = learned.reference
     expected = with_mass(reference, place[None], mass)[0] ** -2 - 1
     base = reference.baseline
     ratio = np.exp(2 * (base.log_frequency - event.log_frequency))
@@ -260,7 +257,7 @@ def _scales(watch: Watch, event: ModalMean, place: FloatArray, mass: float) -> I
         modal_mass = float(expected[k] / (ratio[k] - 1))
         if modal_mass > 0:
             yield Scale(
-                mode=int(watch.watched[k]) + 1,
+                mode=int(learned.watched[k]) + 1,
                 frequency=float(np.exp(base.log_frequency[k])),
                 modal_mass=modal_mass,
                 modal_mass_std=float(modal_mass * std[k] / abs(ratio[k] - 1)),

@@ -14,7 +14,7 @@ from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm
 from monitor.results.windows import SelfTestResult
 from monitor.settings import Settings
-from monitor.watch.baseline import Watch
+from monitor.watch.baseline import LearnedBaseline
 from monitor.watch.detector import Detector
 from oma import ModalEstimate
 from updater import Reference
@@ -55,7 +55,7 @@ class SelfTests:
         self._settings, self.state = settings, state
         self._recent: deque[Window] = deque(maxlen=max(WITHIN, settings.alarm.hold_windows))
 
-    def after(self, watch: Watch, alarm: Alarm, window: Window, *, over: bool) -> Iterator[SelfTestResult]:
+    def after(self, learned: LearnedBaseline, alarm: Alarm, window: Window, *, over: bool) -> Iterator[SelfTestResult]:
         """Take one more window, over the limit or calm; yield a test if one is due."""
         if over:
             self.forget()
@@ -64,11 +64,11 @@ class SelfTests:
         days = self._settings.alarm.self_test_days
         if self.state.failed:  # the windows of one bad day should not leave the site unwell until the next is due
             days = min(days, _DAYS_AFTER_FAILURE)
-        since = watch.learnt if self.state.last is None else self.state.last
+        since = learned.learnt if self.state.last is None else self.state.last
         due = days > 0 and abs(window.end - since) >= days * _DAY  # a clock that is set back by years ends no tests
         if due and alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
             self.state = replace(self.state, last=window.end)  # also of one that ends in an error
-            result = self_test(watch, alarm, tuple(self._recent), self._settings, window.end, self.state.passed)
+            result = self_test(learned, alarm, tuple(self._recent), self._settings, window.end, self.state.passed)
             self.state = replace(self.state, passed=result.last_passed)
             yield result
 
@@ -78,7 +78,12 @@ class SelfTests:
 
 
 def self_test(
-    watch: Watch, alarm: Alarm, windows: Sequence[Window], settings: Settings, time: int, last_passed: int | None
+    learned: LearnedBaseline,
+    alarm: Alarm,
+    windows: Sequence[Window],
+    settings: Settings,
+    time: int,
+    last_passed: int | None,
 ) -> SelfTestResult:
     """Return at how many random places a mass would raise the alarm within `WITHIN` windows.
 
@@ -91,9 +96,9 @@ def self_test(
     last_passed : when a test has last passed [ns UTC]
     """
     random = np.random.default_rng(time // 10**9)
-    mass = settings.alarm.self_test_percent / 100 * watch.reference.model.total_mass()
-    ratios = with_mass(watch.reference, _places(watch.reference, random, DRAWS), mass)
-    found = sum(_raises(watch, alarm, _changed(windows, ratio, watch, settings), settings) for ratio in ratios)
+    mass = settings.alarm.self_test_percent / 100 * learned.reference.model.total_mass()
+    ratios = with_mass(learned.reference, _places(learned.reference, random, DRAWS), mass)
+    found = sum(_raises(learned, alarm, _changed(windows, ratio, learned, settings), settings) for ratio in ratios)
     passed = found >= _PASSED * DRAWS
     return SelfTestResult(
         time=time,
@@ -137,25 +142,27 @@ def _places(reference: Reference, random: np.random.Generator, n: int) -> FloatA
     return np.array([members[k].point(share * length[k]) for k, share in zip(chosen, random.random(n), strict=True)])
 
 
-def _changed(windows: Sequence[Window], ratio: FloatArray, watch: Watch, settings: Settings) -> list[Window]:
+def _changed(
+    windows: Sequence[Window], ratio: FloatArray, learned: LearnedBaseline, settings: Settings
+) -> list[Window]:
     """Return the windows as the next ones, their tracked frequencies changed by a ratio (n_tracks,)."""
     later = round(len(windows) * settings.step_seconds * 1e9)
     return [
-        replace(w, start=w.start + later, end=w.end + later, synchronized=_with_ratio(w.synchronized, ratio, watch))
+        replace(w, start=w.start + later, end=w.end + later, synchronized=_with_ratio(w.synchronized, ratio, learned))
         for w in windows
     ]
 
 
-def _with_ratio(estimate: ModalEstimate, ratio: FloatArray, watch: Watch) -> ModalEstimate:
-    track = watch.modes_of(estimate)
+def _with_ratio(estimate: ModalEstimate, ratio: FloatArray, learned: LearnedBaseline) -> ModalEstimate:
+    track = learned.modes_of(estimate)
     frequency = estimate.frequency.copy()
     frequency[track[track >= 0]] *= ratio[track >= 0]
     return replace(estimate, frequency=frequency)
 
 
-def _raises(watch: Watch, alarm: Alarm, windows: Sequence[Window], settings: Settings) -> bool:
+def _raises(learned: LearnedBaseline, alarm: Alarm, windows: Sequence[Window], settings: Settings) -> bool:
     """Return whether copies of detector and alarm raise it by these windows."""
-    tried = replace(watch, detector=Detector(watch.detector.state, settings))
+    tried = replace(learned, detector=Detector(learned.detector.state, settings))
     for window in windows:
         score = tried.judge(window)
         alarm, _ = alarm.evaluate(window.end, score.level)

@@ -4,7 +4,7 @@ import numpy as np
 
 from daq import EPSON_SCALE, Channel, Recording
 from monitor.rig import T_DEVICES, make_sources
-from monitor.watch.baseline import learn_baseline
+from monitor.watch.baseline import learn_tracked_reference
 from oma import identify_all
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 
@@ -38,7 +38,7 @@ def windows(seed: int) -> list[Recording]:
 def test_a_baseline_finds_the_delays_of_its_devices() -> None:
     """Within four of the stated deviations and 5 us: half a degree at 271 Hz, what damping leaves complex of shapes."""
     found = [identify_all(recording) for recording in windows(11)]
-    tracker, reference = learn_baseline(t_frame(), found, {c.name: c.device for c in CHANNELS})
+    tracker, reference = learn_tracked_reference(t_frame(), found, {c.name: c.device for c in CHANNELS})
     delays = reference.delays
     late = np.array([LATE.get(name, 0.0) for name in delays.seconds])
     learnt = np.array(list(delays.seconds.values()))
