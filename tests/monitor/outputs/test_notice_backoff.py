@@ -188,3 +188,20 @@ def test_lane_waits_for_the_one_that_has_the_same_file(server: Server, tmp_path:
     after._deliver(last=True)
     assert len(server.got) <= 1
     assert after.idle
+
+
+def test_notices_of_an_earlier_run_are_left_until_all_are_delivered(
+    server: Server, tmp_path: Path, clock: HandTime
+) -> None:
+    before = lane_of(server, tmp_path)
+    before.put(TROUBLE)
+    before._keep()
+    lane = lane_of(server, tmp_path)
+    assert lane.left
+    server.answer = 503
+    play(lane, clock, STEP, lambda: server.refused)
+    assert lane.left
+    server.answer = 200
+    play(lane, clock, 20, lambda: len(server.got))
+    assert not lane.left
+    assert not lane_of(server, tmp_path).left

@@ -1,7 +1,7 @@
 """Gauss-Newton within bounds, on linear residuals whose least squares under bounds scipy knows."""
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -103,3 +103,23 @@ def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(
         print(theta, expected, reached - cost)
         assert np.all(theta >= least)
         assert reached - cost < 0.2  # of chi-square: a tenth of the evidence
+
+
+def test_evidence_has_the_determinant_of_the_whitener_that_was_used(linear: Any) -> None:
+    """A drift common to all frequencies is allowed, or not: two covariances of the same data."""
+    linear.plain, linear.drifting = SimpleNamespace(log_det=1.5), SimpleNamespace(log_det=-0.7)
+    one = Linear(b=np.ones((1, 5)), lower=np.full((1, 3), -np.inf), start=np.zeros((1, 3)), prior_std=PRIOR)
+    density = [fit(linear, replace(one, drifting=drifting)).log_density[0] for drifting in (False, True)]  # type: ignore[type-var]
+    assert density[0] - density[1] == pytest.approx(2.2)
+    whole = np.eye(5) + A @ np.diag(PRIOR**2) @ A.T  # covariance of the data under the prior
+    exact = -0.5 * np.linalg.slogdet(whole)[1] - 0.5 * np.ones(5) @ np.linalg.solve(whole, np.ones(5))
+    assert density[0] == pytest.approx(exact + 1.5)
+
+
+def test_alternatives_that_are_left_out_have_no_probability(linear: Any) -> None:
+    b = np.random.default_rng(5).standard_normal((3, 5))
+    found = fit(linear, Linear(b=b, lower=np.full((3, 3), -np.inf), start=np.zeros((3, 3)), prior_std=PRIOR))  # type: ignore[type-var]
+    some = found.only(np.array([True, False, True]))
+    assert some.probability[1] == 0
+    assert some.probability[[0, 2]] == pytest.approx(found.probability[[0, 2]] / found.probability[[0, 2]].sum())
+    assert some.best != 1

@@ -1,0 +1,206 @@
+"""Changes of feet, bearings and joints: alternatives, starts, priors, stated deviations and coverage."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from tests.examiner.designs import DESIGNS
+from tests.examiner.path import observation, structure_of
+from tests.examiner.signals import estimated
+from updater import Reference, learn_reference
+from updater.causes import CATALOGUE, CONNECTIONS, SelectedCause, prediction
+from updater.causes.stiffness.connections import Springs
+from updater.fe import build_model
+from updater.inference import Comparison, Fit, compare, fit
+from updater.structure import Axis, Joint, Support, all_knobs, flexibility_unit
+
+TURNS = ("rx", "ry", "rz")
+
+
+@cache
+def learnt(design: str) -> tuple[Reference, Comparison]:
+    """Return a reference with the model's own modes, and no change since, by frequencies alone."""
+    state = DESIGNS[design].draw(40)
+    before = observation(state, estimated(state, 8, np.random.default_rng(40), noise="law"))
+    found = learn_reference(structure_of(f"{design}: "), before.estimates, before.tracks, before.lateness.delays)
+    modes = found.calibration.modes
+    reference = replace(found, frequency=modes.frequency, shape=modes.shape)
+    data = compare(reference, reference.baseline)
+    silent: dict[str, Any] = {
+        name: np.zeros_like(getattr(data, name)) for name in ("shape_whitener", "lag_whitener", "damping_weight")
+    }
+    return reference, replace(data, base=data.model_base, log_ratio=np.zeros_like(data.log_ratio), **silent)
+
+
+def springs(design: str, name: str, log_ratio: float = 0.0) -> tuple[Reference, Springs]:
+    reference, data = learnt(design)
+    cause = CATALOGUE[name].propose(reference, replace(data, log_ratio=data.log_ratio + log_ratio))
+    assert isinstance(cause, Springs)
+    return reference, cause
+
+
+def spring(connection: Support | Joint, axis: Axis) -> float:
+    return dict[Axis, float](connection.stiffness.items())[axis]
+
+
+def of_rows(cause: Springs, rows: list[int]) -> Springs:
+    """Return some of the alternatives."""
+    arrays: dict[str, Any] = {
+        n: getattr(cause, n)[rows] for n in ("lower", "active", "before_std", "unit", "couple", "begun")
+    }
+    picked: dict[str, Any] = {n: tuple(getattr(cause, n)[row] for row in rows) for n in ("connections", "axes")}
+    return replace(cause, **arrays, **picked)
+
+
+EVERY = [("bridge", "support_stiffness"), ("portal", "support_stiffness"), ("portal", "joint_stiffness")]
+
+
+@pytest.mark.parametrize(("design", "name"), EVERY)
+def test_every_set_of_springs_of_a_connection_is_an_alternative_begun_twice(design: str, name: str) -> None:
+    """Springs that turn and springs that slide are alternatives of their own; nothing that is held is one."""
+    reference, cause = springs(design, name)
+    expected = []
+    for axes in (TURNS, ("x", "y", "z")) if name == "support_stiffness" else (TURNS,):
+        for connection in CONNECTIONS[name](reference.structure):
+            free = [axis in connection.stiffness for axis in axes]
+            sets = [
+                s for s in np.ndindex(2, 2, 2) if any(s) and all(f or not on for on, f in zip(s, free, strict=True))
+            ]
+            expected += [(connection.at, axes, tuple(map(bool, s))) for s in sets]
+    half = len(cause.lower) // 2
+    found = [
+        (c.at, a, tuple(map(bool, o))) for c, a, o in zip(cause.connections, cause.axes, cause.active, strict=True)
+    ]
+    assert sorted(found[:half]) == sorted(expected)
+    assert found[:half] == found[half:]
+    for each in (cause.unit, cause.before_std, cause.couple, cause.lower):
+        assert len(each) == 2 * half
+        np.testing.assert_array_equal(each[:half], each[half:])
+    assert not cause.start[:half].any()
+    assert np.exp(cause.log_prior).sum() == pytest.approx(1)
+    assert not cause.couple[~cause.active].any()
+
+
+@pytest.mark.parametrize(("design", "name"), EVERY)
+def test_prior_is_a_loose_connection_and_its_least_flexibility_a_thousandth(design: str, name: str) -> None:
+    """Of a spring that turns a tenth of L / (E I), or its own flexibility; of one that slides ten times its own."""
+    reference, cause = springs(design, name)
+    for row, (connection, axes) in enumerate(zip(cause.connections, cause.axes, strict=True)):
+        for a, axis in enumerate(axes):
+            if not cause.active[row, a]:
+                continue
+            own, beam = 1 / spring(connection, axis), 1 / flexibility_unit(reference.structure, axis)
+            loose = max(0.1 * beam, own) if axis in TURNS else max(10 * own, 0.01 * beam)
+            assert cause.prior_std[a] / cause.unit[row, a] == pytest.approx(loose)
+            assert own + cause.lower[row, a] / cause.unit[row, a] == pytest.approx(1e-3 * own)
+            expected = reference.calibration.flexibility_std(connection, axis)
+            assert cause.before_std[row, a] == expected
+
+
+@pytest.mark.parametrize(("design", "name"), EVERY)
+def test_fits_begin_at_one_step_of_gauss_and_newton_within_bounds(design: str, name: str) -> None:
+    """Slopes of the frequencies are those of the model with the springs of the extended structure."""
+    reference, cause = springs(design, name, log_ratio=-2e-3)
+    half, data = len(cause.lower) // 2, cause.comparison
+    whitener = data.drifting.matrix
+    for row in range(half):
+        slope = np.zeros((3, len(data.log_ratio)))
+        for a in np.flatnonzero(cause.active[row]).tolist():
+            theta = np.zeros(3)
+            theta[a] = 1e-4 * cause.unit[row, a] / spring(cause.connections[row], cause.axes[row][a])
+            change = [
+                np.log(build_model(cause.extend(reference.structure, row, s * theta)).modes(30).frequency)
+                for s in (-1, 1)
+            ]
+            slope[a] = ((change[1] - change[0]) / (2 * theta[a]))[data.paired]
+        white = slope @ whitener.T
+        step = np.linalg.solve(white @ white.T + 100 * np.eye(3), white @ whitener @ data.log_ratio)
+        own = np.where(cause.active[row], -cause.lower[row] / 0.999, 0.0)
+        beam = cause.unit[row] / np.array([flexibility_unit(reference.structure, axis) for axis in cause.axes[row]])
+        least = np.where(own > beam, beam - own, cause.lower[row])
+        np.testing.assert_allclose(cause.start[half + row], np.maximum(step, least), rtol=0.03, atol=2e-3)
+
+
+@pytest.mark.parametrize(("design", "name"), EVERY)
+def test_stated_deviation_of_a_stiffness_is_that_of_its_flexibilities(design: str, name: str) -> None:
+    """Of 1 / (1 / before + change): the deviations of both, times the square of the stiffness."""
+    reference, cause = springs(design, name)
+    row = int(np.argmax(cause.active.sum(1)))
+    theta = np.where(cause.active, 0.9 * cause.prior_std, 0.0)
+    covariance = np.tile(np.diag([0.01, 0.02, 0.03]) ** 2, (len(theta), 1, 1))
+    density = np.where(np.arange(len(theta)) == row, 0.0, -1e3)
+    cause = replace(cause, before_std=np.where(cause.active, 0.1 / cause.unit, 0.0))
+    found: Fit[Any] = Fit(
+        hypotheses=cause,
+        theta=theta,
+        covariance=covariance,
+        chi_square=np.zeros(len(theta)),
+        log_density=density,
+        freedom=5.0,
+        off_frequencies=np.zeros((len(theta), 5)),
+    )
+    assert found.best == row
+    connection, axes = cause.connections[row], cause.axes[row]
+    parameters, changes = cause.parameters(found), cause.changes(found)
+    active = [axes[a] for a in np.flatnonzero(cause.active[row])]
+    assert list(parameters) == [f"stiffness_{axis}" for axis in active]
+    assert cause.deviations(found) == pytest.approx(
+        max(0.09 / s for s in np.array([0.01, 0.02, 0.03])[cause.active[row]])
+    )
+    for axis, (key, quantity) in zip(active, parameters.items(), strict=True):
+        a = axes.index(axis)
+        flexibility = 1 / spring(connection, axis) + theta[row, a] / cause.unit[row, a]
+        assert quantity.value == pytest.approx(1 / flexibility)
+        off = np.hypot(covariance[row, a, a] ** 0.5, 0.1) / cause.unit[row, a]
+        stiffer, softer = 1 / (flexibility - 1e-3 * off), 1 / (flexibility + 1e-3 * off)
+        assert quantity.std == pytest.approx((stiffer - softer) / 2e-3, rel=1e-4)
+        assert quantity.unit == ("N m/rad" if axis in TURNS else "N/m")
+        (change,) = (c for c in changes if c.after == parameters[key].value)
+        assert (change.before, change.std, change.unit) == (spring(connection, axis), quantity.std, quantity.unit)
+        assert change.position == connection.at
+        assert change.name in {knob.key for knob in all_knobs(reference.structure) if knob.axis == axis}
+    where = cause.where(found)
+    assert where.position == connection.at
+    assert where.member == (connection.member if isinstance(connection, Joint) else None)
+    extended = cause.extend(reference.structure, row, theta[row])
+    (written,) = (
+        c for c in CONNECTIONS[name](extended) if c.at == connection.at and getattr(c, "member", None) == where.member
+    )
+    for axis in active:
+        assert spring(written, axis) == pytest.approx(parameters[f"stiffness_{axis}"].value)
+    others = [c for c in CONNECTIONS[name](extended) if c is not written]
+    assert all(c in CONNECTIONS[name](reference.structure) for c in others)
+    small = replace(found, theta=np.where(cause.active, 0.019, 0.0))
+    significant = [s for s in np.array([0.01, 0.02, 0.03])[cause.active[row]] if s * 2 < 0.019]
+    assert len(cause.parameters(small)) == len(significant)
+
+
+@pytest.mark.parametrize(
+    ("design", "name", "draws"), [("bridge", "support_stiffness", 40), ("portal", "joint_stiffness", 40)]
+)
+def test_fitted_changes_are_off_by_what_they_state(design: str, name: str, draws: int) -> None:
+    """Changes of up to 3 % of a frequency, noise as stated: mean square of the standard scores, chi-square at 1e-4."""
+    reference, cause = springs(design, name)
+    random, data = np.random.default_rng(8), cause.comparison
+    scores: list[float] = []
+    half = len(cause.lower) // 2
+    while len(scores) < draws:
+        row = int(random.choice(np.flatnonzero(cause.active[:half].sum(1) == 1)))
+        theta = np.where(cause.active[row], cause.prior_std * random.standard_normal(3), 0.0)
+        changed = prediction(data, [SelectedCause(cause, row, theta)]).log_ratio[0]
+        while (theta < cause.lower[row]).any() or np.abs(changed).max() > 0.03:  # modes keep their order
+            theta = theta / 2
+            changed = prediction(data, [SelectedCause(cause, row, theta)]).log_ratio[0]
+        noise = np.linalg.solve(data.drifting.matrix, random.standard_normal(len(changed)))
+        proposed = CATALOGUE[name].propose(reference, replace(data, log_ratio=changed + noise))
+        assert isinstance(proposed, Springs)
+        found = fit(proposed.comparison, of_rows(proposed, [row, row + half]))
+        a = int(np.argmax(cause.active[row]))
+        scores.append((found.theta[found.best, a] - theta[a]) / found.covariance[found.best, a, a] ** 0.5)
+    squares = float(np.sum(np.square(scores)))
+    print(f"seed 8: rms {np.sqrt(squares / draws):.2f}, largest {np.abs(scores).max():.1f} of {draws}")
+    assert chi2.ppf(1e-4, draws) < squares < chi2.ppf(1 - 1e-4, draws)
