@@ -136,8 +136,8 @@ def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> 
     answers = np.full(len(measured.n), -1, np.intp)
     answers[own.tracks] = own.paired
     share = share_within(measured, answers, reference.frequency, at_channels)
-    assert reference.filed is not None
-    of_file = match_nominal_modes(reference, reference.filed, measured.channels)[own.paired]
+    assert reference.nominal is not None
+    of_file = match_nominal_modes(reference, reference.nominal, measured.channels)[own.paired]
     likeness = mac_matrix(measured.shape[own.tracks], there.at_channels(measured.channels).T[of_file])
     whole = replace(
         own,

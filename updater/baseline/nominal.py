@@ -11,7 +11,7 @@ from dataclasses import replace
 from updater.baseline.recalibration import Measured, is_far, model_reference, recalibrated
 from updater.modal_data import TrackedModes, learn_scatter, stated_scatter
 from updater.reference import NominalModel, Reference
-from updater.structure import Structure, as_filed, with_springs
+from updater.structure import Structure, nominal_parameters, with_springs
 
 
 def nominal_reference(
@@ -27,7 +27,7 @@ def nominal_reference(
     Parameters
     ----------
     structure : as in the file; rigid feet and joints get springs that are stiff enough to have no effect. If it is far
-        off, the reference is of a recalibrated one, and `filed` of this
+        off, the reference is of a recalibrated one, and `nominal` of this
     windows : (n_windows, n_tracks) modes that the model is to be compared with
     devices : that sampled the channels; the model has them in time, as well as devices are
     n_modes : of the model to keep, at least
@@ -47,5 +47,6 @@ def nominal_reference(
         return there
     found = recalibrated(structure, there, measured, far=True)
     if found is None:  # where too little can be paired with a model it stays where it is
-        return replace(there, filed=NominalModel(reference=there, value=as_filed(there.calibration.knobs), far=True))
+        value = nominal_parameters(there.calibration.knobs)
+        return replace(there, nominal=NominalModel(reference=there, value=value, far=True))
     return found.reference

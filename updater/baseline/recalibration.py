@@ -54,7 +54,7 @@ class Measured:
 class Recalibrated:
     """A model at the parameters with which it fits best."""
 
-    reference: Reference  #: reference with the model's own modes; `filed` is the structure file's
+    reference: Reference  #: reference with the model's own modes; `nominal` is the structure file's
     value: FloatArray  #: (n_knobs,)
     std: FloatArray  #: (n_knobs,) standard deviations, prior included
     p_value: float  #: chance of a worse fit of data and prior
@@ -89,7 +89,7 @@ def recalibrated(
         value = parameters_of(calibrate(structure, modes)) if start is None else start
         for number in range(_MAX_ROUNDS):
             nearer = model_reference(apply_parameters(structure, list(knobs), value), structure, measured)
-            nearer = replace(nearer, filed=NominalModel(reference=there, value=value, far=far))
+            nearer = replace(nearer, nominal=NominalModel(reference=there, value=value, far=far))
             cause, best, covariance, p_value = _best_parameters(
                 nearer, modes, _N_STARTS if number < _SCATTERED_ROUNDS else 1
             )

@@ -5,7 +5,7 @@ from updater.causes.catalogue import CATALOGUE
 from updater.causes.composite import JointHypothesis, SelectedCause
 from updater.causes.joint_prediction import effect_of, mac_of, prediction
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, AddedMass, propose_added_mass
-from updater.causes.mass.attached_oscillator import hides
+from updater.causes.mass.attached_oscillator import has_unobserved_mode
 from updater.causes.mass.several_bodies import PER_BODY, Bodies
 from updater.causes.model.parameters import ModelParameters, propose_model_parameters
 from updater.causes.overall.common_factor import CommonFactor
@@ -36,7 +36,7 @@ __all__ = [
     "Sized",
     "begin_at",
     "effect_of",
-    "hides",
+    "has_unobserved_mode",
     "mac_of",
     "prediction",
     "propose_added_mass",

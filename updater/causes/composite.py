@@ -110,7 +110,7 @@ class JointHypothesis(Generic[C]):
             chi_square=fit.chi_square,
             log_density=fit.log_density,
             freedom=fit.freedom,
-            off_frequencies=fit.off_frequencies,
+            frequency_residual=fit.frequency_residual,
         )
 
     def best(self, fit: "Fit[JointHypothesis[C]]") -> tuple[SelectedCause, ...]:

@@ -14,8 +14,8 @@ def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Pred
     if not chosen:
         nothing = np.zeros((1, len(data.log_ratio)))
         nobody = np.empty((1, 0, data.base.shape[1]))
-        ratio, shape = (data.filed.log_ratio[None], data.filed.shape) if data.filed else (nothing, data.base)
-        return Prediction(ratio, shape[None], data.base_lag[None], nothing, nobody[:, :, 0], nobody)
+        ratio, shape = (data.nominal.log_ratio[None], data.nominal.shape) if data.nominal else (nothing, data.base)
+        return Prediction(ratio, shape[None], data.baseline_imaginary[None], nothing, nobody[:, :, 0], nobody)
     effect = effect_of(chosen)
     return predict(data, *picked(reanalyse(data, effect)), effect)
 

@@ -14,7 +14,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes import CATALOGUE, Cause, CommonFactor, JointHypothesis, SelectedCause, hides
+from updater.causes import CATALOGUE, Cause, CommonFactor, JointHypothesis, SelectedCause, has_unobserved_mode
 from updater.diagnosis.places import next_place
 from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, fit, foreseen, pulls
@@ -68,7 +68,7 @@ def _columns(weighing: EvidenceComparison) -> _Columns | None:
     parts = []
     for name, cause in weighing.causes.items():
         std, n = cause.prior_std, len(cause.log_prior)
-        if hides(cause) or isinstance(cause, CommonFactor) or not len(std):
+        if has_unobserved_mode(cause) or isinstance(cause, CommonFactor) or not len(std):
             continue
         rows = np.arange(0, n, -(-n // _MAX))
         rest, effect = pulls(data, cause, rows)
@@ -132,12 +132,12 @@ class Compositions:
 
         Oscillators without a measured mode are left out: they explain too much of other misfits.
         """
-        seeds = [s for s in seeds if not any(hides(c.cause) for c in s.chosen)]
+        seeds = [s for s in seeds if not any(has_unobserved_mode(c.cause) for c in s.chosen)]
         found = [
             self.weighing.faults.attempt(" and ".join((*seed.names, name)), partial(self._promise, seed, name, cause))
             for seed in itertools.chain(seeds, *(self._at_next_place(seed) for seed in seeds if len(seed.chosen) == 1))
             for name, cause in self.weighing.causes.items()
-            if not hides(cause) and not (cause.drifting and self._full(seed)) and not self._said_already(seed, cause)
+            if not has_unobserved_mode(cause) and not self._is_full(seed, cause) and not self._is_included(seed, cause)
         ]
         return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
 
@@ -165,7 +165,7 @@ class Compositions:
         """Makers of indistinguishable factors on all frequencies; the first one represents all."""
         return [c for c in self.weighing.causes.values() if isinstance(c, CommonFactor) and not c.informed]
 
-    def _said_already(self, seed: Candidate, cause: Cause) -> bool:
+    def _is_included(self, seed: Candidate, cause: Cause) -> bool:
         """Return whether a cause is a factor on all frequencies that is represented already.
 
         A file that is off may be so in all its stiffness: that is one, and it is off once.
@@ -189,13 +189,13 @@ class Compositions:
                 every.append(replace(candidate, chosen=chosen, parts=parts))
         return every
 
-    def _full(self, seed: Candidate) -> bool:
+    def _is_full(self, seed: Candidate, cause: Cause) -> bool:
         """Return whether one more cause that changes frequencies would have as many parameters as data."""
         most = min(
             max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
             max(1, int(self.weighing.data.freedom // _DATA_EACH)),
         )
-        return sum(c.cause.drifting for c in seed.chosen) >= most
+        return cause.drifting and sum(c.cause.drifting for c in seed.chosen) >= most
 
     def _promise(self, seed: Candidate, name: str, cause: Cause) -> PredictedCandidate:
         self.weighing.on_cause(" and ".join((*seed.names, name)))

@@ -118,31 +118,32 @@ def _diagnosed(
     bare : of the structure file, where the reference's model has bodies that it lacks
     """
     event = measured.event
-    less = max(_ROUGHER / reference.doubt, 1.0) * MODEL_ERROR
+    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
     rough = compare(reference, event, circumstances=circumstances, model_error=less)
     plain = EvidenceComparison(reference, rough, on_cause, allowed=allowed_causes(only, without))
-    if reference.filed is not None and not plain.of_the_file:
+    if reference.nominal is not None and not plain.of_the_file:
         name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
         raise SelectionError(f"{name} cannot be left out: the structure file is too far from the measured modes")
     if not plain.causes:
         raise SelectionError(
             f"none of the chosen causes applies to this structure and these modes: {', '.join(plain.allowed)}"
         )
-    singles = plain.singles(() if reference.filed is None else plain.of_the_file)
+    singles = plain.singles(() if reference.nominal is None else plain.of_the_file)
     if not singles:
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = relaxed_alone(plain, singles)
     case = Case(reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
-    if reference.filed is None and nothing_changed(search, singles):
+    if reference.nominal is None and nothing_changed(search, singles):
         return _refused("nothing_to_explain", case, search.log_nothing, _NOTHING)
     alone = [c for c in singles if c.effective]
     found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
-    good = compare(reference, event, circumstances=circumstances, model_error=MODEL_ERROR / reference.doubt)
+    least_error = MODEL_ERROR / reference.model_error_factor
+    good = compare(reference, event, circumstances=circumstances, model_error=least_error)
     if found and fits(found[0]):
         case, found = judged(case, found, compare(reference, event, circumstances=circumstances))
 
@@ -157,11 +158,12 @@ def _diagnosed(
             return without_bodies
         found = found if within_noise(good, found[0]) else closer(case, found, good)
         found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
-        if not found and reference.filed is None and case.weighing.nothing.p_value >= MIN_P:
+        if not found and reference.nominal is None and case.weighing.nothing.p_value >= MIN_P:
             return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
     if not found or not fits(found[0]) or not within_noise(good, found[0]):
         odd = found[0] if found else best
-        nearer = reference.filed and case.weighing.faults.attempt("the file nearer to the logs", lambda: _nearer(case))
+        faults = case.weighing.faults
+        nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
         refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
         return replace(refused, nearer=nearer or None)
     if _strewn(found[0]):
@@ -275,7 +277,7 @@ def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tupl
         more = with_further_modes(case.data, case.event, case.measured.every, chosen)
         return (chosen if more is case.data else agreeing(more, chosen)), more
 
-    if case.data.filed is not None:  # the model was recalibrated to these very modes
+    if case.data.nominal is not None:  # the model was recalibrated to these very modes
         return chosen, case.data
     return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 

@@ -20,7 +20,7 @@ from updater.inference import Comparison, Prediction, Whitener, residual, withou
 from updater.reference import ModelFit
 
 _SIGNIFICANT = 2.0  # standard deviations
-_BY_MODE = ("log_ratio", "shape", "lag", "log_damping")  # of a prediction
+_BY_MODE = ("log_ratio", "shape", "imaginary", "log_damping")  # of a prediction
 _UNKNOWN = 1e4  # variance of a log frequency that was not measured
 
 
@@ -109,7 +109,7 @@ def _blind(data: Comparison, mode: int) -> Comparison:
         plain=_without(data.plain, mode),
         drifting=_without(data.drifting, mode),
         shape_whitener=seen[:, None, None] * data.shape_whitener,
-        lag_whitener=without_mode(data.lag_whitener, mode, len(data.channels)),
+        imaginary_whitener=without_mode(data.imaginary_whitener, mode, len(data.channels)),
         damping_weight=seen * data.damping_weight,
     )
 

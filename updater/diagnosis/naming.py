@@ -15,7 +15,7 @@ from updater.causes import (
     Parametric,
     Placed,
     SelectedCause,
-    hides,
+    has_unobserved_mode,
     mac_of,
     prediction,
 )
@@ -79,7 +79,7 @@ def _alike(data: Comparison, one: "Candidate", other: "Candidate") -> bool:
     """Return whether the data cannot separate two causes' best predictions; a drift that both allow is ignored."""
     if one.names == other.names:
         return False  # at another place
-    if any(hides(part.cause) for c in (one, other) for part in c.chosen):
+    if any(has_unobserved_mode(part.cause) for c in (one, other) for part in c.chosen):
         return False  # on a stiff spring it is a body: their priors decide
     if _at_one_connection(one, other):
         return True
@@ -255,8 +255,8 @@ def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
     """Return the modes that were there before and were not measured since."""
     gone = np.flatnonzero(~np.isfinite(event.log_frequency))
     frequency = reference.frequency
-    if reference.filed is not None:
-        answer = match_nominal_modes(reference, reference.filed, reference.baseline.channels)
+    if reference.nominal is not None:
+        answer = match_nominal_modes(reference, reference.nominal, reference.baseline.channels)
         frequency = reference.file.frequency[answer]
     return [
         ModeFit(
@@ -287,19 +287,19 @@ def _said(values: FloatArray) -> list[float | None]:
 
 def calibration_summary(reference: Reference) -> CalibrationSummary | None:
     """Return the modes paired and the frequency error before and after calibration; None without one."""
-    calibration, filed = reference.calibration, reference.filed
-    if filed is not None:
+    calibration, nominal = reference.calibration, reference.nominal
+    if nominal is not None:
         measured = reference.scatter.mean(reference.windows)
-        n_measured, n_nominal = len(measured.n), filed.reference.calibration.n_nominal
+        n_measured, n_nominal = len(measured.n), nominal.reference.calibration.n_nominal
         log_measured = measured.log_frequency[calibration.tracks]
-        of_file = match_nominal_modes(reference, filed, reference.baseline.channels)[calibration.paired]
-        nominal = filed.reference.frequency[of_file]
+        of_file = match_nominal_modes(reference, nominal, reference.baseline.channels)[calibration.paired]
+        uncalibrated = nominal.reference.frequency[of_file]
     elif calibration.fitted:
         n_measured, n_nominal = len(reference.known.n), calibration.n_nominal
-        log_measured, nominal = reference.baseline.log_frequency, calibration.nominal_frequency
+        log_measured, uncalibrated = reference.baseline.log_frequency, calibration.nominal_frequency
     else:
         return None
-    off = (np.log(f) - log_measured for f in (nominal, calibration.modes.frequency[calibration.paired]))
+    off = (np.log(f) - log_measured for f in (uncalibrated, calibration.modes.frequency[calibration.paired]))
     before, after = (100 * float(np.sqrt(np.mean(one**2))) for one in off)
     return CalibrationSummary(
         modes_measured=n_measured,

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from updater.causes import CATALOGUE, SelectedCause, hides
+from updater.causes import CATALOGUE, SelectedCause, has_unobserved_mode
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, WELL, Candidate, EvidenceComparison, ranked
 
@@ -65,7 +65,7 @@ def is_relaxed_doubtful(weighing: EvidenceComparison, found: Candidate) -> bool:
 
 def is_hidden(found: Candidate) -> bool:
     """Return whether it has an oscillator with an unmeasured mode, which may absorb other effects."""
-    return any(hides(c.cause) for c in found.chosen)
+    return any(has_unobserved_mode(c.cause) for c in found.chosen)
 
 
 def _relaxable(search: EvidenceComparison) -> list[str]:

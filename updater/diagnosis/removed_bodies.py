@@ -35,7 +35,7 @@ def with_removed_bodies(
     best : the explanation by the model without the bodies
     diagnosed : explains the same event with another reference
     """
-    if case.bare is not None or case.reference.filed is not None or not case.reference.calibration.fitted:
+    if case.bare is not None or case.reference.nominal is not None or not case.reference.calibration.fitted:
         return None
     unlisted = [c.cause.unlisted(c.row, c.theta) for c in best.chosen if isinstance(c.cause, AddedMass)]
     bodies = [body for body in unlisted if body is not None]

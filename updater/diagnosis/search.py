@@ -62,7 +62,7 @@ def within_noise(good: Comparison, best: Candidate) -> bool:
     good : the event, compared with the error of a good model
     """
     found = fit(good, fixed(good, best.chosen))
-    off = found.off_frequencies[0]
+    off = found.frequency_residual[0]
     return bool(off @ off <= _MAX_LEFT**2 * max(freedom_of_frequencies(good, found), 1.0))
 
 

@@ -4,8 +4,8 @@ Ratios to the baseline, log frequencies and shapes, so that errors of the model 
 order.
 
 Four blocks of data: log frequencies; shapes; the shapes' imaginary parts, each mode turned so that its own is least
-(`lag`: complex modes of the structure itself cancel against the baseline, a late channel does not); log damping. A
-block of which nothing was measured is empty or zero and adds nothing to the degrees of freedom.
+(complex modes of the structure itself cancel against the baseline, a late channel does not); log damping. A block of
+which nothing was measured is empty or zero and adds nothing to the degrees of freedom.
 """
 
 from dataclasses import dataclass, replace
@@ -66,10 +66,10 @@ class Comparison:
     shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
     overdispersion: float  #: components of a shape that err as one [-]
     phased: BoolArray  #: (n,) whether phases are known now and before
-    lag: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
-    base_lag: FloatArray  #: (n, n_channels) before
-    lag_whitener: FloatArray  #: (n n_channels, n n_channels) inverse Cholesky factor, 0 where phases are not known
-    lag_overdispersion: float  #: components of the imaginary part that err as one [-]
+    imaginary: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
+    baseline_imaginary: FloatArray  #: (n, n_channels) before
+    imaginary_whitener: FloatArray  #: (n n_channels, n n_channels) inverse Cholesky factor, 0 where it is not known
+    imaginary_overdispersion: float  #: components of the imaginary part that err as one [-]
     log_damping: FloatArray  #: (n,) of damping to the baseline's; 0 where it is not known
     log_damping_std: FloatArray  #: (n,) measurement, before and now; NaN if unknown
     damping_weight: FloatArray  #: (n,) one over the standard deviation of changes by other reasons; 0: unknown
@@ -80,7 +80,7 @@ class Comparison:
     n_stress: int = 0  #: states of self-stress of the reference's model
     circumstances: Circumstances = NOTHING_KNOWN  #: further knowledge
     new: NewModes | None = None  #: new modes of the circumstances, at the channels
-    filed: NominalModes | None = None  #: modes of a file that is far off: the state before any cause
+    nominal: NominalModes | None = None  #: modes of a file that is far off: the state before any cause
 
     def trusting(self, share: float) -> "Comparison":
         """Return the same with a share of the tolerance of log frequencies for errors of the reference."""
@@ -103,8 +103,8 @@ class Comparison:
         shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
         whitener = np.zeros((n + k, *self.shape_whitener.shape[1:]))
         whitener[:n] = self.shape_whitener
-        lag_whitener = np.zeros((n + k) * len(self.channels) * np.ones(2, int))
-        lag_whitener[: len(self.lag_whitener), : len(self.lag_whitener)] = self.lag_whitener
+        imaginary_whitener = np.zeros((n + k) * len(self.channels) * np.ones(2, int))
+        imaginary_whitener[: len(self.imaginary_whitener), : len(self.imaginary_whitener)] = self.imaginary_whitener
         more: dict[str, FloatArray | IndexArray | BoolArray] = {
             "tracks": np.full(k, -1),
             "paired": modes,
@@ -115,8 +115,8 @@ class Comparison:
             "shape": shape,
             "base": shape,
             "phased": np.zeros(k, bool),
-            "lag": np.zeros(shape.shape),
-            "base_lag": np.zeros(shape.shape),
+            "imaginary": np.zeros(shape.shape),
+            "baseline_imaginary": np.zeros(shape.shape),
             "log_damping": np.zeros(k),
             "log_damping_std": np.full(k, np.nan),
             "damping_weight": np.zeros(k),
@@ -124,7 +124,12 @@ class Comparison:
         }
         joined: dict[str, Any] = {name: np.concatenate([getattr(self, name), added]) for name, added in more.items()}
         return replace(
-            self, plain=plain, drifting=drifting, shape_whitener=whitener, lag_whitener=lag_whitener, **joined
+            self,
+            plain=plain,
+            drifting=drifting,
+            shape_whitener=whitener,
+            imaginary_whitener=imaginary_whitener,
+            **joined,
         )
 
     @property
@@ -157,7 +162,7 @@ class Comparison:
         """Number of data: unit norm leaves a shape one component fewer than it has channels."""
         n_modes, n_channels = (int(n) for n in self.shape.shape)
         of_shapes = int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
-        of_phases = int(self.phased.sum()) * (n_channels - 1) / self.lag_overdispersion
+        of_phases = int(self.phased.sum()) * (n_channels - 1) / self.imaginary_overdispersion
         of_damping = float(np.nansum((self.log_damping_std * self.damping_weight) ** 2))  # the rest is no noise
         return n_modes + of_shapes + of_phases + of_damping
 

@@ -9,7 +9,7 @@ from updater.errors import ModalDataError
 from updater.fe import self_stress
 from updater.inference.comparison import Comparison, NominalModes, whiteners_of
 from updater.inference.new_shapes import new_shapes
-from updater.inference.phases_and_damping import dampings_of, lags_of, unsure_of
+from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
 from updater.inference.shape_covariance import (
     SHAPE_BIAS,
     foreign_modes,
@@ -57,8 +57,9 @@ def compare(
         raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
-    model_error = model_error * reference.doubt
+    model_error = model_error * reference.model_error_factor
     overdispersion = reference.scatter.shape_overdispersion
+    late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
@@ -74,9 +75,9 @@ def compare(
         paired=reference.paired[tracks],
         **_frequencies_of(base, event, model_error),
         **_shapes_of(base, event, sign, reference, circumstances, foreign),
-        **lags_of(base, event, sign, reference.scatter, nearer, unsure_of(reference, base, event, circumstances)),
-        **dampings_of(base, event, mixed_by_change(reference, tracks, ratio)),
-        filed=_filed_modes(reference, tracks, channels, base),
+        **imaginary_parts(base, event, sign, reference.scatter, nearer, late),
+        **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
+        nominal=_nominal_modes(reference, tracks, channels, base),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,
         across=reference.across_channels(channels),
@@ -87,14 +88,14 @@ def compare(
     )
 
 
-def _filed_modes(
+def _nominal_modes(
     reference: Reference, tracks: IndexArray, channels: tuple[str, ...], base: ModalMean
 ) -> NominalModes | None:
     """Return the modes of an inconsistent structure file for the compared modes; None if it is consistent."""
-    if reference.filed is None:
+    if reference.nominal is None:
         return None
-    there = reference.filed.reference
-    answer = match_nominal_modes(reference, reference.filed, channels)[reference.paired[tracks]]
+    there = reference.nominal.reference
+    answer = match_nominal_modes(reference, reference.nominal, channels)[reference.paired[tracks]]
     shape = there.at_channels(channels).T[answer]
     shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
     sign = np.where((shape * base.shape).sum(1) < 0, -1, 1)[:, None]

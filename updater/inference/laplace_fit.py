@@ -108,7 +108,7 @@ class Fit(Generic[H]):
     chi_square: FloatArray  #: (n_alternatives,) of data and priors
     log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
     freedom: float  #: number of data less fitted parameters
-    off_frequencies: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
+    frequency_residual: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
 
     @property
     def log_evidence(self) -> float:
@@ -134,7 +134,7 @@ class Fit(Generic[H]):
     def p_value(self) -> float:
         """Chance of a worse fit if this is the cause: of all data, or of the frequencies (Bonferroni, at most)."""
         best = int(np.argmin(self.chi_square))
-        off = self.off_frequencies[best]
+        off = self.frequency_residual[best]
         of_frequencies = float(chi2.sf(off @ off, len(off)))
         return min(float(chi2.sf(self.chi_square[best], self.freedom)), of_frequencies / _SHARE)
 
@@ -215,7 +215,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
         chi_square=point.cost,
         log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
         freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
-        off_frequencies=point.residual[:, : len(comparison.log_ratio)],
+        frequency_residual=point.residual[:, : len(comparison.log_ratio)],
     )
 
 

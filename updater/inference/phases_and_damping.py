@@ -16,7 +16,7 @@ _DAMPING_SPREAD = 0.7  # of log damping, between modes of one structure
 _DAMPING_BIAS = 0.1  # of log damping, a mode's own: friction, amplitude and weather change it, whatever else has
 
 
-def lags_of(
+def imaginary_parts(
     base: ModalMean, event: ModalMean, sign: FloatArray, scatter: Scatter, foreign: FloatArray, devices: FloatArray
 ) -> dict[str, Any]:
     """Return the data of the shapes' imaginary parts.
@@ -41,10 +41,10 @@ def lags_of(
         whitener[np.ix_(every, every)] = np.linalg.inv(np.linalg.cholesky(covariance))
     return {
         "phased": phased,
-        "lag": now,
-        "base_lag": before,
-        "lag_whitener": whitener,
-        "lag_overdispersion": scatter.phase_overdispersion,
+        "imaginary": now,
+        "baseline_imaginary": before,
+        "imaginary_whitener": whitener,
+        "imaginary_overdispersion": scatter.phase_overdispersion,
     }
 
 
@@ -73,7 +73,7 @@ def without_mode(whitener: FloatArray, mode: int, n_channels: int) -> FloatArray
     return found
 
 
-def dampings_of(base: ModalMean, event: ModalMean, mixed: FloatArray) -> dict[str, Any]:
+def damping_changes(base: ModalMean, event: ModalMean, mixed: FloatArray) -> dict[str, Any]:
     """Return the data of damping.
 
     Parameters

@@ -38,7 +38,7 @@ class Effect:
     #: (n_alternatives, n_channels, 3 n_channels) reading of the channels relative to the truth along their own
     #: directions, along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
     chain: FloatArray
-    lag: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
+    imaginary: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
     log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's
     coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
     own: FloatArray  #: (n_alternatives, n_own) their flexibility 1/omega_o^2 [s2]
@@ -78,7 +78,7 @@ class Effect:
 
     def then(self, other: "Effect") -> "Effect":
         """Return both together; the other's effect on the channels acts after this one."""
-        n = other.lag.shape[1]
+        n = other.imaginary.shape[1]
         own = other.chain[:, :, :n]
         chain = own @ self.chain
         for k in (1, 2):
@@ -91,7 +91,7 @@ class Effect:
             mass=self.mass + other.mass,
             compliance=self.compliance + other.compliance,
             chain=chain,
-            lag=(share @ self.lag[:, :, None])[:, :, 0] + other.lag,
+            imaginary=(share @ self.imaginary[:, :, None])[:, :, 0] + other.imaginary,
             log_damping=self.log_damping + other.log_damping,
             coupling=np.concatenate([self.coupling, other.coupling], axis=2),
             own=np.concatenate([self.own, other.own], axis=1),
@@ -121,7 +121,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
         mass=np.zeros((1, n_modes, n_modes)),
         compliance=np.zeros((1, *2 * (n_modes + comparison.n_stress,))),
         chain=np.eye(n_channels, 3 * n_channels)[None],
-        lag=np.zeros((1, n_channels)),
+        imaginary=np.zeros((1, n_channels)),
         log_damping=np.zeros((1, n_modes)),
         coupling=np.zeros((n_alternatives, n_modes, 0)),
         own=np.zeros((n_alternatives, 0)),
@@ -256,11 +256,13 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         read = read + across @ effect.chain[:, :, n:].transpose(0, 2, 1)
     log_ratio = -0.5 * np.log(np.maximum(value / old, _MIN))
     frequency = comparison.frequency[comparison.paired] * np.exp(log_ratio)
-    shape, lag = _delayed(read, comparison.base_lag @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.lag)
+    shape, imaginary = _delayed(
+        read, comparison.baseline_imaginary @ effect.chain[:, :, :n].transpose(0, 2, 1), frequency, effect.imaginary
+    )
     return Prediction(
         log_ratio=log_ratio,
         shape=shape,
-        lag=lag,
+        imaginary=imaginary,
         log_damping=np.broadcast_to(log_damping, log_ratio.shape),
         new_frequency=new_frequency,
         new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),

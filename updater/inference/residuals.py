@@ -15,7 +15,7 @@ class Prediction:
 
     log_ratio: FloatArray  #: (n_alternatives, n) of frequency to the baseline's
     shape: FloatArray  #: (n_alternatives, n, n_channels) of any norm and sign
-    lag: FloatArray  #: (n_alternatives, n, n_channels) the shape's imaginary part where the real one has unit norm
+    imaginary: FloatArray  #: (n_alternatives, n, n_channels) imaginary part where the real one has unit norm
     log_damping: FloatArray  #: (n_alternatives, n) of damping to the baseline's
     new_frequency: FloatArray  #: (n_alternatives, n_new) of modes that came with something [Hz]
     new_shape: FloatArray  #: (n_alternatives, n_new, n_channels) of any norm and sign
@@ -31,8 +31,8 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     blocks = [frequency, off.reshape(n, -1)]
     if comparison.phased.any():
         sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
-        late = beside(comparison.lag - sign * predicted.lag, shape)  # a mode's own phase is no one's
-        blocks.append(_undone(predicted, late).reshape(n, -1) @ comparison.lag_whitener.T)
+        late = beside(comparison.imaginary - sign * predicted.imaginary, shape)  # a mode's own phase is no one's
+        blocks.append(_undone(predicted, late).reshape(n, -1) @ comparison.imaginary_whitener.T)
     if comparison.damping_weight.any():
         blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
     if comparison.new is not None:

@@ -182,7 +182,7 @@ class IncrementLocator:
 
     def _spread(self, p: _Candidates, response: "_Response", mass: FloatArray, error: float) -> FloatArray:
         """Return the effect (n, rank, n_inputs) of the model's error and the body's unknown shape on the increments."""
-        error = error * self._reference.doubt
+        error = error * self._reference.model_error_factor
         by_mass = response.by_mass.reshape(len(response.measured), *2 * (p.translation.shape[2],))
         by_mode = 2 * np.einsum("rik,pai->prak", by_mass, p.translation) * (error * self._typical)
         turn = p.rotation.transpose(0, 2, 1)[:, :, None, :]

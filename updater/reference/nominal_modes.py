@@ -8,16 +8,16 @@ from oma import mac_matrix
 from updater.reference.reference import NominalModel, Reference
 
 
-def match_nominal_modes(reference: Reference, filed: NominalModel, channels: tuple[str, ...]) -> IndexArray:
+def match_nominal_modes(reference: Reference, nominal: NominalModel, channels: tuple[str, ...]) -> IndexArray:
     """Return the file's mode paired with each mode of the recalibrated model (n_modes,), all assigned at once.
 
     Parameters
     ----------
     reference : of the nearer model
-    filed : its file
+    nominal : its file
     channels : at which shapes are compared
     """
-    there = filed.reference
+    there = nominal.reference
     apart = np.log(reference.frequency[:, None] / there.frequency)
     unlike = 1 - mac_matrix(reference.at_channels(channels).T, there.at_channels(channels).T)
     apart = np.abs(apart - np.median(np.diag(apart)))

@@ -12,8 +12,8 @@ from updater.structure import (
     ModelParameter,
     Structure,
     apply_parameters,
-    as_filed,
     model_parameters_of,
+    nominal_parameters,
     physical_unit,
     physical_value,
     with_springs,
@@ -28,8 +28,8 @@ class ParameterSensitivity:
     """One model parameter and its effect on the natural frequencies, to first order."""
 
     name: str  #: name as in `Updating.fixed`, such as `steel.E` or `support 0.ry`
-    unit: str  #: unit of `filed` and `step`
-    filed: float  #: value in the structure file; infinite for a rigid connection
+    unit: str  #: unit of `nominal` and `step`
+    nominal: float  #: value in the structure file; infinite for a rigid connection
     step: float  #: value one prior standard deviation on the side that the slope is taken to: softer, or stiffer welds
     change: FloatArray  #: (n_modes,) relative change of each frequency by that step [-]
 
@@ -57,7 +57,7 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
             ParameterSensitivity(
                 name=knob.key,
                 unit=physical_unit(structure, knob),
-                filed=_filed(structure, knob),
+                nominal=_nominal_value(structure, knob),
                 step=physical_value(structure, knob, knob.mean + moved),
                 change=slope * moved,
             )
@@ -65,7 +65,7 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
     return modes.frequency, found
 
 
-def _filed(structure: Structure, knob: ModelParameter) -> float:
+def _nominal_value(structure: Structure, knob: ModelParameter) -> float:
     """Return the value of the structure file in physical units; infinite where it has a connection rigid."""
     if knob.kind in {"support", "joint"} and not knob.mean:
         return float("inf")
@@ -74,9 +74,9 @@ def _filed(structure: Structure, knob: ModelParameter) -> float:
 
 def _linearization_point(knobs: Sequence[ModelParameter]) -> FloatArray:
     """Return the file's parameters, with every weld a little in, so that all differences are of one mesh."""
-    filed = as_filed(knobs)
+    nominal = nominal_parameters(knobs)
     welds = np.array([knob.kind == "weld" for knob in knobs], bool)
-    return np.where(welds, 2 * _WELD_STEP, filed)
+    return np.where(welds, 2 * _WELD_STEP, nominal)
 
 
 def _difference_step(knob: ModelParameter, value: float) -> float:

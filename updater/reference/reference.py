@@ -32,7 +32,7 @@ class Reference:
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
     unpaired_modes: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
     measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
-    filed: "NominalModel | None" = None  #: nominal model of a structure file that is far off
+    nominal: "NominalModel | None" = None  #: nominal model of a structure file that is far off
 
     @property
     def structure(self) -> Structure:
@@ -52,7 +52,7 @@ class Reference:
     @property
     def file(self) -> "Reference":
         """The reference of the structure as it is in the file."""
-        return self.filed.reference if self.filed else self
+        return self.nominal.reference if self.nominal else self
 
     @property
     def paired(self) -> IndexArray:
@@ -60,7 +60,7 @@ class Reference:
         return self.calibration.paired
 
     @property
-    def doubt(self) -> float:
+    def model_error_factor(self) -> float:
         """Factor on the model error, relative to a model that agrees with the baseline as it should.
 
         At least 1. Errors of the model in the undisturbed state increase it, such as a body missing in the file. An

@@ -86,10 +86,10 @@ class ModelParameter:
 def with_springs(structure: Structure) -> Structure:
     """Return the structure with springs where feet, bearings and joints are rigid, so stiff that it shows nowhere."""
     knobs = [knob for knob in model_parameters_of(structure) if is_rigid(knob)]
-    return apply_parameters(structure, knobs, as_filed(knobs))
+    return apply_parameters(structure, knobs, nominal_parameters(knobs))
 
 
-def as_filed(knobs: Sequence[ModelParameter]) -> FloatArray:
+def nominal_parameters(knobs: Sequence[ModelParameter]) -> FloatArray:
     """Return the parameters (n_knobs,) of a structure as its file has them, with springs as by `with_springs`."""
     return np.array([10 * knob.lower if is_rigid(knob) else knob.mean for knob in knobs])
 
@@ -120,10 +120,10 @@ def check_updating(structure: Structure) -> None:
             raise SelectionError(f"updating: there is no parameter {pattern!r}; the parameters are {known}")
     for pattern, (least, greatest) in structure.updating.bounds.items():
         for knob in (k for k in knobs if _matches(structure, k, pattern) and not is_rigid(k)):
-            filed = physical_value(structure, knob, knob.mean)
-            if not least * (1 - _OUTSIDE) <= filed <= greatest * (1 + _OUTSIDE):
+            nominal = physical_value(structure, knob, knob.mean)
+            if not least * (1 - _OUTSIDE) <= nominal <= greatest * (1 + _OUTSIDE):
                 raise SelectionError(
-                    f"updating: bounds of {pattern!r}: expected to contain the file's value {filed:.6g}, "
+                    f"updating: bounds of {pattern!r}: expected to contain the file's value {nominal:.6g}, "
                     f"found [{least:g}, {greatest:g}]"
                 )
 

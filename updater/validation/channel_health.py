@@ -61,7 +61,7 @@ class _Channels(Discrete):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return gains and delays."""
         none, n = no_effect(len(rows), self.comparison), len(self.comparison.channels)
-        return replace(none, chain=(1 + theta[:, :n, None]) * none.chain, lag=theta[:, n:])
+        return replace(none, chain=(1 + theta[:, :n, None]) * none.chain, imaginary=theta[:, n:])
 
 
 def sensor_health(reference: Reference, event: ModalMean, circumstances: Circumstances = NOTHING_KNOWN) -> SensorHealth:

@@ -29,7 +29,7 @@ def parameter_table(found: Sequence[ParameterSensitivity]) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("mode: change [%]")
     for one in found:
-        table.add_row(escape(one.name), with_unit(one.filed, one.unit), with_unit(one.step, one.unit), _largest(one))
+        table.add_row(escape(one.name), with_unit(one.nominal, one.unit), with_unit(one.step, one.unit), _largest(one))
     return table
 
 
@@ -59,7 +59,7 @@ def parameters_json(found: Sequence[ParameterSensitivity]) -> list[dict[str, Any
         {
             "name": one.name,
             "unit": one.unit,
-            "file": one.filed if np.isfinite(one.filed) else None,
+            "file": one.nominal if np.isfinite(one.nominal) else None,
             "moved_to": one.step,
             "frequency_change": one.change.tolist(),
         }

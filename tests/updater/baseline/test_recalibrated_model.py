@@ -24,7 +24,7 @@ def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
     case = draw("built frame: nothing", seed)
     found = asked(case, stiffer(FRAME, TOO_STIFF))
     said = found.explained.diagnosis
-    assert found.sought.filed is not None
+    assert found.sought.nominal is not None
     assert (said.verdict, [cause.cause for cause in said.causes]) == ("explained", ["model_parameters"])
     stiffness = said.causes[0].parameters["steel.E"]
     assert (
@@ -39,7 +39,7 @@ def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
     assert error.after < error.before / 20
     assert found.explained.extended is not None
     again = asked(case, found.explained.extended)
-    assert again.sought.filed is None
+    assert again.sought.nominal is None
     assert again.explained.diagnosis.verdict == "nothing_to_explain"
 
 
@@ -81,10 +81,10 @@ def test_where_nothing_explains_it_the_nearer_model_is_there_all_the_same() -> N
     assert error.after is not None
     assert error.after < error.before / 20
     assert (
-        nominal_reference(found.nearer.structure, after(draw("reseated", 1), np.random.default_rng(965)).modes).filed
+        nominal_reference(found.nearer.structure, after(draw("reseated", 1), np.random.default_rng(965)).modes).nominal
         is None
     )
 
 
 def test_a_file_that_is_nearly_right_is_not_moved() -> None:
-    assert asked(draw("built frame: nothing", 964), FRAME).sought.filed is None
+    assert asked(draw("built frame: nothing", 964), FRAME).sought.nominal is None

@@ -49,7 +49,9 @@ def compared() -> tuple[Reference, Comparison]:
     seen = reference.mean_of(event)
     extra = replace(seen.only(TRACK[2:3]), log_frequency=np.log([25.0]))  # of the third mode's shape, far below it
     data = compare(reference, seen, circumstances=Circumstances(trend=trend, extra=extra))
-    return reference, Comparison(**(vars(data) | {"base": data.model_base, "base_lag": np.zeros(data.base.shape)}))
+    return reference, Comparison(
+        **(vars(data) | {"base": data.model_base, "baseline_imaginary": np.zeros(data.base.shape)})
+    )
 
 
 def drawn(cause: Cause, random: np.random.Generator) -> SelectedCause:
@@ -84,12 +86,12 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     frequency, late = in_full(reference, chosen, data.channels)
     # a mode's own phase is no one's: turned so that the imaginary part is least, as an estimate's is
     late = late * np.exp(-0.5j * np.angle((late**2).sum(1)))[:, None]
-    expected, lag = late.real, late.imag
+    expected, imaginary = late.real, late.imag
     found = np.append(data.frequency[data.paired] * np.exp(log_ratio[0]), predicted.new_frequency[0])
     both = np.concatenate([shape[0], predicted.new_shape[0]])
     unit = both / np.linalg.norm(both, axis=1, keepdims=True)
     size = np.maximum(np.linalg.norm(expected, axis=1, keepdims=True), 1e-12)
-    expected, lag = expected / size, lag / size
+    expected, imaginary = expected / size, imaginary / size
     partner = [
         int(np.argmax(np.abs(expected @ u) - 5 * np.abs(np.log(frequency / f))))
         for u, f in zip(unit, found, strict=True)
@@ -97,7 +99,8 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
     np.testing.assert_allclose(found, frequency[partner], rtol=3e-4)
     sign = np.sign((unit * expected[partner]).sum(1, keepdims=True))
     np.testing.assert_allclose(unit, sign * expected[partner], atol=2e-3)
-    np.testing.assert_allclose(predicted.lag[0], (sign * lag[partner])[: len(predicted.lag[0])], atol=2e-3)
+    found = predicted.imaginary[0]
+    np.testing.assert_allclose(found, (sign * imaginary[partner])[: len(found)], atol=2e-3)
 
 
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in OF_FILES])

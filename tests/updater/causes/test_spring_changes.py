@@ -31,7 +31,7 @@ def learnt(design: str) -> tuple[Reference, Comparison]:
     reference = replace(found, frequency=modes.frequency, shape=modes.shape)
     data = compare(reference, reference.baseline)
     silent: dict[str, Any] = {
-        name: np.zeros_like(getattr(data, name)) for name in ("shape_whitener", "lag_whitener", "damping_weight")
+        name: np.zeros_like(getattr(data, name)) for name in ("shape_whitener", "imaginary_whitener", "damping_weight")
     }
     return reference, replace(data, base=data.model_base, log_ratio=np.zeros_like(data.log_ratio), **silent)
 
@@ -141,7 +141,7 @@ def test_stated_deviation_of_a_stiffness_is_that_of_its_flexibilities(design: st
         chi_square=np.zeros(len(theta)),
         log_density=density,
         freedom=5.0,
-        off_frequencies=np.zeros((len(theta), 5)),
+        frequency_residual=np.zeros((len(theta), 5)),
     )
     assert found.best == row
     connection, axes = cause.connections[row], cause.axes[row]

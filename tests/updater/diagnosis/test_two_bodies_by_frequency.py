@@ -38,8 +38,12 @@ def test_two_bodies_taken_off_are_among_what_is_named(tmp_path: Path) -> None:
     after = measured(structure, left, 2, tmp_path / "after.csv")
     found = explain(structure, before, after, only=("added_mass", "local_stiffness", "distributed_mass"))
     answer = found.explained.diagnosis
-    print(found.sought.doubt, answer.verdict, [(c.cause, c.probability, c.cannot_be_told_from) for c in answer.causes])
-    assert found.sought.doubt > 1.5
+    print(
+        found.sought.model_error_factor,
+        answer.verdict,
+        [(c.cause, c.probability, c.cannot_be_told_from) for c in answer.causes],
+    )
+    assert found.sought.model_error_factor > 1.5
     assert answer.verdict == "ambiguous"
     named = {name for cause in answer.causes for name in (cause.cause, *cause.cannot_be_told_from)}
     assert "added_mass" in named

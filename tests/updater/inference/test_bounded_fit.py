@@ -78,7 +78,7 @@ def test_without_bounds_the_fit_is_the_least_squares(linear: Any, seed: int) -> 
     np.testing.assert_allclose(found.log_density, evidence, rtol=1e-9)
     assert found.best == int(np.argmax(evidence))
     assert found.freedom == 2.0
-    np.testing.assert_allclose(found.off_frequencies, found.theta @ A[:2].T - b[:, :2], atol=1e-9)
+    np.testing.assert_allclose(found.frequency_residual, found.theta @ A[:2].T - b[:, :2], atol=1e-9)
 
 
 @pytest.mark.parametrize("scale", [1.0, 50.0])

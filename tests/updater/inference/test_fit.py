@@ -42,7 +42,7 @@ def test_freedom_of_frequencies_is_what_a_refit_leaves_of_their_errors() -> None
         off = []
         for sign in (-1, 1):
             data.log_ratio[:] = ratio + sign * one
-            off.append(fit(data, alone).off_frequencies[0, k])
+            off.append(fit(data, alone).frequency_residual[0, k])
         left.append((off[1] - off[0]) / 2)
     print(freedom, np.round(left, 3))
     assert len(ratio) - 4 < freedom < len(ratio)

@@ -7,7 +7,7 @@ from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, StructureError, calibrate, diagnose, dump_structure, parse_structure, t_structure_toml
 from updater.diagnosis import allowed_causes
 from updater.reference import best_model, parameter_sensitivities
-from updater.structure import ModelParameter, apply_parameters, as_filed, model_parameters_of, with_springs
+from updater.structure import ModelParameter, apply_parameters, model_parameters_of, nominal_parameters, with_springs
 
 FRAME = t_structure_toml()
 
@@ -101,7 +101,7 @@ def test_sensitivities_are_what_a_changed_model_shows() -> None:
     knobs, sprung = model_parameters_of(structure), with_springs(structure)
     assert [one.name for one in found] == [knob.key for knob in knobs]
     for i, (knob, one) in enumerate(zip(knobs, found, strict=True)):
-        start, moved = as_filed(knobs), as_filed(knobs)
+        start, moved = nominal_parameters(knobs), nominal_parameters(knobs)
         moved[i] += 0.01 * (-knob.prior if knob.kind == "stiffness" else knob.prior)
         if knob.kind == "weld":
             start[i] = 1e-6
@@ -109,5 +109,5 @@ def test_sensitivities_are_what_a_changed_model_shows() -> None:
         change = 100 * np.log(after / before)
         np.testing.assert_allclose(one.change, change, atol=0.01 * np.abs(change).max(), err_msg=knob.key)
     np.testing.assert_allclose(frequency[:2], [10.78, 10.97], rtol=1e-3)
-    assert found[0].filed == 210e9
-    assert np.isinf(next(one for one in found if one.name == "support 0.ry").filed)
+    assert found[0].nominal == 210e9
+    assert np.isinf(next(one for one in found if one.name == "support 0.ry").nominal)

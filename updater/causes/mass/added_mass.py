@@ -227,8 +227,8 @@ class AddedMass:
         structure = self.reference.structure
         near = _FILED * fineness(structure)
         at = self._member(row).point(self.position[row])
-        filed = sum(max(b.mass, 0.0) for b in structure.body if np.linalg.norm(np.subtract(b.at, at)) < near)
-        return filed < -mass / 2
+        nominal = sum(max(b.mass, 0.0) for b in structure.body if np.linalg.norm(np.subtract(b.at, at)) < near)
+        return nominal < -mass / 2
 
     def _outside_the_file(self, row: int, theta: FloatArray, mass: float, std: float) -> tuple[float, float]:
         """Return mass and deviation [kg] of a removed body that is not in the file, from those taken off the model.

@@ -283,7 +283,7 @@ def propose_attached_oscillator(reference: Reference, comparison: Comparison) ->
     )
 
 
-def hides(cause: object) -> bool:
+def has_unobserved_mode(cause: object) -> bool:
     """Return whether a cause is an oscillator whose mode is not measured."""
     return isinstance(cause, AttachedOscillator) and cause.new is None
 

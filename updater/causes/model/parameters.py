@@ -49,7 +49,7 @@ class ModelParameters(Discrete):
     """One alternative: all parameters relative to the file."""
 
     comparison: Comparison
-    filed: Structure  #: structure as in the file
+    nominal: Structure  #: structure as in the file
     knobs: tuple[ModelParameter, ...]
     said: FloatArray  #: (n_knobs,) values of the file's model
     moved: FloatArray  #: (n_knobs,) values of the reference's model relative to those
@@ -131,10 +131,10 @@ class ModelParameters(Discrete):
             quantity=knob.quantity,
             of=knob.of,
             position=knob.position,
-            unit=physical_unit(self.filed, knob),
-            before=None if rigid else physical_value(self.filed, knob, float(self.said[k])),
-            after=physical_value(self.filed, knob, value),
-            std=std * physical_slope(self.filed, knob, value),
+            unit=physical_unit(self.nominal, knob),
+            before=None if rigid else physical_value(self.nominal, knob, float(self.said[k])),
+            after=physical_value(self.nominal, knob, value),
+            std=std * physical_slope(self.nominal, knob, value),
         )
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
@@ -150,17 +150,17 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     calibration = reference.calibration
     if calibration.fitted or not calibration.knobs or calibration.structure.external is not None:
         return None
-    knobs, filed = calibration.knobs, reference.filed
-    file = filed.reference.model if filed else calibration.model
+    knobs, nominal = calibration.knobs, reference.nominal
+    file = nominal.reference.model if nominal else calibration.model
     said = np.array([_said(file, knob) for knob in knobs])
-    value = filed.value if filed else said
+    value = nominal.value if nominal else said
     lower = np.array([knob.lower for knob in knobs]) - said
     return ModelParameters(
-        prior_std=np.array([_prior(knob, _LESS_BELIEVED if filed and filed.far else 1.0) for knob in knobs]),
+        prior_std=np.array([_prior(knob, _LESS_BELIEVED if nominal and nominal.far else 1.0) for knob in knobs]),
         lower=np.minimum(lower, 0.0)[None],
         drifting=False,
         comparison=comparison,
-        filed=file.structure,
+        nominal=file.structure,
         knobs=knobs,
         said=said,
         moved=value - said,

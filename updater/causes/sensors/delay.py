@@ -39,7 +39,7 @@ class SensorDelay(Chain):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the channels' delays."""
-        return replace(no_effect(len(rows), self.comparison), lag=theta[:, :1] * self.late[rows])
+        return replace(no_effect(len(rows), self.comparison), imaginary=theta[:, :1] * self.late[rows])
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return how much later than it was."""
@@ -75,25 +75,25 @@ def begin_at(reference: Reference, comparison: Comparison) -> tuple[FloatArray, 
     """
     n = len(comparison.channels)
     late = np.array([[float(c in group) for c in comparison.channels] for group in groups_of(reference, comparison)])
-    sign, lag = np.ones(n), np.zeros(n)
+    sign, imaginary = np.ones(n), np.zeros(n)
     for _ in range(_MAX_FAULTS):
-        delay, gained = _search(comparison, late if comparison.phased.any() else late[:0], sign, lag)
-        other, better = _other_gain(comparison, sign, lag)
+        delay, gained = _search(comparison, late if comparison.phased.any() else late[:0], sign, imaginary)
+        other, better = _other_gain(comparison, sign, imaginary)
         most = gained.max(initial=0.0)
         if max(most, better) < _WORTH:
             break
         if better > most:
             sign = other
         else:
-            lag = lag + delay[np.argmax(gained)] * late[np.argmax(gained)]
-    return sign, lag
+            imaginary = imaginary + delay[np.argmax(gained)] * late[np.argmax(gained)]
+    return sign, imaginary
 
 
-def _other_gain(comparison: Comparison, gain: FloatArray, lag: FloatArray) -> tuple[FloatArray, float]:
+def _other_gain(comparison: Comparison, gain: FloatArray, imaginary: FloatArray) -> tuple[FloatArray, float]:
     """Return the gains (n_channels,) with the one channel turned or silent that explains most, and the chi-square."""
     one = np.eye(len(gain))
     tried = np.vstack([gain, gain * (1 - 2 * one), gain * (1 - one)])
-    cost = _costs(comparison, np.broadcast_to(lag, tried.shape), tried)
+    cost = _costs(comparison, np.broadcast_to(imaginary, tried.shape), tried)
     return tried[np.argmin(cost)], float(cost[0] - cost.min())
 
 
@@ -117,11 +117,11 @@ def _search(
     return tried[best], cost[:, len(tried) // 2] - cost.min(axis=1)
 
 
-def _costs(comparison: Comparison, lag: FloatArray, sign: FloatArray) -> FloatArray:
+def _costs(comparison: Comparison, imaginary: FloatArray, sign: FloatArray) -> FloatArray:
     """Return chi-squares (n,) of delays [s] and signs (n, n_channels) of the structure as it was."""
-    n = len(lag)
+    n = len(imaginary)
     value, vector = picked(reanalyse(comparison, no_effect(1, comparison)))
     effect = no_effect(n, comparison)
-    effect = replace(effect, lag=lag, chain=sign[:, :, None] * effect.chain)
+    effect = replace(effect, imaginary=imaginary, chain=sign[:, :, None] * effect.chain)
     same = np.broadcast_to(value, (n, *value.shape[1:])), np.broadcast_to(vector, (n, *vector.shape[1:]))
     return np.asarray((residual(comparison, predict(comparison, *same, effect), comparison.plain) ** 2).sum(1))

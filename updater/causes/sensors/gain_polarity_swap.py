@@ -79,9 +79,10 @@ class SensorSwap(Chain):
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return permutations, with their delays."""
         n = self.order.shape[1]
-        lag = np.zeros((len(rows), n))
-        lag[self.order[rows] != np.arange(n)] = theta.ravel()
-        return replace(no_effect(len(rows), self.comparison), chain=np.eye(n, 3 * n)[self.order[rows]], lag=lag)
+        imaginary = np.zeros((len(rows), n))
+        imaginary[self.order[rows] != np.arange(n)] = theta.ravel()
+        chain = np.eye(n, 3 * n)[self.order[rows]]
+        return replace(no_effect(len(rows), self.comparison), chain=chain, imaginary=imaginary)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Exchange the channels that carry the two sensors."""
