@@ -39,8 +39,8 @@ def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
 
 def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
     """Return the text of a restart, with an alarm active `since` [ns UTC] if there is one."""
-    stands = f"; the alarm of {utc(since)} stands" if since is not None else ""
-    return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{stands}"
+    alarm = f"; the alarm of {utc(since)} is active" if since is not None else ""
+    return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{alarm}"
 
 
 def accepted_said(change: AcceptedShift) -> str:

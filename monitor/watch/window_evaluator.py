@@ -187,8 +187,8 @@ class WindowEvaluator:
         if self._learned is None or self._alarm.state != "alarm" or not self._out:
             yield self._notice(event.time, "refused", "not accepted: no alarm is active")
         elif said["alarm"] is not None and said["alarm"] != raised:
-            stands = utc(raised) if raised is not None else "none"
-            yield self._notice(event.time, "refused", f"not accepted: the active alarm is of {stands}")
+            active = utc(raised) if raised is not None else "none"
+            yield self._notice(event.time, "refused", f"not accepted: the active alarm is of {active}")
         else:
             self._requested = AcceptanceRequest(cause=said["cause"], by=said["by"])
             yield from self._accept(event.time, self._learned)

@@ -131,7 +131,7 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
     """Print one line per alarm, and its text below it, which is too long for a column of a table."""
     console.print("\nalarms" if alarms else "alarms: none")
     for alarm in alarms[-_MAX:]:
-        lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
+        lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
         again = f", went on {alarm.reopened} times" if alarm.reopened else ""
         known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
         console.print(f"  {utc(alarm.raised)}   {lasted}{again}, {known}", soft_wrap=True)

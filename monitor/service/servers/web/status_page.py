@@ -93,7 +93,7 @@ def _trend(status: SiteStatus) -> str:
 
 
 def _alarm(alarm: AlarmRow) -> dict[str, Any]:
-    lasted = "stands" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
+    lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
     return {
         "raised": utc(alarm.raised),
         "lasted": lasted,
