@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.detection import CHUNK, DetectionSettings, LawState, judge, start
+from monitor.detection import CHUNK, DetectionSettings, LawState, accept, judge, start
 from monitor.detection import detectors as detectors_module
 from monitor.detection import temperature_law as law_module
+from monitor.detection.detectors import WEIGHTS
 from monitor.detection.temperature_terms import THERMOMETER_STD
+from monitor.detection.window_variance import Scatter
 
 P, STD, STEP, DAY = 8, 5e-4, 600.0, 144
 WATCHING = DetectionSettings(rate=1e-4, overlap=0.0, hold=2)
@@ -99,7 +101,32 @@ def test_windows_from_one_to_the_next_that_shares_no_sample(overlap: float, wind
 
 def test_one_mode_alone_is_named_only_if_it_is_the_same_in_every_detector_over_its_limit() -> None:
     """Cases by column; the rows are the three detectors."""
-    over = np.array([[1, 0, 1, 1, 0, 1], [1, 0, 0, 1, 0, 1], [1, 1, 0, 0, 0, 1]], bool)
-    single = np.array([[1, 0, 0, 1, 1, 1], [1, 0, 1, 1, 1, 1], [1, 1, 1, 0, 1, 1]], bool)
-    mode = np.array([[3, 5, 2, 4, 1, 0], [3, 5, 2, 6, 1, 0], [3, 7, 2, 4, 1, 0]])
-    assert detectors_module._single(over, single, mode).tolist() == [3, 7, -1, -1, -1, 0]
+    over = np.array([[1, 0, 1, 1, 0, 1, 0], [1, 0, 0, 1, 0, 1, 0], [1, 1, 0, 0, 0, 1, 1]], bool)
+    single = np.array([[1, 0, 0, 1, 1, 1, 0], [1, 0, 1, 1, 1, 1, 0], [1, 1, 1, 0, 1, 1, 1]], bool)
+    mode = np.array([[3, 5, 2, 4, 1, 0, 5], [3, 5, 2, 6, 1, 0, 5], [3, 7, 2, 4, 1, 0, 0]])
+    assert detectors_module._single(over, single, mode).tolist() == [3, 7, -1, -1, -1, 0, 0]
+
+
+def test_limits_of_averages_know_the_windows_own_variance_by_the_weight_of_one() -> None:
+    """Of an average with weight w a window has w^2 of the variance, all windows have w / (2 - w)."""
+    law = replace(state(days(1), -2e-4).law, freedom=np.array(1e12))
+    freedom = 12.0  # of the variance of a window, that of whose logarithm is twice its inverse
+    scatter = Scatter(variance=np.ones(1), log_variance=np.full(1, 2 / freedom))
+    _, drifts = detectors_module._limits(law, scatter, WATCHING)
+    for column, weight in enumerate(WEIGHTS):
+        share = weight**2 / (weight / (2 - weight))
+        expected = detectors_module._table(P, np.array([freedom / share]), WATCHING)[0, column - len(WEIGHTS)]
+        assert drifts[0, column] == expected
+    shares = [weight * (2 - weight) for weight in WEIGHTS]
+    tables = [detectors_module._table(P, np.array([freedom / share]), WATCHING)[0] for share in shares]
+    assert len({tuple(table) for table in tables}) == len(WEIGHTS)
+
+
+def test_weekly_means_are_of_log_frequencies_about_the_centre() -> None:
+    watched = state(days(2), -2e-4)
+    judged, _ = judge(watched, np.log1p(np.full((CHUNK, P), 4e-4)), np.full(CHUNK, 15.0), np.full(CHUNK, STEP))
+    after = accept(watched, judged.terms, judged.teaching, judged.variance, age=np.full(CHUNK, 3.5 * 86400))
+    known = after.weekly.count[-1] > 0
+    assert known.any()
+    mean = (after.weekly.total / np.maximum(after.weekly.count, 1))[-1]
+    assert mean[known] == pytest.approx((np.log1p(4e-4) - watched.law.centre)[known], rel=1e-6)
