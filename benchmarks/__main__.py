@@ -12,7 +12,7 @@ CATALOGUE = Path(__file__).with_name("catalogue.toml")
 
 
 def catalogue() -> dict[str, dict[str, Any]]:
-    """Return the benchmarks by name, with what they show, what they take and what they run."""
+    """Return the benchmarks by name, with purpose, duration and command."""
     return tomllib.loads(CATALOGUE.read_text(encoding="utf-8"))
 
 

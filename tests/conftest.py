@@ -1,4 +1,4 @@
-"""What tests of the command line share, and which files are begun first."""
+"""Shared fixtures of the tests of the command line, and the order in which files are run."""
 
 from pathlib import Path
 
@@ -33,6 +33,6 @@ def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave pictures empty, each of which takes a tenth of a second: for tests of what else is written."""
+    """Leave pictures empty, each of which takes a tenth of a second: for tests of other outputs."""
     monkeypatch.setattr("monitor.views.report.figure.data_uri", lambda _: "data:,")
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())

@@ -1,4 +1,4 @@
-"""The examples: each runs as it stands, and comes to the number it should."""
+"""The examples: each runs as it is, and has the expected result."""
 
 import runpy
 from pathlib import Path
@@ -58,9 +58,9 @@ def test_report_log() -> None:
 
 
 def test_paper_t_structure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Totals without noise to 10 % of the mass of what this frame gives; with noise within 4 deviations of those.
+    """Totals without noise to 10 % of the mass for this frame; with noise within 4 deviations of those.
 
-    Where the paper's figures are constant, ours vary by less than what two deviations of the increments explain.
+    Where the paper's figures are constant, ours vary by less than two deviations of the increments.
     """
     monkeypatch.setattr("sys.argv", ["", str(tmp_path)])
     found = run("paper_t_structure.py")
@@ -122,7 +122,7 @@ def test_paper_stiffness(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 @pytest.mark.live
 def test_emulated_can() -> None:
-    """Nothing is lost; both devices see the shaker, at the same time but for what the way of some frames takes."""
+    """Nothing is lost; both devices measure the shaker, at the same time but for the transmission of some frames."""
     found = run("emulated_can.py")
     assert found["gaps"] == []
     assert all(scans >= 0.5 * found["rate"] * found["seconds"] for scans in found["scans"].values())

@@ -1,7 +1,7 @@
 """Other people's packages in an environment of their own, and measured children.
 
-A child is one Python process with one BLAS thread that runs one function of one file and says how much CPU time and
-memory it took. What it is given and gives back are JSON; large arrays travel as .npy files.
+A child is one Python process with one BLAS thread that runs one function of one file and reports its CPU time and
+memory. Arguments and results are JSON; large arrays travel as .npy files.
 """
 
 import json
@@ -42,9 +42,8 @@ def measured(python: Path, file: Path, function: str, repeats: int, **arguments:
     python : Path
     file : Path
         Python file that has the function.
-    function : str
-        Its name. It is called with `arguments` and returns (work, result), where ``work()`` is what is measured and
-        ``result(work())`` what is handed back.
+    function : str Its name. It is called with `arguments` and returns (work, result), where ``work()`` is measured and
+        ``result(work())`` is returned.
     arguments : JSON values
 
     repeats : int
@@ -53,7 +52,7 @@ def measured(python: Path, file: Path, function: str, repeats: int, **arguments:
     Returns
     -------
     dict
-        ``cpu`` [s], ``megabytes`` that the work took beyond what was there before, ``result``.
+        ``cpu`` [s], ``megabytes`` taken by the work beyond those before it, ``result``.
 
     Raises
     ------
@@ -92,7 +91,7 @@ def _main(file: str, function: str, repeats: str, arguments: str) -> None:
 
 
 def _timed(work: Callable[[], Any]) -> tuple[Any, float]:
-    """Return what the work gives, and its CPU time [s]."""
+    """Return the result of the work, and its CPU time [s]."""
     start = time.process_time()
     return work(), time.process_time() - start
 

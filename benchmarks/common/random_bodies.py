@@ -1,9 +1,9 @@
 """Bodies at random places of true frames, the least errors that anyone can make about them, and how answers are judged.
 
-The bound is Cramer and Rao's for what is measured (log frequency ratios and shapes before and after, with the noise as
-it is) and for all that is unknown: place, mass, the body's offsets and radius of gyration with the spread they are
-drawn from, a drift common to all frequencies, and the density, without which frequencies weigh a body only as a share
-of the structure. It is evaluated on the true frame, not on the reference.
+The bound is that of Cramér and Rao for the data (log frequency ratios and shapes before and after, with their noise)
+and for all unknowns: position, mass, the body's offsets and radius of gyration with the spread from which they are
+drawn, a drift common to all frequencies, and the density, without which frequencies determine a body only as a share of
+the structure. It is evaluated on the true frame, not on the reference.
 """
 
 from copy import copy
@@ -41,7 +41,7 @@ class Placed:
 
     @property
     def body(self) -> Body:
-        """As it stands in a structure."""
+        """Return it as a body of a structure."""
         axes = local_axes(np.subtract(self.member.end, self.member.start), self.member.local_y)
         offset = np.array(self.offset) @ axes[1:]
         at = tuple(self.member.point(self.distance).tolist())
@@ -49,7 +49,7 @@ class Placed:
 
 
 def draw(structure: Structure, mass: float, random: np.random.Generator) -> Placed:
-    """Return a body anywhere on the members, every metre alike, its centre beside their axes."""
+    """Return a body anywhere on the members, every metre with equal probability, its centre off their axes."""
     length = np.array([member.length for member in structure.member])
     chosen = int(random.choice(len(length), p=length / length.sum()))
     first, second = OFFSET_STD * random.standard_normal(2)
@@ -122,7 +122,7 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """One answer beside the truth and the bound."""
+    """One answer with the truth and the bound."""
 
     share: float  # of the structure's mass
     off: float  # m

@@ -1,9 +1,9 @@
-"""How many CAN frames a second our SLCAN bus takes from a port, beside python-can's own: the tables in docs/daq.md.
+"""CAN frames per second that our SLCAN bus takes from a port, compared with python-can's own: tables in docs/daq.md.
 
-A process writes scans of emulated nodes into a pty. In the first table as fast as they are taken, so that the reader
-sets the pace; the ratio is of turns one after the other, so that other work on the machine touches both, and the median
-of three. In the second at the pace of nodes that scan 1000 times a second, and what finds no room is lost, as with
-hardware; a pty holds less than 0.1 s of it.
+A process writes scans of emulated nodes into a pty. In the first table it writes as fast as they are taken, so that the
+reader sets the pace; the ratio is of alternating turns, so that other load on the machine affects both, and the median
+of three. In the second it writes at the pace of nodes with 1000 scans per second, and scans without room are lost, as
+with hardware; a pty holds less than 0.1 s of them.
 
 Usage: python benchmarks/daq/can_bus.py, or make bench-daq-speed
 """
@@ -65,7 +65,7 @@ def write_paced(port: int, lines: list[bytes], n_frames: int, pace: int) -> None
 def writing(
     n_frames: int, pace: int, script: str = __file__
 ) -> Iterator[tuple[str, Callable[[], subprocess.Popen[bytes]]]]:
-    """Give a port, and what starts a process that writes to it."""
+    """Return a port, and a function that starts a process writing to it."""
     master, slave = os.openpty()
     tty.setraw(slave)
 
@@ -124,7 +124,7 @@ def taken(open_bus: Open, take: Take, n_frames: int, pace: int) -> tuple[int, fl
 
 
 def fast() -> None:
-    """Print the table of what readers take at the most."""
+    """Print the table of the largest rates that readers take."""
     rates: dict[str, list[float]] = {name: [] for name in READERS}
     for _ in range(TURNS):
         for name, (open_bus, take, n_frames) in READERS.items():
@@ -140,7 +140,7 @@ def fast() -> None:
 
 
 def paced() -> None:
-    """Print the table of what readers lose, and what that costs."""
+    """Print the table of the losses of readers and their cost."""
     print("\n| bus |" + "".join(f" lost of {pace} frames/s | of a core |" for pace in PACES))
     print("| --- |" + " ---: | ---: |" * len(PACES))
     for name, (open_bus, take, _) in READERS.items():

@@ -1,4 +1,4 @@
-"""What sensors described by a DBC file cost, beside cantools' own decoding: the tables in docs/daq.md.
+"""Cost of sensors described by a DBC file, compared with cantools' own decoding: tables in docs/daq.md.
 
 Four sensors send a counter frame and an acceleration frame a scan, 1000 times a second: 8000 frames/s, a full bus of
 1 Mbit/s. First decoding alone, of the same frames in memory, median of five turns one after the other. Then from a
@@ -50,7 +50,7 @@ def described() -> Iterator[list[DbcSensor]]:
 
 
 def sent(layouts: list[ScanLayout], n_frames: int) -> CanFrames:
-    """Return frames of all sensors, scan by scan; each tells the number of its scan."""
+    """Return frames of all sensors, scan by scan; each contains the number of its scan."""
     n = n_frames // (2 * SENSORS)
     counts = np.random.default_rng(0).integers(-(2**15), 2**15, (n, 3)).astype(np.int32)
     streams = [encode_scans(layout, counts, 0) for layout in layouts]

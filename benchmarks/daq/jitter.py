@@ -1,11 +1,11 @@
-"""How exact the times of scans are, over an hour behind USB adapters: the table in docs/daq.md.
+"""Accuracy of the times of scans over an hour behind USB adapters: the table in docs/daq.md.
 
-The device's clock is off by so much, or wanders by so much over the hour. Its adapter hands its bytes on every 1 or 16
-milliseconds; the host wakes up 0.1 ms after that on the mean, exponentially, and one read in a hundred 5 to 30 ms
-later. Reads are as long as `daq.drivers.serial.buffered_port` makes them. These arrivals go through the drivers'
-`BlockBuilder` and the `ClockFit` of live and replayed data; the error of a scan's time is what the fit says two
-seconds after it, when windows are cut, against when it was taken. Jitter is its standard deviation over the hour,
-late its mean.
+The device's clock has a constant error, or one that wanders over the hour. Its adapter passes bytes on every 1 or 16
+milliseconds; the host wakes up 0.1 ms later on average, exponentially distributed, and for one read in a hundred 5 to
+30 ms later. Reads are as long as those of `daq.drivers.serial.buffered_port`. These arrivals go through the drivers'
+`BlockBuilder` and the `ClockFit` of live and replayed data. The error of a scan's time is the difference between the
+fit two seconds later, when windows are cut, and the true time. Jitter is its standard deviation over the hour, late its
+mean.
 
 Usage: python benchmarks/daq/jitter.py [SECONDS], or make bench-jitter
 """
@@ -32,7 +32,7 @@ def steady(ppm: float) -> Oscillator:
 
 
 def wandering(mean: float, ppm: float) -> Oscillator:
-    """Return a clock whose error goes once up and down about its mean within an hour, as in the sun."""
+    """Return a clock whose error goes once up and down about its mean within an hour, as in sunlight."""
     turn = 2 * np.pi / 3600
     return lambda t: t * (1 + 1e-6 * mean) + 1e-6 * ppm * (1 - np.cos(turn * t)) / turn
 

@@ -1,9 +1,9 @@
-"""What a kill and a power cut cost a recording, and how small and how quickly mended logs are: tables in docs/daq.md.
+"""Loss of a recording by a kill and by a power cut, and size and repair time of logs: tables in docs/daq.md.
 
 Kills: a process records four emulated devices (1000 scans/s, real time, ptys, emulated by another process) with the
-stock settings and is killed (SIGKILL) at a random moment. Lost is the time from the last scan in the mended log to the
-kill, of the device that lost most. Power cuts are the same kills with all bytes dropped that were not yet synced:
-files are cut back to the length at their last completed fdatasync, as the recording process has noted it.
+default settings and is killed (SIGKILL) at a random moment. The loss is the time from the last scan in the repaired log
+to the kill, of the device with the largest one. Power cuts are the same kills with all bytes dropped that were not yet
+synced: files are cut back to the length at their last completed fdatasync, as recorded by the writing process.
 
 Usage: python benchmarks/daq/log_crash.py [N_KILLS] [SEED], or make bench-log-crash
 """
@@ -76,7 +76,7 @@ def _ignore(_: object) -> None:
 
 
 def _note_syncs(path: Path) -> None:
-    """Note, where a kill leaves it, what a power cut would leave of the file that was synced last."""
+    """Record, where a kill leaves it, the length of the file that was synced last."""
     path.write_bytes(NOTE.pack(0, 0.0))
     with path.open("r+b") as file:
         note = mmap.mmap(file.fileno(), NOTE.size)
@@ -121,7 +121,7 @@ def kill_once(folder: Path, seconds: float) -> int:
 
 
 def lost_seconds(folder: Path, killed: int) -> float:
-    """Mend a log and check every scan in it; return what is missing before the kill of the worst device [s]."""
+    """Repair a log and check every scan in it; return the time missing before the kill, of the worst device [s]."""
     (log,) = folder.glob("*.mcap")
     repair_log(log)
     with log.open("rb") as file:
@@ -147,7 +147,7 @@ def lost_seconds(folder: Path, killed: int) -> float:
 
 
 def converts(folder: Path) -> bool:
-    """Tell whether rerun converts the mended log as it is."""
+    """Return whether rerun converts the repaired log as it is."""
     (log,) = folder.glob("*.mcap")
     rerun = Path(sys.executable).with_name("rerun")
     command = [str(rerun), "mcap", "convert", str(log), "-o", str(folder / "out.rrd")]
@@ -197,7 +197,7 @@ def block(device: str, first: int, counts: IntArray, arrived: int) -> Block:
 
 
 def write(folder: Path, n_devices: int, seconds: int, rms: float, view_rate: float = 0.0) -> Path:
-    """Write what devices record, with a chunk as often as live: reads are evenly apart, which makes it shortest."""
+    """Write the data of devices, with chunks as often as live: reads are evenly spaced, for the shortest log."""
     random = np.random.default_rng(1)
     scans = [noise(60_000, rms, k) for k in range(n_devices)]
     writer, waits = RotatingWriter(folder, {}, START, view_rate=view_rate), 0
@@ -218,8 +218,8 @@ def write(folder: Path, n_devices: int, seconds: int, rms: float, view_rate: flo
 def sizes(folder: Path) -> None:
     """Print bytes a 3-axis scan on the disk: the least, ours, and a message a scan, bare (twelve bytes) or ROS 2.
 
-    The entropy of normal white noise of s counts rms is log2(s sqrt(2 pi e)) bits a sample. Where messages are not
-    compressed they stand in chunks as well, which is what stock writers do if they are told not to.
+    The entropy of normal white noise of s counts rms is log2(s sqrt(2 pi e)) bits per sample. Where messages are not
+    compressed they are in chunks as well, as stock writers do by an option.
     """
     print("\n| devices | motion [mg rms] | entropy | ours | bare | bare, packed | Imu | Imu, packed | times ours |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
@@ -272,7 +272,7 @@ def _plain(messages: list[tuple[str, int, bytes]], path: Path, compression: Comp
 
 
 def mending(folder: Path, view_rate: float) -> None:
-    """Print how long an hour of eight devices takes to be mended after a cut."""
+    """Print the repair time of an hour of eight devices after a cut."""
     path = write(folder, 8, 3600, 0.0, view_rate)
     os.truncate(path, path.stat().st_size - 4_000_000)
     begun, used = time.monotonic(), time.process_time()

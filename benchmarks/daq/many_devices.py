@@ -1,4 +1,4 @@
-"""What recording costs: 32 serial devices of three axes at 1000 scans a second, on the disk: the table in docs/daq.md.
+"""Cost of recording: 32 serial devices of three axes at 1000 scans per second, to the disk: the table in docs/daq.md.
 
 Another process emulates the devices on ptys and hands their bytes on every ten milliseconds, between the one and the
 sixteen of USB adapters. This one records them as `modalwatch run` does (readers, writer, disk guard; no analysis) and
@@ -61,7 +61,7 @@ class Noise:
 
 
 def serve(kind: str) -> None:
-    """Emulate devices until standard input ends; then say how many scans found no room."""
+    """Emulate devices until standard input ends; then print the number of scans without room."""
     clock, faults = SystemClock(), LineFaults(latency=_TURN)
     make = {"epson-uart": EmulatedEpson, "modalwatch-node": EmulatedNode}[kind]
     devices = [make(Noise(_SEED + k), clock, serial_number=f"E{k:07}", faults=faults) for k in range(N_DEVICES)]
@@ -75,7 +75,7 @@ def serve(kind: str) -> None:
 
 @contextmanager
 def emulated(kind: str) -> Iterator[tuple[list[str], Callable[[], int]]]:
-    """Emulate devices in a process; give their ports, and what ends them and returns the scans that found no room."""
+    """Emulate devices in a process; return their ports, and a function that ends them."""
     command = [sys.executable, __file__, "serve", kind]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdin is not None
@@ -124,7 +124,7 @@ def missing(folder: Path) -> tuple[int, int]:
 
 
 def memory() -> float:
-    """Return what this process holds [MB]."""
+    """Return the memory of this process [MB]."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

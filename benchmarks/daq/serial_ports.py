@@ -50,7 +50,7 @@ class Noise:
 
 
 def streams() -> dict[str, tuple[bytes, Callable[[], Callable[[bytes], object]]]]:
-    """Return protocol -> (a stream, what makes a decoder's feed)."""
+    """Return protocol -> (a stream, a function that makes a decoder's feed)."""
     n = MEGABYTES * 40_000
     counts, k = Noise().read(0, n), np.arange(n)
     scans = node.NodeScans(
@@ -111,14 +111,14 @@ def serve(kind: str, link: Path) -> None:
 
 
 def say() -> None:
-    """Say what time it is."""
+    """Print the present time."""
     sys.stdout.write(f"{time.time_ns()}\n")
     sys.stdout.flush()
 
 
 @contextmanager
 def emulated(kind: str, link: Path) -> Iterator[Callable[[str], int]]:
-    """Run a device in a process; what is given takes a word and returns when it was done [ns UTC]."""
+    """Run a device in a process; the returned function sends a command and returns its time [ns UTC]."""
     command = [sys.executable, __file__, kind, str(link)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdin is not None
@@ -137,7 +137,7 @@ def emulated(kind: str, link: Path) -> Iterator[Callable[[str], int]]:
 
 
 class Arrivals:
-    """When what was handed on."""
+    """Times of the items that were passed on."""
 
     def __init__(self) -> None:
         self.items: list[tuple[int, Item]] = []
@@ -156,17 +156,17 @@ class Arrivals:
 
 
 def is_lost(item: Item) -> bool:
-    """Tell whether a device was lost."""
+    """Return whether a device was lost."""
     return isinstance(item, Event) and item.topic == "/event/device_failed"
 
 
 def is_back(item: Item) -> bool:
-    """Tell whether a device was taken back."""
+    """Return whether a device was accepted again."""
     return isinstance(item, Event) and item.topic == "/event/device_recovered"
 
 
 def is_data(item: Item) -> bool:
-    """Tell whether scans have come."""
+    """Return whether scans have arrived."""
     return isinstance(item, Block)
 
 
@@ -184,7 +184,7 @@ def start_up(kind: str, link: Path) -> float:
 
 @dataclass
 class Delays:
-    """What was measured of a kind of device [ms]."""
+    """Measured delays of a kind of device [ms]."""
 
     unplugged: list[float] = field(default_factory=list)  #: until the loss is seen
     plugged: list[float] = field(default_factory=list)  #: until data are back
@@ -198,7 +198,7 @@ class Delays:
 
 
 def delays_of(kind: str, cycles: int) -> Delays:
-    """Pull the plug and put it in again, and let the device hang, so many times each."""
+    """Unplug the device and plug it in again, and let the device hang, a number of times each."""
     found = Delays()
     with tempfile.TemporaryDirectory() as folder:
         link = Path(folder) / "port"

@@ -1,4 +1,4 @@
-"""Run the demo with five seeds, as a user would, and write the table of what it said: misses included.
+"""Run the demo with five seeds, as a user would, and write the table of its answers, misses included.
 
 Usage: python benchmarks/monitor/demo_seeds.py [SEED ...]
 """

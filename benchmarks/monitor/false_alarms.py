@@ -1,8 +1,8 @@
 """False alarms over simulated years, and how late masses are found: the tables of docs/detection.md.
 
-Sites live through weather that the detectors' own model does not have: the structure follows the air by two inertias
-and is heated by a sun that no thermometer sees, it stiffens smoothly where it freezes, something slow (moisture, load)
-moves every mode in its own way, and identification has heavy tails, wild values and missing modes.
+Sites are exposed to weather that the detectors' own model does not have: the structure follows the air with two
+inertias and is heated by a sun that no thermometer measures, it stiffens smoothly where it freezes, something slow
+(moisture, load) moves every mode in its own way, and identification has heavy tails, outliers and missing modes.
 
     python benchmarks/monitor/false_alarms.py [SITES [DAYS [alarms] [delays] [accepted]]]
 """
@@ -26,7 +26,7 @@ REAL = 1.3  # real over stated deviation of identification
 
 @dataclass
 class Weather:
-    """Sites as their sensors see them; every call goes on in time."""
+    """Sites as measured by their sensors; every call continues in time."""
 
     random: np.random.Generator
     n: int  #: sites
@@ -144,7 +144,7 @@ def false_alarms(n_sites: int, days: int, n_baseline: int, *, thermometers: bool
 
 
 def delays(n_sites: int, n_baseline: int, *, settled_days: int, thermometers: bool, seed: int) -> None:
-    """Print the second table: median delay until the alarm, beside a test that knows everything but the time."""
+    """Print the second table: median delay until the alarm, compared with a test that knows everything but the time."""
     random = np.random.default_rng(seed)
     place = random.uniform(0.05, 0.95, n_sites)
     part = 2 * np.sin(np.pi * np.arange(1, P + 1) * place[:, None]) ** 2  # of a mass in each mode of a beam

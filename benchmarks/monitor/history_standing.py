@@ -1,4 +1,4 @@
-"""An alarm that stands for a month of ten-minute windows: what a window takes in the history, thinned each hour or not.
+"""An alarm that is active for a month of ten-minute windows: size of a window in the history, thinned each hour or not.
 
 python benchmarks/monitor/history_standing.py demo-output/state/history.sqlite
 
@@ -29,7 +29,7 @@ def moved(cause: Cause, by: float) -> Cause:
 
 
 def window(number: int, diagnosis: Diagnosis, by: float) -> Event:
-    """Return a window in alarm as it stands in the log."""
+    """Return a window in alarm as it is in the log."""
     end = START + (number + 1) * STEP
     figures = {"frequency_std": 0.01, "damping": 0.012, "damping_std": 1e-3, "shift_percent": -0.7, "shape": []}
     each = [{"id": k, "frequency": 9.7 * k + 1e-3 * by} for k in range(1, MODES + 1)]

@@ -1,4 +1,4 @@
-"""Three years of ten-minute windows in a history: how large, how soon asked, how soon one more window is in.
+"""Three years of ten-minute windows in a history: size, time of a query, time to add one more window.
 
 python benchmarks/monitor/history_years.py
 """

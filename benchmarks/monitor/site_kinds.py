@@ -47,7 +47,7 @@ class KindSource:
 
 
 def started(kind: SiteKind, n_sites: int, baseline_hours: float, seed: int) -> WatchedSites:
-    """Return sites whose baseline is learnt."""
+    """Return sites with a learned baseline."""
     source = KindSource(SimulatedSites(kind, n_sites, seed))
     return WatchedSites(source, round(baseline_hours * 3600 / kind.step))
 

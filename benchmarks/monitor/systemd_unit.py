@@ -2,9 +2,9 @@
 
     python benchmarks/monitor/systemd_unit.py
 
-or `make bench-unit`. A user's manager of its own is started in a mount namespace and a control group of its own, as
-root or where control groups are delegated; the one of the machine, if there is one, is not asked. Exit code 1 if a
-check fails.
+or `make bench-unit`. A user's service manager is started in a mount namespace and a control group of its own, as root
+or where control groups are delegated; the machine's own manager, if there is one, is not used. Exit code 1 if a check
+fails.
 """
 
 import os
@@ -62,7 +62,7 @@ def control_group() -> Iterator[list[Path]]:
 
 
 class Manager:
-    """A user's service manager, and the unit that it is asked about."""
+    """A user's service manager, and the unit under test."""
 
     def __init__(self, folder: Path, groups: list[Path]) -> None:
         self.folder, self.unit = folder, ""
@@ -110,7 +110,7 @@ class Manager:
         return unit.read_text(encoding="utf-8")
 
     def shows(self, *names: str) -> tuple[str, ...]:
-        """Return what it knows of the unit."""
+        """Return the manager's properties of the unit."""
         return tuple(self._ctl("show", "--value", "-p", name, self.unit).stdout.strip() for name in names)
 
     def until(self, done: Callable[[], bool], seconds: float = 60.0) -> float:
@@ -124,7 +124,7 @@ class Manager:
 
 
 def checks(manager: Manager, site: Path) -> Iterator[tuple[str, str, bool]]:
-    """Yield what is looked at, what was seen, and whether that is right."""
+    """Yield each check, its result, and whether it is right."""
 
     def active() -> bool:
         return manager.shows("ActiveState") == ("active",)

@@ -1,4 +1,4 @@
-"""Memory of the live view over days of a watch: its real process, fed as fast as it takes.
+"""Memory of the live view over days of monitoring: its real process, fed as fast as it takes.
 
     python benchmarks/monitor/view_memory.py LOG.. [--windows 1000] [--client]
 
@@ -69,7 +69,7 @@ def played(log: AnyLog) -> Iterator[Shown]:
 
 @contextmanager
 def client(url: str) -> Iterator[psutil.Process]:
-    """Run rerun's own client, which reads what is served and throws it away."""
+    """Run rerun's own client, which reads the served data and discards them."""
     rerun = shutil.which("rerun", path=str(Path(sys.executable).parent))
     port = int(url.rpartition(":")[2].partition("/")[0])
     while socket.socket().connect_ex(("127.0.0.1", port)):
@@ -88,13 +88,13 @@ def show(live: LiveView, item: Item) -> None:
 
 
 def site(text: str, port: int) -> str:
-    """Return a site's settings with the least live view, on a port."""
+    """Return a site's settings with the smallest live view, on a port."""
     without = re.sub(r"(?m)^\[viewer\]\n(?:[^\[\n].*\n|\n)*", "", text)
     return f"{without}\n[viewer]\nport = {port}\nmemory_mb = {_MEMORY_MB}\n"
 
 
 def main() -> None:
-    """Read the arguments, show, and print what the process takes."""
+    """Read the arguments, show, and print the resources of the process."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("log", type=Path, nargs="+", help="files of a run that has learnt its reference")
     parser.add_argument("--windows", type=int, default=1000)

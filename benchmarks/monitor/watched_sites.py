@@ -1,4 +1,4 @@
-"""Many sites watched at once by the detectors of the live monitor, with its learning and its alarm."""
+"""Many sites monitored at once by the detectors of the live monitor, with its learning and its alarm."""
 
 from dataclasses import dataclass, replace
 from typing import Protocol

@@ -1,4 +1,4 @@
-"""Latency of the status page under attack: half-sent requests stay open while many ask for the page.
+"""Latency of the status page under attack: half-sent requests stay open while many clients request the page.
 
     python benchmarks/monitor/web_load.py [--half 1200] [--asked 500] [--threads 32]
 

@@ -1,7 +1,7 @@
-"""How near errors come to the smallest possible ones, and how often stated standard deviations cover them.
+"""Ratio of errors to the smallest possible ones, and coverage of the stated standard deviations.
 
-Prints the tables of docs/oma.md: root mean square errors over the Cramér-Rao bound of Whittle's likelihood, and what
-share of the errors lies within two stated standard deviations.
+Prints the tables of docs/oma.md: root mean square errors over the Cramér-Rao bound of Whittle's likelihood, and the
+share of the errors within two stated standard deviations.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/accuracy.py [WINDOWS], or make bench-oma-accuracy
 """
@@ -59,7 +59,7 @@ def rig() -> Structure:
 
 
 def cases() -> Iterator[Case]:
-    """Yield what is measured."""
+    """Yield the measured cases."""
     for name in ("clean", "noise", "close", "weak", "short"):
         scene = SCENES[name]
         said = f"8 ch, {scene.duration:.0f} s, {scene.said}"

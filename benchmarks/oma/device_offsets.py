@@ -1,11 +1,11 @@
-"""How exactly phases of modes tell constant offsets between devices, and whether their deviations hold.
+"""Accuracy of constant delays between devices from the phases of modes, and coverage of their deviations.
 
-Arrival times cannot show what the way of a device takes at the least. A frame of another finite element code than ours
-(tests/examiner/models/frame.py), drawn anew each time, is recorded for ten minutes by six devices whose times are off
-by normal draws of 1 ms, and in each window by normal draws more, as clocks that are fitted to arrivals wander.
-The record goes through `import`, windows, identification, `oma.device_delays` and `updater.learn_delays` as a
-baseline does. Offsets mean something only against one another: all are less their mean.
-Stated is their deviation as the program says it; held: how many errors are within 1.96 of it.
+Arrival times do not show the least delay of a device. A frame of another finite element code than ours
+(tests/examiner/models/frame.py), drawn at random each time, is recorded for ten minutes by six devices with time errors
+that are normal draws of 1 ms, and further normal draws in each window, as clocks that are fitted to arrivals wander.
+The record goes through `import`, windows, identification, `oma.device_delays` and `updater.learn_delays` as a baseline
+does. Only differences of delays are determined: all are less their mean. Stated is their deviation as reported; held:
+the number of errors within 1.96 of it.
 
 Usage: python benchmarks/oma/device_offsets.py [DRAWS] [SEED], or make bench-device-offsets
 """

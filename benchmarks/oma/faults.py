@@ -1,4 +1,4 @@
-"""Channels with something wrong: what is found all the same, and whether stated standard deviations still cover.
+"""Channels with faults: the modes found nevertheless, and the coverage of stated standard deviations.
 
 Prints the table of docs/oma.md.
 
@@ -18,7 +18,7 @@ SCENE = SCENES["clean"]
 
 @dataclass
 class Tally:
-    """Errors in standard deviations, and what was said."""
+    """Errors in standard deviations, and the messages."""
 
     frequency: list[float] = field(default_factory=list)
     damping: list[float] = field(default_factory=list)

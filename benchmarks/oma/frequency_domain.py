@@ -1,9 +1,9 @@
-"""The frequency-domain methods beside pyOMA2's: CPU time, memory, what is found and how far off.
+"""Frequency-domain methods compared with pyOMA2's: CPU time, memory, modes found and errors.
 
 Every run is a child process with one BLAS thread, ours and theirs in turn on the same records (`oma_speed.record`; koma
 has none of these methods). Ours choose their modes themselves and state standard deviations; pyOMA2's FDD family is
-told the true frequencies, and of its pLSCF (order 30) a mode counts as found if a third of the orders have a pole
-within 1 %. Then the errors of ours over many windows, beside the smallest possible ones: the tables of docs/oma.md.
+given the true frequencies, and of its pLSCF (order 30) a mode counts as found if a third of the orders have a pole
+within 1 %. Then the errors of ours over many windows, with the smallest possible ones: the tables of docs/oma.md.
 
 Usage: python benchmarks/oma/frequency_domain.py [SIZES, such as ab] [WINDOWS], or make bench-oma-frequency
 """
@@ -196,7 +196,7 @@ def run(name: str, folder: Path) -> None:
 
 
 def accuracy(n_windows: int, folder: Path) -> None:
-    """Print errors over the bound and over the law, and what the stated deviations cover."""
+    """Print errors over the bound and over the law, and the coverage of the stated deviations."""
     from oma import METHODS, IdentificationError, identify
     from oma.selection import uncertainty_law
     from tests.support.oma.cramer_rao import whittle_bound
@@ -245,7 +245,7 @@ def row(*cells: Any) -> None:
 
 
 def peers(n_windows: int, folder: Path, bound: Any, law: np.ndarray) -> None:
-    """Print the errors of pyOMA2's EFDD and FSDD, which are told the true frequencies."""
+    """Print the errors of pyOMA2's EFDD and FSDD, which are given the true frequencies."""
     from tests.support.oma.scenes import SCENES
 
     it = SCENES["clean"]

@@ -9,7 +9,7 @@ Found = list[tuple[list[float], list[list[float]]]]  # a window: frequencies [Hz
 
 
 def hier_avg(files: list[str], rate: float) -> tuple[Callable[[], list[Any]], Callable[[list[Any]], Found]]:
-    """Return what identifies windows with the settings pyOMA2 starts with, orders to 50 as ours, and what reads it."""
+    """Return a function that identifies windows with pyOMA2's default settings, and one that reads its result."""
     from pyoma2.algorithms import SSI
     from pyoma2.algorithms.data.run_params import Clustering
     from pyoma2.setup import SingleSetup

@@ -1,4 +1,4 @@
-"""Unattended selection on simulated windows, beside pyOMA2's: all modes found, and none that is not there.
+"""Unattended selection on simulated windows, compared with pyOMA2's: all modes found, and no false ones.
 
 Prints the table of docs/oma.md. pyOMA2's `hier_avg` is the best of its selections; it runs on the first windows only,
 in a child process with one BLAS thread as ours.
@@ -24,7 +24,7 @@ _NEAR_TONE = 2e-3  # relative frequency difference
 
 @dataclass
 class Score:
-    """What a selection did on the windows of one scene."""
+    """Results of a selection on the windows of one scene."""
 
     complete: list[bool] = field(default_factory=list)
     found: list[int] = field(default_factory=list)

@@ -1,7 +1,7 @@
 """Identities through simulated months: the table of docs/oma.md.
 
-A label is right if the mode has the identity that most sightings of it have, and no other mode has that one more often.
-What is no mode must not get the identity of one.
+A label is right if the mode has the identity that most of its identifications have, and no other mode has that one more
+often. A false mode must not get the identity of a mode.
 
 Usage: python benchmarks/oma/tracking.py [SEEDS], or make bench-tracking; with `recorded` in the place of SEEDS a
 month whose windows, one an hour, are simulated as recordings and identified: some minutes more.
@@ -64,7 +64,7 @@ def right(labels: list[Label]) -> tuple[int, int, int]:
 
 
 def recorded(seed: int) -> None:
-    """Identify and follow a month of recordings; say how many labels are right."""
+    """Identify and track a month of recordings; print the number of right labels."""
     tracks: Tracks | None = None
     labels: list[Label] = []
     sure: list[Label] = []

@@ -34,7 +34,7 @@ class Setup:
 
 
 def main(folder: Path, picture: Path | None) -> None:
-    """Identify every set-up, merge, and say how it compares."""
+    """Identify every set-up, merge, and print the comparison."""
     numbers = sorted(int(file.stem[-2:]) for file in folder.glob("measurement_*.npz"))
     began = time.process_time()
     setups = [identified(folder, number) for number in numbers]
@@ -64,7 +64,7 @@ def identified(folder: Path, number: int) -> Setup:
 
 
 def print_setups(setups: list[Setup]) -> None:
-    """Print how far each set-up is from what is published."""
+    """Print the distance of each set-up from the published values."""
     print("| set-up | node | modes below 15 Hz | published ones found | largest difference | in standard deviations |")
     print("| --- | --- | --- | --- | --- | --- |")
     for number, setup in enumerate(setups, 1):
@@ -117,7 +117,7 @@ def plate(corners: FloatArray) -> FloatArray:
 
 
 def rigidity(merged: ModalEstimate, setups: list[Setup], nodes: FloatArray) -> FloatArray:
-    """Return for each mode what no shift and turn of a floor explains of its corners' horizontal motion, rms share."""
+    """Return for each mode the share (rms) of its corners' motion that is no rigid motion of a floor."""
     moved = displacements(merged, setups)[..., :2]
     left, total = np.zeros(merged.n_modes), np.zeros(merged.n_modes)
     for here in floors(setups):

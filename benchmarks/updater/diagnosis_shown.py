@@ -1,4 +1,4 @@
-"""What a diagnosis shows before it names anything, on three records; and how near residual forces point.
+"""Views of a diagnosis before its causes, on three records; and the accuracy of the places of residual forces.
 
     python benchmarks/updater/diagnosis_shown.py docs
 
@@ -102,7 +102,7 @@ def figures(
 
 
 def show(folder: Path) -> None:
-    """Diagnose the three records and draw what they show."""
+    """Diagnose the three records and draw their views."""
     body = Body(at=(0.2, 0.0, 1.48), mass=0.3)
     records = {
         "mass": Rig(seed=SEED, body=(body,)).record(1, SECONDS),

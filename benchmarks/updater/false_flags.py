@@ -33,7 +33,7 @@ Method = type[MassUpdater] | type[StiffnessUpdater]
 
 @dataclass(frozen=True, kw_only=True)
 class Undisturbed:
-    """What moves the modes of a frame on which nothing hangs."""
+    """Changes of the modes of a frame without added mass."""
 
     said: str
     noise: float = 1.0  # over what the windows state of themselves
@@ -57,7 +57,7 @@ def mix(window: ModalEstimate, angle: float) -> ModalEstimate:
 
 
 def undisturbed(rig: Rig, case: Undisturbed, seed: int) -> tuple[Reference, Iterator[ModalMean]]:
-    """Return a reference learnt anew and events in which nothing has changed."""
+    """Return a new reference and events without a change."""
     random = np.random.default_rng(seed)
     n = N_BASELINE + EVENTS * N_EVENT
     stated = rig.windows(rig.bare, n, seed, case.noise)

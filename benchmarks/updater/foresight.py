@@ -43,7 +43,7 @@ class Trial:
 
 
 def alarmed(base: ModalMean, event: ModalMean, record: Record) -> bool:
-    """Return what the alarm's test says of the two records' frequencies."""
+    """Return the result of the alarm's test for the frequencies of the two records."""
     z2 = (event.log_frequency - base.log_frequency) ** 2 / (event.log_frequency_std**2 + base.log_frequency_std**2)
     z2 = z2[np.isfinite(z2)]  # without modes that a record does not show
     return bool(z2.sum() > chi2.isf(record.false_alarm_probability, len(z2)))
@@ -87,7 +87,7 @@ def share(hits: int, n: int) -> str:
 
 
 def found_line(mass: float, seconds: float, done: list[Trial]) -> str:
-    """Return the line of one case: foreseen and come true, where it was thought sure and where it was not."""
+    """Return the line of one case: predicted and actual results, for the sure and the unsure answers."""
     n = len(done)
     sure = [t for t in done if t.foreseen >= 0.95]
     unsure = [t for t in done if t.foreseen < 0.5]
@@ -118,7 +118,7 @@ def weakest_line(outlook: DetectabilityStudy, factor: float, n: int) -> str:
 
 
 def rig_alarm(rig: TrueRig, body: Body | None, draw: int) -> bool:
-    """Return whether the alarm's test tells a record with a body from one without."""
+    """Return whether the alarm's test distinguishes a record with a body from one without."""
     record = rig.record
     random = np.random.default_rng((rig.seed, draw, 17))
     before, after = (np.log(rig.model(b).modes(12).frequency) for b in (None, body))

@@ -1,4 +1,4 @@
-"""The frame element beside published answers: the table in docs/structure.md, `make bench-frames`, two seconds."""
+"""The frame element compared with published results: the table in docs/structure.md (`make bench-frames`)."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""One added mass, the same modes given to every method: the paper's increments, its alternative, and what others do.
+"""One added mass and the same modes for every method: the paper's increments, its alternative, and methods of others.
 
 The cases are those of localization.py. Prints a table of docs/localization.md.
 
@@ -23,7 +23,7 @@ from updater.modal_data import ModalMean
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Where, and how much."""
+    """Position and mass."""
 
     point: FloatArray  # (3,) [m]
     mass: float  # [kg]

@@ -1,10 +1,10 @@
-"""What size costs: assembly, modes, eq. 7, increments and localization, from the T-frame to 1e5 degrees of freedom.
+"""Cost of size: assembly, modes, eq. 7, increments and localization, from the T-frame to 1e5 degrees of freedom.
 
     OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 python benchmarks/updater/scale.py [--largest N]
 
-The large structures are lattices of the T-frame's tube, 1.0 x 1.1 x 0.9 m a cell, clamped at the bottom: every node
-meets six elements, which fills a factor more than any building's frame does. CPU seconds of one thread. PyPardiso is
-used where it is installed (`pip install 'modalwatch[cholesky]'`), SuperLU beside it; SuperLU alone otherwise.
+The large structures are lattices of the T-frame's tube, 1.0 x 1.1 x 0.9 m per cell, clamped at the bottom: every node
+has six elements, which fills a factor more than any building's frame does. CPU seconds of one thread. PyPardiso is used
+where it is installed (`pip install 'modalwatch[cholesky]'`), with SuperLU for comparison; SuperLU alone otherwise.
 """
 
 import argparse
@@ -91,7 +91,7 @@ def cells_for(n_dofs: int) -> tuple[int, int, int]:
 
 
 def modes_row(n_dofs: int, solvers: list[bool]) -> None:
-    """Print what assembly and the modes cost."""
+    """Print the cost of assembly and modes."""
     structure = lattice(cells_for(n_dofs))
     assembly, model = timed(lambda: build_model(structure, shear_flexible=True, mass="consistent"))
     costs, found = [], []
@@ -114,7 +114,7 @@ def residual(model: Model, modes: Modes) -> float:
 
 
 def one_step_row(n: int, *, dense: bool) -> None:
-    """Print what eq. 7 and the increments cost by their formula and as low-rank operators."""
+    """Print the cost of eq. 7 and of the increments by their formula and as low-rank operators."""
     random = np.random.default_rng(1)
     mass = random.uniform(0.05, 0.2, n)
     modes = np.linalg.qr(random.standard_normal((n, 30)))[0] / np.sqrt(mass)[:, None]
@@ -158,9 +158,9 @@ def external(structure: Structure, folder: Path) -> Structure:
 
 
 def watched(structure: Structure, folder: Path) -> tuple[Reference, ModalMean, float]:
-    """Return a reference of measured modes, and what is measured with a mass added and where, by the same model.
+    """Return a reference of measured modes, the measured modes with an added mass, and its position, by the same model.
 
-    Cost is what is asked here: the truth is no other model, and its noise is 0.05 % of frequencies, 1 % of shapes.
+    Only the cost is measured here: the truth is no other model, and its noise is 0.05 % of frequencies, 1 % of shapes.
     """
     structure = external(structure, folder)
     bare, where = windows_of(structure, 6, 1), place_of(structure)
@@ -196,7 +196,7 @@ def windows_of(structure: Structure, n: int, seed: int) -> list[ModalEstimate]:
 
 
 def change_row(n_dofs: int) -> None:
-    """Print what the one-step update and the localization cost once the modes are known."""
+    """Print the cost of the one-step update and of the localization once the modes are known."""
     with tempfile.TemporaryDirectory() as folder:
         reference, event, mass = watched(lattice(cells_for(n_dofs)), Path(folder))
         learning, updater = timed(lambda: MassUpdater(reference))
@@ -213,7 +213,7 @@ def change_row(n_dofs: int) -> None:
 
 
 def frame_row() -> None:
-    """Print what the T-frame's localization costs, every centimetre and every millimetre where it matters."""
+    """Print the cost of the T-frame's localization, every centimetre and every millimetre near the maximum."""
     truth = t_truth(3)
     bare, loaded = truth.model(), truth.model(Body(at=(0.25, 0, 1.48), mass=0.304))
     reference = learn_reference(t_frame(), truth.windows(bare.modes(8), bare.sensor_rows, 8, 3), unmoved(8))

@@ -1,4 +1,4 @@
-"""How well faults of the measuring chain are named and sized, and whether their deviations hold.
+"""Accuracy of the causes and sizes of faults of the measuring chain, and coverage of their deviations.
 
 The cases are those of the confusion matrix (tests/examiner, finite elements of their own, modes with noise by the
 law of identification), each on a fresh rig with gains off by half a per cent and clocks by 20 us. Prints the table of
@@ -30,7 +30,7 @@ CELLS: dict[str, tuple[str, str, float] | None] = {
 
 @dataclass
 class Tally:
-    """What has been seen of one cause."""
+    """Counts of one cause."""
 
     draws: int = 0
     named: int = 0
@@ -53,7 +53,7 @@ class Tally:
                 self.over_std.append(abs(said["value"] - true) / said["std"])
 
     def cells(self, name: str) -> Iterator[str]:
-        """Say it as cells of a table."""
+        """Return them as cells of a table."""
         yield f"`{name}`"
         yield f"{self.named} of {self.draws}"
         yield str(self.ambiguous)

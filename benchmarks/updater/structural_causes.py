@@ -1,7 +1,7 @@
-"""How near stretches, props and axial forces are placed and sized, and whether their deviations and regions hold.
+"""Accuracy of places and sizes of stretches, props and axial forces, and coverage of their deviations and regions.
 
-The cases are those of the confusion matrix (tests/examiner, finite elements of their own), asked more: is the truth
-in the 95 % region, and within two deviations of what is said? Prints the table of docs/updater.md.
+The cases are those of the confusion matrix (tests/examiner, independent finite elements), with further questions: is
+the truth in the 95 % region, and within two deviations of the estimate? Prints the table of docs/updater.md.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/structural_causes.py [--draws N] [--seed S]
 or make bench-structural
@@ -22,7 +22,7 @@ _MARGIN = 0.0025  # m: regions are of cells of 5 mm
 
 @dataclass
 class Tally:
-    """What has been seen of one cause."""
+    """Counts of one cause."""
 
     draws: int = 0
     named: int = 0
@@ -48,7 +48,7 @@ class Tally:
                 self.within.setdefault(name, []).append(abs(said["value"] - true) < 2 * said["std"])
 
     def cells(self, name: str) -> Iterator[str]:
-        """Say it as cells of a table."""
+        """Return them as cells of a table."""
         yield name
         yield f"{self.named} of {self.draws}"
         placed = name != "axial_force"  # all of the member
@@ -59,7 +59,7 @@ class Tally:
 
 
 def _between(point: Any, start: Any, end: Any) -> bool:
-    """Tell whether a point is on a line, to half a cell."""
+    """Return whether a point is on a line, within half a cell."""
     along = np.subtract(end, start)
     share = np.clip(np.subtract(point, start) @ along / max(along @ along, 1e-12), 0, 1)
     return bool(np.linalg.norm(np.asarray(start) + share * along - point) <= _MARGIN)

@@ -1,4 +1,4 @@
-"""Mutants of `make mutants`: what is made of a source, and that the table of tests and exceptions is up to date."""
+"""Mutants of `make mutants`: changes of a source, and whether the table of tests and exceptions is up to date."""
 
 import ast
 import tomllib

@@ -1,4 +1,4 @@
-"""What is installed is ours: generic names such as `daq` can be shadowed by strangers."""
+"""Installed packages are our own: generic names such as `daq` can be shadowed by others."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""The table of settings in docs/monitor.md is the one the program reads, and says the same."""
+"""The table of settings in docs/monitor.md has the settings of the program, with the same meaning."""
 
 import re
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""What the types refuse, and what they derive."""
+"""Invalid arguments of the types, and derived values."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Tables of a T-frame nobody has seen, from import to verdict: the truth is drawn here and told to nobody."""
+"""Tables of an unknown T-frame, from import to verdict: the truth is drawn here and is not given to the program."""
 
 import json
 from collections.abc import Callable

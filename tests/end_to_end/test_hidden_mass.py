@@ -60,7 +60,7 @@ def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path, capsys: py
 
 
 def test_replay_of_nothing_raises_no_alarm_and_repeats_itself(tmp_path: Path) -> None:
-    """What was found until then does not depend on what came after, either: the second log is cut."""
+    """Results do not depend on later data, either: the second log is cut."""
     log, _, _ = hidden(tmp_path, 41, added=False)
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[: log.stat().st_size * 3 // 4])

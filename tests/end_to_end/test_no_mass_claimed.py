@@ -1,4 +1,4 @@
-"""What changes is no mass: the monitor raises its alarm, and says what it is instead of where a mass would be."""
+"""A change that is no mass: the monitor raises its alarm, and states the cause instead of the position of a mass."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +19,7 @@ WINDOW, BASELINE, RATE = 20.0, 8, 500.0
 
 
 def watch(folder: Path, seed: int, after: Rig) -> list[WindowResult]:
-    """Watch a rig that changes after the baseline; return the windows that the alarm stands in."""
+    """Monitor a rig that changes after the baseline; return the windows in which the alarm is active."""
     print(f"seed {seed}")
     quiet = Rig(seed=seed).record(0, (BASELINE + 1) * WINDOW, rate=RATE)
     changed = after.record(1, 4 * WINDOW, rate=RATE)

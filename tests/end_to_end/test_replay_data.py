@@ -1,4 +1,4 @@
-"""The recorded log of the repository: it opens, repeats what was found live, and finds what its manifest says."""
+"""The recorded log of the repository: it opens, repeats the live results, and agrees with its manifest."""
 
 import tomllib
 from pathlib import Path
@@ -21,14 +21,14 @@ LOGS = tomllib.loads((FOLDER / "manifest.toml").read_text(encoding="utf-8"))["lo
 
 @pytest.fixture(scope="module", params=LOGS, ids=[entry["file"] for entry in LOGS])
 def replayed(request: pytest.FixtureRequest) -> tuple[dict[str, Any], ReplayReport]:
-    """Return what the manifest says of a log, and its replay."""
+    """Return the manifest of a log, and its replay."""
     return request.param, replay(FOLDER / request.param["file"], None, lambda _: None)
 
 
 def test_replay_repeats_the_live_run_and_finds_the_mass(replayed: tuple[dict[str, Any], ReplayReport]) -> None:
     """Other processors round differently.
 
-    Where the analysis was changed, the log is recorded anew by `replay_data/make.py`.
+    Where the analysis was changed, the log is recorded again by `replay_data/make.py`.
     """
     entry, report = replayed
     assert report.comparison.kind != "different", report.comparison.text
@@ -41,7 +41,7 @@ def test_replay_repeats_the_live_run_and_finds_the_mass(replayed: tuple[dict[str
 
 
 def test_drill_with_the_recorded_mass_proves_the_site(replayed: tuple[dict[str, Any], ReplayReport]) -> None:
-    """The rig's frame is another than the model's; its mass is found within what is stated, and scales the modes.
+    """The rig's frame differs from the model; its mass is found within the stated deviation, and scales the modes.
 
     The rig draws its density within 1 % of the model's, and its modes differ from the model's by as much again.
     """

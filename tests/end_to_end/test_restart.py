@@ -1,4 +1,4 @@
-"""A monitor that is killed and started again goes on watching; its second log alone replays the same."""
+"""A monitor that is killed and restarted continues; its second log alone replays the same."""
 
 import os
 import signal

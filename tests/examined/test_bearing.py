@@ -1,4 +1,4 @@
-"""A bearing that locks on a bridge with three sensors across it, and a mode along it beside one across it."""
+"""A bearing that locks on a bridge with three sensors across it, and a mode along it next to one across it."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ _LOCKED = 100.0  # times as stiff about the axis that it turned about
 
 @pytest.mark.parametrize("seed", few_of([1, 3]))
 def test_a_bearing_that_locked_is_named(seed: int) -> None:
-    """As itself, or as what cannot be told from it; a model's mode along the bridge answers to none across it."""
+    """As itself, or as its alias; a model's mode along the bridge is paired with none across it."""
     print(f"seed {seed}")
     state = FOOTBRIDGE.draw(seed)
     *others, last = state.frame.grounds

@@ -1,4 +1,4 @@
-"""How near a calibrated reference comes to specimens of another theory, welded as they are."""
+"""Accuracy of a calibrated reference for specimens of another theory, with their welds."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def _off(reference: Reference) -> float:
 
 @pytest.mark.thorough
 def test_what_a_weld_takes_of_flexibility_is_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half of the 0.2 % that calibration allows for a beam model is left, and half of what is left without welds."""
+    """Half of the 0.2 % that calibration allows for a beam model remains, and half of the error without welds."""
     seeds = range(7000, 7006)
     welded = [_off(_learnt(seed)) for seed in seeds]
     monkeypatch.setattr("updater.structure.parameters._WELDED", 2e-3)  # no more than the fit starts with
@@ -36,7 +36,7 @@ def test_what_a_weld_takes_of_flexibility_is_calibrated(monkeypatch: pytest.Monk
 
 
 def test_a_frame_without_a_weld_has_none() -> None:
-    """Less than a fifth of what is found of a whole one, by two of the parameter's standard deviations."""
+    """Less than a fifth of that of a whole one, by two of the parameter's standard deviations."""
     state = draw_state(7010)
     frame = state.frame
     for bar in frame.bars:

@@ -1,4 +1,4 @@
-"""The examiner itself: its mechanics against closed form, and that it knows nothing of what it judges."""
+"""The examiner itself: its mechanics compared with closed forms, and its independence of the code under test."""
 
 import ast
 from pathlib import Path
@@ -107,7 +107,7 @@ def test_what_is_done_can_be_detected_and_is_told(name: str) -> None:
 
 
 def test_nothing_can_be_detected_in_nothing_and_little_in_what_is_small() -> None:
-    """By its definition the test sees something in one of a hundred where there is nothing."""
+    """By its definition the test detects something in one of a hundred cases without a change."""
     assert detection_power(draw("nothing", 9).done) == pytest.approx(0.01, abs=1e-3)
     assert detection_power(draw("small", 10).done) <= 0.03
 

@@ -1,4 +1,6 @@
-"""Sealed cases from modes: every cause of the catalogue, nothing, what is too small, what stands in no catalogue."""
+"""Sealed cases from modes: every cause of the catalogue, no change, changes that are too small or outside the
+catalogue.
+"""
 
 import pytest
 
@@ -65,7 +67,7 @@ THOROUGH = [
 
 @pytest.mark.parametrize(("cell", "seed"), few_of(CASES + THOROUGH, len(CASES)))
 def test_what_was_done_is_what_is_said(cell: str, seed: int) -> None:
-    """Fixed seeds; benchmarks/updater/confusion/modes.py draws hundreds, and says how often this fails."""
+    """Fixed seeds; benchmarks/updater/confusion/modes.py draws hundreds, and measures the failure rate."""
     case = draw(cell, seed)
     print(cell, seed, case.done.hidden)
     judged = score(answer(case), case.done.hidden, case.kind, near=case.near, built=case.built)

@@ -28,7 +28,7 @@ CASES = [
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where logs from before are kept for all cases of a specimen."""
+    """Folder of logs from before for all cases of a specimen."""
     return tmp_path_factory.mktemp("sealed")
 
 
@@ -47,7 +47,7 @@ def log_of(case: Case, folder: Path, when: str) -> Path:
 def test_channels_that_a_machine_overdrives_are_reported_and_are_no_cause(
     logs: Path, modalwatch: Commands, share: float
 ) -> None:
-    """Nothing changed; a tone 1 % beside a mode clips the two loudest channels in the current record only."""
+    """Nothing changed; a tone 1 % from a mode clips the two loudest channels in the current record only."""
     case = draw("nothing", 401)
     structure, answer = logs / "structure.toml", logs / "answer.json"
     structure.write_text(t_structure_toml(), encoding="utf-8")
@@ -75,7 +75,7 @@ def overdriven(state: State, recording: Recording, share: float) -> Recording:
 
 @pytest.mark.parametrize(("cell", "seed"), few_of(CASES))
 def test_what_was_done_is_what_is_said(logs: Path, modalwatch: Commands, cell: str, seed: int) -> None:
-    """Fixed seeds; benchmarks/updater/confusion/records.py draws others, and says how often this fails."""
+    """Fixed seeds; benchmarks/updater/confusion/records.py draws others, and measures the failure rate."""
     case = draw(cell, seed)
     print(cell, seed, case.done.hidden)
     structure, answer = logs / "structure.toml", logs / "answer.json"

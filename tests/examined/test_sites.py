@@ -1,4 +1,4 @@
-"""The simulator of sites: independent of what it examines, and with the difficulties that its kinds state."""
+"""The simulator of sites: independent of the code under test, and with the difficulties that its kinds state."""
 
 import ast
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Cells of the confusion matrix: causes that can be detected, those too small to be, pairs, what is in no catalogue."""
+"""Cells of the confusion matrix: detectable causes, undetectable ones, pairs, changes outside the catalogue."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -102,12 +102,12 @@ class Case:
 
     @property
     def near(self) -> float:
-        """Return how far off a place may be said [m]: a cause that is named farther away is another one."""
+        """Return the largest error of a stated position [m]: a cause that is named farther away is another one."""
         return _NEAR * self.done.before.scale.length
 
     @property
     def built(self) -> bool:
-        """Whether nothing was measured before: the file, with errors everywhere, is all there is."""
+        """Whether nothing was measured before: the file, with errors everywhere, is the only knowledge."""
         return self.cell.startswith(("built ", "far "))
 
     @property
@@ -122,14 +122,14 @@ class Case:
 def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
     """Draw a case of a cell, its specimen included; `cell` names a cause, "nothing", "small", "a + b" or an outsider.
 
-    Before it "solid: " or a design's name, such as "bridge: ", names another specimen than the T-frame; "file: " is
-    what the structure file does not know of a specimen that is else as it says, "built bridge: " or "built frame: " of
-    one that is not, "far bridge: " of one that is far from it.
+    Before it "solid: " or a design's name, such as "bridge: ", names another specimen than the T-frame; "file: " is an
+    error of the structure file of a specimen that otherwise agrees with it, "built bridge: " or "built frame: " of one
+    that does not, "far bridge: " of one that is far from it.
 
     Raises
     ------
     RuntimeError
-        If a hundred draws bring none of the size that the cell wants.
+        If a hundred draws have none of the size that the cell requires.
     """
     random = np.random.default_rng((seed, 5))
     if cell.startswith("file: "):
@@ -152,14 +152,14 @@ def draw(cell: str, seed: int, *, noise: str = "law") -> Case:
 
 
 def specimen(which: str, seed: int) -> tuple[State, dict[str, Do]]:
-    """Return a specimen, and what may be done to it."""
+    """Return a specimen, and the possible changes of it."""
     if which == "solid":
         return draw_bar(seed), SOLID
     return (DESIGNS[which].draw(seed) if which else draw_state(seed)), _DONE
 
 
 def _of_file(cell: str, seed: int, random: Random, noise: str) -> Case:
-    """Draw what a file gets wrong; what was taken off before has never been in it."""
+    """Draw an error of the file; a body removed before was never in it."""
     name, state = cell.removeprefix("file: "), draw_as_filed(seed)
     if name == "nothing":
         return Case(cell=cell, kind="nothing", seed=seed, done=draws.nothing(state, random))
@@ -177,7 +177,7 @@ def _large(do: Do, state: State, random: Random, noise: str) -> Done:
 
 
 def _as_built(do: Do, state: State, random: Random, noise: str) -> Done:
-    """Do what is beyond the small errors of a file; nothing is taken off that was never in it."""
+    """Make a change beyond the small errors of a file; nothing is removed that was never in it."""
     while True:
         done = _large(do, state, random, noise)
         f, g = (one.claimed_frequency(N_MODES) for one in (done.before, done.after))
@@ -186,7 +186,7 @@ def _as_built(do: Do, state: State, random: Random, noise: str) -> Done:
 
 
 def _small(state: State, random: Random, noise: str) -> Done:
-    """A hundredth of what a mass, a loss, a gain or a foot usually is."""
+    """A hundredth of the usual size of a mass, a loss, a gain or a foot."""
 
     def one() -> Done:
         names = ("added_mass", "local_stiffness", "support_stiffness", "sensor_gain", "support_spring")
@@ -265,7 +265,7 @@ def detection_power(done: Done, noise: str = "law") -> float:
     """Return how often a chi-square test of all data at a level of 1 % would see that something has changed.
 
     Frequencies, complex shapes and damping of the modes in the band, with the noise of 8 windows before and 5 after.
-    Of a change that has a place, what is common to all frequencies counts only beyond 0.3 %.
+    For a change with a position, the common part of all frequencies counts only beyond 0.3 %.
     """
     n_modes = N_MODES
     before, after = done.before, done.after

@@ -1,7 +1,7 @@
-"""A structure as its owner's file says it and as it stands.
+"""A structure as its owner's file describes it and as it really is.
 
-What stands is off by as much as the T-frame is: moduli, density, walls, springs, what sensors weigh, where they are
-and point, their gains and delays.
+The real structure is off by as much as the T-frame is: moduli, density, walls, springs, masses of sensors, their
+positions and directions, their gains and delays.
 """
 
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ class Section:
 
 @dataclass(frozen=True, kw_only=True)
 class Design:
-    """A structure as its file says it; springs of grounds and meetings are nominal."""
+    """A structure as described by its file; springs of supports and joints are nominal."""
 
     name: str
     bars: tuple[Bar, ...]
@@ -89,7 +89,7 @@ class Design:
         return list(next(b for b in self.bars if b.name == bar).point(s))
 
     def draw(self, seed: int, *, n_modes: int = 30) -> State:
-        """Draw one that stands."""
+        """Draw a real one."""
         random = np.random.default_rng((seed, 14))
         body = FrameBody(self._frame(random))
         sensors = self._sensors(random)
@@ -136,7 +136,7 @@ class Design:
         return replace(frame, lumps=(*self.bodies, *self._carried(random)))
 
     def _carried(self, random: Random) -> list[Lump]:
-        """Return what the accelerometers weigh, off the axis."""
+        """Return the masses of the accelerometers, off the axis."""
         scale = self.scale
         return [
             Lump(
@@ -167,7 +167,7 @@ class Design:
 
 
 def _scattered(springs: Vector, random: Random) -> Vector:
-    """Draw springs of half to twice what the file says; those that are rigid or none stay so."""
+    """Draw springs of half to twice the file's values; rigid ones and missing ones stay."""
     return vector(np.multiply(springs, np.exp(random.uniform(-np.log(2), np.log(2), 3))))
 
 

@@ -1,4 +1,4 @@
-"""What is done to a specimen, drawn; the truth of it goes to the scorer only."""
+"""Random changes of a specimen; only the scorer gets the truth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -77,7 +77,7 @@ def nothing(state: State, random: Random) -> Done:
 
 
 def added_mass(state: State, random: Random) -> Done:
-    """Clamp a body of 50 to 500 g beside a bar; one time in four it was there before and is taken off.
+    """Add a body of 50 to 500 g next to a bar; one time in four it was there before and is removed.
 
     Here and below: of the T-frame, and as much of another specimen (`State.scale`).
     """
@@ -145,7 +145,7 @@ def _softer(state: State, random: Random, bar: Bar, extent: float, left: Vector)
 
 
 def support_stiffness(state: State, random: Random) -> Done:
-    """Leave 10 to 60 % of what a ground's springs are about and along each axis."""
+    """Leave 10 to 60 % of a support's springs about and along each axis."""
     grounds = state.frame.grounds
     i = _one_of([_sprung((*g.along, *g.about)) for g in grounds], random)
     left = random.uniform(0.1, 0.6, 3)
@@ -199,7 +199,7 @@ def axial_force(state: State, random: Random) -> Done:
 
 
 def attached_oscillator(state: State, random: Random) -> Done:
-    """Hang 50 to 300 g on a spring of its own, tuned apart from the frame's modes but within what is analysed."""
+    """Attach 50 to 300 g on a spring, tuned away from the frame's modes but within the analysed band."""
     bar, s = somewhere(state, random, lowest=0.6)
     axis = int(random.choice([a for a in range(3) if a != state.frame.bar(bar).axis]))
     share = state.scale.band / Scale().band
@@ -222,7 +222,7 @@ def global_stiffness(state: State, random: Random) -> Done:
 
 
 def global_density(state: State, random: Random) -> Done:
-    """Change the density by 2 to 6 %: paint, or what was never weighed."""
+    """Change the density by 2 to 6 %: paint, or mass that was never weighed."""
     gain = sign(random) * random.uniform(0.02, 0.06)
     frame = state.frame
     for bar in frame.bars:
@@ -231,14 +231,14 @@ def global_density(state: State, random: Random) -> Done:
 
 
 def temperature(state: State, random: Random) -> Done:
-    """Warm or cool everything by 10 to 30 K; devices say so."""
+    """Warm or cool everything by 10 to 30 K; devices measure it."""
     now = state.temperature + sign(random) * random.uniform(10.0, 30.0)
     body = replace(state.body, temperature=now)  # type: ignore[type-var]
     return Done(state, state.of_body(body, temperature=now), (Hidden(cause="temperature"),))
 
 
 def sampling_clock(state: State, random: Random) -> Done:
-    """Let the recorder sample 1 to 3 % faster or slower than it says."""
+    """Let the recorder sample 1 to 3 % faster or slower than stated."""
     error = sign(random) * random.uniform(0.01, 0.03)
     return Done(state, replace(state, clock=1 + error), (Hidden(cause="sampling_clock"),))
 

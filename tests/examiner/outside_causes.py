@@ -1,4 +1,4 @@
-"""What stands in no catalogue, drawn: a diagnosis must refuse to name it."""
+"""Random changes outside the catalogue: a diagnosis must not name a cause."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from tests.examiner.sensor_chain import reseated
 
 
 def five_masses(state: State, random: Random) -> Done:
-    """Hang 80 to 250 g at each of five places."""
+    """Add 80 to 250 g at each of five positions."""
     after = state
     for _ in range(5):
         bar, s = somewhere(state, random, lowest=0.3)

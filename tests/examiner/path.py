@@ -24,7 +24,7 @@ FRAME = parse_structure(t_structure_toml())
 
 @lru_cache
 def structure_of(cell: str) -> Structure:
-    """Return what the user believes to stand there."""
+    """Return the structure as the user describes it."""
     which = cell.rpartition(": ")[0].rpartition(" ")[2]
     if which in DESIGNS:
         return parse_structure(DESIGNS[which].toml())
@@ -64,7 +64,7 @@ def _filed(case: Case) -> Structure:
 
 
 def after(case: Case, random: np.random.Generator, noise: str = "law", known: Structure | None = None) -> Observation:
-    """Return the windows of a case's state as it is after what was done."""
+    """Return the windows of a case's state after the change."""
     states = [case.done.during(window) for window in range(N_AFTER)]
     windows = [estimated(state, 1, random, first=w, noise=noise)[0] for w, state in enumerate(states)]
     return observation(case.done.after, windows, [state.loudness for state in states], known)

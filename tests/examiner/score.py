@@ -1,4 +1,4 @@
-"""Judges a diagnosis, as the JSON of the command says it, against what was done."""
+"""Compares a diagnosis, as the JSON of the command, with the true change."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ def score(
 ) -> Score:
     """Judge.
 
-    - right: the verdict and every name, channel and place (as near as `near`, or where it acts) are what was done;
+    - right: the verdict and every name, channel and position (as near as `near`, or on its extent) are the true ones;
     - alias: ambiguous, and each thing done is in an alias set that is stated;
     - wrong: something else was named, whether surely or not; misplaced: the right name at another place;
     - refused: unexplained; missed: nothing to explain. Both are right where there is nothing that could be named.
@@ -46,10 +46,10 @@ def score(
     Parameters
     ----------
     answer : the JSON of `diagnose`
-    hidden : what was done
-    kind : of the case, which says what may be expected
+    hidden : the true change
+    kind : of the case, which determines the expected verdict
     near : a cause named farther from where it is than this [m] is not the one that was done
-    built : whether a file, which is a little wrong everywhere, is all that there was: to say so beside it is right
+    built : whether a file, which has small errors everywhere, is the only knowledge: to state these errors too is right
     """
     if built:
         named = [cause for cause in answer["causes"] if cause["cause"] not in _OF_FILES]

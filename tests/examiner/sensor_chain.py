@@ -1,4 +1,4 @@
-"""What is done to the measuring chain of a specimen, drawn."""
+"""Random changes of the measuring chain of a specimen."""
 
 from dataclasses import replace
 
@@ -64,7 +64,7 @@ def sensor_delay(state: State, random: Random) -> Done:
 
 
 def sensor_dead(state: State, random: Random) -> Done:
-    """Let a device say nothing but its own noise."""
+    """Let a device measure only its own noise."""
     _, name = _channel(state, random)
     device = next(s.device for s in state.sensors if s.channel == name)
     dead = tuple(s.channel for s in state.sensors if s.device == device)

@@ -1,4 +1,4 @@
-"""What analysis would say of a state, with noise; and what its accelerometers record."""
+"""Results of an analysis of a state, with noise; and the records of its accelerometers."""
 
 from dataclasses import replace
 
@@ -36,14 +36,16 @@ def modal_std(state: State, n_modes: int, noise: str) -> tuple[FloatArray, float
 
 
 def is_seen(state: State, n_modes: int) -> npt.NDArray[np.bool_]:
-    """Say which modes (n_modes,) are in the band and move sensors by a twentieth of what modes usually do."""
+    """Return which modes (n_modes,) are in the band and move sensors by a twentieth of the usual motion."""
     frequency, moves = state.claimed_frequency(n_modes), np.linalg.norm(state.claimed_shape(n_modes), axis=1)
     usual = np.median(moves[moves > _UNSEEN * moves.max()])
     return np.asarray((frequency < state.scale.band) & (moves > 0.05 * usual))
 
 
 def estimated(state: State, n_windows: int, random: Random, *, first: int = 0, noise: str) -> list[ModalEstimate]:
-    """Return what analysis would say of windows; modes above the band or that hardly move a sensor are not seen."""
+    """Return the results of an analysis of windows; modes above the band or with hardly any motion at the sensors are
+    missing.
+    """
     total, seconds = N_MODES, state.scale.window
     frequency, shape = state.claimed_frequency(total), state.claimed_shape(total)
     moves, seen = np.linalg.norm(shape, axis=1), np.flatnonzero(is_seen(state, total))
@@ -118,7 +120,7 @@ def _modal_acceleration(force: FloatArray, omega: float, damping: float, dt: flo
 
 
 def _delayed(signal: FloatArray, delay: FloatArray, rate: float) -> FloatArray:
-    """Shift each channel by its delay [s], exactly for what is below half the rate."""
+    """Shift each channel by its delay [s], exactly for frequencies below half the rate."""
     n = len(signal)
     frequency = np.fft.rfftfreq(n, 1 / rate)
     turned = np.fft.rfft(signal, axis=0) * np.exp(-2j * np.pi * frequency[:, None] * delay)
@@ -126,5 +128,5 @@ def _delayed(signal: FloatArray, delay: FloatArray, rate: float) -> FloatArray:
 
 
 def joined(parts: list[Recording]) -> Recording:
-    """Return recordings one after another as one: what happens while the log runs."""
+    """Return recordings one after another as one: changes during the log."""
     return replace(parts[0], data=np.concatenate([p.data for p in parts]))

@@ -1,7 +1,7 @@
 """Simulated sites over years: frequencies of a few modes, their stated deviations, RMS and temperature.
 
-Independent of what it examines: numpy only. The structure follows the air by its own inertia, the errors of
-identification are Gaussian unless a kind says otherwise, and each kind of site adds one difficulty.
+Independent of the code under test: numpy only. The structure follows the air by its own inertia, the errors of
+identification are Gaussian unless a kind states otherwise, and each kind of site adds one difficulty.
 """
 
 from dataclasses import dataclass, field

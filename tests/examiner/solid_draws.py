@@ -1,4 +1,4 @@
-"""What is done to the solid bar, drawn."""
+"""Random changes of the solid bar."""
 
 from dataclasses import replace
 

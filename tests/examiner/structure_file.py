@@ -1,4 +1,4 @@
-"""What a structure file gets wrong about a frame that is otherwise as the file says: nothing was measured before."""
+"""Errors of a structure file about a frame that otherwise agrees with it: nothing was measured before."""
 
 from dataclasses import dataclass, replace
 

@@ -175,7 +175,7 @@ def _records(data: bytes) -> list[tuple[int, bytes]]:
 
 
 def _chunk(content: bytes, random: Random) -> bytes:
-    """Return a chunk whose stated size, checksum, compression or content is another."""
+    """Return a chunk with another stated size, checksum, compression or content."""
     first, last, size, checksum, named = struct.unpack_from("<QQQII", content)
     name, body = content[32 : 32 + named], content[40 + named :]
     kind = random.randrange(5)
@@ -203,7 +203,7 @@ def _lz4(random: Random) -> bytes:
 
 
 def crafted_mcap(_: bytes, random: Random) -> bytes:
-    """Return a sound log whose blocks, events, channel map and attachments hold extreme values."""
+    """Return a valid log whose blocks, events, channel map and attachments have extreme values."""
     file = io.BytesIO()
     writer = Writer(file, compression=random.choice((CompressionType.ZSTD, CompressionType.LZ4, CompressionType.NONE)))
     profile = "modalwatch" if random.random() < 0.95 else "ros2"

@@ -251,7 +251,7 @@ def _site(path: Path, random: Random) -> int:
 
 
 def _matrices(path: Path, _: Random) -> int:
-    """Read a structure whose matrices are in the file."""
+    """Read a structure with the matrices in the file."""
     own = b'material = "steel"\nsection = "bar"\nelements = 6'
     member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
     sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]

@@ -1,6 +1,6 @@
 """Runs readers on mutated files, each case in a process of its own with bounded memory and time.
 
-A case fails if it ends in an exit code that is not promised, prints a traceback, control characters or long lines,
+A case fails if it ends in an exit code that is not documented, prints a traceback, control characters or long lines,
 needs more than 10 s of processor time or 1 GB, or changes its input. Cases are numbered: `--first 137 --cases 1`
 repeats one, `--keep DIR` keeps its files.
 """
@@ -45,7 +45,7 @@ class Outcome:
 
 
 def run_case(reader: str, number: int, keep: Path | None = None) -> Outcome:
-    """Run a case in a forked process; the case's folder is kept if asked for."""
+    """Run a case in a forked process; the case's folder is kept on request."""
     folder = Path(tempfile.mkdtemp(prefix="fuzz-case-", dir=keep))
     path, random = case(reader, number, folder)
     before = _digest(path)
@@ -117,7 +117,7 @@ def _ended(child: int, seconds: float) -> bool:
 
 
 def _faults(out: bytes, err: bytes) -> Iterator[str]:
-    """Yield what is wrong with what was said."""
+    """Yield the faults of a case's output."""
     for name, said in (("output", out), ("error", err)):
         text = said.decode("utf-8", "surrogateescape")
         if "Traceback" in text:

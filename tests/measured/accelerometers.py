@@ -1,4 +1,4 @@
-"""What accelerometers on a true T-frame would record: another model than the reference's, shaken by the wind."""
+"""Records of accelerometers on a true T-frame: another model than the reference's, excited by the wind."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ _QUANTUM = 9.80665 * 2.0**-20  # m/s2
 
 @dataclass(frozen=True, kw_only=True)
 class Rig:
-    """A true structure and what hangs on it; drawn from its seed."""
+    """A true structure with attached parts; drawn from its seed."""
 
     seed: int
     body: tuple[Body, ...] = ()
@@ -47,7 +47,7 @@ class Rig:
         return structure.model_copy(update=parts).with_mesh(0.01)
 
     def record(self, log: int, seconds: float, *, rate: float = 1000.0) -> Recording:
-        """Measure for a while; `log` numbers the realisation of forces and noise, the rig stays what it is."""
+        """Measure for a while; `log` numbers the realisation of forces and noise, the rig stays the same."""
         random, now = np.random.default_rng((self.seed, 2)), np.random.default_rng((self.seed, 3, log))
         structure = self.structure()
         model = build_model(structure, shear_flexible=True, mass="consistent")

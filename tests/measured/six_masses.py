@@ -1,8 +1,8 @@
-"""A measured cantilever with six masses in 35 layouts, and what a simulation of it may get wrong.
+"""A measured cantilever with six masses in 35 layouts, and possible errors of its simulation.
 
-Deflections in z of a strip along x, clamped at x = 0. Every mass is told in the beam's own, every flexibility in
-L / (E I) or L^3 / (E I), since width and material of the beam are not documented: bending frequencies say E / density,
-and masses only over the beam's.
+Deflections in z of a strip along x, clamped at x = 0. Every mass is relative to the beam's, every flexibility to L / (E
+I) or L^3 / (E I), since width and material of the beam are not documented: bending frequencies determine E / density,
+and masses only relative to the beam's.
 """
 
 from collections.abc import Mapping
@@ -65,7 +65,7 @@ direction = [0, 0, 1]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Layouts:
-    """What was measured: all six masses on, and one of them taken off."""
+    """The measurements: all six masses on, and one of them removed."""
 
     place: FloatArray  #: (n, 6) of the masses, from the clamp [m]
     before: FloatArray  #: (n, 5) all on [ln Hz]
@@ -88,8 +88,8 @@ class Layouts:
     def noise(self) -> tuple[FloatArray, FloatArray]:
         """Return deviations (5,) of `mean` and of `shift` that no mass's place explains, to first order in places.
 
-        Layouts were mounted anew: what they scatter by is a hundred times what each frequency's fit says. It is told
-        without any beam model, so that no hypothesis makes its own noise.
+        Layouts were mounted again each time: their scatter is a hundred times the deviation of each frequency's fit. It
+        is estimated without any beam model, so that no hypothesis affects its own noise.
         """
         columns = np.column_stack([np.ones(len(self.place)), self.place - self.place.mean(axis=0)])
         found = []
@@ -106,7 +106,7 @@ def read_layouts(folder: Path, rows: slice = ALL, *, state: str = "2.96") -> Lay
     ----------
     folder : of the data
     rows : layouts
-    state : the authors' label of what is taken off: 2.96 per cent of mass, one of the six, or 5.92, two
+    state : the authors' label of the removed masses: 2.96 per cent of mass, one of the six, or 5.92, two
     """
     place = np.loadtxt(folder / "mass_positions_cm.csv", delimiter=",", skiprows=1)[rows, 1:] / 100
     data = np.load(folder / "frf.npz")
@@ -124,7 +124,7 @@ def write_bodies_file(folder: Path, beam: "Cantilever", values: Mapping[str, flo
     Parameters
     ----------
     folder : that gets beam.toml and bodies.toml
-    beam, values : the model and its parameters, which the product must not fit anew to each layout
+    beam, values : the model and its parameters, which the program must not fit again to each layout
     measured : layouts
     """
     bare = beam.written_out(values, np.zeros(6), np.zeros(6)).model_copy(update={"updating": Updating(fixed=("*",))})
@@ -144,7 +144,7 @@ def write_bodies_file(folder: Path, beam: "Cantilever", values: Mapping[str, flo
 def share_explained(measured: Layouts) -> FloatArray:
     """Return the share (6, 5) of each shift's scatter over layouts that a parabola in each mass's place explains.
 
-    No model enters: the mass that is taken off is the one whose place decides the shift.
+    No model is used: the removed mass is the one whose position determines the shift.
     """
     found = []
     for place in measured.place.T:
@@ -195,7 +195,7 @@ EXTENSIONS = {
 class Cantilever:
     """The beam model and its frequencies under any values of the parameters.
 
-    Bending in z stands apart from all else. Of the model without supports its matrices are taken; clamp, accelerometer
+    Bending in z is independent of all else. The matrices of the model without supports are used; clamp, accelerometer
     and near_clamp are written into them and solved, the masses are then low rank in the modes.
     """
 
@@ -305,7 +305,7 @@ class Hypothesis:
 
 
 class Misfit:
-    """Whitened difference of what a hypothesis says from what was measured."""
+    """Whitened difference of a hypothesis from the measurement."""
 
     def __init__(
         self,

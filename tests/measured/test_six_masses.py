@@ -1,4 +1,4 @@
-"""A measured cantilever: its clamp is what the simulation gets wrong, and the mass nearest to it was taken off."""
+"""A measured cantilever: its clamp is the error of the simulation, and the mass nearest to it was removed."""
 
 import json
 import os

@@ -66,7 +66,7 @@ direction = [1, 0, 0]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Frame:
-    """What three tests say, a force at another floor in each."""
+    """Results of three tests, a force at another floor in each."""
 
     resonances: tuple[tuple[Resonance, ...], ...]  #: by test, by mode; residues at the three floors
     plateau: FloatArray  #: (n_tests,) accelerance at the force, 100 to 125 Hz, far above the three modes [1/kg]
@@ -82,8 +82,8 @@ class Frame:
     def floor_masses(self) -> ModalMass:
         """Return the mass matrix, by the mean of the tests' shapes; its deviations by how the tests differ.
 
-        Leakage and the sensors' phases make a test's shape wrong by per cents and alike at its floors, far beyond what
-        each fit says: three tests tell that to half its value.
+        Leakage and the sensors' phases make a test's shape wrong by per cents and alike at its floors, far beyond each
+        fit's deviation: three tests determine that to half its value.
         """
         shape = self.normalised()
         n = len(shape)

@@ -56,7 +56,7 @@ class Mutant:
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """What names the mutant while other lines come and go."""
+        """Identification of the mutant while other lines are added and removed."""
         return self.module, self.text, self.change
 
 
@@ -92,7 +92,7 @@ def mutated(source: str, number: int) -> str:
 
 
 def _changes(tree: ast.AST) -> Iterator[tuple["_Place", ast.AST]]:
-    """Yield where something may be replaced, and by what."""
+    """Yield the places of possible replacements, and these."""
     for place in _places(tree, tree):
         for new in _replacements(place.node):
             yield place, new
@@ -123,7 +123,7 @@ def _places(parent: ast.AST, statement: ast.AST) -> Iterator[_Place]:
 
 
 def _replacements(node: ast.expr | ast.stmt) -> Iterator[ast.AST]:
-    """Yield what may stand in the place of a node."""
+    """Yield replacements of a node."""
     match node:
         case ast.Constant(value=bool(value)):
             yield ast.Constant(not value)

@@ -4,8 +4,8 @@
 
 or `make mutants ARGUMENTS="oma/tracking/tracker.py --sample 60"`. Modules, their tests and the mutants that change no
 behaviour are in tests/mutants/mutants.toml. The tree is copied; each mutant is run in a forked process, by the test
-files that run its line, the quickest first, until one fails. Outcomes are appended to a file of JSON lines, by
-which a later run goes on; `--again` repeats the survivors, `--report` prints the table without running anything.
+files that run its line, the quickest first, until one fails. Outcomes are appended to a file of JSON lines, from which
+a later run continues; `--again` repeats the survivors, `--report` prints the table without running anything.
 """
 
 import argparse
@@ -60,7 +60,7 @@ class Outcome:
 
 
 def main() -> int:
-    """Run the mutants that are asked for and print the table."""
+    """Run the requested mutants and print the table."""
     table = tomllib.loads(TABLE.read_text())
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("modules", nargs="*", default=list(table["tests"]))
@@ -147,7 +147,7 @@ def run(module: str, left: list[Mutant], files: list[str], end: float) -> Iterat
 
 
 def baseline(file: str, module: str) -> Baseline:
-    """Run a test file without a mutant and return what it takes and which lines of the module it runs."""
+    """Run a test file without a mutant and return its duration and the lines of the module that it runs."""
     found = Path(tempfile.mkstemp(suffix=".json")[1])
     begun = time.monotonic()
     code, by = run_tests([file], 600.0, (module, found))

@@ -1,4 +1,4 @@
-"""Identification against structures whose modes are known."""
+"""Identification of structures with known modes."""
 
 from dataclasses import replace
 from functools import cache

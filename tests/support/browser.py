@@ -31,7 +31,7 @@ class Tab:
         self._session = {"sessionId": self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]}
 
     def call(self, method: str, **params: Any) -> dict[str, Any]:
-        """Have something done; return what it gives."""
+        """Call a method; return its result."""
         self._n += 1
         asked = {"id": self._n, "method": method, "params": params} | self._session
         os.write(self._ask, json.dumps(asked).encode() + b"\0")
@@ -41,7 +41,7 @@ class Tab:
         return dict(answer["result"])
 
     def value(self, expression: str) -> Any:
-        """Return what an expression is in the page."""
+        """Return the value of an expression in the page."""
         return self.call("Runtime.evaluate", expression=expression, returnByValue=True)["result"].get("value")
 
     def until(self, expression: str) -> None:
@@ -62,7 +62,7 @@ class Tab:
 
 @contextmanager
 def browser_tab(folder: Path) -> Iterator[Tab]:
-    """Run a browser whose profile is in a folder."""
+    """Run a browser with its profile in a folder."""
     (its_in, ask), (hear, its_out) = os.pipe(), os.pipe()
     moved = [fcntl.fcntl(handle, fcntl.F_DUPFD_CLOEXEC, 20) for handle in (its_in, its_out)]  # off 3 and 4
     places = [(os.POSIX_SPAWN_DUP2, handle, 3 + k) for k, handle in enumerate(moved)]  # where it reads and writes

@@ -1,4 +1,4 @@
-"""Scripts of the tests' own, run as processes that are told and tell a line at a time."""
+"""Scripts of the tests, run as processes that exchange lines."""
 
 import os
 import subprocess

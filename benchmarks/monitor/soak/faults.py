@@ -1,4 +1,4 @@
-"""What befalls the monitor in a soak, when, and by which word its history has to name it."""
+"""Faults of the monitor in a soak: their times, and the event that names each in the history."""
 
 import json
 import os
@@ -23,7 +23,7 @@ _STILL = 1.0  # s without a line of the rig's ledger, which has twenty a second
 
 
 class Soak(Protocol):
-    """What faults are done to."""
+    """The running soak on which faults act."""
 
     folder: Path
     monitor: psutil.Process
@@ -39,7 +39,7 @@ class Soak(Protocol):
         ...
 
     def webhook(self, *, up: bool, hostile: str = "") -> None:
-        """Have notices taken, refused, or answered by what harms: "retry" or "trickle"."""
+        """Let notices be accepted, refused, or answered by a hostile reply: "retry" or "trickle"."""
         ...
 
     def reload(self, more: str = "") -> None:
@@ -74,12 +74,12 @@ class Fault:
 
 
 def _limit(soak: Soak, size: int) -> None:
-    """Let no file of the monitor grow beyond a size: what a full disk does to a write."""
+    """Limit the size of all files of the monitor: the effect of a full disk on a write."""
     resource.prlimit(soak.monitor.pid, resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
 
 
 class Locked:
-    """The history's database, locked by somebody else."""
+    """The history's database, locked by another process."""
 
     def __init__(self) -> None:
         self._held: sqlite3.Connection | None = None
@@ -116,7 +116,7 @@ def _plugged(what: str, device: str, at: float, seconds: float, how: str = "plug
 
 
 def _hostile(kind: str, at: float, device: str) -> tuple[Fault, Fault]:
-    """Return a fault of the webhook, and a device that is unplugged amid it, so that there is something to tell."""
+    """Return a fault of the webhook, with a device unplugged during it, so that there is an event to send."""
 
     def begin(soak: Soak) -> None:
         soak.webhook(up=False)
@@ -280,7 +280,7 @@ class Spell:
     ended: int
 
     def may_lose(self, device: str, time_ns: int) -> bool:
-        """Tell whether a scan that a device took at a time may be missing for it."""
+        """Return whether a scan taken by a device at a time may be missing because of it."""
         if self.fault.device not in (ANY, device):
             return False
         first, last = self.begun - int(self.fault.before * 1e9), self.ended + int(self.fault.after * 1e9)
@@ -295,7 +295,7 @@ def _times(fault: Fault, seconds: float) -> list[float]:
 
 
 def by_rig(folder: Path, seconds: float) -> list[Spell]:
-    """Return what the rig has done by its own clocks in a soak of a length [s]."""
+    """Return the events of the rig by its own clocks in a soak of a length [s]."""
     spells = []
     for fault in FAULTS:
         if fault.by_rig and fault.device:
@@ -306,7 +306,7 @@ def by_rig(folder: Path, seconds: float) -> list[Spell]:
 
 
 def stood_still(folder: Path) -> list[Spell]:
-    """Return when the rig had no processor: its devices are silent then, and drop what finds their lines full."""
+    """Return the periods without processor time for the rig: its devices are silent then, and drop scans."""
     with (folder / LEDGER).open(encoding="utf-8") as file:
         times = [int(json.loads(line)["time"]) for line in file]
     fault = Fault(what="the rig stood still", at=0.0, seconds=0.0, device=ANY, after=3.0)

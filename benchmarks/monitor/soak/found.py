@@ -1,4 +1,4 @@
-"""What a soak has left: the scans in the logs, each by its number, and the faults in the history, each by its word."""
+"""Results of a soak: the scans in the logs, each by its number, and the faults in the history, each by its event."""
 
 import json
 import sqlite3
@@ -12,7 +12,7 @@ from daq import Block, read_log
 
 
 def numbers(folder: Path, axes: dict[str, int]) -> dict[str, np.ndarray]:
-    """Return the numbers that the scans in the logs carry, device by device, as they stand there."""
+    """Return the numbers of the scans in the logs, device by device, in the order of the logs."""
     found: dict[str, list[np.ndarray]] = {name: [] for name in axes}
     for path in sorted((folder / "log").glob("*.mcap"), key=lambda path: path.name):
         for item in read_log(path):

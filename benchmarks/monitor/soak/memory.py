@@ -1,4 +1,4 @@
-"""Whether the memory of the monitor's processes is flat: what a soak's last hour shows of it."""
+"""Growth of the memory of the monitor's processes in the last hour of a soak."""
 
 from dataclasses import dataclass, field
 
@@ -33,8 +33,8 @@ class Series:
     def growth(self) -> tuple[float, float] | None:
         """Return the slope of the lowest memory in each cycle of the last hour, and its standard deviation [1/h].
 
-        What comes and goes within a cycle - files, windows, what waits while a fault lasts - does not count, what
-        stays does. None if the process has not lived that long.
+        Temporary memory of a cycle - files, windows, queues during a fault - does not count, lasting memory does. None
+        if the process has not run that long.
         """
         lows = self.lows()
         if lows is None:
@@ -56,7 +56,7 @@ class Series:
 
 
 def judged(seen: list[Series]) -> tuple[list[str], bool | None]:
-    """Return a row for what was there all through the last hour, and whether all is flat; None if the first was not."""
+    """Return a row for each process of the whole last hour, and whether all are flat; None without the first."""
     if seen[0].lows() is None:
         return [], None
     rows: list[str] = []

@@ -1,4 +1,4 @@
-"""The rig of the soak: a T-frame that moves, emulated accelerometers on ptys whose every scan says which one it is.
+"""Rig of the soak: a moving T-frame, emulated accelerometers on ptys with the number of the scan in every scan.
 
     python soak_rig.py FOLDER N SECONDS MASS_AT
 
@@ -50,14 +50,14 @@ def first_sampled(folder: Path, name: str) -> int:
 
 
 class Numbered:
-    """What a device measures, with the number of the scan on the axis that is not analysed."""
+    """Motion measured by a device, with the number of the scan on the axis that is not analysed."""
 
     def __init__(self, source: object, axes: str) -> None:
         self._source, self._axis = source, next(i for i, axis in enumerate("xyz") if axis not in axes)
         self.taken = 0
 
     def start(self, time: int, rate: float) -> None:
-        """Begin, or begin anew."""
+        """Start, or start again."""
         self._source.start(time, rate)  # type: ignore[attr-defined]
 
     def read(self, index: int, n: int) -> IntArray:
@@ -112,7 +112,7 @@ class Rig:
         return [LineSpell(what=what, at=t, seconds=seconds) for t in begins if t + seconds + MIN < self._seconds]
 
     def obey(self, line: str) -> None:
-        """Do what a line says."""
+        """Execute a command line."""
         what, _, name = line.partition(" ")
         if what == "unplug":
             (self._folder / name).unlink()

@@ -1,8 +1,8 @@
 """The monitor through every fault of a rig's life: nothing lost that was there to be had, memory flat, all of it named.
 
-A real `modalwatch run` - viewer, pages, notices, history and all - on emulated accelerometers in a process of their
-own, in real time, with the faults of soak_faults.py once in ten minutes. Afterwards every scan that a device took is
-looked for in the logs by the number that it carries; what is missing must have been taken while a fault kept it away.
+A real `modalwatch run` - viewer, pages, notices, history - on emulated accelerometers in a separate process, in real
+time, with the faults of soak_faults.py once in ten minutes. Afterwards every scan that a device took is looked up in
+the logs by its number; a missing one must have been taken during a fault that prevents its recording.
 
     python benchmarks/monitor/soak/run.py [--minutes 10] [--devices 6] [--keep DIR]
 
@@ -48,7 +48,7 @@ _END = 0.5  # s before the end: what is on its way then
 
 
 def free_port() -> int:
-    """Return a port that nobody uses, nor the next one."""
+    """Return a port that is free, as is the next one."""
     while True:
         with socket.socket() as one, socket.socket() as two:
             one.bind(("127.0.0.1", 0))
@@ -67,7 +67,7 @@ class Hook(http.server.BaseHTTPRequestHandler):
     hostile: str
 
     def do_POST(self) -> None:
-        """Keep what is received, or answer by a hostile reply."""
+        """Keep the received data, or send a hostile reply."""
         if self.hostile == "retry":
             self.send_response(503)
             self.send_header("Retry-After", "Wed, 21 Oct 99999999999 07:28:00 GMT")
@@ -87,7 +87,7 @@ class Hook(http.server.BaseHTTPRequestHandler):
         self.end_headers()
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Print nothing."""
 
 
 class Life:
@@ -141,7 +141,7 @@ class Soak:
         self._rig.stdin.flush()
 
     def webhook(self, *, up: bool, hostile: str = "") -> None:
-        """Have notices taken, refused, or answered by what harms: "retry" or "trickle"."""
+        """Let notices be accepted, refused, or answered by a hostile reply: "retry" or "trickle"."""
         if up:
             handler = type("Kept", (Hook,), {"texts": self.told, "hostile": hostile})
             self._hook = http.server.ThreadingHTTPServer(("127.0.0.1", self._hook_port), handler)
@@ -164,7 +164,7 @@ class Soak:
         (self.folder / "site.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
     def start_monitor(self) -> None:
-        """Start the monitor, and wait until it says that it has started."""
+        """Start the monitor, and wait until it reports that it has started."""
         path = str(self.folder / "notify")
         Path(path).unlink(missing_ok=True)
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
@@ -215,7 +215,7 @@ class Soak:
             self._ask()
 
     def _look_at_held(self, life: Life) -> None:
-        """Note what the monitor says that it has in use."""
+        """Record the memory that the monitor reports."""
         status = read_status(self.folder / "state" / FILE_NAME)
         if status and status.pid == self.monitor.pid:
             blocks, heap = life.held
@@ -223,7 +223,7 @@ class Soak:
             heap.note(time.monotonic() - self._started, status.memory_use["heap_bytes"] / 1e6)
 
     def _role(self, process: psutil.Process) -> str:
-        """Return what a process is of the monitor's; nothing if that is not known yet."""
+        """Return the role of a process of the monitor; empty if it is not known yet."""
         roles = {None: "analysis", self.viewer_port: "view", self.web_port: "pages"}
         if process == self.monitor:
             return "monitor"
@@ -246,7 +246,7 @@ class Soak:
         self.web_codes[code] = self.web_codes.get(code, 0) + 1
 
     def metrics(self) -> dict[str, float]:
-        """Return what the monitor says of itself."""
+        """Return the metrics of the monitor."""
         text = httpx.get(f"http://127.0.0.1:{self.web_port}/metrics", timeout=10.0, trust_env=False).text
         pairs = (line.rsplit(" ", 1) for line in text.splitlines() if line.startswith("modalwatch_"))
         return {name: float(value) for name, value in pairs}
@@ -277,7 +277,7 @@ def structure(n: int) -> str:
 
 
 def soaked(folder: Path, n: int, seconds: float) -> bool:
-    """Go through it, print the tables; tell whether all is as it should be."""
+    """Run the soak, print the tables; return whether all results are as required."""
     soak = Soak(folder, n, seconds)
     soak.webhook(up=True)
     soak.write_site()
@@ -298,7 +298,7 @@ def soaked(folder: Path, n: int, seconds: float) -> bool:
 def report(
     soak: Soak, spells: list[Spell], said: dict[str, float], ended: tuple[int, int, float], n: int, seconds: float
 ) -> bool:
-    """Print what came of it."""
+    """Print the results."""
     code, end, rig_cpu = ended
     print(f"\n{3 * n} channels at 1000 Hz, {2 * n} of them analysed, {seconds / 60:.0f} minutes\n")
     print("| fault | seconds | named in the history |\n| --- | ---: | --- |")

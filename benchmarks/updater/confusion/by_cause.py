@@ -1,4 +1,4 @@
-"""The loop of benchmarks that ask more of some cells of the confusion matrix: draw, ask, count, print a row a cell."""
+"""Loop of benchmarks on single cells of the confusion matrix: draw, diagnose, count, print one row per cell."""
 
 import argparse
 from collections.abc import Callable, Iterable, Iterator
@@ -10,19 +10,19 @@ from tests.examiner.path import answer
 
 
 class Tally(Protocol):
-    """What has been seen of one cause."""
+    """Counts of one cause."""
 
     def count(self, found: dict[str, Any], hidden: Hidden) -> None:
         """Add one answer."""
         ...
 
     def cells(self, name: str) -> Iterator[str]:
-        """Say it as cells of a table."""
+        """Return them as cells of a table."""
         ...
 
 
 def print_rows(what: str | None, cells: Iterable[str], tally: Callable[[], Tally], *, head: str, seed: int) -> None:
-    """Draw and print; `what` says what for, `seed` is the first unless the command line names another."""
+    """Draw and print; `what` is the title, `seed` the first one unless the command line has another."""
     parser = argparse.ArgumentParser(description=what, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=20, help="of each cause")
     parser.add_argument("--seed", type=int, default=seed)

@@ -1,9 +1,10 @@
-"""The confusion matrix of `diagnose`, from modes: what was done against what was said, and how far off.
+"""Confusion matrix of `diagnose`, from modes: true against stated causes, with errors of size and position.
 
-Every draw is a specimen of its own, by a finite element code of its own (tests/examiner, which imports nothing of
-what it judges): another element, theory and mesh, weld, cables, sensors' masses, sensors off their places and turned,
-gains scattered; or a solid bar by scikit-fem. Results are appended to a file as they come, and a run goes on where the
-last one ended, unless the code that is judged has changed since. Prints tables of docs/diagnosis.md and the misses.
+Every draw is a separate specimen, by an independent finite element code (tests/examiner, which imports nothing of the
+code under test): another element, theory and mesh, weld, cables, sensors' masses, sensors off their positions and
+turned, gains scattered; or a solid bar by scikit-fem. Results are appended to a file as they are computed, and a run
+continues where the last one ended, unless the code under test has changed since. Prints tables of docs/diagnosis.md and
+the misses.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/confusion/modes.py [--draws N] [--nulls N] [--minutes M]
 [--noise law|coarse] [--seed S] [--cells CELL ... | --elsewhere | --built | --far] [--file FILE],
@@ -47,7 +48,7 @@ def tasks_of(cells: list[str], draws: int, nulls: int, seed: int, noise: str) ->
 
 
 def main() -> int:
-    """Run what is missing and print the tables."""
+    """Run the missing cases and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=100, help="of each cell")
     parser.add_argument("--nulls", type=int, default=300, help="draws of nothing")

@@ -1,7 +1,7 @@
 """The confusion matrix of `diagnose` from accelerations: shaken, recorded, logged, identified, tracked, diagnosed.
 
-The draws are those of benchmarks/updater/confusion/modes.py, on specimens that several cells share (their record from
-before is one). Wind at eight places, an anti-alias filter, noise, quantization. A run goes on where the last one ended.
+The draws are those of benchmarks/updater/confusion/modes.py, on specimens that several cells share (with one record
+from before). Wind at eight places, an anti-alias filter, noise, quantization. A run continues where the last one ended.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/confusion/records.py [--draws N] [--seconds S ...]
 [--minutes M] [--seed S] [--cells CELL ...] [--file FILE], or make bench-confusion-records
@@ -48,7 +48,7 @@ def usual(which: str, seed: int, seconds: float) -> Observation:
 
 
 def before(case: Case, seconds: float) -> Observation:
-    """Observe the specimen before; anew where it was not as it was drawn."""
+    """Record the specimen before the change; again where it was not in its drawn state."""
     which, _, _ = case.cell.rpartition(": ")
     if _same(case.done.before, specimen(which, case.seed)[0]):
         return usual(which, case.seed, seconds)
@@ -60,7 +60,7 @@ def _same(one: State, other: State) -> bool:
 
 
 def after(case: Case, seconds: float) -> Recording:
-    """Record what has become of it, one state after another where it does not stay the same."""
+    """Record it after the change, one state after another where it does not stay the same."""
     random = np.random.default_rng((case.seed, 9))
     states = case.done.wandering or (case.done.after,)
     return joined([recorded(state, seconds / len(states), random) for state in states])
@@ -81,7 +81,7 @@ def judged(task: Task) -> Result:
 
 
 def main() -> int:
-    """Run what is missing and print the tables."""
+    """Run the missing cases and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--draws", type=int, default=5, help="specimens")
     parser.add_argument("--seconds", type=int, nargs="+", default=[120, 600], help="lengths of the records")

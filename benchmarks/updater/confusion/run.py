@@ -22,7 +22,7 @@ _MAX_DRAWS = 1000  # of a cell in one run
 
 
 def known_cells() -> list[str]:
-    """Return the cells whose causes the catalogue has; what stands in none belongs to every matrix."""
+    """Return the cells whose causes are in the catalogue; changes outside the catalogue belong to every matrix."""
     return [
         c
         for c in CELLS

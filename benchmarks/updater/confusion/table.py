@@ -35,7 +35,7 @@ class Result(BaseModel):
 
 
 def version() -> str:
-    """Return a digest of the code that is judged and of what judges it."""
+    """Return a digest of the code under test and of the code that tests it."""
     files = [*ROOT.glob("updater/**/*.py"), *ROOT.glob("tests/examiner/**/*.py"), *ROOT.glob("monitor/analysis/*.py")]
     digest = hashlib.sha256()
     for path in sorted(files):
@@ -44,7 +44,7 @@ def version() -> str:
 
 
 def read_results(path: Path, code: str) -> list[Result]:
-    """Read what a file holds of this version of the code; an unfinished last line is passed over."""
+    """Read the results of this version of the code from a file; an unfinished last line is skipped."""
     if not path.exists():
         return []
     found = []

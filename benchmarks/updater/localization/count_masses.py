@@ -1,8 +1,8 @@
 """Reliability of the number of masses that `locate_masses` states: its probability against the share that is right.
 
-One, two or three masses, equally often, on models that share nothing with the one that must count them: the examiner's
-T-frame with frequencies and shapes, and a Ritz model of a cantilever with frequencies alone. Results are appended to a
-file as they come, and a run goes on where the last one ended.
+One, two or three masses, equally often, on models that share nothing with the one under test: the examiner's T-frame
+with frequencies and shapes, and a Ritz model of a cantilever with frequencies alone. Results are appended to a file as
+they are computed, and a run continues where the last one ended.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/count_masses.py [--cases N] [--seed S]
 [--minutes M] [--only LINE ...] [--file FILE] [--processes N], or make bench-counting
@@ -38,7 +38,7 @@ MIN = 1e-6  # probability, in logarithms
 
 
 def counted(task: tuple[str, int, int, int]) -> dict[str, Any]:
-    """Return what is stated of one case."""
+    """Return the stated numbers of one case."""
     line, number, case, seed = task
     random = np.random.default_rng((seed, LINES.index(line), number, case))
     what, how = line.split()
@@ -164,7 +164,7 @@ def _reliability(stated: FloatArray, number: IndexArray) -> str:
 
 
 def main() -> int:
-    """Count what is missing and print the tables."""
+    """Compute the missing cases and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=60, help="of each number in each line")
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""How near one added mass is placed and weighed, from modes with known noise, over a thousand random places a line.
+"""Accuracy of position and mass of one added mass, from modes with known noise, at a thousand positions per line.
 
 Every place is on one of ten true frames that differ from the reference in kind, with a baseline of its own that is as
 noisy as the event. Prints tables of docs/localization.md.
@@ -32,7 +32,7 @@ STRUCTURE = t_frame()
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """What is measured in one line of a table."""
+    """Conditions of one line of a table."""
 
     said: str
     shares: tuple[float, ...] = SHARES  # of the structure's mass, in turn
@@ -172,7 +172,7 @@ def case(line: Line, number: int) -> Case:
 
 
 def place(line: Line, mass: float, random: np.random.Generator) -> Placed:
-    """Return a body as the line wants it."""
+    """Return a body as the line requires."""
     if line.at is None:
         return draw(STRUCTURE, mass, random)
     name, distance = line.at

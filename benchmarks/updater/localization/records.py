@@ -1,4 +1,4 @@
-"""How near one added mass is placed and weighed from accelerations: simulated, logged, read, identified, located.
+"""Accuracy of position and mass of one added mass from accelerations: simulated, logged, read, identified, located.
 
 Ten true frames (10 mm Timoshenko elements, flexible foot and joint, E and density off, gains, damping and forces of
 their own, sensor noise, quantization) teach references by eight windows each; one window shows each of the bodies.
@@ -34,7 +34,7 @@ STRUCTURE = parse_structure(t_structure_toml())
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """A true frame with what its baseline taught."""
+    """A true frame with its learned baseline."""
 
     rig: Rig
     limit: Limit
@@ -68,7 +68,7 @@ def watched(frame: int, seconds: float) -> Watched:
 
 
 def judged(here: Watched, number: int, seconds: float) -> Judged | None:
-    """Hang a body somewhere, measure one window, locate; None if no answer is given."""
+    """Add a body at a random position, measure one window, locate; None without an answer."""
     random = np.random.default_rng((here.rig.seed, number))
     placed = draw(STRUCTURE, SHARES[number % len(SHARES)] * TOTAL, random)
     (window,) = read_back(replace(here.rig, body=(placed.body,)).record(number + 1, seconds), seconds)

@@ -1,4 +1,4 @@
-"""How often masses that came together are counted rightly, and how near the worse of them is placed.
+"""Share of several masses that are counted correctly, and the position error of the worse one.
 
 Plain masses of 2 to 4 % of the structure each, anywhere, at least 0.3 m apart, on the true frames and with the noise of
 benchmarks/updater/localization/modes.py. Prints a table.
@@ -45,7 +45,7 @@ HEAD = (
 
 @dataclass(frozen=True)
 class Counted:
-    """What was found of one case."""
+    """Result of one case."""
 
     right: bool
     seen: bool  # whether each of the masses by itself would show in the frequencies
@@ -88,7 +88,7 @@ def one(task: tuple[str, int, int]) -> Counted:
 
 
 def shown(placed: Placed, here: Frame, line: Line) -> bool:
-    """Tell whether a mass by itself moves the frequencies by five standard deviations in all, to first order."""
+    """Return whether a mass alone moves the frequencies by five standard deviations in total, to first order."""
     moved = (here.truth.model().read(point(placed))[:3] @ here.bare.shape) ** 2
     shift = 0.5 * placed.mass * moved.sum(0)
     return bool(np.linalg.norm(shift / (np.sqrt(2) * line.frequency_std(here.bare.frequency))) > SHOWN)

@@ -1,4 +1,4 @@
-"""A measured cantilever with six masses, one or two taken off: what a beam model gets wrong, and which ones they were.
+"""A measured cantilever with six masses, one or two removed: errors of a beam model, and the removed masses.
 
 Prints the tables of docs/beam_six_masses.md; FOLDER holds frf.npz and mass_positions_cm.csv.
 
@@ -49,7 +49,7 @@ MEASURED, PLAINLY, FULLY = "#263238", "#ef6c00", "#1565c0"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Heldout:
-    """What a model said of layouts that it was not fitted to."""
+    """Predictions of a model for layouts that it was not fitted to."""
 
     mean: FloatArray  #: (n, 5) measured less predicted ln f, mean of both states
     shift: FloatArray  #: (n, 5) predicted
@@ -61,7 +61,7 @@ class Heldout:
 
 
 def main(folder: Path, picture: Path | None) -> None:
-    """Ask the data for the mass, the simulation for its error, and other layouts whether that was right."""
+    """Estimate masses, errors of the simulation, and check both on other layouts."""
     measured, both, beam = read_layouts(folder), read_layouts(folder, state="5.92"), Cantilever()
     print_measured(measured)
     off = print_which(measured)
@@ -83,7 +83,7 @@ def main(folder: Path, picture: Path | None) -> None:
 
 
 def print_measured(measured: Layouts) -> None:
-    """Print frequencies, shifts and what they scatter by."""
+    """Print frequencies, shifts and their scatter."""
     noise = measured.noise()
     print("| mode | all on [Hz] | one off [Hz] | shift [%] | its scatter [%] | not by places [%] |")
     print("| --- | --- | --- | --- | --- | --- |")
@@ -106,7 +106,7 @@ def print_which(measured: Layouts) -> int:
 
 
 def search(beam: Cantilever, measured: Layouts, off: int, model_error: float) -> tuple[Fitted, Fitted]:
-    """Extend the plain beam by what brings the most evidence, until nothing brings enough; return first and last."""
+    """Extend the plain beam by the cause with the most evidence, until none has enough; return first and last."""
     plain = fitted(beam, Hypothesis(free=PLAIN, off=off), measured, model_error=model_error)
     best, n_data = plain, 2 * measured.shift.size
     print(f"\nmodel error {100 * model_error:.1f} % of each frequency")
@@ -129,7 +129,7 @@ def search(beam: Cantilever, measured: Layouts, off: int, model_error: float) ->
 
 
 def print_parameters(best: Fitted) -> None:
-    """Print what the extended beam's parameters are."""
+    """Print the parameters of the extended beam."""
     print("\n| parameter | found | prior |\n| --- | --- | --- |")
     for name, value in best.values.items():
         scale, unit = UNITS.get(name, (1.0, ""))
@@ -195,7 +195,7 @@ def print_gain(measured: Layouts, before: Heldout, after: Heldout) -> None:
 
 
 def print_written(beam: Cantilever, measured: Layouts, best: Fitted) -> None:
-    """Print what the extended structure file says of the first layout: modes used, and modes that were not."""
+    """Print the results of the extended structure file for the first layout: modes used, and modes that were not."""
     structure = beam.written_out(best.values, measured.place[0], np.ones(6))
     model = build_model(structure, shear_flexible=True, mass="consistent")
     modes = model.modes(16)
@@ -269,7 +269,7 @@ def changed(found: BodySelection) -> list[tuple[float, float]]:
 
 
 def print_command(words: str, beam: Cantilever, measured: Layouts, fit: Fitted) -> None:
-    """Print what `modalwatch diagnose` says of two tables of frequencies, the means of all layouts in each state."""
+    """Print the answer of `modalwatch diagnose` to two tables of frequencies, the means of all layouts."""
     noise = measured.noise()[1] / np.sqrt(2 * len(measured.place))  # of each state, of which the shift has twice
     with TemporaryDirectory() as folder:
         structure = beam.written_out(fit.values, measured.place.mean(axis=0), np.ones(6))

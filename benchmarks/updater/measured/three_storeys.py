@@ -1,4 +1,4 @@
-"""A measured frame of three floors with documented masses: what modes say of the masses, and what a simulation misses.
+"""A measured frame of three floors with documented masses: masses from modes, and the errors of a simulation.
 
 Prints the tables of docs/soton.md; FOLDER holds acc_frf_force_floor1.csv ... 3.csv.
 
@@ -21,7 +21,7 @@ MEASURED, BEFORE, AFTER = "#263238", "#ef6c00", "#1565c0"
 
 
 def main(folder: Path, picture: Path | None) -> None:
-    """Say what the responses give, what the masses are, and what the simulation gets wrong."""
+    """Print the results of the responses, the masses, and the errors of the simulation."""
     frame, structure = read_frame(folder), simulation()
     print_modes(frame, structure)
     masses = frame.floor_masses()
@@ -34,7 +34,7 @@ def main(folder: Path, picture: Path | None) -> None:
 
 
 def explain(frame: Frame, structure: Structure) -> DiagnosisResult:
-    """Ask the catalogue of causes what the simulation gets wrong."""
+    """Search the catalogue of causes for the errors of the simulation."""
     tracked = stack_tracks(frame.estimates(), [np.arange(3)] * 3)
     reference = nominal_reference(structure, tracked, n_modes=12)
     return diagnose(reference, matched(reference.baseline, reference.mean_of(tracked)))
@@ -57,7 +57,7 @@ def print_modes(frame: Frame, structure: Structure) -> None:
 
 
 def print_masses(frame: Frame, masses: ModalMass) -> None:
-    """Print the mass matrix beside what is documented, by all tests and by each."""
+    """Print the mass matrix with the documented one, by all tests and by each."""
     print("\n| kg | floor 1 | floor 2 | floor 3 |\n| --- | --- | --- | --- |")
     for k in range(3):
         row = [f"{v:.2f} ± {s:.2f}" for v, s in zip(masses.value[k], masses.std[k], strict=True)]
@@ -72,12 +72,12 @@ def print_masses(frame: Frame, masses: ModalMass) -> None:
 
 
 def _reach(frame: Frame, masses: ModalMass) -> FloatArray:
-    """Return half the 95 % interval of each floor's mass (3,): as many tests tell a deviation as are there."""
+    """Return half the 95 % interval of each floor's mass (3,) by Student's distribution for the number of tests."""
     return np.asarray(student.ppf(0.975, len(frame.resonances) - 1) * np.diag(masses.std))
 
 
 def print_stiffness(frame: Frame, structure: Structure) -> None:
-    """Print the storeys' stiffness that the modes need with the documented masses, beside the legs'."""
+    """Print the storeys' stiffness required by the modes with the documented masses, and the legs'."""
     measured = frame.normalised().mean(axis=0)
     left, _, right = np.linalg.svd(measured)
     shape = left @ right / np.sqrt(FLOOR)  # the nearest modes that the documented masses make orthonormal
@@ -90,7 +90,7 @@ def print_stiffness(frame: Frame, structure: Structure) -> None:
 
 
 def print_diagnosis(explained: DiagnosisResult) -> None:
-    """Print what the catalogue says."""
+    """Print the answer of the catalogue."""
     found = explained.diagnosis
     print(f"\n{found.verdict}")
     for cause in found.causes:

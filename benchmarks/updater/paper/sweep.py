@@ -40,7 +40,7 @@ STRETCHES = {  # member, from, to [m]: 304 g at location 1, smeared ever farther
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Told:
-    """What the update says of one event."""
+    """Results of the update for one event."""
 
     totals: FloatArray  #: (3,) over the true mass [-]
     away: float  #: of the largest relative increment from the mass [m]
@@ -82,7 +82,7 @@ def equal_stiffness(rig: Rig, loaded: list[Body]) -> float:
 
 
 def tell(rig: Rig, reference: Reference, bodies: list[Body], noise: float, seed: int) -> Told:
-    """Return what is said of bodies added to a rig's frame."""
+    """Return the results for bodies added to a rig's frame."""
     mass = sum(body.mass for body in bodies)
     centre = np.array([body.mass * np.array(body.at) for body in bodies]).sum(0) / mass
     model = build_model(rig.truth.structure.with_bodies(bodies), shear_flexible=True, mass="consistent")
@@ -105,7 +105,7 @@ Case = tuple[list[Told], list[Told]]
 
 
 def case(rigs: list[Rig], bodies: list[Body]) -> Case:
-    """Return what is said in all frames, next to no noise first."""
+    """Return the results in all frames, those with almost no noise first."""
     quiet, noisy = [], []
     for i, rig in enumerate(rigs):
         silent = rig.relearnt(rig.windows(rig.bare, N_BASELINE, 1, NEXT_TO_NONE))
@@ -137,7 +137,7 @@ HEAD = (
 def by_modes(place: str, kilograms: float) -> list[tuple[int, FloatArray, float]]:
     """Return totals over the mass and how far off the peak is, by how many of the model's own exact modes are put in.
 
-    Nothing is measured or expanded here: what is left is eqs 7 and 14 themselves.
+    Nothing is measured or expanded here: only eqs 7 and 14 remain.
     """
     model = build_model(t_frame())
     weighed = np.flatnonzero(model.mass.diagonal() > 0)

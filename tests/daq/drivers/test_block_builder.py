@@ -1,4 +1,4 @@
-"""Scans into blocks: gaps exact, false counters harmless, indices that go on over a restart."""
+"""Scans into blocks: exact gaps, harmless false counters, indices that continue over a restart."""
 
 import itertools
 from collections.abc import Iterable, Iterator
@@ -19,7 +19,7 @@ N = 250
 def cut(
     index: IntArray, reads: Iterable[int], *, first_counter: int = 65_400, blocks: BlockBuilder | None = None
 ) -> Iterator[Block]:
-    """Yield blocks of scans whose counts are their indices, read so many at a time, 0.2 ms after the last one."""
+    """Yield blocks of scans whose counts are their indices, a number per read, 0.2 ms after the last one."""
     blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N) if blocks is None else blocks
     start = now = 0
     for n in reads:

@@ -1,4 +1,4 @@
-"""What is connected: ports by the names that stay, and who answers at them."""
+"""Connected devices: ports by their lasting names, and the devices that respond at them."""
 
 import os
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_port_in_use_is_left_alone() -> None:
 
 @pytest.mark.live
 def test_modem_is_no_device_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
-    """It echoes what it hears, and answers every line."""
+    """It echoes every line, and responds to it."""
     monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200,))
     monkeypatch.setattr("daq.drivers.serial.node._HELLO_SECONDS", 0.3)
     with pty() as (line, path):

@@ -1,4 +1,4 @@
-"""What every driver of a port or a bus promises, against its emulated device in another process."""
+"""Contract of every driver of a port or a bus, tested with its emulated device in another process."""
 
 import itertools
 import json
@@ -65,7 +65,7 @@ class Device:
 
     @property
     def where(self) -> str:
-        """What errors begin with, as a pattern."""
+        """Return the start of errors as a pattern."""
         return f"^{re.escape(str(self.place))}: "
 
 
@@ -111,7 +111,7 @@ def scans_of(driver: Driver, n: int, temperature: float) -> tuple[IntArray, IntA
 
 
 def check_stream(driver: Driver, rate: float, temperature: float) -> None:
-    """Read a ramp: scan k is (k, -k, 3 k), and the counter goes on with it."""
+    """Read a ramp: scan k is (k, -k, 3 k), and the counter increases with it."""
     counts, counter = scans_of(driver, round(rate / 5), temperature)
     assert counts.dtype == counter.dtype == np.int32
     k = counts[0, 0] + np.arange(len(counts), dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Drivers of others: a distribution that is installed brings one, and what it may get wrong."""
+"""Drivers of others: an installed distribution has one, and its possible errors."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Times are of the motion, not of what a filter lets through later: against a device that filters as hardware does."""
+"""Times are those of the motion, not of the filter's output: tested with a device that filters as hardware does."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,7 +22,7 @@ def motion(t: FloatArray) -> FloatArray:
 
 
 class Sensed:
-    """The motion, through a low-pass that runs at 4000 Hz on what has been, or none."""
+    """The motion, through a low-pass at 4000 Hz, or none."""
 
     def __init__(self, taps: FloatArray) -> None:
         self._taps = taps

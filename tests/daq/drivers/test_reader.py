@@ -1,4 +1,4 @@
-"""What every driver does alike: blocks, gaps, restarts; with a scripted device and a clock that it moves."""
+"""Common behaviour of all drivers: blocks, gaps, restarts; with a scripted device and a clock that it moves."""
 
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,7 +19,7 @@ Step = tuple[float, range | None]  #: (s of data that pass, counters that arrive
 
 @dataclass
 class ScriptedDriver:
-    """A device that does what a list says, and then asks the reader to stop."""
+    """A device that follows a list, and then stops the reader."""
 
     clock: HandClock
     script: list[Step]
@@ -69,7 +69,7 @@ class ScriptedDriver:
 def played(
     script: list[Step], refusals: int = 0, bad: dict[int, int] | None = None, strangers: int = 0, speed: float = 1000.0
 ) -> list[Item]:
-    """Return what a reader hands on."""
+    """Return the items that a reader passes on."""
     clock, items = HandClock(speed=speed), list[Item]()
     driver = ScriptedDriver(clock, script, refusals=refusals, bad=bad or {}, strangers=strangers)
     reader = driver.reader = DeviceReader("beam", driver, RATE, clock, items.append, block_seconds=0.25)
@@ -197,7 +197,7 @@ def test_silent_device_is_lost() -> None:
 
 
 def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
-    """Two tries find a stranger there: said once, not a scan of its taken; then the device is back."""
+    """Another device responds at two attempts: reported once, none of its scans accepted; then the device is back."""
     items = played([*steady(0, 400), (0.1, None), *steady(0, 500)], strangers=2)
     (wrong,) = events_of(items, "wrong_device")
     assert wrong["found"] == {"serial": "S2"}
@@ -205,7 +205,8 @@ def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
 
 
 def arriving(n: int, stalls: dict[int, float]) -> list[Step]:
-    """Return reads of n scans each quarter of a second, for 90 s; what waits during a stall comes at once, in pieces.
+    """Return reads of n scans each quarter of a second, for 90 s; scans that wait during a stall arrive at once, in
+    pieces.
 
     Parameters
     ----------
@@ -228,7 +229,7 @@ def arriving(n: int, stalls: dict[int, float]) -> list[Step]:
 def test_a_device_that_sends_at_another_rate_is_told_once(
     n: int, found: float | None, stalls: dict[int, float]
 ) -> None:
-    """A host that stands still for seconds neither makes it another rate nor hides one."""
+    """A stall of the host for seconds neither looks like another rate nor hides one."""
     expected = [] if found is None else [{"device": "beam", "expected": RATE, "found": pytest.approx(found, rel=0.01)}]
     assert events_of(played(arriving(n, stalls), speed=1.0), "wrong_rate") == expected
 

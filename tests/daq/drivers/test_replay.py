@@ -1,4 +1,4 @@
-"""A log as a device: the same scans, gaps and times once more, and what cannot be played."""
+"""A log as a device: the same scans, gaps and times again, and logs that cannot be played."""
 
 import itertools
 import time
@@ -52,7 +52,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def played(log: Path, devices: str, seconds: float) -> dict[str, list[Item]]:
-    """Return what readers of devices hand on in some seconds of wall time."""
+    """Return the items that readers of devices pass on in some seconds of wall time."""
     clock = ScaledClock(speed=SPEED, origin_wall=time.time_ns(), origin=START)
     items: dict[str, list[Item]] = {device: [] for device in devices}
     readers = [
@@ -146,7 +146,7 @@ def test_device_that_was_lost_is_lost_again_and_goes_on_where_it_did(tmp_path: P
 
 
 def other_version(folder: Path) -> Iterator[tuple[Path, str, float, str]]:
-    """Yield what cannot be played: path, device, rate, why."""
+    """Yield logs that cannot be played: path, device, rate, reason."""
     good = write_log(folder / "good.mcap", [at_time("a", 0), at_time("b", 0)])
     (folder / "text.mcap").write_text("no log")
     write_log(folder / "empty.mcap", [])

@@ -34,7 +34,7 @@ RATE = 1000.0
 
 
 class Steps:
-    """A source whose counts say which scan they are, in steps so wide that their differences wrap."""
+    """A source whose counts contain the number of the scan, in steps so wide that their differences wrap."""
 
     def start(self, time: int, rate: float) -> None:
         """Begin."""

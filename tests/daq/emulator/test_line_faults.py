@@ -134,7 +134,7 @@ def test_what_is_lost_is_counted_to_the_scan_and_told_and_what_comes_twice_is_on
 
 
 class Spoilt(EmulatedNode):
-    """A node whose first hello is lost in what is said at power-on."""
+    """A node whose first hello is lost among the output at power-on."""
 
     def say(self, data: bytes) -> None:
         self.said = getattr(self, "said", 0) + 1
@@ -170,7 +170,7 @@ def test_a_device_that_is_dead_says_nothing_and_hears_nothing() -> None:
 
 
 def answered(device: SerialEmulator, line: int) -> bool:
-    """Serve for a while, and tell whether anything came."""
+    """Serve for a while, and return whether any bytes arrived."""
     for _ in range(50):
         device.serve()
         if select.select([line], [], [], 2e-3)[0]:

@@ -31,12 +31,12 @@ N = 1200
 
 
 def z_of(k: int) -> float:
-    """Return what scan k measures: a sine of 20 Hz, in steps of the sensor."""
+    """Return the value of scan k: a sine of 20 Hz, in steps of the sensor."""
     return round(256 * 3.0 * math.sin(2 * math.pi * 20.0 * k / 400.0)) / 256
 
 
 def traffic(n: int = N) -> list[can.Message]:
-    """Return frames of a sensor whose counter wraps, among frames of others, as cantools encodes them."""
+    """Return frames of a sensor whose counter wraps, among frames of others, as encoded by cantools."""
     database = load_string(FILE.read_text(), "dbc")
     assert isinstance(database, Database)
     found = []

@@ -1,4 +1,4 @@
-"""Files of measurements: what they hold comes out of the log again, and every mistake names its line."""
+"""Files of measurements: their content is exported from the log unchanged, and every error names its line."""
 
 import io
 from contextlib import suppress

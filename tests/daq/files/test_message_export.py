@@ -117,7 +117,7 @@ def test_a_log_without_a_scan_and_an_existing_file_are_refused(tmp_path: Path) -
 
 
 def shared(clock: str, seed: int = 5) -> list[Block]:
-    """Return 40 s of two devices whose indices are of one clock, or of each its own, arriving as it happens."""
+    """Return 40 s of two devices whose indices share one clock, or have their own, in the order of arrival."""
     random = np.random.default_rng(seed)
     found = []
     for first in range(0, 4000, 25):

@@ -1,4 +1,4 @@
-"""A disk that is really full, in a process of its own: what was written stays, and recording goes on when it can."""
+"""A disk that is really full, in a separate process: written data remain, and recording continues later."""
 
 import json
 import subprocess
@@ -58,7 +58,7 @@ needs_mount = pytest.mark.skipif(
 
 
 def record(tmp_path: Path, megabytes: float, how: str) -> tuple[dict[str, object], Path]:
-    """Record 400 blocks, 1.5 MB, on a disk of a size; return what was said, and the copied logs."""
+    """Record 400 blocks, 1.5 MB, on a disk of a size; return the messages, and the copied logs."""
     disk, out, script = tmp_path / "disk", tmp_path / "out", tmp_path / "record.py"
     disk.mkdir()
     script.write_text(RECORDER)

@@ -1,4 +1,4 @@
-"""Logs that somebody crafted: stated sizes are checked before memory is taken, and each is one error with its file."""
+"""Crafted logs: stated sizes are checked before memory is taken, and each is one error with its file."""
 
 import io
 import json

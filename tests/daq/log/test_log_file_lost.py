@@ -1,4 +1,4 @@
-"""Files of a log that others move, delete or cut while it is written: a new one is begun, and what was lost is said."""
+"""Files of a log that others move, delete or cut while it is written: a new one is begun, and the loss is reported."""
 
 import shutil
 import time

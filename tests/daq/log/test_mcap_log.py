@@ -1,4 +1,4 @@
-"""The log: what goes in comes out, in order, also from a cut file."""
+"""The log: all items are read back in order, also from a cut file."""
 
 import gc
 import tracemalloc
@@ -131,7 +131,7 @@ def test_stock_reader_reads_a_finished_log(whole: Path) -> None:
 
 
 def test_an_open_log_keeps_little_of_each_chunk(tmp_path: Path) -> None:
-    """Ten bytes a device and 77 of its own are what stands in the file; the stock writer keeps 1300."""
+    """Ten bytes per device and 77 of its own are stored in the file; the stock writer keeps 1300."""
     devices, chunks = [f"device_{k}" for k in range(6)], 300
     tracemalloc.start()
     try:

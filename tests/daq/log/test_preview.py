@@ -1,4 +1,4 @@
-"""The view beside the archive: low-passed, timed as its scans, read by the tools of others, passed over by us."""
+"""The preview in the archive: low-passed, timed as its scans, read by stock tools, skipped by ours."""
 
 import itertools
 import subprocess
@@ -25,7 +25,7 @@ THROUGH = 3e-3  # of a low-pass of 60 dB: ripple and rest together, three times
 
 
 def motion(index: FloatArray) -> FloatArray:
-    """Return what is to be seen (n, 3) [m/s2]."""
+    """Return the motion (n, 3) [m/s2]."""
     return np.stack([np.sin(2 * np.pi * PASSED * index / RATE + axis) for axis in range(3)], axis=1)
 
 

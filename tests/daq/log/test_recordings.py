@@ -34,7 +34,7 @@ def motion(seconds: FloatArray) -> FloatArray:
 def blocks(
     device: str, begin: float, end: float, *, ppm: float = 0.0, origin: float = 0.0, restarted: bool = False
 ) -> list[Block]:
-    """Return what a device took from `begin` to `end` [s after START], in blocks of half a second.
+    """Return the data of a device from `begin` to `end` [s after START], in blocks of half a second.
 
     Its scan k is at `origin` + k / (rate (1 + ppm)); blocks arrive promptly.
     """

@@ -1,4 +1,4 @@
-"""Mending logs: whatever was cut or damaged, every whole chunk is kept and stock readers open what is left."""
+"""Repair of logs: whatever was cut or damaged, every whole chunk is kept and stock readers open the result."""
 
 import resource
 from pathlib import Path
@@ -43,7 +43,7 @@ def stock_count(path: Path) -> int:
 
 
 def before(path: Path) -> list[Item]:
-    """Return what the ordinary reader gives before it meets damage."""
+    """Return the items of the ordinary reader before the damage."""
     found: list[Item] = []
     try:
         found.extend(read_log(path))
@@ -139,7 +139,7 @@ def test_a_log_that_lacks_its_end_gets_it_in_place(whole: Path, rest: bytes) -> 
 
 
 def test_a_damaged_length_does_not_take_all_memory(whole: Path) -> None:
-    """A bit of the length of a chunk's records turned: a terabyte, in a record whose own length is sound."""
+    """One bit of the length of a chunk's records changed: a terabyte, in a record whose own length is valid."""
     content = bytearray(whole.read_bytes())
     at = 8
     while content[at] != 6:  # opcode of a chunk

@@ -1,4 +1,4 @@
-"""Which recorded files go when the disk fills, and that recording goes on."""
+"""Deletion of recorded files when the disk fills, while recording continues."""
 
 import os
 import resource
@@ -57,7 +57,7 @@ DAY = 86400
 
 
 def gone(guard: DiskGuard) -> list[tuple[Path, str]]:
-    """Delete what must go; return it, and why."""
+    """Delete files as required; return them, and the reason."""
     found = []
     while surplus := guard.surplus():
         surplus.path.unlink()

@@ -1,4 +1,4 @@
-"""Packed counts: exact, near the least that there can be, and no byte makes them fail in another way than told."""
+"""Packed counts: exact, near the smallest possible size, and no damaged byte makes them fail in an undocumented way."""
 
 from collections.abc import Callable
 
@@ -59,7 +59,7 @@ packed_ = st.builds(Packed, axes_, starts_, st.lists(st.integers(0, 40), max_siz
 
 
 def told(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
-    """Return what is wrong, as unpacking says it, or with its shape."""
+    """Return the error of unpacking, or the shape."""
     try:
         found = unpacked()
     except ValueError as error:

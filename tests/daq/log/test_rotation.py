@@ -1,4 +1,4 @@
-"""A run in many files: each stands alone, together they hold every item once, and the cut makes no gap."""
+"""A run in many files: each is complete, together they contain every item once, and the cut makes no gap."""
 
 from pathlib import Path
 

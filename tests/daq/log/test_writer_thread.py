@@ -77,7 +77,7 @@ def test_thread_hands_on_when_the_file_cannot_grow(tmp_path: Path) -> None:
 
 
 class _Counted:
-    """A writer that knows how many items it was given, and how many of them it has flushed."""
+    """A writer that counts the items it was given, and those that it has flushed."""
 
     def __init__(self) -> None:
         self.written = self.flushed = 0
@@ -92,7 +92,7 @@ class _Counted:
         self.flushed = self.written
 
     def close(self) -> None:
-        """Leave the count as it is: only flushes in time are asked for."""
+        """Keep the count: only flushes in time are tested."""
 
     abandon = close
 

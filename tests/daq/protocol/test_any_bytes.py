@@ -1,4 +1,4 @@
-"""Whatever comes, from a line, a bus or a file: it is read, or refused by the error that says so, and nothing else."""
+"""Arbitrary bytes from a line, a bus or a file: they are read, or refused by the documented error."""
 
 import os
 from contextlib import suppress
@@ -127,7 +127,7 @@ def test_heartbeats_and_emergencies_say_anything(frames: list[int | bytes]) -> N
 
 @pytest.fixture(scope="module")
 def traffic(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Return what each kind of file holds of a few scans."""
+    """Return the content of each kind of file for a few scans."""
     folder = tmp_path_factory.mktemp("traffic")
     frames = [(0x006, "000{}"), (0x034, "000{}00000000")] * 8
     for ending in CAN_LOGS:
@@ -154,7 +154,7 @@ def test_can_logs(
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """Return what each kind of file holds of a short recording."""
+    """Return the content of each kind of file for a short recording."""
     folder = tmp_path_factory.mktemp("tables")
     recording = Recording(channels=CHANNELS, data=np.arange(20.0)[:, None], rate=10.0, start=0)
     paths = [folder / f"data{ending}" for ending in (".npz", ".mat", ".uff")]

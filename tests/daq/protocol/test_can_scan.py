@@ -48,7 +48,7 @@ def layouts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ScanLayout]:
 
 
 def ramp(n: int) -> np.ndarray[tuple[int, int], np.dtype[np.int32]]:
-    """Return scans (n, 3) that each say their number, which no two near each other share."""
+    """Return scans (n, 3) that each contain their number, different for all neighbours."""
     k = np.arange(n, dtype=np.int32)
     return np.stack([k, -k, 3 * k % 20_000], axis=1)
 
@@ -84,7 +84,9 @@ def test_whole_stream_is_decoded_across_pieces_and_wraps(layouts: dict[str, Scan
 def test_halves_of_two_scans_never_meet(
     layouts: dict[str, ScanLayout], name: str, fate: list[int], burst: int, cuts: list[int]
 ) -> None:
-    """Frames are lost and repeated at will, and a burst is lost; what comes out was sent, in order, with its number."""
+    """Frames are lost and repeated at random, and a burst is lost; all decoded scans were sent, in order, with their
+    number.
+    """
     layout = layouts[name]
     m = len(layout.messages)
     n = (len(fate) + burst) // m + 6

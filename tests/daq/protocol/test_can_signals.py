@@ -1,4 +1,4 @@
-"""Our decoding of signals beside cantools': every place, order, sign and kind; and back."""
+"""Our decoding of signals compared with cantools': every position, order, sign and kind; and back."""
 
 from typing import Any
 
@@ -52,7 +52,7 @@ def theirs(signal: CanSignal) -> Message:
 
 
 def decoded(message: Message, frame: bytes, *, scaling: bool) -> Any:
-    """Return what cantools finds in a frame."""
+    """Return cantools' decoding of a frame."""
     found = message.decode(frame, scaling=scaling)
     assert isinstance(found, dict)
     return found["s"]

@@ -14,7 +14,7 @@ N = 300
 
 
 def scans(first: int, n: int = N) -> IntArray:
-    """Return scans that say their number in every axis, wide enough to wrap differences."""
+    """Return scans with their number in every axis, wide enough to wrap differences."""
     k = (first + np.arange(n)) % MODULUS
     return np.asarray((k[:, None] * [1, -7, 30_011]).astype(np.int32))
 

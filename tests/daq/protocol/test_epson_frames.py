@@ -60,7 +60,7 @@ def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
 
 @dataclass(frozen=True)
 class Damage:
-    """What happens to one frame; `kind` is flip, cut or insert."""
+    """Damage of one frame; `kind` is flip, cut or insert."""
 
     kind: str
     at: int

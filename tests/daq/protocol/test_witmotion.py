@@ -1,4 +1,4 @@
-"""WitMotion's packets: bytes and back, whole and damaged; its driver, and that it is called what it is."""
+"""WitMotion's packets: bytes and back, whole and damaged; its driver, and its identification."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""What the assembler does beyond aligning: outages, bounds, accuracy of its kernel."""
+"""The assembler beyond alignment: outages, bounds, accuracy of its kernel."""
 
 from collections.abc import Iterator
 

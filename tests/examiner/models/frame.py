@@ -46,7 +46,7 @@ class Brace:
 
 @dataclass(frozen=True, kw_only=True)
 class Ground:
-    """Where a bar is held; stiffness along x y z [N/m] and about them [N m/rad], infinite where it cannot move."""
+    """Support of a bar; stiffness along x y z [N/m] and about them [N m/rad], infinite where it cannot move."""
 
     bar: str
     s: float
@@ -67,7 +67,7 @@ class Meeting:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Bars that stand on grounds and meet each other; they have breaks where they do."""
+    """Bars on supports that meet each other; they have breaks at these points."""
 
     bars: tuple[Bar, ...]
     grounds: tuple[Ground, ...]
@@ -85,7 +85,7 @@ class Frame:
         return replace(self, bars=tuple(replace(b, **changes) if b.name == name else b for b in self.bars))
 
     def held(self, bar: str) -> tuple[float, ...]:
-        """Return where a bar stands on the ground [m]."""
+        """Return where a bar is supported [m]."""
         return tuple(g.s for g in self.grounds if g.bar == bar)
 
     def stops(self, bar: str) -> tuple[float, ...]:
@@ -135,7 +135,7 @@ class _Assembly:
         return np.asarray(self.dofs[bar][2 * int(np.argmin(np.abs(self.ends[bar] - s)))])
 
     def _join(self, meeting: Meeting) -> None:
-        """Let both bars' nodes be one in what they share."""
+        """Let both bars' nodes be one in their common directions."""
         one, other = self.node(meeting.bar, meeting.s), self.node(meeting.other, meeting.t)
         shared = np.array([True, True, True, *np.isinf(meeting.about)])
         for keep, drop in zip(one[shared].tolist(), other[shared].tolist(), strict=True):

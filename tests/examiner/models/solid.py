@@ -1,6 +1,6 @@
 """An upright bar as a solid: no beam theory at all, by scikit-fem's 20-node hexahedra with reduced integration.
 
-The bar stands on an elastic bedding; its reference is a beam in a structure file. Sensors sit on vertices of the mesh.
+The bar lies on an elastic bedding; its reference is a beam in a structure file. Sensors are on vertices of the mesh.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""A specimen with all its small errors at once, and what its channels truly do: drawn from a seed."""
+"""A specimen with all its small errors at once, and the true signals of its channels: drawn from a seed."""
 
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -40,7 +40,7 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Scale:
-    """How large a specimen is, over the T-frame, and how it is measured."""
+    """Size of a specimen over the T-frame's, and its measurement."""
 
     length: float = 1.0
     mass: float = 1.0
@@ -120,11 +120,11 @@ class State:
         return np.asarray(self.damping[partner])
 
     def claimed_frequency(self, n_modes: int) -> FloatArray:
-        """Return what a perfect analysis would say [Hz], the clock's error included."""
+        """Return the result of a perfect analysis [Hz], the clock's error included."""
         return self.motion(n_modes).frequency / self.clock
 
     def claimed_shape(self, n_modes: int) -> FloatArray:
-        """Shapes (n_modes, n_channels) as the channels say them, real, without delays, not normalised."""
+        """Shapes (n_modes, n_channels) as measured by the channels, real, without delays, not normalised."""
         found = (self.motion(n_modes).at_sensors * self.gain)[:, self.order]
         found[:, [self.channels.index(c) for c in self.dead]] = 0.0
         return np.asarray(found)
@@ -256,7 +256,7 @@ def mounted(random: Random, device: str, axes: str, bar: str, s: float, *, lengt
 
 
 def _forces(random: Random) -> tuple[Sensor, ...]:
-    """Where the wind pushes, across each bar."""
+    """Positions and directions of the wind, across each bar."""
     found = []
     for bar, length, axes in (("column", _SPAN, (0, 1)), ("crossbeam", 2 * _HALF, (1, 2))):
         for s in random.uniform(0.1, 1.0, 4) * length:

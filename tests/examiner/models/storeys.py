@@ -77,7 +77,7 @@ def toml() -> str:
 
 
 def as_it_stands(seed: int) -> State:
-    """Draw a frame whose feet give 60 kN m/rad and whose joints give 30 to 120 kN m/rad."""
+    """Draw a frame whose feet have 60 kN m/rad and whose joints have 30 to 120 kN m/rad."""
     design = replace(_FILED, meetings=tuple(replace(m, about=(_JOINT,) * 3) for m in _MEETINGS))
     return _with_feet(design.draw(seed), (FOOT, FOOT))
 

@@ -1,4 +1,4 @@
-"""Channels that are left out are said once, those that contain identical samples together."""
+"""Excluded channels are reported once, those that contain identical samples together."""
 
 from types import SimpleNamespace
 from typing import Any

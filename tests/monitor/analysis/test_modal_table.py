@@ -1,4 +1,4 @@
-"""Modes from tables: a cause is found in them as in logs, and what is wrong with a table is said in one line."""
+"""Modes from tables: a cause is found in them as in logs, and an error of a table is one line."""
 
 import csv
 import json
@@ -22,7 +22,7 @@ CHANNELS = t_frame().channels
 
 
 def table(path: Path, estimate: ModalEstimate, *, shapes: bool = True, stds: bool = True) -> Path:
-    """Write what was measured."""
+    """Write the measured modes."""
     names = ["frequency", "damping", *(["frequency_std"] if stds else []), *(CHANNELS if shapes else ())]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
@@ -109,7 +109,7 @@ def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Comma
 def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
     tmp_path: Path, modalwatch: Commands
 ) -> None:
-    """Steel of 260 GPa, and all sensors glued anew, each a little askew."""
+    """Steel of 260 GPa, and all sensors mounted again, each slightly turned."""
     text = t_structure_toml()
     stiff = text.replace("youngs_modulus = 210e9", "youngs_modulus = 260e9")
     assert stiff != text

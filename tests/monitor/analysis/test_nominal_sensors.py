@@ -1,4 +1,4 @@
-"""Faults of the measuring chain named without a reference, beside what the file gets wrong; extended, none is left."""
+"""Faults of the measuring chain named without a reference, together with errors of the file; extended, none is left."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from updater import dump_structure, parse_structure
 
 @pytest.mark.parametrize(("cell", "seed"), few_of([("sensor_delay", 600), ("sensor_polarity", 600)]))
 def test_fault_is_named_without_a_reference_and_the_extended_file_explains_it(cell: str, seed: int) -> None:
-    """The truth is another model: the fault, and what the file has wrong; then fresh windows hold nothing more."""
+    """The truth is another model: the fault, and the errors of the file; then fresh windows contain nothing more."""
     case = draw(cell, seed)
     random = np.random.default_rng(seed)
     state = case.done.after

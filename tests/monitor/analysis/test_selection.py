@@ -31,7 +31,7 @@ class Found:
 
 @dataclass(frozen=True)
 class Tables:
-    """A structure file, tables of its modes before and after a change, and what has been diagnosed of them."""
+    """A structure file, tables of its modes before and after a change, and their diagnosis."""
 
     structure: Path
     before: Path

@@ -1,4 +1,4 @@
-"""How long the windows are that logs are cut into, and what is said where they are too short."""
+"""Length of the windows into which logs are cut, and the message where they are too short."""
 
 from pathlib import Path
 

@@ -32,7 +32,7 @@ channels = {{y = "beam_left_y", z = "beam_left_z"}}
 
 
 class Clock:
-    """Stands until it is moved on."""
+    """A clock that is moved by hand."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -42,7 +42,7 @@ class Clock:
 
 
 class Sending:
-    """Sends a scan every 10 ms, 20 a read, counted modulo 256; skips what it is told to."""
+    """Sends a scan every 10 ms, 20 per read, counted modulo 256; skips some on request."""
 
     scale, modulus = 0.5, 256
 

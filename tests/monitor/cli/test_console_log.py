@@ -1,4 +1,4 @@
-"""The lines that a run says: readable, structured, and not more than somebody reads."""
+"""The lines printed by a run: readable, structured, and limited in number."""
 
 import io
 import json
@@ -63,7 +63,7 @@ def test_everything_that_a_run_finds_is_said_in_a_line() -> None:
 
 
 def test_what_repeats_is_counted_instead_of_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A hundred gaps within a minute are ten lines; the next one after it says how many were left out."""
+    """A hundred gaps within a minute are ten lines; the next one after it states how many were left out."""
     now = 1000.0
     monkeypatch.setattr("monitor.cli.site.console_log.time.monotonic", lambda: now)
     stream = io.StringIO()

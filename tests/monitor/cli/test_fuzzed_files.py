@@ -1,4 +1,4 @@
-"""Mutated files end in a promised exit code, in bounded time, memory and output: few cases of each reader here.
+"""Mutated files end in a documented exit code, in bounded time, memory and output: few cases of each reader here.
 
 `make fuzz` runs 2000 of each.
 """

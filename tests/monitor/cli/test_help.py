@@ -1,4 +1,4 @@
-"""Every command says what it does, at once."""
+"""Every command describes its purpose, without delay."""
 
 import subprocess
 import sys

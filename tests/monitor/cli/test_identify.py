@@ -1,4 +1,4 @@
-"""`identify`: the modes of a simulated chain come out of its log, and what cannot be done is said."""
+"""`identify`: the modes of a simulated chain are found in its log, and invalid requests are reported."""
 
 import json
 import os
@@ -134,7 +134,7 @@ def test_fused_standard_deviations_are_the_real_ones(first_seed: int) -> None:
 
 
 def constant(value: float, scatter: float, n: int) -> list[ModalEstimate]:
-    """Return estimates of one mode that scatter as told and state a deviation of 0.01 Hz."""
+    """Return estimates of one mode with a given scatter and a stated deviation of 0.01 Hz."""
     steps = np.tile([-1.0, 1.0], n)[:n] * scatter
     one = np.array([0.01])
     return [

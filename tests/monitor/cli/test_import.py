@@ -1,4 +1,4 @@
-"""`import` and what can be wrong with what it is given."""
+"""`import` and errors of its input."""
 
 import tomllib
 from pathlib import Path
@@ -25,7 +25,7 @@ channels = {z = "beam_left_z", y = "beam_left_y"}
 
 @pytest.fixture
 def table(tmp_path: Path) -> Path:
-    """Return a table of two sensors, 3 s at 100 Hz, with a gap of one; a site and a structure beside it."""
+    """Return a table of two sensors, 3 s at 100 Hz, with a gap of one; a site and a structure in the same folder."""
     data = np.random.default_rng(6).standard_normal((300, 2))
     rows = [f"{k / 100},{a!r},{b!r}" for k, (a, b) in enumerate(data.tolist())]
     rows[150] = "1.5,,1"

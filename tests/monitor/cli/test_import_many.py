@@ -129,7 +129,7 @@ def test_files_that_make_no_log_together(modalwatch: Commands, tables: list[Path
 
 
 def test_a_logger_whose_two_clocks_differ(tmp_path: Path) -> None:
-    """Its converter is slower or faster than what its clock says when a table begins: no sample lost, none invented."""
+    """Its converter is slower or faster than its clock at the beginning of a table: no sample lost, none invented."""
     for drift in (4.0, -4.0):  # ms, of a period of 10 ms, a table
         paths = [
             write(tmp_path / f"{k}.csv", 100 * k, DATA[100 * k : 100 * k + 100], late=50 + drift * k) for k in range(9)
@@ -142,7 +142,7 @@ def test_a_logger_whose_two_clocks_differ(tmp_path: Path) -> None:
 @pytest.mark.parametrize("short", [10, 200])
 @pytest.mark.parametrize("first", [True, False])
 def test_a_file_that_is_cut_short_has_the_rate_of_the_others(tmp_path: Path, short: int, first: bool) -> None:
-    """Dates to the millisecond tell 128 Hz of ten samples as 128.6, and as 127.999 of two hundred that come first."""
+    """Dates to the millisecond give 128.6 Hz for ten samples of 128 Hz, and 127.999 for two hundred that come first."""
     lengths = [short, 2000, 2000] if first else [2000, 2000, short]
     files, done = [], 0
     for number, length in enumerate(lengths):
@@ -177,7 +177,7 @@ def test_files_of_a_converter_that_is_faster_than_the_clock_overlap_a_little(dri
 
 
 def test_many_files_are_not_held_twice() -> None:
-    """What places them, and tells how much they move, takes a few columns more, not a second copy of all."""
+    """The times of the files and their motion take a few more columns, not a second copy of all."""
     channels = tuple(Channel(name=name, device="import", axis=k) for k, name in enumerate("abcdefghijkl"))
     files = []
     for number in range(10):

@@ -58,7 +58,7 @@ class InProcess:
 
 
 def test_replay_of_a_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Up to --to it repeats the live run; from --from on it is a watch of its own."""
+    """Up to --to it repeats the live run; from --from on it is a separate run."""
     monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
     begun = replay(time_range(None, "40").of_log(REPLAY), None, lambda _: None)
     assert [r.index for r in begun.found if isinstance(r, WindowResult)] == [0, 1]

@@ -1,4 +1,4 @@
-"""`structure`: what the sensors see, in figures that are known beforehand, and a picture of it."""
+"""`structure`: detectability by the sensors, in figures that are known beforehand, and a picture of it."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The alarm as a state machine: every transition, and what no sequence may bring about."""
+"""The alarm as a state machine: every transition, and results that no sequence may have."""
 
 from dataclasses import replace
 
@@ -111,7 +111,7 @@ def test_end_says_how_long_it_lasted() -> None:
 
 
 def test_alarm_raised_again_within_the_cooldown_goes_on() -> None:
-    """It ends at 50 min; raised at 70 min it goes on, from its beginning, and wakes nobody; at 120 min it is new."""
+    """It ends at 50 min; raised at 70 min it continues from its beginning, without a notice; at 120 min it is new."""
     soon, said = play(RULES, [*RAISED, CALM, CALM, CALM, OVER, OVER])
     assert (said[-1], soon.raised) == (Change(kind="reopened", state="alarm", quiet=True), 20 * MINUTE)
     late, said = play(RULES, [*RAISED, *(8 * [CALM]), OVER, OVER])
@@ -177,7 +177,7 @@ def test_alarm_that_comes_back_while_it_is_latched_wakes_nobody() -> None:
 
 
 class AnySequence(RuleBasedStateMachine):
-    """An alarm beside what its whole past says by definition, through any windows and acknowledgements."""
+    """An alarm compared with its definition by the whole past, through any windows and acknowledgements."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -231,7 +231,7 @@ TestAnySequence.settings = settings(max_examples=60, stateful_step_count=40, dea
 
 
 def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
-    """A host without a battery may wake up years ago: an alarm is not one that goes on, and flaps no more."""
+    """A host without a battery may restart with a date years ago: an alarm does not continue or flap then."""
     alarm = Alarm(rules=RULES)
     for minute in range(1000, 1000 + 10 * 15, 10):
         alarm, _ = alarm.evaluate(minute * MINUTE, [OVER, OVER, CALM, CALM, CALM][minute // 10 % 5])

@@ -1,4 +1,4 @@
-"""Detectors hold their rate, find what is small and stays, and are not fooled by temperature or wild values."""
+"""Detectors keep their rate, find small lasting changes, and are robust against temperature and outliers."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def count(judged: list[ScoredWindows]) -> FloatArray:
 def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
     factor: float, n_baseline: int, n_sites: int, rate: float, fear: bool
 ) -> None:
-    """Gaussian windows whose real deviation is `factor` times the stated; Poisson bounds at 1e-4.
+    """Gaussian windows whose true deviation is `factor` times the stated; Poisson bounds at 1e-4.
 
     If unobserved movements are assumed, and do not occur, there is an upper bound only. With a true mean, no
     fear and no heavy tails the stated rate must come: not less than half of it, as a table of limits is rounded down
@@ -68,7 +68,7 @@ def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
 
 
 def test_a_shift_of_a_deviation_and_a_half_that_stays_is_found_within_a_quarter_of_a_day() -> None:
-    """Modes to and fro, as no temperature does, by what no single window shows.
+    """Modes in alternating directions, as no temperature causes, by less than a single window shows.
 
     Settled, the quick average of such modes has T2/p = 20 by itself (variance 1/9 of a window's) and 3 where the
     unobserved 3e-4 are allowed for wholly, which six hours do to two thirds: the jump or an average shows it.
@@ -128,7 +128,7 @@ def test_a_bridge_on_bearings_raises_no_alarm_on_its_second_morning() -> None:
 
 
 def test_a_mode_taken_for_its_neighbour_now_and_then_does_not_blur_the_others() -> None:
-    """One of eight scatters by six times what is stated: by one factor for all, the others' would grow by 62 %."""
+    """One of eight scatters by six times the stated deviation: one factor for all would be 62 % too large."""
     random = np.random.default_rng(11)
     even = STD * random.standard_normal((200, 48, P))
     wild = even.copy()

@@ -84,7 +84,7 @@ def test_modes_that_vary_by_themselves_are_tamed_each_by_itself() -> None:
 
 
 def test_a_wrong_value_is_told_by_how_it_lies_to_the_others() -> None:
-    """All modes move by thirty deviations together; one is eight off, and costs what one such value does."""
+    """All modes move by thirty deviations together; one is eight off, and costs as much as one such value."""
     common = np.linspace(0.5, 1.5, 6)
     covariance = np.eye(6) + 900 * np.outer(common, common)
     deviation = 20 * common

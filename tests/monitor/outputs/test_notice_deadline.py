@@ -23,7 +23,7 @@ LIMIT, MARGIN = 0.4, 0.6  # s: of a delivery; of a busy machine beside the runne
 
 @contextmanager
 def trickling(answer: bytes, every: float = 0.05) -> Iterator[int]:
-    """Take connections and say a byte at a time, for good: no wait between two bytes is as long as the limit."""
+    """Accept connections and send a byte at a time, for ever: no pause between two bytes is as long as the limit."""
     listener, ending = socket.create_server(("127.0.0.1", 0)), threading.Event()
 
     def serve(connection: socket.socket) -> None:
@@ -66,7 +66,7 @@ TARGETS = {
 
 @pytest.mark.parametrize("kind", TARGETS)
 def test_target_that_trickles_is_given_up_in_time(kind: str) -> None:
-    """Each byte begins the time limit of a socket anew; the deadline is of the whole delivery, and leaves no thread."""
+    """Each byte restarts the time limit of a socket; the deadline is of the whole delivery, and leaves no thread."""
     answer, url = TARGETS[kind]
     before = threading.active_count()
     with trickling(answer) as port:
@@ -118,7 +118,7 @@ def _tried(action: Callable[[], None]) -> bool:
 
 
 def test_alarm_waits_for_no_trouble_and_no_other_target(tmp_path: Path) -> None:
-    """A server that holds the first request and answers the others; another target that hangs."""
+    """A server that delays the first request and responds to the others; another target that hangs."""
     listener = socket.create_server(("127.0.0.1", 0))
     kinds: list[str] = []
 

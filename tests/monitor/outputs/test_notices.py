@@ -1,4 +1,4 @@
-"""Notices reach a real server, a program, an MQTT connection; what cannot be delivered now is delivered later."""
+"""Notices reach a real server, a program, an MQTT connection; those that fail are delivered later."""
 
 import json
 import socket
@@ -41,7 +41,7 @@ def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
 
 
 def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
-    """The window that raises the alarm comes before it and is told by it; then a figure, then the cause changes."""
+    """The window that raises the alarm precedes it and is part of its notice; then a figure, then the cause changes."""
     alarmed = next(e for e in run_events() if e.payload.get("phase") == "alarm")
 
     def window(cause: str, mass: float) -> Event:
@@ -83,7 +83,7 @@ def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
 
 
 def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
-    """Sensors that hang on nothing send data all the while: no device is lost, and no window overdue."""
+    """Sensors that are mounted on nothing send data all the while: no device is lost, and no window overdue."""
     good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
     bad = replace(good, payload=good.payload | {"novelty": None, "modes": [], "problem": "no resonance stands out"})
     news = NoticeFilter("bridge")
@@ -285,7 +285,7 @@ def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Pa
 
 
 def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Server, tmp_path: Path) -> None:
-    """What the one before is about to send would be sent twice from the same files; here each has its own."""
+    """Notices under way in the former sender would be sent twice from the same files; here each has its own."""
     target = NotifySettings(webhook=server.url)
     with NoticeSender(target, tmp_path / "before.jsonl", "bridge") as before:
         after = NoticeSender(target, tmp_path / "after.jsonl", "bridge")

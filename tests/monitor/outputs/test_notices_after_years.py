@@ -35,7 +35,7 @@ def test_template_sees_no_program() -> None:
 
 
 def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Server, tmp_path: Path) -> None:
-    """That comes for the first time years after the settings were read: the notice is what counts."""
+    """Such content comes for the first time years after the settings were read: the notice must still be sent."""
     server.answer = 503
     template = "{% if notices|length > 1 %}{{ notice.nothing }}{% else %}{{ notice.text }}{% endif %}"
     target = NotifySettings(webhook=server.url, template=template)
@@ -70,13 +70,13 @@ def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> Non
     ],
 )
 def test_fields_of_a_message_are_those_of_what_matters_most(kinds: list[Any], index: int) -> None:
-    """A program that pages somebody on `kind` alone, or a template of `notice` alone, is not to miss the alarm."""
+    """A program that pages a person by `kind` alone, or a template of `notice` alone, must not miss the alarm."""
     said = message([replace(NOTICE, kind=kind, text=str(k)) for k, kind in enumerate(kinds)], "{{ notice.text }}")
     assert (said.foremost.text, said.text) == (str(index), str(index))
 
 
 def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:
-    """Nothing else may have to be told for years: the page would say all the while that notices are in trouble."""
+    """There may be no other notice for years: the page would report failing notices all the while."""
     server.answer = 503
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
     with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
@@ -121,7 +121,7 @@ def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(serv
 
 
 def test_webhook_whose_answer_never_ends_has_taken_it() -> None:
-    """Its status says so; what else it says nobody reads."""
+    """Its status is sufficient; the rest of the response is not read."""
     listener = socket.create_server(("127.0.0.1", 0))
     release = threading.Event()
 

@@ -1,4 +1,4 @@
-"""Measured set beside simulated, put into plain values: what is drawn is what was found."""
+"""Measured compared with simulated modes, as plain values: the drawing agrees with the result."""
 
 from dataclasses import replace
 from typing import Any
@@ -33,7 +33,7 @@ SEED = 21
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Reference, ModalMean, DiagnosisResult]:
-    """A reference, the modes of a true frame with a body that it does not know, and its structure with the body."""
+    """A reference, the modes of a true frame with an unknown body, and its structure with the body."""
     print(f"seed {SEED}")
     random = np.random.default_rng(SEED)
     bare = true_model(np.random.default_rng((SEED, 1)))
@@ -136,7 +136,7 @@ def test_forces_that_a_sensor_leaves_over_are_not_drawn_on_the_structure(
 
 
 def observation(temperature: FloatArray, rms: FloatArray, change: FloatArray) -> Observation:
-    """Windows whose first mode goes with something: change (n_windows,) of its log frequency."""
+    """Windows whose first mode changes: change (n_windows,) of its log frequency."""
     random = np.random.default_rng(SEED)
     whole = measure(true_model(np.random.default_rng(SEED)), random, np.ones(12))
     estimates = tuple(

@@ -1,4 +1,4 @@
-"""A replay against what was found live: identical, within rounding, or different, and where."""
+"""A replay compared with the live results: identical, within rounding, or different, with the position."""
 
 import math
 
@@ -47,7 +47,7 @@ def test_first_difference_is_reported() -> None:
 
 
 def test_sentences_are_not_compared() -> None:
-    """The numbers in them stand beside them."""
+    """Their numbers are stored separately."""
     alarm = AlarmResult(time=1, state="alarm", text="novelty 50.31", window=3)
     assert compare_results([alarm.model_copy(update={"text": "novelty 50.32"})], [alarm]).kind == "identical"
     assert compare_results([alarm.model_copy(update={"state": "watch"})], [alarm]).kind == "different"

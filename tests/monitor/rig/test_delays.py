@@ -18,7 +18,7 @@ CHANNELS = tuple(
 
 
 def windows(seed: int) -> list[Recording]:
-    """Return what devices of one clock measure of a frame, those of LATE later than the others."""
+    """Return the measurements of devices of one clock on a frame, those of LATE later than the others."""
     scenario = nominal(seed)
     devices = tuple(d.model_copy(update={"delay": LATE.get(d.name, 0.0)}) for d in scenario.device)
     _, sources = make_sources(t_frame(), scenario.model_copy(update={"device": devices}))
@@ -36,7 +36,7 @@ def windows(seed: int) -> list[Recording]:
 
 
 def test_a_baseline_finds_the_delays_of_its_devices() -> None:
-    """Within four of the stated deviations and 5 us: half a degree at 271 Hz, what damping leaves complex of shapes."""
+    """Within four of the stated deviations and 5 us: half a degree at 271 Hz, the complexity of shapes by damping."""
     found = [identify_all(recording) for recording in windows(11)]
     tracker, reference = learn_tracked_reference(t_frame(), found, {c.name: c.device for c in CHANNELS})
     delays = reference.delays

@@ -79,7 +79,7 @@ def rig(folder: Path, scenario: Scenario) -> Iterator[RigProcess]:
 
 
 def driver_of(place: Place | dict[str, Any]) -> Driver:
-    """Return the driver of a device, from where the rig or its file says it is."""
+    """Return the driver of a device, at the address given by the rig or its file."""
     if isinstance(place, dict):
         place = CanAddress(**place)
     return make_driver("epson-can" if isinstance(place, CanAddress) else "epson-uart", place, 1000.0)
@@ -203,9 +203,9 @@ class HandClock:
         return self.time
 
     def jump(self, seconds: float) -> None:
-        """Set the time, once the rig has heard all commands, which a busy kernel hands on some servings late.
+        """Set the time, once the rig has received all commands, which a busy kernel delays by some servings.
 
-        A serving asks less than 30 times.
+        A serving sends less than 30 queries.
         """
         end = self.asked + 150  # not many more: a reader that hears nothing for 2 s opens its port anew
         while self.asked < end:

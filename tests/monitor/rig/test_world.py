@@ -26,7 +26,7 @@ def columns() -> list[int]:
 
 
 def record(scenario: Scenario, seconds: float, *, begin: int | None = None) -> FloatArray:
-    """Return what the devices measure (n, 18) [m/s2], all started at ORIGIN."""
+    """Return the measurements of the devices (n, 18) [m/s2], all started at ORIGIN."""
     world, sources = make_sources(t_frame(), scenario)
     for source, device in zip(sources, scenario.device, strict=True):
         source.start(ORIGIN, scenario.rate * (1 + device.clock_error))
@@ -67,7 +67,7 @@ def frequency_std(frequency: float, damping: float, seconds: float) -> float:
 
 
 def alone(data: FloatArray, model: Model, modes: Modes, k: int, scenario: Scenario) -> FloatArray:
-    """Return what moves in one mode (n,), by the shapes of ten at the analysed columns.
+    """Return the motion in one mode (n,), by the shapes of ten at the analysed columns.
 
     In a single column modes far away move with the same forces and slant a mode's peak: by six deviations at
     beam_left_z, while beam_right_z, which moves as much, has it right.

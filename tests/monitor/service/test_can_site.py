@@ -1,4 +1,4 @@
-"""Devices on a CAN bus in the settings: `check` and `run` with them, and one line for what is wrong."""
+"""Devices on a CAN bus in the settings: `check` and `run` with them, and one line for each error."""
 
 import os
 import signal

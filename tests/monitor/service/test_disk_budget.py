@@ -1,4 +1,4 @@
-"""What `check` foresees of the disk."""
+"""Prediction of disk usage by `check`."""
 
 from pathlib import Path
 

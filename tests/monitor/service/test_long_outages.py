@@ -1,4 +1,4 @@
-"""What befalls a site that is left alone for years: power cuts, clocks that are set, an analysis that hangs."""
+"""Events at a site that is unattended for years: power cuts, changes of clocks, an analysis that hangs."""
 
 import gc
 import json
@@ -37,7 +37,7 @@ def ports() -> Iterator[list[str]]:
 
 @pytest.mark.live
 def test_restart_goes_on_without_a_device_that_is_gone(watched: LawState, ports: list[str]) -> None:
-    """After a power cut one of two is dead: the other one is watched, and that is told."""
+    """After a power cut one of two is dead: the other one is monitored, and the loss is reported."""
     watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": (ports[1], 500.0)})
     watched.recalled = LoadedState(text="of a run before")
     with watched.running() as ended:
@@ -112,7 +112,7 @@ def test_clock_goes_evenly_until_it_is_told_to_follow(monkeypatch: pytest.Monkey
 def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch, hours: int
 ) -> None:
-    """Within a log times go evenly; the devices are set up anew, and the shift is told once."""
+    """Within a log times are even; the devices are set up again, and the shift is reported once."""
     host, shown = SetClock(), list[object]()
     monkeypatch.setattr("daq.timing.host_clock.time", host)
     monkeypatch.setattr("monitor.service.site_run.Outputs.show_again", lambda outlets: shown.append(outlets))
@@ -159,7 +159,9 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
 def test_log_that_has_ended_for_good_is_told(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What no disk has done yet: data flow on, and nothing of them is written. The watchdog ends that in a while."""
+    """A failure without a known cause: data continue to arrive, and nothing is written. The watchdog ends it after a
+    while.
+    """
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
     with watched.running() as ended:
         watched.flows("beam_left")
@@ -177,7 +179,7 @@ def test_log_that_has_ended_for_good_is_told(
 
 
 class Circle:
-    """What refers to itself."""
+    """An object with a reference to itself."""
 
     def __init__(self) -> None:
         self.own = self

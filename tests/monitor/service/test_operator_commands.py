@@ -1,4 +1,4 @@
-"""What a person tells a running monitor arrives once, whole, and reaches the alarm."""
+"""A command of a person to a running monitor arrives once, whole, and reaches the alarm."""
 
 import errno
 import os
@@ -67,14 +67,14 @@ def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
 
 
 def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
-    """Accepted, undone, accepted again while no monitor ran: in another order something else would stand."""
+    """Accepted, undone, accepted again while no monitor ran: another order would have another result."""
     for k in range(12):
         write_command(tmp_path, Acknowledgement(by=str(k)))
     assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
 
 
 def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Somebody else's folder: obeyed each time it would do what nobody said, and unheard nobody would know why."""
+    """Another user's folder: executed each time it would repeat the command; ignored, it needs a message."""
 
     def forbidden(_: Path) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
@@ -102,7 +102,7 @@ def test_folder_that_takes_no_word_is_told_in_a_line(
 def test_command_waits_until_the_word_is_taken(
     modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A monitor that runs takes it at once; one that stands still is told of."""
+    """A running monitor takes it at once; one that hangs is reported."""
     state = site.parent / "state"
     MonitorStatus(state / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write(*WELL)
     monkeypatch.setattr("monitor.cli.site.send._WAIT", 0.2)

@@ -1,4 +1,4 @@
-"""Who is told of a run goes on being told: a view that dies comes back, a courier knows what another one told."""
+"""Outputs of a run continue: a view that dies is restarted, a notice sender takes over the state of the former."""
 
 import json
 import multiprocessing
@@ -29,7 +29,7 @@ START = 1_767_225_600_000_000_000
 
 
 class View:
-    """A live view that dies when it is told to, and cannot come back while its port is taken."""
+    """A live view that dies on request, and cannot restart while its port is taken."""
 
     def __init__(self) -> None:
         self.problem: str | None = None
@@ -94,7 +94,7 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
 
 
 def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> None:
-    """An alarm that the old one has told of ends: the new one tells of that end, and of which alarm's."""
+    """An alarm with a notice from the old sender ends: the new one sends the notice of that end, and of which alarm."""
     over, waiting = change(START + 10**9, "normal", lasted=1.0), {}
     old = NoticeSender(NotifySettings(command=("true",)), tmp_path / "old.jsonl", "bridge")
     old.put(change(START, "alarm"))

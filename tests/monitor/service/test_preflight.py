@@ -1,4 +1,4 @@
-"""What a run needs beside devices is looked at by `check`, and named where it is not there."""
+"""Requirements of a run other than devices are tested by `check`, and named where they are not met."""
 
 import os
 import shutil

@@ -1,4 +1,4 @@
-"""What processes of the monitor's own find when they start, and what they keep of memory."""
+"""Start and memory of the monitor's child processes."""
 
 import gc
 import multiprocessing

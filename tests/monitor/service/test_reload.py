@@ -1,4 +1,4 @@
-"""Settings read again while a site is watched: what they do not change goes on without a gap."""
+"""Settings read again during a run: unchanged parts continue without a gap."""
 
 import json
 import signal
@@ -24,7 +24,7 @@ def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
 def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A device moves to another port, gets another rate; a bad file is refused; the other one streams on.
 
-    The service manager hears of it; the analysis that dies, and the one that falls behind, give way to others.
+    The service manager is informed; a dead analysis, and one that has fallen behind, are replaced.
     """
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
     monkeypatch.setenv("WATCHDOG_USEC", "400000")
@@ -69,7 +69,7 @@ _ANEW = ("RELOADING", "READY")
 
 
 def _assert_told(watched: LawState) -> None:
-    """Assert that the log says what was done, and that only the device that was moved has a gap."""
+    """Assert that the log contains the change, and that only the device that was moved has a gap."""
     moved, rated = (event.payload for event in watched.events("reloaded"))
     assert moved == {"changed": "device beam_right"}
     assert rated == {"changed": "device beam_right, log and analysis"}

@@ -1,4 +1,4 @@
-"""Settings that raise whatever they like when they are read again: the watch goes on with those that it has."""
+"""Settings that raise any exception when they are read again: monitoring continues with the present ones."""
 
 import json
 import time
@@ -55,7 +55,7 @@ def test_watch_goes_on_with_the_settings_it_has(tmp_path: Path, monkeypatch: pyt
 
 
 def _fail_while_it_is_put_into_effect(watched: LawState, good: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Parts that fail when they are renewed cost no other part its change, and the log goes on."""
+    """Parts that fail when they are replaced cost no other part its change, and the log continues."""
 
     def fails(*_: object, **__: object) -> None:
         raise MemoryError

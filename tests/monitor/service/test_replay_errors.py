@@ -1,4 +1,4 @@
-"""A replay that cannot go on ends, and says why."""
+"""A replay that cannot continue ends with the reason."""
 
 from pathlib import Path
 

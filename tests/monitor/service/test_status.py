@@ -1,4 +1,4 @@
-"""What a running monitor says of itself: devices, rates, ages and lateness, by clocks that nobody sets."""
+"""Status of a running monitor: devices, rates, ages and latency, by clocks that nobody sets."""
 
 import json
 from pathlib import Path
@@ -31,7 +31,7 @@ def test_status_follows_devices(tmp_path: Path) -> None:
 def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """NTP may set it by hours, to and fro: what flows goes on flowing, and a device that falls silent is told."""
+    """NTP may set it by hours, back and forth: data continue to count as new, and a silent device is reported."""
     wall, ages = [1e9], [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime(wall, ages))
     status = MonitorStatus(tmp_path / FILE_NAME, ("left",), Pace(step=60.0, window=600.0), SystemClock())
@@ -97,7 +97,7 @@ def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkey
 
 
 def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> None:
-    """Ports may have been given out anew: whoever has two sensors swapped is to hear of it before the alarm."""
+    """Ports may have been reassigned: two exchanged sensors must be reported before the alarm."""
     told = []
     for serial in ("S1", "S1", "S2", "S2"):
         status = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock())
@@ -110,7 +110,7 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
 
 
 def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_back(tmp_path: Path) -> None:
-    """One window may miss a channel for a gap; copies are told together; a window without modes tells nothing."""
+    """One window may miss a channel for a gap; copies are reported together; a window without modes reports nothing."""
     dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
     rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
     status, told = MonitorStatus(tmp_path / FILE_NAME, (), PACE, SystemClock()), {}
@@ -131,7 +131,7 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
 
 
 def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Path) -> None:
-    """What is dead on another device is; and so is what is still not heard when the device is back."""
+    """A dead channel of another device is reported; and so is one that is still missing when the device is back."""
     status = MonitorStatus(
         tmp_path / FILE_NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"}
     )
@@ -151,7 +151,7 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
 
 
 class FastClock:
-    """Ten seconds of data a second; stands still."""
+    """Ten seconds of data per second; does not move."""
 
     speed = 10.0
 

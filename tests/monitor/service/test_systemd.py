@@ -1,4 +1,4 @@
-"""What systemd is told, over a real socket, and the unit that it reads."""
+"""Messages to systemd, over a real socket, and its unit."""
 
 import os
 import re
@@ -94,7 +94,7 @@ def site(tmp_path: Path) -> Path:
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
 @pytest.mark.parametrize("scope", ["system", "user"])
 def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
-    """systemd's own check of it says nothing: every key is known, every path can be read."""
+    """systemd's own check of it prints nothing: every key is known, every path can be read."""
     as_whom = ["--user"] if scope == "user" else ["--as", "daemon"]
     text = modalwatch("install-service", site, "--print", *as_whom).out
     unit = site.parent / "modalwatch-test.service"

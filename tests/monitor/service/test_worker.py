@@ -42,7 +42,7 @@ def results(running: Worker) -> list[WorkerMessage | None]:
 
 
 def test_analysis_goes_on_when_the_group_is_told_to_stop() -> None:
-    """As a service manager and Ctrl-C do; what waits is still analysed, and the last item ends it."""
+    """As a service manager and Ctrl-C do; waiting items are still analysed, and the last item ends it."""
     with worker() as running:
         for number in (signal.SIGINT, signal.SIGTERM):
             os.kill(pid(), number)
@@ -102,7 +102,7 @@ if __name__ == "__main__":
 
 
 def test_analysis_ends_when_its_parent_was_killed(tmp_path: Path) -> None:
-    """Its end of the pipe says so, after a start of some seconds on a busy machine."""
+    """The end of its pipe shows it, after a start of some seconds on a busy machine."""
     (tmp_path / "orphan.py").write_text(ORPHAN, encoding="utf-8")
     done = subprocess.run(
         [sys.executable, str(tmp_path / "orphan.py")],

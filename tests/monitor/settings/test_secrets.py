@@ -143,7 +143,7 @@ def test_masked_text() -> None:
 
 
 def test_memory_of_an_earlier_version_loses_its_login(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The thermometer is the same, so that nothing is learnt anew, and what goes on holds no secret."""
+    """The thermometer is the same, so that nothing is learned again, and the continued state has no secret."""
     played = Played(1, monkeypatch)
     url = f"mqtt://u:{MARK}@h/air"
     settings = parse_settings(f'{played.text}\n[temperature]\nmqtt = "{url}"')
@@ -188,7 +188,7 @@ def until(true: Any, process: subprocess.Popen[bytes]) -> Any:
 
 
 def page(path: str) -> bytes:
-    """Return what is served, with its head; empty before anything is."""
+    """Return a response with its headers; empty before there is any."""
     try:
         answer = httpx.get(f"http://127.0.0.1:{PORT}{path}", timeout=20.0)
     except httpx.HTTPError:
@@ -197,7 +197,7 @@ def page(path: str) -> bytes:
 
 
 def written(folder: Path) -> Iterator[tuple[Path, bytes]]:
-    """Yield every file of a folder but the settings and the token; of logs also what is packed in their chunks."""
+    """Yield every file of a folder but the settings and the token; of logs also the packed content of their chunks."""
     for path in sorted(folder.rglob("*")):
         if path.is_symlink() or not path.is_file() or path.name in {"site.toml", "web_token"}:
             continue
@@ -214,7 +214,7 @@ def written(folder: Path) -> Iterator[tuple[Path, bytes]]:
 def test_no_secret_in_any_byte_that_is_written_or_served(
     tmp_path: Path, modalwatch: Commands, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A watch whose database, broker, webhook and commands all fail, a refused reload; then all that reads its log."""
+    """A monitor with failing database, broker, webhook and commands, a refused reload; then all readers of its log."""
     for name, value in ENVIRONMENT.items():
         monkeypatch.setenv(name, value)
     output = tmp_path / "output"

@@ -1,4 +1,4 @@
-"""The printed defaults: what they mean, and that they are the ones that the program reads."""
+"""The printed defaults: their meaning, and that the program reads the same."""
 
 import re
 import tomllib

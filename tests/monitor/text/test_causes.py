@@ -95,7 +95,7 @@ def test_parameters_are_told_in_the_units_that_are_spoken(name: str, quantity: Q
 
 
 def test_a_loss_about_one_axis_is_told_once() -> None:
-    """`loss`, the most of them, is in the JSON for those that ask no further."""
+    """`loss`, the largest of them, is in the JSON for simple readers."""
     losses = {"loss": 0.4, "loss_about_local_y": 0.4, "loss_about_local_z": 0.1, "loss_in_twist": 0.2}
     cause = Cause(
         cause="local_stiffness",

@@ -1,4 +1,4 @@
-"""What is said of the sensors: what is wrong with which, or how closely all are right."""
+"""Texts on sensors: the faults of each, or the accuracy of all."""
 
 import numpy as np
 

@@ -24,7 +24,7 @@ def trend(n_modes: int) -> Trend:
 
 
 def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first estimate of a trend is made significant; the watch goes on by another setting after a restart."""
+    """The first estimate of a trend is made significant; the run continues with another setting after a restart."""
     without_answers(monkeypatch)
     played = Played(3, monkeypatch)
 

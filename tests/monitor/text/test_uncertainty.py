@@ -1,4 +1,4 @@
-"""Where the law is unsure of itself that is said, with the change that could be told."""
+"""Where the law is uncertain, that is reported with the detectable change."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""`identify --out`: the folder holds what was found, as other programs read it and as engineers look at it."""
+"""`identify --out`: the folder contains the results for other programs and pictures for engineers."""
 
 import json
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""An accepted change is the new normal, booked and undone; what is known of scatter and temperature stays."""
+"""An accepted change is the new normal, recorded and undone; the knowledge of scatter and temperature stays."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ SECOND = Body(at=(0.3, 0.0, 1.48), mass=0.2)
 
 
 def changed(seed: int, monkeypatch: pytest.MonkeyPatch, n: int) -> tuple[Played, Pipeline, list[Result]]:
-    """Return a watch of n windows of a structure with a pump, and what it said of them."""
+    """Return a run of n windows of a structure with a pump, and its results."""
     played = Played(seed, monkeypatch)
     pipeline = played.pipeline()
     run(pipeline, played.windows(BASELINE))
@@ -79,7 +79,7 @@ def test_accepted_change_is_watched_by_and_undone(monkeypatch: pytest.MonkeyPatc
 def test_a_body_that_was_taken_off_is_accepted_remembered_and_found_when_it_returns(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """200 g beside the crossbeam: the accepted structure is calibrated with the body on and does not have it."""
+    """200 g on the crossbeam: the accepted structure is calibrated with the body on and does not have it."""
     causes = {name: CATALOGUE[name] for name in ("added_mass", "local_stiffness")}
     monkeypatch.setattr(CATALOGUE, "_all", causes)
     box = Body(at=(-0.2, 0.0, 1.48), mass=0.2, offset=(0.0, 0.03, 0.04), inertia=(8e-5, 8e-5, 8e-5))

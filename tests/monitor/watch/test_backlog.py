@@ -1,4 +1,4 @@
-"""An analysis that falls behind leaves windows out by rule, says so, and a replay leaves out the same."""
+"""An analysis that falls behind leaves windows out by rule, reports it, and a replay leaves out the same."""
 
 from pathlib import Path
 

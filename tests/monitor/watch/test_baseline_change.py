@@ -1,4 +1,4 @@
-"""A structure that changes while a baseline is learnt: live, learning begins anew; reference logs lose the rest."""
+"""A structure that changes while a baseline is learned: live, learning starts again; reference logs lose the rest."""
 
 from dataclasses import replace
 

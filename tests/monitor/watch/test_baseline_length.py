@@ -1,4 +1,4 @@
-"""A baseline that is too short for what it shows is continued, or used with that stated where its length was set."""
+"""A baseline that is too short is continued, or used with a message where its length was set."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -32,7 +32,7 @@ def tracked(log_frequency: FloatArray) -> TrackedModes:
 
 
 def lacking(kind: SiteKind, n: int) -> list[tuple[str, int]]:
-    """Return what the baselines of simulated sites lack, and the windows that they need."""
+    """Return the shortcomings of the baselines of simulated sites, and the windows that they need."""
     w = SimulatedSites(kind, N_SITES, SEED).windows(n)
     found = []
     for i in range(N_SITES):

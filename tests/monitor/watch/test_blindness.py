@@ -1,4 +1,4 @@
-"""A sensor that dies while the watch goes on is told by the windows, the page and the look at the sensors."""
+"""A sensor that dies during monitoring is reported by the windows, the page and the check of the sensors."""
 
 from pathlib import Path
 

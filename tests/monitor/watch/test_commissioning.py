@@ -1,4 +1,4 @@
-"""The commissioning drill: what cannot be proven yet is said, and what is found is held against the truth."""
+"""Commissioning with a known mass: missing conditions are reported, and the result is compared with the truth."""
 
 import json
 from pathlib import Path

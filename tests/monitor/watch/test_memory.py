@@ -1,4 +1,4 @@
-"""A watch that is remembered goes on as if it had never stopped; what is no use is refused, and said."""
+"""A saved run continues as if it had never stopped; unusable states are refused, with a message."""
 
 import json
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """One of everything that the codec knows."""
+    """One value of every type of the codec."""
 
     real: npt.NDArray[np.float64]
     several: tuple[npt.NDArray[np.complex128], ...]
@@ -154,7 +154,7 @@ def test_memory_of_another_watch_says_what_differs(tmp_path: Path, monkeypatch: 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_damage_anywhere_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
-    """A bit turned, or the end cut off; SHA-256 sees either."""
+    """A bit changed, or the end cut off; SHA-256 detects either."""
     path = remembered(tmp_path, monkeypatch)
     content = bytearray(path.read_bytes())
     random = np.random.default_rng(seed)

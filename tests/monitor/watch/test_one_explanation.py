@@ -1,4 +1,4 @@
-"""The live alarm and `diagnose` explain the same windows alike."""
+"""The live alarm and `diagnose` explain the same windows in the same way."""
 
 import numpy as np
 import pytest

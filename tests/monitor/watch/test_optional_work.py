@@ -1,4 +1,4 @@
-"""What is found beside the verdict may fail, but never costs the alarm."""
+"""Results other than the verdict may fail, but never cost the alarm."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ def fails(*_: object, **__: object) -> None:
 
 
 def test_alarm_is_raised_though_diagnosis_sensors_and_self_test_fail(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each would end the process of the analysis, with each window anew."""
+    """Each would end the process of the analysis, with each window again."""
     monkeypatch.setattr("monitor.watch.window_evaluator.answer", fails)
     monkeypatch.setattr("monitor.watch.window_evaluator.sensors", fails)
     monkeypatch.setattr("monitor.watch.self_test.self_test", fails)

@@ -1,4 +1,4 @@
-"""The self-test puts a mass where it says, finds what it ought to, and leaves the watch as it is."""
+"""The self-test adds a mass at the stated place, detects it as it should, and leaves the monitor unchanged."""
 
 from pathlib import Path
 
@@ -39,7 +39,7 @@ def frequencies(*bodies: Body) -> FloatArray:
 
 
 def test_mass_changes_frequencies_as_in_the_whole_model() -> None:
-    """Thirty modes stand for the rest, which 2e-4 allows for: shifts are up to a tenth."""
+    """Thirty modes represent the rest, within the allowed 2e-4: shifts are up to a tenth."""
     model, random = build_model(t_frame(), shear_flexible=True, mass="consistent"), np.random.default_rng(0)
     measured = [measure(model, random, np.ones(12)) for _ in range(3)]
     reference = nominal_reference(t_frame(), stack_tracks(measured, [np.arange(8)] * 3))
@@ -166,7 +166,7 @@ def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
     ("days", "phase", "well"), [(7, "watching", False), (7, "learning", True), (0, "watching", True)]
 )
 def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, days: int, phase: str, well: bool) -> None:
-    """A test has failed before tests were turned off, or before all was learnt anew."""
+    """A test has failed before tests were turned off, or before a new baseline was learned."""
     path, pace = tmp_path / FILE_NAME, pace_of(site_settings(f"self_test_days = {days}"))
     before = MonitorStatus(path, (), Pace(step=600.0, window=600.0), SystemClock())
     before.take(result_event(FAILED))

@@ -1,4 +1,4 @@
-"""A site's own thermometer: read from a file or a topic, into the log, and into what windows are judged by."""
+"""A site's own thermometer: read from a file or a topic, into the log, and used for the evaluation of windows."""
 
 import math
 import socket
@@ -37,7 +37,7 @@ channels = {y = "beam_left_y"}
 
 
 def window(start: float, own: float = math.nan) -> Recording:
-    """Return ten minutes from `start` [min], in which the devices say a temperature of their own."""
+    """Return ten minutes from `start` [min], in which the devices measure a temperature of their own."""
     channels = (Channel(name="a", device="left", axis=0),)
     return Recording(
         channels=channels, data=np.zeros((600, 1)), rate=1.0, start=round(start * MINUTE), temperature=own, gaps=()
@@ -59,7 +59,7 @@ def test_window_has_the_mean_of_its_readings_or_the_last_before() -> None:
 
 
 def test_devices_go_on_for_a_thermometer_that_fails_without_a_step() -> None:
-    """Devices that lie in the sun say 8 K more: less that, their own goes on, and no step comes between."""
+    """Devices in the sun measure 8 K more: with this offset removed their temperature continues, without a step."""
     weather = told((101, 4.0), (111, 5.0))
     assert weather.of(window(100, own=12.0)) == 4.0
     assert weather.of(window(110, own=13.0)) == 5.0
@@ -78,7 +78,7 @@ def test_nothing_is_made_up_before_the_first_reading(own: float) -> None:
 
 
 def test_pipeline_judges_windows_by_the_thermometer(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The devices say 21.5 degC, the thermometer 3: windows have the latter, if the settings name one."""
+    """The devices measure 21.5 degC, the thermometer 3: windows have the latter, if the settings name one."""
     for section, expected in (("", 21.5), ('[temperature]\ncsv = "air.csv"\n', 3.0)):
         pipeline = Pipeline(parse_structure(t_structure_toml()), parse_settings(SITE + section))
         seen: list[float] = []
@@ -96,7 +96,7 @@ def test_pipeline_judges_windows_by_the_thermometer(monkeypatch: pytest.MonkeyPa
 
 
 class Csv:
-    """A file that another program writes, and what reads it."""
+    """A file that another program writes, and its reader."""
 
     def __init__(self, folder: Path, head: str = "time,humidity,temperature\n") -> None:
         self.path = folder / "air.csv"
@@ -263,7 +263,7 @@ def test_settings_that_make_no_sense(section: str, says: str) -> None:
 
 
 def test_baseline_is_of_the_thermometer_wherever_the_site_lies(tmp_path: Path) -> None:
-    """The analysis knows the file as the settings name it, a start as it is found: a restart is not to learn anew."""
+    """The analysis has the path as in the settings, a start as it is resolved: a restart must not learn again."""
     structure = parse_structure(t_structure_toml())
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (tmp_path / "site.toml").write_text(SITE + '[temperature]\ncsv = "air.csv"\n', encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What every way of identification keeps to, whichever it is."""
+"""Contract of every identification method."""
 
 from dataclasses import replace
 

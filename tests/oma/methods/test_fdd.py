@@ -1,4 +1,4 @@
-"""Frequency domain decomposition and its two refinements against structures whose modes are known."""
+"""Frequency domain decomposition and its two refinements, tested with structures of known modes."""
 
 from functools import cache
 
@@ -99,7 +99,7 @@ def test_a_rolling_window_is_the_window() -> None:
 
 
 def test_a_bell_narrower_than_a_line_has_its_damping() -> None:
-    """Of the expected spectrum itself, no chance: what the window does is known exactly."""
+    """Of the expected spectrum itself, without chance: the effect of the window is known exactly."""
     pole = complex(-0.004, 0.8)
     n_fft, n = 256, 40_000
     lag = np.arange(n_fft)

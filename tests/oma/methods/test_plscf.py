@@ -1,4 +1,4 @@
-"""Poly-reference least squares complex frequency against structures whose modes are known."""
+"""Poly-reference least squares complex frequency, tested with structures of known modes."""
 
 from dataclasses import replace
 from functools import cache
@@ -99,7 +99,7 @@ def test_poles_of_decays_are_exact_and_the_window_is_taken_out_of_the_damping() 
 
 
 def test_all_orders_come_from_one_set_of_equations() -> None:
-    """An order is the same whether others are asked for with it or not."""
+    """An order is the same whether others are requested with it or not."""
     correlation = correlation_sums(window(0).data, 80, 1).mean[1:]
     spectrum = half_spectrum(correlation, BAND)
     alone = matrix_fractions(spectrum, [5])[0]

@@ -1,4 +1,4 @@
-"""Influences of blocks by finite differences of the whole identification, and coverage of what is claimed."""
+"""Influences of blocks by finite differences of the whole identification, and coverage of stated deviations."""
 
 from dataclasses import replace
 from functools import cache
@@ -100,7 +100,9 @@ def test_sum_of_blocks_scatters_by_the_root_of_their_number() -> None:
 
 @cache
 def window(first: float, seed: int) -> ModalEstimate:
-    """Return what 400 periods of the first mode of a chain of three masses give, the three modes next to the true."""
+    """Return the result of 400 periods of the first mode of a chain of three masses, the three modes next to the true
+    ones.
+    """
     truth = chain(3, first, 0.01)
     found = identify(simulate(truth, 400 / first, 12 * first, 1000 * int(first) + seed))
     nearest = np.abs(np.log(found.frequency / truth.frequency[:, None])).argmin(1)
@@ -112,7 +114,7 @@ def window(first: float, seed: int) -> ModalEstimate:
     ("first", "n"), [(2.0, 4), (10.0, 4), (100.0, 4), *few_of([(2.0, 60), (10.0, 60), (100.0, 60)], 0)]
 )
 def test_claimed_deviations_cover_damping_and_shapes(first: float, n: int) -> None:
-    """At 2, 10 and 100 Hz alike; 93 % is what two Student deviations of 30 blocks must cover at least."""
+    """At 2, 10 and 100 Hz alike; 93 % is the least coverage of two Student deviations of 30 blocks."""
     truth = chain(3, first, 0.01)
     found = [window(first, seed) for seed in range(n)]
     error = np.array([(f.damping - 0.01) / f.damping_std for f in found])

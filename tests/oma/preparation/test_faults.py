@@ -1,4 +1,4 @@
-"""Channels with something wrong: named, given up or mended, and what is found in the others is right."""
+"""Faulty channels: named, excluded or repaired, and the results of the others are right."""
 
 from dataclasses import replace
 from functools import cache

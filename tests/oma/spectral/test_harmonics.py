@@ -91,7 +91,7 @@ def test_a_short_record_shows_a_tone_and_its_multiple(share: float, seed: int) -
 
 
 def narrow_band(decay: float, noise: float, seed: int, n: int = 64) -> ComplexArray:
-    """Return lines of a band in which a resonance (decay rate times duration; 0: a tone) and white noise stand."""
+    """Return lines of a band with a resonance (decay rate times duration; 0: a tone) and white noise."""
     rng = np.random.default_rng(seed)
     white = rng.standard_normal((3, 2 * n, 2)) @ [1, 1j] / np.sqrt(2)
     pole = np.exp(-decay / n)

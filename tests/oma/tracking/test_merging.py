@@ -21,7 +21,7 @@ def at(structure: Structure, names: tuple[str, ...]) -> Structure:
 
 
 def measured(structure: Structure, sigma: FloatArray, seed: int) -> ModalEstimate:
-    """Return what a set-up would show: shapes of unit norm and any sign, with noise of the stated deviation."""
+    """Return the modes of a set-up: shapes of unit norm and any sign, with noise of the stated deviation."""
     rng = np.random.default_rng(seed)
     n, n_channels = structure.shapes.shape
     norm = np.linalg.norm(structure.shapes, axis=1, keepdims=True) * rng.choice([-1, 1], (n, 1))

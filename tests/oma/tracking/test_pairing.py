@@ -5,7 +5,7 @@ from oma import pair_modes
 
 
 def test_pairing_is_one_to_one_where_mac_alone_ties() -> None:
-    """Two model modes with the same shape at the sensors: frequency tells them apart."""
+    """Two model modes with the same shape at the sensors: frequency distinguishes them."""
     shape = np.array([[1.0, 0.0, 0.2], [1.0, 0.0, 0.2]])
     paired = pair_modes(np.array([10.0, 50.0]), shape, np.array([10.5, 49.0, 80.0]), np.vstack([shape, [[0, 1.0, 0]]]))
     assert paired.tolist() == [0, 1]
@@ -20,7 +20,7 @@ def test_a_mode_without_partner_is_left_out() -> None:
 
 @pytest.mark.parametrize("moves", [0.0, 1e-14, 1e-4])
 def test_a_mode_that_no_channel_sees_answers_to_nothing_though_its_rounding_looks_alike(moves: float) -> None:
-    """Nor though it has a little of the mode beside it, and is nearer to what was measured."""
+    """Nor though it has a small part of the neighbouring mode, and is nearer to the measured one."""
     measured = np.array([[0.6, 0.8]])
     model = np.array([[0.6 * moves, 0.8 * moves], [0.5, 0.9]])  # the first moves across the sensors
     assert pair_modes(np.array([10.0]), measured, np.array([10.0, 10.5]), model).tolist() == [1]

@@ -43,7 +43,7 @@ def pty() -> Iterator[tuple[int, str]]:
 
 
 def read(line: int, size: int) -> bytes:
-    """Read so many bytes: a pty hands what was written over in pieces, when it likes."""
+    """Read a number of bytes: a pty passes on written bytes with any delay."""
     found = b""
     while len(found) < size and select.select([line], [], [], 5.0)[0]:
         found += os.read(line, size - len(found))
@@ -106,7 +106,7 @@ class CanProcess:
 
 @contextmanager
 def can_process(folder: Path, n: int, speed: int = 1, dbc: tuple[str, ...] = ()) -> Iterator[CanProcess]:
-    """Run an adapter with n nodes, and what `dbc` says beside them (emulated_can.py); it is gone afterwards."""
+    """Run an adapter with n nodes, and the sensor of `dbc` (emulated_can.py); it is gone afterwards."""
     clock = ScaledClock(speed=speed, origin_wall=time.time_ns(), origin=START)
     link = folder / "adapter"
     with script_process(SCRIPT, link, n, speed, clock.origin_wall, clock.origin, *dbc) as (process, ready):

@@ -1,9 +1,9 @@
-"""Emulated CAN nodes behind one adapter in a process of its own, told what to do over its standard input.
+"""Emulated CAN nodes behind one adapter in a separate process, with commands over its standard input.
 
     python emulated_can.py LINK N SPEED ORIGIN_WALL ORIGIN [DBC LOST REPEATED | witmotion]
 
-With a DBC file there is a sensor of it as well, as `imu` says, at 1000 Hz, the first in what is said at the end; of its
-frames a share is lost or comes twice. Or there is a WT901.
+With a DBC file there is a sensor of it as well, with the motion of `imu`, at 1000 Hz, the first in the final line; a
+share of its frames is lost or comes twice. Or there is a WT901.
 
 LINK always points to the adapter's port. First line out: "ready". Lines in: `unplug`, `plug`, `end`. Last line out:
 scans sent and dropped by each node. Nodes are 1, 2, ...
@@ -30,7 +30,7 @@ def imu(file: Path) -> DbcSensor:
 
 
 def plugged(link: Path, n: int, clock: ScaledClock, words: list[str]) -> EmulatedSlcan:
-    """Return a new adapter with its nodes, where the link says."""
+    """Return a new adapter with its nodes, at the target of the link."""
     nodes = [EmulatedEpsonCan(Ramp(), clock, node=1 + k, serial_number=100 + k) for k in range(n)]
     sensors: list[EmulatedDbc | EmulatedWitmotionCan] = []
     if words == ["witmotion"]:
@@ -45,7 +45,7 @@ def plugged(link: Path, n: int, clock: ScaledClock, words: list[str]) -> Emulate
 
 
 def main() -> None:
-    """Serve until told to end."""
+    """Serve until the command to end."""
     link, (n, speed, origin_wall, origin) = Path(sys.argv[1]), (int(word) for word in sys.argv[2:6])
     dbc = sys.argv[6:]
     clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)

@@ -1,9 +1,9 @@
-"""Emulated devices in a process of their own, told what to do over its standard input.
+"""Emulated devices in a separate process, with commands over its standard input.
 
     python emulated_ports.py N SPEED ORIGIN_WALL ORIGIN [KIND]
 
 First line out: the ports as JSON. Lines in: `unplug K`, `end`. Last line out: frames sent and dropped by each device.
-KIND is the name of a driver, epson-uart unless given; or several with commas between, then there are N of each.
+KIND is the name of a driver, by default epson-uart; or several with commas between, then there are N of each.
 """
 
 import json
@@ -50,7 +50,7 @@ KINDS: dict[str, Callable[[HostClock, str], Device]] = {
 
 
 def main() -> None:
-    """Serve until told to end."""
+    """Serve until the command to end."""
     n, speed, origin_wall, origin = (int(word) for word in sys.argv[1:5])
     kinds = sys.argv[5].split(",") if len(sys.argv) > 5 else ["epson-uart"]
     clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)

@@ -90,7 +90,7 @@ def values(*parts: NodeScans) -> list[tuple[int, ...]]:
 
 
 def read_byte_by_byte(stream: bytes) -> list[tuple[int, ...]]:
-    """Return the scans of a stream as the words of docs/node.md say, one byte after the other."""
+    """Return the scans of a stream by the description of docs/node.md, one byte after the other."""
     found = []
     for segment in stream.split(b"\0")[:-1]:
         content, at = bytearray(), 0

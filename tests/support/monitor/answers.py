@@ -14,7 +14,9 @@ DIRECTIONS = ("x", "y", "z")
 
 
 def increments(site: made.Site, n_windows: int = 3) -> MassIncrements:
-    """Return increments that spread the site's mass about its place, in y and z; none in x, and z says nothing low."""
+    """Return increments that spread the site's mass about its position, in y and z; none in x, none in z at low
+    positions.
+    """
     nodes = site.model.nodes
     near = np.exp(-((np.linalg.norm(nodes - site.place, axis=1) / 0.25) ** 2))
     raw = site.mass * near[:, None] / near.sum() * (0.02, 0.5, 0.3)
@@ -53,7 +55,7 @@ def increments(site: made.Site, n_windows: int = 3) -> MassIncrements:
 
 
 def diagnosis() -> Diagnosis:
-    """Return an explained diagnosis with everything that can stand in one; a text that must be escaped among it."""
+    """Return an explained diagnosis with every possible part; a text that must be escaped among it."""
     return Diagnosis(
         verdict="explained",
         causes=(

@@ -31,7 +31,7 @@ class Commands:
 
 
 def assert_refused(done: Done, *said: object) -> None:
-    """Assert exit code 2 and one line of error that says all this."""
+    """Assert exit code 2 and one line of error with all these texts."""
     assert done.code == 2, done
     assert done.err.startswith("error: "), done
     assert done.err.count("\n") == 1, done

@@ -1,4 +1,4 @@
-"""Measured beside simulated on the tests' T-frame, made up: what report and viewer draw."""
+"""Measured and simulated modes of the tests' T-frame, made up: the content of report and viewer."""
 
 from typing import Any
 

@@ -18,7 +18,7 @@ START = 20_454 * 86_400 * 10**9  # 2026-01-01
 
 
 def run_events(**fields: Any) -> list[Event]:
-    """Return a run that learns, watches and finds a mass, as it stands in the log."""
+    """Return a run that learns, monitors and finds a mass, as it is in the log."""
     run = whole_run(Site(**fields))
     results = [run["reference"], *run["windows"], *run["alarms"]]
     gap = Event(topic="/event/gap", time=run["windows"][3].end, payload={"device": "left", "missing": 12})
@@ -26,7 +26,7 @@ def run_events(**fields: Any) -> list[Event]:
 
 
 def change(time: int, state: str, text: str = "so", **fields: Any) -> Event:
-    """Return a change of the alarm as it stands in the log."""
+    """Return a change of the alarm as it is in the log."""
     return result_event(AlarmResult.model_validate({"time": time, "state": state, "text": text, "window": 1} | fields))
 
 

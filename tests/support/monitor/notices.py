@@ -16,7 +16,7 @@ ALARM = change(10, "alarm", "ALARM: a mass")
 
 
 class Server:
-    """A web server on loopback that keeps what it gets and answers as it is told."""
+    """A web server on loopback that keeps its requests and responds as set."""
 
     def __init__(self) -> None:
         self.got: list[dict[str, Any]] = []
@@ -39,7 +39,7 @@ class Server:
                 self.end_headers()
 
             def log_message(self, *_: object) -> None:
-                """Say nothing."""
+                """Print nothing."""
 
         self._server = HTTPServer(("127.0.0.1", 0), Handler)
         self.url = f"http://127.0.0.1:{self._server.server_port}/hook"

@@ -31,7 +31,7 @@ _NO_POLES = Stabilization(
 
 
 def site_text(more: str = "") -> str:
-    """Return settings of twelve channels on one device each, of the shipped frame; `more` stands in [alarm]."""
+    """Return settings of twelve channels on one device each, of the shipped frame; `more` is in [alarm]."""
     channels = parse_structure(t_structure_toml()).channels
     lines = ['structure = "t_structure.toml"', "[analysis]", f"baseline_windows = {BASELINE}", "[alarm]", more]
     for name in channels:
@@ -80,7 +80,7 @@ class Played:
         return Pipeline(self.structure, self.settings, memory)
 
     def windows(self, n: int) -> Iterator[Recording]:
-        """Yield recordings, whose signals are noise that nobody looks at."""
+        """Yield recordings, whose signals are noise without use."""
         for _ in range(n):
             data = self._random.standard_normal((64, 12))
             start = START + self._n * STEP * 10**9
@@ -126,7 +126,7 @@ class Played:
 
 
 def run(pipeline: Pipeline, windows: Iterator[Recording]) -> list[Result]:
-    """Return what a pipeline says of windows."""
+    """Return the results of a pipeline for windows."""
     return [result for window in windows for result in pipeline.analyse(window)]
 
 

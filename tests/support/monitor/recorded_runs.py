@@ -51,7 +51,7 @@ def blocks(scenario: Scenario, seconds: float) -> Iterator[Block]:
 
 
 def write_log(path: Path, scenario: Scenario, seconds: float, site: str) -> None:
-    """Write what the devices of a scenario measure in `seconds` as a log."""
+    """Write the measurements of a scenario's devices in `seconds` as a log."""
     writer = McapWriter(path, {"site.toml": site, "structure.toml": t_structure_toml()})
     for i, block in enumerate(blocks(scenario, seconds)):
         writer.write(block)

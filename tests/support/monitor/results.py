@@ -67,7 +67,7 @@ direction = [0, 0, 1]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Site:
-    """A structure, a mass that comes, and what the monitor says window by window."""
+    """A structure, an added mass, and the monitor's results window by window."""
 
     text: str = field(default_factory=t_structure_toml)
     n_modes: int = 6
@@ -77,7 +77,7 @@ class Site:
 
     @cached_property
     def model(self) -> Model:
-        """The model whose modes are reported."""
+        """Model of the reported modes."""
         return build_model(parse_structure(self.text))
 
     @cached_property
@@ -135,7 +135,7 @@ class Site:
         )
 
     def window(self, index: int, phase: Phase, shift: FloatArray, *, missing: tuple[int, ...] = ()) -> WindowResult:
-        """Return a window whose modes are shifted by `shift` (n,) [-]; `missing` modes are not seen."""
+        """Return a window whose modes are shifted by `shift` (n,) [-]; `missing` modes are left out."""
         tracked, frequency, shape = phase != "learning", self.modal[0] * (1 + shift), self.channel_shape
         std = {"shift_std_percent": 100 * FREQUENCY_STD * 1.04} if tracked else {}
         modes = [

@@ -29,7 +29,7 @@ class View:
 
 
 class Rrd:
-    """What is inside an .rrd file."""
+    """Content of an .rrd file."""
 
     def __init__(self, path: Path) -> None:
         reader = RrdReader(path)

@@ -1,4 +1,4 @@
-"""A run in the tests' own process, in a thread, on emulated devices; its analysis is a stand-in unless asked for."""
+"""A run in the tests' own process, in a thread, on emulated devices; its analysis is a stand-in by default."""
 
 import threading
 import time
@@ -31,7 +31,7 @@ channels = {{y = "{name}_y"}}
 
 
 class QuietWorker:
-    """Stands for the analysis, which is not asked for anything here: it says its last word when it is told to."""
+    """Replaces the analysis, which is not under test here: it ends on request."""
 
     made: ClassVar[list["QuietWorker"]] = []
 
@@ -125,7 +125,7 @@ class LawState:
 
 
 def watched_site(folder: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
-    """Return a site in a folder whose analysis says nothing."""
+    """Return a site in a folder whose analysis has no results."""
     monkeypatch.setattr("monitor.service.log_and_analysis.Worker", QuietWorker)
     QuietWorker.made.clear()
     (folder / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")

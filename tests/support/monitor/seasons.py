@@ -17,7 +17,7 @@ STRANGE = -1  # what is no mode
 
 @dataclass(frozen=True, kw_only=True)
 class Month:
-    """What happens in it."""
+    """Events of a month."""
 
     days: float = 30.0
     drift: float = 0.05  # of the frequencies that temperature moves most, in all
@@ -72,7 +72,7 @@ def _outages(rng: np.random.Generator, n: int, share: float) -> np.ndarray[tuple
 def _estimate(
     rng: np.random.Generator, k: int, frequency: FloatArray, shape: FloatArray, modes: IndexArray, strange: bool
 ) -> tuple[ModalEstimate, IndexArray]:
-    """Return a window's estimate: errors of twice what the uncertainty law allows, as stated."""
+    """Return a window's estimate: errors of twice the uncertainty law, as stated."""
     if strange:
         frequency = np.append(frequency, rng.uniform(1.5, 12.0))
         shape = np.vstack([shape, rng.standard_normal(shape.shape[1])])
@@ -111,7 +111,7 @@ class Truth:
 
 
 def month_of_recordings(seed: int, what: Month = Month()) -> Iterator[tuple[Recording, Truth]]:
-    """Yield a recording an hour, of the same month, and what is true of it."""
+    """Yield a recording per hour, of the same month, and its true modes."""
     rng = np.random.default_rng(seed)
     n = round(what.days * 24)
     shapes = _shapes(rng, what.n_channels)

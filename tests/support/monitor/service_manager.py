@@ -6,7 +6,7 @@ import time
 
 
 class Listener:
-    """Hears what is said at a socket.
+    """Receives datagrams at a socket.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class Listener:
         self.socket.close()
 
     def heard(self, text: str, seconds: float) -> bool:
-        """Tell whether a datagram that begins so comes within a time."""
+        """Return whether a datagram with this beginning arrives within a time."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not any(said.startswith(text) for said in tuple(self.said)):
             time.sleep(0.01)

@@ -1,4 +1,4 @@
-"""Scenes on which the unattended identification is measured: modes, forces, noise and what disturbs them."""
+"""Scenes on which the unattended identification is measured: modes, forces, noise and disturbances."""
 
 from dataclasses import dataclass, replace
 
@@ -17,7 +17,7 @@ _WEAK = 10 ** (-26 / 20)  # amplitude of a weak mode
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tone:
-    """What a machine adds."""
+    """Tone of a machine."""
 
     frequency: float  # Hz
     share: float  # rms over that of the signals

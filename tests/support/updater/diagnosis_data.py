@@ -1,4 +1,4 @@
-"""Changes hidden in modes of a frame that is no model of ours, and what a diagnosis is given of them."""
+"""Changes hidden in modes of a frame that is no model of ours, and the data for a diagnosis of them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ CHANNELS = t_frame().channels
 
 @dataclass(frozen=True)
 class Change:
-    """What happens: to the structure, and to what the channels say."""
+    """Changes of the structure, and of the channels' signals."""
 
     bodies: tuple[Body, ...] = ()
     foot: dict[str, float] | None = None  #: factors on stiffness by axis
@@ -48,9 +48,9 @@ class Change:
 
 
 def learnt(seed: int, already: Change | None = None) -> tuple[Reference, Model, Callable[[Change], ModalMean]]:
-    """A reference from eight windows, the truth, and what five windows after a change say.
+    """A reference from eight windows, the truth, and the result of five windows after a change.
 
-    `already` had happened before, which nobody has told the reference.
+    `already` had happened before, unknown to the reference.
     """
     print(f"seed {seed}")
     random = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ class Specimen:
         return matched_surely(self.reference, self.reference.mean_of(now.modes))
 
     def bodies(self, n: int, lightest: float = 0.005) -> Iterator[tuple[FloatArray, ModalMean]]:
-        """Return places (3,) of bodies of up to 4 % of the mass, clamped beside a bar, and their events."""
+        """Return positions (3,) of bodies of up to 4 % of the mass, clamped off a bar's axis, and their events."""
         total = build_model(self.reference.structure).total_mass()
         for _ in range(n):
             bar, s = somewhere(self.state, self.random, lowest=0.3)
@@ -53,7 +53,7 @@ class Specimen:
 
 
 def structure_named(frame: str) -> Structure:
-    """Return what the user believes to stand there."""
+    """Return the structure as the user describes it."""
     return FRAME if frame == "T-frame" else parse_structure(DESIGNS[frame].toml())
 
 

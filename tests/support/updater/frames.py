@@ -101,7 +101,7 @@ def as_estimate(
 
 
 def unmoved(n_windows: int, n_tracks: int = N_MODES) -> list[IndexArray]:
-    """Return tracks of windows whose modes all came in order."""
+    """Return tracks of windows whose modes are all in order."""
     return [np.arange(n_tracks, dtype=np.intp)] * n_windows
 
 

@@ -28,7 +28,7 @@ class Loaded:
 
 
 def frame_with_masses(number: int, noise: str, random: np.random.Generator) -> Loaded:
-    """Draw a frame and masses on it; return what is measured before and after.
+    """Draw a frame and masses on it; return the measured modes before and after.
 
     Parameters
     ----------

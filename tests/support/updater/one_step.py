@@ -1,4 +1,4 @@
-"""A T-frame bare and loaded, and the reference that its baseline taught: what the one-step update is judged on."""
+"""A T-frame without and with masses, and the reference of its baseline: data for tests of the one-step update."""
 
 from dataclasses import replace
 

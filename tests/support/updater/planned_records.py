@@ -1,4 +1,4 @@
-"""What records of given lengths would teach of true frames: errors by the laws, drawn along the truth's own modes."""
+"""Simulated results of records of given lengths for true frames: errors along the truth's own modes."""
 
 from dataclasses import dataclass
 
@@ -67,18 +67,18 @@ class TrueRig:
         )
 
     def reference(self) -> Reference:
-        """Return what the record before the change teaches."""
+        """Return the reference of the record before the change."""
         windows = self.windows(None, N_BEFORE, 3)
         return learn_reference(t_frame(), windows, in_order(windows))
 
     def located(self, reference: Reference, body: Body, draw: int) -> MassChange:
-        """Return what the record after the change says of the body."""
+        """Return the result of the record after the change for the body."""
         windows = self.windows(body, N_AFTER, draw)
         return locate_mass(reference, reference.mean_of(stack_tracks(windows, in_order(windows))))
 
 
 def in_order(windows: list[ModalEstimate]) -> list[IndexArray]:
-    """Return tracks of windows whose modes all came in the order of frequency."""
+    """Return tracks of windows whose modes are all in the order of frequency."""
     return [np.arange(window.n_modes, dtype=np.intp) for window in windows]
 
 

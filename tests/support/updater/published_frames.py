@@ -32,7 +32,7 @@ def frame(
     local_y: FloatArray | None = None,
     spans: list[tuple[int, int]] | None = None,
 ) -> Structure:
-    """Return members between points (n, 3), one after another unless spans say otherwise."""
+    """Return members between points (n, 3), one after another unless spans are given."""
     spans = spans or list(itertools.pairwise(range(len(points))))
     return Structure.model_validate(
         {
@@ -91,7 +91,7 @@ def deep_beam(elements: int) -> Model:
 
 
 def portal(foot: tuple[str, ...], elements: int) -> tuple[FloatArray, FloatArray]:
-    """Return K of a square portal, E I = L = 1, that sways in its plane, and what a tension of 1 in its posts adds."""
+    """Return K of a square portal, E I = L = 1, that sways in its plane, and its change by tension in its posts."""
     points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [1.0, 0, 0]])
     structure = frame(
         points,

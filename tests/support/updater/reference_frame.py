@@ -1,4 +1,4 @@
-"""True structures that differ in kind from the reference model, and what would be measured of them."""
+"""True structures that differ in kind from the reference model, and their measured modes."""
 
 from functools import lru_cache
 
@@ -54,7 +54,7 @@ def measure(
     shape_noise: float = 3e-3,
     n_modes: int = 8,
 ) -> ModalEstimate:
-    """Modes as identification would give them: relative noise of frequency falls with sqrt(f), as the law says.
+    """Modes as identified: relative noise of frequency falls with sqrt(f), as the law states.
 
     Damping and the shapes' imaginary parts, which are noise alone, have draws of their own.
     """

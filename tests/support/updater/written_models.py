@@ -1,4 +1,4 @@
-"""A diagnosis whose written file is loaded and asked again: what it is worth is judged from the file alone."""
+"""A diagnosis whose written file is loaded and diagnosed again: it is evaluated from the file alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Loop:
 
 
 def closed_loop(case: Case, *, only: Sequence[str] = (), again_only: Sequence[str] = ()) -> Loop:
-    """Diagnose a case, load what is written, and diagnose that against fresh windows."""
+    """Diagnose a case, load the written file, and diagnose that against fresh windows."""
     random, state = np.random.default_rng((case.seed, 6)), case.done.before
     structure = stiffer(structure_of(case.cell), case.far) if case.built else structure_of(case.cell)
     before = None if case.built else observation(state, estimated(state, N_BEFORE, random, noise="law"))

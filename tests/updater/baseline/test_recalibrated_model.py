@@ -1,4 +1,4 @@
-"""A structure file that is far off: the model is moved to what was measured before anything else is sought."""
+"""A structure file that is far off: the model is recalibrated to the measurement before any cause is sought."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def asked(case: Case, structure: Structure) -> Explanation:
 
 @pytest.mark.parametrize("seed", few_of([961, 962]))
 def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
-    """By ten per cent in frequency: what is said is the file's stiffness, and what is written explains new windows."""
+    """By ten per cent in frequency: the cause is the file's stiffness, and the written file explains new windows."""
     case = draw("built frame: nothing", seed)
     found = asked(case, stiffer(FRAME, TOO_STIFF))
     said = found.explained.diagnosis
@@ -72,7 +72,7 @@ def test_a_body_is_found_beside_it() -> None:
 
 @pytest.mark.thorough
 def test_where_nothing_explains_it_the_nearer_model_is_there_all_the_same() -> None:
-    """All sensors glued anew, each a little askew, which no cause of the catalogue is."""
+    """All sensors mounted again, each slightly turned, which no cause of the catalogue describes."""
     found = asked(draw("reseated", 1), stiffer(FRAME, TOO_STIFF)).explained
     assert (found.diagnosis.verdict, found.extended, found.diagnosis.gain) == ("unexplained", None, None)
     assert found.nearer is not None

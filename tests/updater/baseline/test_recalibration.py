@@ -1,4 +1,4 @@
-"""A reference of a frame whose file is far off: recalibrated until all modes are paired, and what rests on that."""
+"""A reference of a frame whose file is far off: recalibrated until all modes are paired, and its use."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_a_loosened_foot_is_sized_within_its_deviations(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", few_of([324, 325, 327, 329]))
 def test_the_softer_of_two_bearings_that_the_file_has_alike_is_told_by_shapes(seed: int) -> None:
-    """Frequencies say nothing of it at first: a fit to them alone leaves both bearings alike."""
+    """Frequencies alone do not determine it: a fit to them leaves both bearings alike."""
     state = BRIDGE.draw(seed)
     before = observed(state, 8, np.random.default_rng(seed))
     file = structure_of("bridge: ")

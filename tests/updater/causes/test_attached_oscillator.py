@@ -1,4 +1,4 @@
-"""Bodies hung on springs from a frame of another model: a new mode, and what it says."""
+"""Bodies on springs attached to a frame of another model: a new mode, and its information."""
 
 from dataclasses import replace
 
@@ -107,7 +107,7 @@ def test_one_whose_own_mode_nobody_saw_is_found_beside_the_mode_that_it_moves(
 ) -> None:
     """A twelfth of the mode's frequency above or below: each of the two is half the oscillator's, and one is seen.
 
-    Nor does what mixes two close modes pass for the mode that was not.
+    Nor does the mixture of two close modes pass for the missing mode.
     """
     reference, bare = learnt
     at, mass = (0.0, 0.0, 1.04), 0.06
@@ -167,7 +167,7 @@ def test_a_mode_that_was_not_seen_before_is_nothing_new(learnt: tuple[Reference,
 
 @pytest.mark.parametrize(("seed", "mode", "off"), few_of([(891, 1, 0.004), (892, 3, -0.012)]))
 def test_a_mode_seen_twice_is_nobodys(learnt: tuple[Reference, Model], seed: int, mode: int, off: float) -> None:
-    """Identification took one mode for two, the second a little beside the first and of its shape."""
+    """Identification split one mode in two, the second a little off the first and with its shape."""
     reference, bare = learnt
     event, _ = event_of(reference, bare, seed, 8)
     twice = event.only(np.array([mode]))
@@ -191,7 +191,7 @@ def test_the_extended_model_leaves_nothing_to_explain(learnt: tuple[Reference, M
 
 
 def test_a_body_too_light_to_move_any_mode_is_told_by_its_own(learnt: tuple[Reference, Model]) -> None:
-    """A mode that the baseline has not is no drift, and something is said of how to be surer of it."""
+    """A mode that the baseline lacks is no drift, and the advice states how to be surer of it."""
     found = explained(learnt, hung(learnt[1], (0.3, 0.0, 1.48), 2, 0.006, 120.0), 871)
     assert found.diagnosis.verdict != "nothing_to_explain"
     assert "attached_oscillator" in [cause.cause for cause in found.diagnosis.causes]

@@ -1,4 +1,4 @@
-"""One contract for all causes: what one predicts in the reference's modes, its extended structure does in full."""
+"""One contract for all causes: the prediction in the reference's modes agrees with the extended structure."""
 
 from dataclasses import replace
 from typing import Any

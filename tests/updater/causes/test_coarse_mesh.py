@@ -1,4 +1,4 @@
-"""A structure file whose mesh is too coarse, against modes of the same frame on a fine one."""
+"""A structure file whose mesh is too coarse, with modes of the same frame on a fine one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""One factor on all frequencies: which of its makers it was, where something beside the record tells."""
+"""One factor on all frequencies: its cause, where data other than the modes determine it."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Springs that a structure file states or that nobody told of: bearings, feet, several joints of a member."""
+"""Springs that a structure file states or lacks: bearings, feet, several joints of a member."""
 
 import numpy as np
 import pytest
@@ -31,12 +31,12 @@ def _springs(structure: Structure) -> list[str]:
 
 @pytest.mark.parametrize("name", few_of(["portal", *sorted({*DESIGNS} - {"portal"})]))
 def test_springs_of_half_to_twice_what_the_file_says_are_calibrated(name: str) -> None:
-    """To within 0.3 %: what a beam model is allowed and half as much, before per cents off in the upper modes."""
+    """To within 0.3 %: the tolerance of a beam model and half as much; before, the upper modes are per cents off."""
     assert _off(_learnt(name, 40)) < 3e-3
 
 
 def test_a_bearing_is_found_where_the_file_has_it_too_stiff() -> None:
-    """Both bearings together, which is what the modes of a symmetric beam show; a third of a factor of two."""
+    """Both bearings together, as determined by the modes of a symmetric beam; a third of a factor of two."""
     state = BRIDGE.draw(42)
     true = np.mean([1 / ground.along[2] for ground in state.frame.grounds])
     springs = _learnt("bridge", 42).structure.support
@@ -63,7 +63,7 @@ def test_one_of_the_members_at_a_joint_is_what_the_others_turn_against() -> None
 
 
 def test_only_a_bearing_gives_along_an_axis() -> None:
-    """A clamp turns before it slides; what lets something turn can only slide."""
+    """A clamp turns before it slides; a hinge can only slide."""
     assert not any(name.endswith((" x", " y", " z")) for name in _springs(t_frame()))
     names = _springs(parse_structure(BRIDGE.toml()))
     assert {name.split()[-1] for name in names if name.startswith("support 1")} == {"y", "z", "rx"}

@@ -86,7 +86,7 @@ def test_what_damping_does_to_identified_frequencies_is_no_second_cause(learnt: 
 def levels(
     reference: Reference, bare: Model, random: np.random.Generator, rms: FloatArray, loss: float
 ) -> tuple[list[ModalEstimate], Circumstances]:
-    """Windows of a frame whose springs lose a share `loss` of their stiffness a m/s2 of rms."""
+    """Windows of a frame whose springs lose a share `loss` of their stiffness per m/s2 of rms."""
     windows = [measure(softened(bare, 1 - loss * level), random, GAIN) for level in rms.tolist()]
     tracked = stack_tracks(windows, [TRACK] * len(windows))
     found = match_modes(reference.baseline, reference.mean_of(tracked))
@@ -95,7 +95,7 @@ def levels(
 
 
 def test_frequencies_that_fall_with_amplitude_are_told(learnt: tuple[Reference, Model]) -> None:
-    """Springs of foot and joint at 60 % of what they are at rest where the level is highest."""
+    """Springs of foot and joint at 60 % of their values at rest where the level is highest."""
     reference, bare = learnt
     rms = np.linspace(0.02, 0.5, 8)
     windows, known = levels(reference, bare, np.random.default_rng(971), rms, 0.8)

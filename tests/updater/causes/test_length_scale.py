@@ -45,7 +45,7 @@ def bracket(youngs_modulus: float, density: float, elements: int, axes: str = "x
 
 @pytest.mark.thorough
 def test_fifty_milligrams_are_found_on_a_bracket_of_five_centimetres() -> None:
-    """Of 1.1 g; a body's centre lies millimetres beside such an axis, and places a centimetre apart would be four."""
+    """Of 1.1 g; a body's centre is millimetres off such an axis, and positions a centimetre apart would be four."""
     given, true = bracket(70e9, 2700, 25), bracket(68.5e9, 2730, 50)
     random, gain = np.random.default_rng(3), np.ones(len(given.channels))
 
@@ -69,7 +69,7 @@ def test_fifty_milligrams_are_found_on_a_bracket_of_five_centimetres() -> None:
 
 
 def test_sensors_in_a_plane_see_modes_beyond_those_measured() -> None:
-    """Half of a bracket's modes are across its plane: thirty are not enough to say what a change does in it."""
+    """Half of a bracket's modes are across its plane: thirty are not enough to describe a change in it."""
     given = bracket(70e9, 2700, 25, axes="x")
     model = build_model(given, shear_flexible=True, mass="consistent")
     windows = [measure(model, np.random.default_rng(i), np.ones(len(given.channels)), n_modes=30) for i in range(3)]
@@ -99,7 +99,7 @@ def girder(youngs_modulus: float, elements: int) -> Structure:
 
 
 def test_a_body_under_a_girder_is_found_though_nothing_says_to_which_side_it_hangs() -> None:
-    """On the axis of what is symmetric about it a fit finds no slope to either side, and stayed there."""
+    """On the axis of a symmetric structure a fit has no slope to either side, and stayed there."""
     given, true = girder(210e9, 30), girder(207e9, 60)
     random, gain = np.random.default_rng(5), np.ones(len(given.channels))
     at = np.flatnonzero(np.abs(measure(build_model(true), random, gain, n_modes=14).shape).max(1) > 0.05)

@@ -75,7 +75,7 @@ def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: B
 @pytest.mark.parametrize("shift", [-0.4, 0.7])
 @pytest.mark.parametrize("longer", [-1.3, 0.0, 0.4, 1.2])
 def test_finer_stretches_begin_where_the_coarser_were_fitted_to(shift: float, longer: float) -> None:
-    """Also at a length between those of two kinds: where data are sure, half a step beside it is far off."""
+    """Also at a length between those of two kinds: with precise data, half a step away is far off."""
     reference, observed = reference_and_event()
     cause = propose_local_stiffness(reference, compare(reference, observed))
     assert cause is not None
@@ -97,7 +97,7 @@ def test_finer_stretches_begin_where_the_coarser_were_fitted_to(shift: float, lo
     few_of([(181, "column", 0.67, 0.73, 0.5), (182, "column", 0.30, 0.60, 0.8), (183, "crossbeam", 0.55, 0.63, 0.4)]),
 )
 def test_softened_stretch_is_found(seed: int, name: str, start: float, end: float, left: float) -> None:
-    """Its middle within 4 deviations of itself and 3 cm; what the loss adds up to over its length, within 15 %.
+    """Its middle within 4 deviations and 3 cm; the loss summed over its length, within 15 %.
 
     A deviation of the sum is about 3 % here (1 % of frequency shifts of 2 to 4 %, and 1.5 % of E I).
     """
@@ -123,7 +123,7 @@ def test_softened_stretch_is_found(seed: int, name: str, start: float, end: floa
 def test_a_cut_from_one_side_is_found(
     seed: int, name: str, start: float, end: float, left: tuple[float, float, float]
 ) -> None:
-    """What is lost about each axis and in twist, each within 4 deviations; so the model that is written has it."""
+    """The loss about each axis and in twist, each within 4 deviations; the written model has it."""
     found = diagnose(*event(seed, name, start, end, left))
     assert (found.diagnosis.verdict, [c.cause for c in found.diagnosis.causes]) == ("explained", ["local_stiffness"])
     (cause,) = found.diagnosis.causes
@@ -146,7 +146,7 @@ def test_a_cut_from_one_side_is_found(
 
 @pytest.mark.thorough
 def test_one_factor_beside_a_body_is_told_as_one() -> None:
-    """Alone, losses of their own about the axes take up what the body does: beside it nothing speaks for them."""
+    """Alone, separate losses about the axes absorb the effect of the body: with it, nothing supports them."""
     body = Body(at=(0.25, 0.0, 1.48), mass=0.1)
     found = diagnose(*event(402, "column", 0.55, 0.60, 0.32, body)).diagnosis
     by_name = {cause.cause: cause for cause in found.causes}
@@ -158,7 +158,7 @@ def test_one_factor_beside_a_body_is_told_as_one() -> None:
 
 @pytest.mark.thorough
 def test_a_body_beside_a_stretch_is_no_oscillator() -> None:
-    """One whose mode nobody sees fits too: its own frequency takes up what the crossbeam has lost."""
+    """One with an unmeasured mode fits too: its own frequency absorbs the loss of the crossbeam."""
     body = Body(at=(0.0, 0.0, 0.945), mass=0.39)
     found = diagnose(*event(411, "crossbeam", 0.11, 0.20, 0.65, body)).diagnosis
     assert {cause.cause for cause in found.causes} == {"added_mass", "local_stiffness"}

@@ -1,4 +1,4 @@
-"""A structure file that is a little off everywhere, against modes of what was built."""
+"""A structure file with small errors everywhere, and modes of the real structure."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> 
 
 
 def test_members_that_meet_at_a_point_have_one_weld_and_no_more_than_all_of_it() -> None:
-    """What is fitted is what is written, also where a fit has gone beyond what a weld can hold."""
+    """The fitted values are the written ones, also where a fit has gone beyond the range of a weld."""
     frame = t_frame()
     column, beam = (frame.member_named(name) for name in ("column", "crossbeam"))
     prop = beam.model_copy(update={"name": "prop", "start": column.end, "end": (0.0, 0.4, column.end[2])})
@@ -61,7 +61,7 @@ def test_members_that_meet_at_a_point_have_one_weld_and_no_more_than_all_of_it()
 
 
 class _Moved(ModelParameters):
-    """Fits begin half a deviation from what the file says."""
+    """Fits begin half a deviation from the file's values."""
 
     @property
     def start(self) -> FloatArray:
@@ -79,7 +79,7 @@ class _Differenced(_Moved):
 def test_exact_derivatives_are_those_of_differences(name: str) -> None:
     """Statically determinate, and nineteen times not.
 
-    Of a prior deviation of each parameter: what a bearing's flexibility does in its own unit is 10 000 times as much.
+    Of a prior deviation of each parameter: in its own unit, a bearing's flexibility has 10 000 times the effect.
     """
     reference, data = _asked(structure_of(f"{name}: "), np.random.default_rng(956))
     cause = propose_model_parameters(reference, data)
@@ -94,7 +94,7 @@ def test_exact_derivatives_are_those_of_differences(name: str) -> None:
 
 @pytest.mark.parametrize("seed", few_of([953, 955]))
 def test_a_file_is_told_and_mended(seed: int) -> None:
-    """E and density off by per cents, a foot and a joint that give: what is told is of that, and mends it."""
+    """E and density off by per cents, a flexible foot and joint: the answer names these, and corrects the file."""
     random = np.random.default_rng(952)
     truth = true_model(np.random.default_rng(seed))
     windows, others = (
@@ -131,7 +131,7 @@ def test_a_body_is_found_beside_it() -> None:
 
 @pytest.mark.parametrize("name", ["frame", "bridge", "grid"])
 def test_what_stays_as_rigid_as_the_file_has_it_is_not_told(name: str) -> None:
-    """Of files that are right, data say of feet, bearings and joints that they do not give: nothing that is wrong."""
+    """For correct files, data state that feet, bearings and joints are rigid: no error."""
     reference, data = _asked(structure_of(f"{name}: "), np.random.default_rng(957))
     cause = propose_model_parameters(reference, data)
     assert cause is not None

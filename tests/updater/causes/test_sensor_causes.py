@@ -115,7 +115,7 @@ def test_delay_is_found_to_a_twentieth_of_a_millisecond(seed: int, channels: tup
     few_of([(211, "beam_left_z", (1.0, 0.0, 0.0), 0.15), (212, "col_111_x", (0.0, 0.6, 0.8), 0.3)]),
 )
 def test_sensor_that_points_askew(seed: int, channel: str, axis: tuple[float, float, float], angle: float) -> None:
-    """To four deviations and 1 degree: what the model says of the other directions is right to 3 % of the tilt."""
+    """To four deviations and 1 degree: the model's other directions are right to 3 % of the tilt."""
     rig = Rig(seed)
     way = np.array(rig.bare.structure.sensor[CHANNELS.index(channel)].direction, float)
     turned = np.cos(angle) * way + np.sin(angle) * np.cross(axis, way)

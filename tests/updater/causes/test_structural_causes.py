@@ -31,7 +31,7 @@ def found(seed: int, **change: object) -> Cause:
 
 
 def off(cause: Cause, place: tuple[float, float, float]) -> float:
-    """How many of its deviations a cause's middle is from a place."""
+    """Distance of a cause's middle from a position in its deviations."""
     assert cause.where is not None
     assert cause.where.position is not None
     assert cause.where.position_std is not None

@@ -148,8 +148,9 @@ def test_what_is_in_no_catalogue_is_not_explained() -> None:
 
 @pytest.mark.parametrize("rigs", few_of([range(170, 171), range(170, 172)]), ids=["four", "eight"])
 def test_nothing_is_explained_by_nothing(rigs: range) -> None:
-    """Four events a rig: at a posterior of 0.8 against even odds one in 8 would be no surprise; two are
-    under 1 in 1000 at the rate of 1 in 200 that 40 simulated pairs of records allow."""
+    """Four events per rig: at a posterior of 0.8 against even odds one in 8 would be no surprise; two are under 1 in
+    1000 at the rate of 1 in 200 that 40 simulated pairs of records allow.
+    """
     false = []
     for seed in rigs:
         reference, _, event = learnt(seed)

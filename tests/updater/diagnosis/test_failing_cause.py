@@ -62,7 +62,7 @@ def girder_modes(*, mass: float = 0.0) -> tuple[FloatArray, FloatArray]:
 
 
 def girder_file() -> Structure:
-    """Return what the user believes: E 2 % too small, bearings that also give about the vertical axis."""
+    """Return the user's model: E 2 % too small, bearings that are also flexible about the vertical axis."""
     lines = ['name = "girder"', "[material.steel]", "youngs_modulus = 205e9", "shear_modulus = 80e9", "density = 8000"]
     lines += ["[section.box]", "area = 0.25", "second_moment = [0.02, 0.06]", "torsion_constant = 0.03"]
     lines += ["shear_factor = 0.4", "[[member]]", 'name = "girder"', "from = [0, 0, 0]", "to = [60, 0, 0]"]
@@ -115,7 +115,7 @@ def girder() -> tuple[Observation, Observation]:
 def test_flexibilities_that_no_mode_shows_stay_within_those_of_a_loose_connection(
     girder: tuple[Observation, Observation],
 ) -> None:
-    """No vertical mode turns a bearing about the vertical axis: what grows there came to 1e21 in self-stress."""
+    """No vertical mode turns a bearing about the vertical axis: that parameter had come to 1e21 in self-stress."""
     before, now = girder
     reference = learn_reference(girder_file(), before.estimates, before.tracks)
     event = reference.mean_of(now.modes)

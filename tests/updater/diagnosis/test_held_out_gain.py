@@ -36,7 +36,7 @@ def test_what_was_held_out_is_explained_to_its_noise(seed: int) -> None:
 
 
 def test_the_extended_model_takes_up_what_the_reference_gets_wrong() -> None:
-    """Of 400 g: what decides leaves 1 % of the shift; the extended model is as near to the frequencies as it can be."""
+    """Of 400 g: the decision leaves 1 % of the shift; the extended model is as near to the frequencies as possible."""
     reference, _, event = learnt(306)
     data = compare(reference, event(Change(bodies=(Body(at=(0.1, 0, 1.48), mass=0.4),))))
     (mass,) = (c for c in EvidenceComparison(reference, data).singles() if c.names == ("added_mass",))
@@ -61,7 +61,7 @@ def test_a_held_out_record_may_lack_a_mode_or_a_channel() -> None:
 
 
 def test_each_mode_is_foretold_by_the_others() -> None:
-    """Left out, a mode is missed by no more than four deviations of what is stated; not by less than noise allows."""
+    """A mode that is left out is predicted within four stated deviations; not closer than noise allows."""
     reference, _, event = learnt(303)
     found = diagnose(reference, event(CHANGE), only=ONLY)
     assert found.gained is not None
@@ -77,7 +77,7 @@ def test_each_mode_is_foretold_by_the_others() -> None:
 
 
 def test_what_may_be_chance_is_not_significant() -> None:
-    """A thousandth of a mass that nobody could see, on data in which nothing has changed."""
+    """A thousandth of an undetectable mass, on data in which nothing has changed."""
     reference, _, event = learnt(304)
     data = compare(reference, event(Change()))
     (mass,) = (c for c in EvidenceComparison(reference, data).singles() if c.names == ("added_mass",))

@@ -1,4 +1,4 @@
-"""The extended model is what was measured: asked again about fresh windows, it has nothing left to explain."""
+"""The extended model agrees with the measurement: diagnosed with fresh windows, nothing is left to explain."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The measurement that would decide is computed from what the hypotheses predict."""
+"""The deciding measurement is computed from the predictions of the hypotheses."""
 
 import re
 from dataclasses import replace
@@ -23,7 +23,7 @@ COLUMN = tuple(c for c in t_frame().channels if c.startswith("col"))
 
 
 def on_the_column(estimate: ModalEstimate) -> ModalEstimate:
-    """What the sensors of the column alone say."""
+    """Data of the sensors of the column alone."""
     here = [estimate.channels.index(c) for c in COLUMN]
     return replace(estimate, channels=COLUMN, shape=estimate.shape[:, here], shape_std=estimate.shape_std[:, here])
 
@@ -83,7 +83,7 @@ def test_what_nothing_tells_apart_is_said() -> None:
 
 
 def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Candidates of one name that are left open beside a sure cause are nothing to separate."""
+    """Open candidates of one name together with a sure cause need no separation."""
     reference, _, event = learnt(504)
 
     def two_open(*args: Any) -> Any:

@@ -69,7 +69,7 @@ def test_a_file_whose_bodies_leave_no_mass_is_refused() -> None:
     ("seed", "s", "mass_on"), [pytest.param(1, 0.2, 0.2, marks=pytest.mark.thorough), (2, 0.05, 0.45)]
 )
 def test_a_removed_body_goes_through_explanation_and_extended_model(seed: int, s: float, mass_on: float) -> None:
-    """A body beside the crossbeam, whose elements weigh 165 g each, during the reference; then it is taken off."""
+    """A body on the crossbeam, whose elements weigh 165 g each, during the reference; then it is removed."""
     bare = draw_state(seed)
     lump = Lump(bar="crossbeam", s=s, mass=mass_on, offset=(0.0, 0.03, 0.04), inertia=(8e-5, 8e-5, 8e-5))
     loaded = bare.of_body(FrameBody(replace(bare.frame, lumps=(*bare.frame.lumps, lump))))
@@ -120,7 +120,7 @@ def test_a_removed_body_goes_through_explanation_and_extended_model(seed: int, s
 
 
 def test_modes_of_the_frame_without_a_body_are_those_of_the_frame() -> None:
-    """A body of +200 g and one of -200 g 1 mm away from it: what is left is 1 mm of a couple."""
+    """A body of +200 g and one of -200 g 1 mm away from it: 1 mm of a couple remains."""
     frame = t_frame()
     pair = [Body(at=(x, 0, 1.48), mass=m, offset=(0, 0.03, 0.04)) for x, m in ((-0.2, 0.2), (-0.199, -0.2))]
     bare, both = (build_model(s, shear_flexible=True, mass="consistent") for s in (frame, frame.with_bodies(pair)))

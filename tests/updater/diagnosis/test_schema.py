@@ -1,4 +1,4 @@
-"""The contract of `modalwatch diagnose --json`: what other programs read, whatever the verdict."""
+"""The contract of `modalwatch diagnose --json`: keys that other programs read, for every verdict."""
 
 import json
 import re
@@ -29,7 +29,7 @@ PAIR = {"before", "after"}
 
 @cache
 def answer(verdict: str) -> dict[str, Any]:
-    """What is written for a verdict of a kind; the event lacks the baseline's fourth mode and has one more."""
+    """Output for a verdict of a kind; the event lacks the baseline's fourth mode and has one more."""
     seed, change = KINDS[verdict]
     reference, _, event = learnt(seed)
     current = event(change)

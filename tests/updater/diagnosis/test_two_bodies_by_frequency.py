@@ -1,7 +1,7 @@
 """Two bodies taken off a cantilever of which only five frequencies are known: no single cause is named surely.
 
 The truth is a Ritz model with a tapered beam on a soft clamp, which the structure file does not have: the calibrated
-file stays per mille off, so that it is in doubt about changes too.
+file stays per mille off, so that its changes are uncertain too.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ def measured(structure: Structure, bodies: Sequence[tuple[float, float]], seed: 
 
 
 def test_two_bodies_taken_off_are_among_what_is_named(tmp_path: Path) -> None:
-    """Where a stiffening of two stretches, which acts alike from the other end, was named with 99.9 %."""
+    """A stiffening of two stretches, with the same effect from the other end, was named with 99.9 %."""
     structure = parse_structure(structure_file(BODIES, Clamp(mass=0.45)))
     before = measured(structure, BODIES, 1, tmp_path / "before.csv")
     left = [body for k, body in enumerate(BODIES) if k not in (0, 2)]

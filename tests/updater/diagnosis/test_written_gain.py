@@ -26,7 +26,7 @@ AGAIN = ("model_parameters", *STRUCTURAL)
     ),
 )
 def test_the_gain_is_that_of_the_written_file(cell: str, seed: int) -> None:
-    """Loaded from its text, paired by other means: to the last digits; without noise within what noise does to it."""
+    """Loaded from its text, paired by other means: to the last digits; without noise within the effect of noise."""
     case = draw(cell, seed)
     cause = case.done.hidden[0].cause
     loop = closed_loop(case, only=(cause,), again_only=(*AGAIN, *({cause} - set(AGAIN))))
@@ -47,7 +47,7 @@ def test_the_gain_is_that_of_the_written_file(cell: str, seed: int) -> None:
 
 
 def test_what_is_told_of_each_mode_is_the_file_s() -> None:
-    """Frequencies with the causes are those that the loaded file has, not predicted changes of what was measured."""
+    """Frequencies with the causes are those of the loaded file, not predicted changes of the measured ones."""
     loop = closed_loop(draw("added_mass", 8002), only=("added_mass",), again_only=("model_parameters",))
     assert loop.written is not None
     own = build_model(loop.written, shear_flexible=True, mass="consistent").modes(30).frequency

@@ -1,4 +1,4 @@
-"""What is told of a foot that two causes moved is what is written."""
+"""The stated stiffness of a foot moved by two causes is the written one."""
 
 import pytest
 

@@ -100,7 +100,7 @@ def test_two_stretches_that_touch_and_agree_are_merged() -> None:
 
 
 def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
-    """The file is right and a body hangs on the structure; whether parameters are significant, in five draws."""
+    """The file is right and a body is on the structure; significance of parameters, in five draws."""
     structure, track = t_frame(), np.arange(8)
     heavier = structure.with_bodies([Body(at=(0.25, 0.0, 1.48), mass=0.3)])
     zero = 0
@@ -126,7 +126,7 @@ def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
 
 @pytest.mark.parametrize("name", few_of(["support_stiffness", "local_stiffness"]))
 def test_springs_and_stretches_of_zero_size_are_not_accepted_beside_a_mass(name: str) -> None:
-    """A cause that the data do not need is insignificant, and what is needed is significant."""
+    """A cause that the data do not need is insignificant, and a needed one is significant."""
     state, do = specimen("", 21)
     done = do["added_mass"](state, np.random.default_rng(3))
     weighing = weighing_of(done.before, done.after, 21)

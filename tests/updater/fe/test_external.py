@@ -34,7 +34,7 @@ FOOT = '\n[[support]]\nat = [0.0, 0.0, 0.0]\nfixed = ["x", "y", "z", "rx", "ry",
 
 
 def matrices_of(model: Model) -> Matrices:
-    """Return what another program would have written: no rows for what is held, no springs told apart."""
+    """Return the output of another program: no rows for fixed directions, no separate springs."""
     free = (model.dofs >= 0).any(1)
     return Matrices(stiffness=model.stiffness, mass=model.mass, nodes=model.nodes[free], dofs=model.dofs[free])
 
@@ -51,7 +51,7 @@ def external_text(structure: Structure, files: str) -> str:
 
 @pytest.fixture(scope="module")
 def tower(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A structure file beside an npz with a Timoshenko model of the T-frame."""
+    """A structure file with an npz of a Timoshenko model of the T-frame."""
     folder = tmp_path_factory.mktemp("tower")
     model = build_model(t_frame(), shear_flexible=True, mass="consistent")
     save_matrices(folder / "tower.npz", matrices_of(model))
@@ -60,7 +60,7 @@ def tower(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_modes_and_sensors_are_those_of_the_model_that_was_written(tower: Path) -> None:
-    """Hermite's cubics differ from a Timoshenko element's by its phi/4 = 1e-2 at most of what it bends by in itself."""
+    """Hermite's cubics differ from a Timoshenko element's by at most phi/4 = 1e-2 of its own bending."""
     own = build_model(t_frame(), shear_flexible=True, mass="consistent")
     model = build_model(load_structure(tower), mass="consistent")
     found, expected = model.modes(N_MODES), own.modes(N_MODES)
@@ -127,7 +127,7 @@ def test_diagnosed_causes_go_into_the_file_and_its_comments_stay(tower: Path, tm
 
 
 def test_blocks_of_nodes_are_whole_and_nothing_else_is_changed() -> None:
-    """What the frame's assembly stores, zeros included, from the entries that are not zero."""
+    """Stored entries of the frame's assembly, zeros included, from the entries that are not zero."""
     model = build_model(t_frame(), shear_flexible=True)
     found = matrices_of(model)
     bare = model.stiffness.copy()
@@ -151,7 +151,7 @@ def test_particles_keep_the_mass_and_are_positive(tower: Path) -> None:
 
 
 def test_nodes_without_rotations_are_read_in_straight_lines_and_loose_ones_by_themselves(tmp_path: Path) -> None:
-    """A chain of springs in y: u_y = (0.1, 0.2, 0.4) at x = 1, 2, 3 and one more node beside the line."""
+    """A chain of springs in y: u_y = (0.1, 0.2, 0.4) at x = 1, 2, 3 and one more node off the line."""
     dofs = np.full((5, 6), -1, np.int32)
     dofs[1:, 1] = np.arange(4)
     nodes = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [3, 1, 0]], float)

@@ -1,4 +1,4 @@
-"""Matrices of other programs whose indices or sizes point beyond them: one error instead of a crash."""
+"""Matrices of other programs whose indices or sizes exceed them: one error instead of a crash."""
 
 from pathlib import Path
 

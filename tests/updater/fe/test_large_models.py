@@ -69,7 +69,7 @@ def test_many_points_are_read_as_one_by_one() -> None:
 @pytest.mark.parametrize("seed", [21, 22])
 @pytest.mark.parametrize("mass", [0.03, 0.3])
 def test_what_first_order_keeps_holds_the_posterior(seed: int, mass: float) -> None:
-    """A third of all positions, by first order, holds what the exact fit says of all: all but 1 % of it."""
+    """A third of all positions, by first order, contains the exact posterior of all: all but 1 % of it."""
     truth = t_truth(seed)
     random = np.random.default_rng((seed, 7))
     bare, loaded = truth.model(), truth.model(Body(at=(0, 0, float(random.uniform(0.6, 1.4))), mass=mass))

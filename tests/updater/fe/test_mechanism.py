@@ -1,4 +1,4 @@
-"""What a structure that is not held is told: how the whole of it moves, or which member does."""
+"""Error for a structure that is not supported: the motion of the whole, or the member that moves."""
 
 import itertools
 from typing import Any
@@ -83,7 +83,7 @@ def test_member_that_nothing_joins_is_named() -> None:
 
 
 def test_member_that_only_spins_is_named() -> None:
-    """A strut between two balls beside a frame that stands."""
+    """A strut between two balls next to a supported frame."""
     points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
     structure = _portal(ALL, [(0, 1), (1, 2), (3, 4)], points)
     balls = tuple(Support(at=(3.0, 0.0, z), fixed=("x", "y", "z")) for z in (0.0, 1.0))

@@ -42,7 +42,7 @@ frequency = 30.0
 
 
 def test_two_masses_in_a_row_have_the_closed_form() -> None:
-    """k = EA/L = 1e5 N/m holds 2 kg, and 100 g hang on them at 30 Hz."""
+    """k = EA/L = 1e5 N/m holds 2 kg, and 100 g are attached at 30 Hz."""
     found = build_model(parse_structure(ROD), mass="consistent").modes(2).frequency
     k, m, own, spring = 1e5, 2.0, 0.1, 0.1 * (60 * np.pi) ** 2
     sum_, product = (k + spring) / m + spring / own, k * spring / (m * own)

@@ -1,4 +1,4 @@
-"""Which way a member's section is turned about its axis."""
+"""Orientation of a member's section about its axis."""
 
 import itertools
 

@@ -55,7 +55,7 @@ def test_segment_is_a_member_of_another_material(mass: str) -> None:
 
 
 def test_segment_about_one_axis_is_a_member_of_another_section() -> None:
-    """With particles, whose mass knows no section; local y of the column is global y."""
+    """With particles, whose mass has no section; local y of the column is global y."""
     tube = t_frame().section["tube_40x40x3"]
     (y, z), j = tube.second_moment, tube.torsion_constant
     section = tube.model_copy(update={"second_moment": (0.4 * y, 0.9 * z), "torsion_constant": 0.7 * j})

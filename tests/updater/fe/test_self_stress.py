@@ -1,4 +1,4 @@
-"""What a redundant frame does when a part of it gives: it bears its loads elsewhere."""
+"""A redundant frame with a softened part: it carries its loads elsewhere."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A frame that hangs free: soft springs stand for what it hangs on, and everything works as on a foot."""
+"""A freely suspended frame: soft springs replace the suspension, and everything works as on a foot."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ N_RIGID = 6
 
 
 def _hung(structure: Structure, stiffness: float) -> Structure:
-    """Hang it by both arms and steady its foot."""
+    """Suspend it by both arms and support its foot."""
     arms = (Support(at=(x, 0, 1.48), stiffness=dict.fromkeys(("x", "y", "z"), stiffness)) for x in (-0.3, 0.3))
     foot = Support(at=(0, 0, 0), stiffness={"x": stiffness, "y": stiffness})
     return structure.model_copy(update={"support": (*arms, foot)})

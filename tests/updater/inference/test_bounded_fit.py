@@ -1,4 +1,4 @@
-"""Gauss-Newton within bounds, on linear residuals whose least squares under bounds scipy knows."""
+"""Gauss-Newton within bounds, on linear residuals with bounded least squares by scipy."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -41,7 +41,7 @@ class Linear:
 
 @pytest.fixture
 def linear(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Put linear residuals in the place of those of a structure; return what stands for the measured data."""
+    """Replace the residuals of a structure by linear ones; return the measured data."""
     module = sys.modules["updater.inference.laplace_fit"]
 
     def evaluate(_: object, h: Linear, theta: FloatArray, rows: IndexArray) -> Point:
@@ -85,7 +85,7 @@ def test_without_bounds_the_fit_is_the_least_squares(linear: Any, seed: int) -> 
 def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(
     linear: Any, scale: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Data that want a parameter below its bound, from it and from beside it: a step that is cut there fits worse.
+    """Data that require a parameter below its bound, along it and off it: a step that is cut there fits worse.
 
     Also where all parameters, and so all steps, are less than one.
     """

@@ -1,4 +1,4 @@
-"""How well a hypothesis fits."""
+"""Goodness of fit of a hypothesis."""
 
 import numpy as np
 import pytest

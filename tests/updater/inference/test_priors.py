@@ -36,6 +36,6 @@ def test_the_posterior_is_that_of_plain_quadrature(value: float, std: float) -> 
 
 
 def test_the_prior_is_proper() -> None:
-    """Data that say nothing leave the Gaussian prior; its evidence is then the other prior's whole probability."""
+    """Data without information leave the Gaussian prior; its evidence is then the other prior's whole probability."""
     found = log_uniform(np.zeros(1), np.array([GAUSSIAN]), gaussian=GAUSSIAN, least=MIN, most=MAX)
     assert found.log_ratio[0] == pytest.approx(0, abs=1e-9)

@@ -23,7 +23,7 @@ def compared(seed: int) -> tuple[Reference, Comparison]:
 
 
 def in_modes_of(data: Comparison, frequency: FloatArray) -> Comparison:
-    """The same comparison in the modes of another model; only what re-analysis reads."""
+    """The same comparison in the modes of another model; only the data used by re-analysis."""
     fields = vars(data) | {"frequency": frequency, "paired": TRACK, "at_channels": np.zeros((12, len(frequency)))}
     return Comparison(**fields)
 

@@ -1,4 +1,4 @@
-"""Errors of shapes, told where they are known: beside the baseline's."""
+"""Errors of shapes relative to the baseline's, where they are known."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -20,7 +20,7 @@ from updater.reference import Reference
 
 @pytest.mark.parametrize("seed", range(3))
 def test_what_lies_beside_a_shape_keeps_its_size_and_angles(seed: int) -> None:
-    """A turn, to rounding; whatever the sign and size of what is predicted."""
+    """A rotation, to rounding; for any sign and size of the prediction."""
     random = np.random.default_rng(seed)
     base = random.standard_normal((4, 12))
     base /= np.linalg.norm(base, axis=1, keepdims=True)
@@ -33,7 +33,7 @@ def test_what_lies_beside_a_shape_keeps_its_size_and_angles(seed: int) -> None:
 
 
 def test_a_mode_turned_towards_another_is_off_along_that_one_alone() -> None:
-    """By half a radian; the cosine's 12 % of its own shape are in the turn, not in what is left."""
+    """By half a radian; the cosine's 12 % of its own shape are in the rotation, not in the rest."""
     own, other = np.eye(12)[[2]], np.eye(12)[[7]]
     shape = np.cos(0.5) * own + np.sin(0.5) * other
     rest = turned_back(beside(own, shape), shape, own)
@@ -84,7 +84,7 @@ def test_noise_turns_close_modes_into_each_other() -> None:
 
 
 def test_a_reference_that_fits_badly_is_believed_less() -> None:
-    """400 g that nobody told the model of: its frequencies are 1.6 % off after calibration."""
+    """400 g that the model lacks: its frequencies are 1.6 % off after calibration."""
     plain, _, _ = learnt(611)
     laden, _, _ = learnt(611, Change(bodies=(Body(at=(0, 0, 0.7), mass=0.4),)))
     assert plain.model_error_factor == 1.0

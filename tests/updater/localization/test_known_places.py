@@ -1,7 +1,7 @@
-"""Bodies taken off at known places, identified from several records of a beam on which they stand elsewhere each time.
+"""Bodies removed at known positions, identified from several records of a beam with other positions each time.
 
-The truth is the Ritz model of a tapered beam, which the structure file does not know of; mounting changes each
-frequency by 0.8 %, a third of what a body does, noise by 0.02 %.
+The truth is the Ritz model of a tapered beam, unknown to the structure file; mounting changes each frequency by 0.8 %,
+a third of a body's effect, noise by 0.02 %.
 """
 
 from dataclasses import replace
@@ -24,7 +24,7 @@ TRACK = np.arange(5)
 
 
 def estimate(frequency: np.ndarray) -> ModalEstimate:
-    """Return frequencies with a cantilever's shapes at two sensors, in the place of shapes that nobody measured."""
+    """Return frequencies with a cantilever's shapes at two sensors, in place of shapes that were not measured."""
     shape = np.array([[1, 0.3], [1, -0.7], [1, -0.02], [1, 0.7], [1, 0.0]], complex)
     std = NOISE * frequency
     return ModalEstimate(

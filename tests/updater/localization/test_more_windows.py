@@ -37,8 +37,9 @@ def rig() -> Rig:
 
 
 def test_few_windows_sharpen_as_their_square_root_and_many_do_not(rig: Rig) -> None:
-    """Variances add, so d ln std / d ln n = -(1 - least^2 / std^2) / 2; what bends it are the priors of offset, inertia
-    and drift, which come to bear as the noise falls: 0.1 of an exponent of 0.5."""
+    """Variances add, so d ln std / d ln n = -(1 - least^2 / std^2) / 2; the priors of offset, inertia and drift bend it
+    as the noise falls: 0.1 of an exponent of 0.5.
+    """
     found = sharpening(rig.reference, rig.event(2))
     log_std, log_n = np.log(found.distance_std), np.log(found.n)
     exponent = np.diff(log_std) / np.diff(log_n)

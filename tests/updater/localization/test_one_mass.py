@@ -1,4 +1,4 @@
-"""Where and how much: exact re-analysis, bodies on many truths, honest regions."""
+"""Position and mass: exact re-analysis, bodies on many truths, calibrated regions."""
 
 from dataclasses import replace
 
@@ -182,7 +182,7 @@ def test_a_body_beside_the_axis_shows_its_offset() -> None:
 
 
 def test_a_small_body_does_not_show_its_offset() -> None:
-    """5 g turn no mode by what could be seen: the offset is said not to be known."""
+    """5 g turn no mode by a measurable amount: the offset is stated as unknown."""
     _, change = located(26, Body(at=(0, 0, 1.1), mass=0.005, offset=(0.01, 0, 0)))
     assert not change.body.offset_known
     assert not change.body.inertia_known

@@ -1,4 +1,4 @@
-"""How many masses there are, and where: none, one, two or three bodies on a truth of another model."""
+"""Number and positions of masses: none, one, two or three bodies on a truth of another model."""
 
 from collections.abc import Callable
 
@@ -25,7 +25,7 @@ Loaded = tuple[Reference, Callable[[tuple[Body, ...]], ModalMean]]
 
 @pytest.fixture(scope="module")
 def loaded() -> Loaded:
-    """A reference from eight windows, and what five windows say of the frame with bodies on it."""
+    """A reference from eight windows, and the result of five windows of the frame with bodies on it."""
     random = np.random.default_rng(301)
     gain = 1 + 0.005 * random.standard_normal(12)
     bare = true_model(np.random.default_rng((301, 1)))
@@ -58,7 +58,7 @@ def place(change: MassChange) -> np.ndarray:
     ],
 )
 def test_masses_are_counted_placed_and_weighed(loaded: Loaded, bodies: tuple[Body, ...]) -> None:
-    """Within four standard deviations and 2 mm of rounding; each at least told to 0.1 m."""
+    """Within four standard deviations and 2 mm of rounding; each at least determined to 0.1 m."""
     reference, event = loaded
     found = locate_masses(reference, event(bodies), most=max(len(bodies), 2))
     assert found.number == len(bodies)

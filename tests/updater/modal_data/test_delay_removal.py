@@ -15,7 +15,7 @@ DEVICES = {channel: channel.rsplit("_", 1)[0] for channel in CHANNELS}
 
 @pytest.mark.parametrize("seed", range(3))
 def test_whitener_without_a_mode_is_that_of_the_others_covariance(seed: int) -> None:
-    """Three modes, four channels, errors that all share: what is left is the inverse of the others' own covariance."""
+    """Three modes, four channels, errors that all share: the inverse of the others' own covariance remains."""
     random = np.random.default_rng(seed)
     root = random.standard_normal((12, 12))
     covariance = root @ root.T + np.eye(12)
@@ -58,7 +58,7 @@ def test_what_a_device_is_late_by_beyond_what_it_was_is_put_back() -> None:
 
 
 def test_known_delays_of_channels_leave_nothing() -> None:
-    """A device 0.5 ms late of which identification took 0.3 ms out, and the structure file knows 0.5 ms."""
+    """A device 0.5 ms late of which identification removed 0.3 ms, and the structure file states 0.5 ms."""
     random = np.random.default_rng(12)
     (window,) = windows(random, dict.fromkeys(DEVICES.values(), 0.0) | {"beam_left": 2e-4}, 1)
     late = {c: 5e-4 if DEVICES[c] == "beam_left" else 0.0 for c in CHANNELS}

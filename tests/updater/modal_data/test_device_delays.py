@@ -69,8 +69,9 @@ def test_constants_are_recovered_within_their_deviation(stated: float) -> None:
 def test_deviations_hold_where_windows_share_the_errors_of_their_modes() -> None:
     """Shapes that are off by as much as a window's noise, in all windows alike: 40 baselines of 30 windows.
 
-    Of 200 free delays 190 +- 3 are within 1.96 deviations if these are right and known; the jackknife knows them to
-    1 / sqrt(2 x 5 x 7) = 12 % of 8 modes, of which the upper ones count most. Of the noise alone they hold 65 %.
+    Of 200 free delays 190 +- 3 are within 1.96 deviations if these are right and known; the jackknife determines them
+    to 1 / sqrt(2 x 5 x 7) = 12 % of 8 modes, of which the upper ones count most. With the noise alone the coverage is
+    65 %.
     """
     random = np.random.default_rng(8)
     held = 0.0
@@ -84,7 +85,7 @@ def test_deviations_hold_where_windows_share_the_errors_of_their_modes() -> None
 
 @pytest.mark.parametrize("wander", [20e-6, 100e-6])
 def test_wander_is_told_from_noise(wander: float) -> None:
-    """12 windows, 5 free devices: 55 degrees of freedom tell a deviation to 1 / sqrt(110) = 10 %."""
+    """12 windows, 5 free devices: 55 degrees of freedom determine a deviation to 1 / sqrt(110) = 10 %."""
     random = np.random.default_rng(4)
     learnt = learn_delays([window(random, wander)[0] for _ in range(12)], DEVICES)
     assert learnt.wander == pytest.approx(wander, rel=4 * 0.1)

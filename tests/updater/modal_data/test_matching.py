@@ -45,7 +45,7 @@ def test_a_heavy_body_that_turns_and_crosses_modes_does_not_hide_them() -> None:
 
 
 def test_a_mean_of_mixtures_is_not_taken_for_the_mode_that_it_looks_like() -> None:
-    """Windows that mix the lowest two modes with either sign have a mean that looks like the second, and say so."""
+    """Windows that mix the lowest two modes with either sign have a mean similar to the second, with a message."""
     event = mean(11)
     first, second = event.shape[:2]
     mixture = np.outer((-0.9, 0.8, 0.1), first) + second

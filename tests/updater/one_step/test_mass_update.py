@@ -1,4 +1,4 @@
-"""The second stage as a whole: what it says of undisturbed and of loaded structures, and how sure it says it is."""
+"""The second stage as a whole: results for undisturbed and for loaded structures, and their deviations."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def test_unchanged_data_have_no_increment_at_all(rig: Rig) -> None:
 def test_to_the_letter_of_the_paper_totals_are_the_same_and_jump_with_noise(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Without noise within 5 % of the mass of ours; at 3 % on shapes clusters change in size: 66 g beside 15."""
+    """Without noise within 5 % of the mass of ours; at 3 % on shapes clusters change in size: 66 g and 15."""
     monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
 
     def totals(seed: int, noise: float) -> FloatArray:
@@ -72,7 +72,7 @@ def test_modes_that_become_alike_shrink_the_clusters(rig: Rig) -> None:
 
 
 def test_body_between_nodes_couples_them(rig: Rig) -> None:
-    """Eq. 7 with a mass that is not diagonal: B^T M B = I holds for what the update takes as M B, to rounding."""
+    """Eq. 7 with a mass that is not diagonal: B^T M B = I holds for the update's M B, to rounding."""
     calibration = rig.reference.calibration
     heavy = calibration.structure.with_bodies([Body(at=(0.0, 0.0, 0.94), mass=0.5, offset=(0.05, 0.0, 0.0))])
     loaded = replace(calibration, structure=heavy)
@@ -90,7 +90,7 @@ def test_body_between_nodes_couples_them(rig: Rig) -> None:
 def test_totals_do_not_depend_on_the_mesh(rig: Rig) -> None:
     """Eight times finer, so that shares fall as the nodes' masses, most of them under 1e-3.
 
-    x and y to a per cent; in z a twentieth of the crossbeam beside the joint, which hardly moves, is left out or not.
+    x and y to a per cent; in z a twentieth of the crossbeam at the joint, which hardly moves, is left out or not.
     """
     windows = rig.windows(rig.bare, N_BASELINE, 1)
     fine = learn_reference(t_frame().with_mesh(0.005), windows, unmoved(N_BASELINE))
@@ -126,7 +126,7 @@ def test_other_channels_are_refused(rig: Rig) -> None:
 
 @pytest.mark.parametrize(("loaded", "draws"), few_of([(True, 30), (True, 100), (False, 100)], n=0))
 def test_increments_scatter_as_they_say(rig: Rig, loaded: bool, draws: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Monte Carlo over baseline and event: n draws tell a deviation to 1 / sqrt(2 n), 7 % of 100.
+    """Monte Carlo over baseline and event: n draws determine a deviation to 1 / sqrt(2 n), 7 % of 100.
 
     With a common factor in the loaded event, which drowns the noise there; without one, noise alone.
     """
@@ -188,6 +188,6 @@ def test_mass_is_flagged_where_it_is(seed: int) -> None:
 
 
 def test_a_common_factor_is_no_local_mass(rig: Rig) -> None:
-    """What 17 degrees of warming do to all of steel's frequencies alike, 0.3 %, flags nothing."""
+    """The effect of 17 degrees of warming on all of steel's frequencies alike, 0.3 %, flags nothing."""
     base = rig.reference.baseline
     assert MassUpdater(rig.reference).update(replace(base, log_frequency=base.log_frequency - COMMON_STD)).flagged == ()

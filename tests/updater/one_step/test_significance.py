@@ -41,7 +41,7 @@ def test_increments_that_move_together_count_as_one() -> None:
 
 
 def test_many_places_are_thinned() -> None:
-    """100,000 smooth places: as 1,000 of them, but for what the simulated percentile scatters by, in seconds."""
+    """100,000 smooth positions: as 1,000 of them, within the scatter of the simulated percentile, in seconds."""
     along = np.linspace(0, 1, 100_000)[:, None]
     noise = np.hstack([np.cos(np.pi * k * along) for k in range(6)])
     few = noise[:: len(noise) // 1000]

@@ -1,4 +1,4 @@
-"""The stiffness twin: what a hinge is, and what is said of undisturbed and of softened structures."""
+"""The stiffness counterpart: hinges, and results for undisturbed and for softened structures."""
 
 from dataclasses import replace
 
@@ -146,7 +146,7 @@ def test_loosened_foot_is_flagged_at_the_foot(
 
 @pytest.mark.parametrize("draws", few_of([30, 60]))
 def test_increments_scatter_as_they_say(rig: Rig, draws: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Monte Carlo over baseline and event: n draws tell a deviation to 1 / sqrt(2 n), 9 % of 60."""
+    """Monte Carlo over baseline and event: n draws determine a deviation to 1 / sqrt(2 n), 9 % of 60."""
     monkeypatch.setattr("updater.one_step.stiffness_update.COMMON_STD", 0.0)
     monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
     raw, stated, error = [], [], 1 / np.sqrt(2 * draws)

@@ -233,7 +233,7 @@ def test_cluster_is_the_one_that_foretells_left_out_sensors_best(frame: Frame, s
 
 @pytest.mark.parametrize("seed", range(4))
 def test_modes_that_three_sensors_fit_exactly_foretell_none_of_them(seed: int) -> None:
-    """Three modes at three sensors across a bridge, seen with noise of 0.5 %: the hat matrix says 0 / 0 of each."""
+    """Three modes at three sensors across a bridge, measured with noise of 0.5 %: the hat matrix is 0 / 0 for each."""
     across = np.array([[0.14, 0.98, 0.14], [-0.71, 0.0, 0.71], [0.66, -0.37, 0.66]])
     upwards = np.array([0.5, 0.7, 0.5, -0.1])
     at_channels = np.zeros((4, 7))
@@ -244,7 +244,7 @@ def test_modes_that_three_sensors_fit_exactly_foretell_none_of_them(seed: int) -
 
 
 def test_what_stands_still_at_the_sensors_takes_no_part_in_an_expansion(frame: Frame) -> None:
-    """A mode that they see 1e-5 of would be there 1e5 times for what noise has of it."""
+    """A mode with 1e-5 of its motion at them would be expanded to 1e5 times its noise."""
     at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
     near = np.argsort(np.abs(frame.modes.omega**2 - frame.modes.omega[4] ** 2))[1]
     random = np.random.default_rng(3)
@@ -262,7 +262,7 @@ def test_orthonormalised_modes_alter_no_mass() -> None:
 
 
 def test_increments_are_divided_by_the_updated_share() -> None:
-    """The paper's figures: 0.194 % times 7.5911 / 0.4872; under a share of 1e-3 nothing is said.
+    """The paper's figures: 0.194 % times 7.5911 / 0.4872; under a share of 1e-3 there is no result.
 
     Unless all shares are small, as in a fine mesh: then under a hundredth of the largest.
     """

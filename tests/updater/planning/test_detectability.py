@@ -1,4 +1,4 @@
-"""What is said of a rig before anything is measured, against closed forms, played errors and the real estimator."""
+"""Predictions for a rig before any measurement, compared with closed forms, simulated errors and the estimator."""
 
 import itertools
 from functools import cache
@@ -51,7 +51,7 @@ def steel_beam() -> Structure:
 
 
 def test_a_shape_errs_along_another_mode_as_the_law_says() -> None:
-    """Two modes forced alike: what of the second is taken for the first, by least squares in its band.
+    """Two modes forced alike: the part of the second in the estimate of the first, by least squares in its band.
 
     400 windows estimate a standard deviation to 3.5 %; a band of sixteen half widths leaves out 8 % of the power,
     glimpses that scatter themselves and leakage add 4 %: 6 % more in all.
@@ -103,7 +103,7 @@ def test_the_weakest_mass_at_a_cantilevers_tip_raises_the_alarm_nineteen_times_i
 
 
 def test_a_longer_record_sees_less_and_locates_better() -> None:
-    """16 x the time: 4 x of what noise allows; fewer records a year have a lower limit, priors and biases stay."""
+    """16 x the time: 4 x less noise; fewer records per year have a lower limit, priors and biases stay."""
     short, long = t_outlook(), t_outlook().lasting(960.0)
     ratio = short.weakest_mass()[20:] / long.weakest_mass()[20:]
     assert (ratio > 3.5).all()
@@ -241,7 +241,9 @@ def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
 
 
 def test_a_bar_that_twists_is_not_seen_on_its_axis() -> None:
-    """What sensors on the axis read of torsion is rounding, and so is how the axis moves: no share of it is seen."""
+    """The torsion measured by sensors on the axis is rounding, and so is the motion of the axis: no share of it is
+    seen.
+    """
     bar = parse_structure(BAR)
     model = build_model(bar, shear_flexible=True, mass="consistent")
     modes = model.modes(8)

@@ -1,4 +1,4 @@
-"""Which modes of a log are new, and which are in doubt."""
+"""New modes of a log, and uncertain ones."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -18,7 +18,7 @@ SEED = 71
 
 
 def _windows(n: int, keep: np.ndarray) -> tuple[Reference, ModalMean]:
-    """Return a reference of the modes that are kept, and what windows since say of all eight."""
+    """Return a reference of the kept modes, and the results of later windows for all eight."""
     random, model = np.random.default_rng(SEED), true_model(np.random.default_rng(1))
     windows = [measure(model, random, np.ones(12)) for _ in range(2 * n)]
     reference = learn_reference(t_frame(), windows[:n], [keep] * n)
@@ -26,7 +26,7 @@ def _windows(n: int, keep: np.ndarray) -> tuple[Reference, ModalMean]:
 
 
 def test_a_mode_of_the_model_that_the_baseline_did_not_show_is_not_new() -> None:
-    """The first two lie 2 % apart and are not always told from each other; one elsewhere is new."""
+    """The first two lie 2 % apart and are not always distinguished; one elsewhere is new."""
     reference, event = _windows(5, np.arange(1, 8))
     found, new = matched_and_new(reference, event)
     np.testing.assert_array_equal(found, np.arange(1, 8))
@@ -37,7 +37,7 @@ def test_a_mode_of_the_model_that_the_baseline_did_not_show_is_not_new() -> None
 
 
 def test_a_second_mode_beside_one_that_answers_is_new() -> None:
-    """What hangs on a structure may split a mode in two that look alike."""
+    """An attached part may split a mode in two similar ones."""
     reference, event = _windows(5, np.arange(8))
     double = event.only(np.array([2]))
     double = replace(double, log_frequency=double.log_frequency - 0.02)

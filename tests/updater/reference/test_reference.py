@@ -1,4 +1,4 @@
-"""The reference and the exact properties of what is put into it."""
+"""The reference and the exact properties of its parts."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_reference_has_the_measured_frequencies(reference: Reference) -> None:
 
 @pytest.mark.parametrize("at", [(0.25, 0, 1.48), (0, 0, 0.92)], ids=["location 1", "location 2"])
 def test_frequencies_carry_most_of_the_mass(at: tuple[float, float, float]) -> None:
-    """Eq. 13: at the baseline's frequencies directions gain what others lose, and the three totals all but cancel.
+    """Eq. 13: at the baseline's frequencies directions gain the losses of others, and the three totals almost cancel.
 
     Single directions do not vanish (-156, 35, 145 g for 304 g at location 1): the shapes of close modes turn.
     """
@@ -128,7 +128,7 @@ def test_low_rank_updates_are_the_dense_ones_to_rounding(seed: int) -> None:
 
 
 def test_shape_scatter_factor_is_recovered() -> None:
-    """Noise twice what is stated; 8 x 11 x 5 degrees of freedom: 3.4 % relative, and unit norm costs one channel."""
+    """Noise twice the stated one; 8 x 11 x 5 degrees of freedom: 3.4 % relative, and unit norm costs one channel."""
     random = np.random.default_rng(5)
     true = np.tile(np.eye(6)[:1] + 0.5, (8, 1))
     true /= np.linalg.norm(true, axis=1, keepdims=True)

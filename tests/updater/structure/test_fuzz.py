@@ -1,4 +1,4 @@
-"""Whatever stands in a structure file, it is a structure or one line that names the file."""
+"""Any content of a structure file is a structure or one line that names the file."""
 
 import copy
 import tomllib

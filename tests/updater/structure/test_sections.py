@@ -72,7 +72,9 @@ def test_shear_factors_are_cowpers() -> None:
 def test_without_lateral_strain_cowpers_factors_are_those_of_the_shear_flow(
     shape: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """kappa = I^2 / (A int S^2 / t ds), S the first moment of what is cut off; walls so thin that they are lines."""
+    """kappa = I^2 / (A int S^2 / t ds), S the first moment of the part that is cut off; walls so thin that they are
+    lines.
+    """
     monkeypatch.setattr("updater.structure.section_shapes._NU", 0.0)
     b, h, t = 0.3, 0.5, 1e-6
     x, z = np.linspace(0, b / 2, 2001), np.linspace(-h / 2, h / 2, 4001)

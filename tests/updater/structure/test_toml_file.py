@@ -1,4 +1,4 @@
-"""The structure file: what it may not say, and its round trip."""
+"""The structure file: content that it must not have, and its round trip."""
 
 import re
 from pathlib import Path
@@ -199,7 +199,7 @@ def test_poisson_ratio_stands_for_the_shear_modulus() -> None:
     ("column", "beam"), [("1.4799", "1.48"), ("1.48", "1.4802")], ids=["end short of a member", "member beside an end"]
 )
 def test_members_that_miss_each_other_by_a_hair_are_refused(column: str, beam: str) -> None:
-    """They would not be joined, and the crossbeam would hang in the air."""
+    """They would not be joined, and the crossbeam would have no support."""
     text = t_structure_toml().split("[[sensor]]")[0]
     text = text.replace("to = [0.0, 0.0, 1.48]", f"to = [0.0, 0.0, {column}]")
     text = text.replace("40, 0.0, 1.48]", f"40, 0.0, {beam}]")

@@ -1,4 +1,4 @@
-"""A structure written back into the text it came from: what did not change stays to the letter."""
+"""A structure written back into its original text: unchanged parts stay to the letter."""
 
 import difflib
 from pathlib import Path

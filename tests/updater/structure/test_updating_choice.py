@@ -1,4 +1,4 @@
-"""Choice of what may be updated: parameters fixed or bounded, causes left out; and the parameters' sensitivities."""
+"""Choice of updated parameters: fixed or bounded, causes left out; and the parameters' sensitivities."""
 
 import numpy as np
 import pytest
@@ -95,7 +95,7 @@ def test_a_cause_that_does_not_exist_is_named_with_those_that_do() -> None:
 
 
 def test_sensitivities_are_what_a_changed_model_shows() -> None:
-    """Against models solved anew with a hundredth of each step; 1 % of the largest, for what is of second order."""
+    """Compared with models solved again with a hundredth of each step; 1 % of the largest, for second-order effects."""
     structure = parse_structure(FRAME)
     frequency, found = parameter_sensitivities(structure, 8)
     knobs, sprung = model_parameters_of(structure), with_springs(structure)

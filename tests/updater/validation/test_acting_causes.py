@@ -1,4 +1,4 @@
-"""Sensors are judged by what the structure with its causes should show, not by what it was."""
+"""Sensors are compared with the predictions of the structure with its causes, not with its former state."""
 
 from dataclasses import replace
 
@@ -41,7 +41,7 @@ def test_what_is_only_the_measuring_chains_changes_no_shape() -> None:
 
 
 def test_exchanged_channels_are_judged_by_the_sensors_that_they_carry() -> None:
-    """They said nothing of the sensors of their names, and were called dead."""
+    """They had no data of the sensors of their names, and were called dead."""
     reference, _, event = learnt(33)
     pair = ("col_037_x", "beam_left_z")
     now = event(Change(order=(pair,), gain=(("beam_right_z", 0.9),)))

@@ -1,4 +1,4 @@
-"""Modes and sensors set beside each other: closed forms, pure noise, and an extended model against the truth."""
+"""Modes and sensors compared: closed forms, pure noise, and an extended model with the truth."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ STD = 3e-3
 
 
 def modes(random: np.random.Generator, n: int = 6, n_channels: int = 9) -> ModalMean:
-    """Modes whose shapes have nothing to do with each other, and one thing in common: every sensor sees something."""
+    """Modes whose shapes are unrelated, with one thing in common: every sensor moves."""
     shape: FloatArray = np.linalg.qr(random.standard_normal((n_channels, n)))[0].T
     estimate = replace(
         measure(true_model(random), random, np.ones(12)),
@@ -110,7 +110,7 @@ def test_fewer_than_two_channels_are_refused(random: np.random.Generator) -> Non
 
 
 def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
-    """The truth has finer elements, springs and another stiffness; what both models lack cancels to first order."""
+    """The truth has finer elements, springs and another stiffness; the errors of both models cancel to first order."""
     random = np.random.default_rng(6)
     body = Body(at=(0.2, 0, 1.48), mass=0.3)
     bare = true_model(np.random.default_rng(7))
@@ -128,7 +128,7 @@ def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
 
 
 def test_a_mode_measured_before_is_compared_with_itself_though_no_mode_of_the_model_answers_to_it() -> None:
-    """Of a portal it was told as 163 standard deviations off the model's nearest, where nothing had changed."""
+    """For a portal it was reported as 163 standard deviations from the model's nearest, where nothing had changed."""
     random = np.random.default_rng(8)
     bare = true_model(np.random.default_rng(9))
     windows = [measure(bare, random, np.ones(12)) for _ in range(16)]
@@ -153,7 +153,7 @@ def test_a_mode_measured_before_is_compared_with_itself_though_no_mode_of_the_mo
 
 
 def test_exchanged_channels_say_just_what_the_other_one_did() -> None:
-    """The difference between two models left a MAC of 0.53 of a portal whose exchanged channels were found."""
+    """The difference between two models left a MAC of 0.53 for a portal whose exchanged channels were found."""
     random = np.random.default_rng(10)
     bare = true_model(np.random.default_rng(11))
     reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(4)], [TRACK] * 4)

@@ -1,4 +1,4 @@
-"""What forces leave over: a change hidden in another model than the reference's shows at its place, with its sign."""
+"""Residual forces: a change hidden in another model than the reference's appears at its place, with its sign."""
 
 from collections.abc import Callable
 
@@ -27,7 +27,7 @@ Event = Callable[[Structure], ModalMean]
 
 
 def learnt(seed: int) -> tuple[Reference, Structure, Event]:
-    """A reference from eight windows, the true structure, and what five windows of a changed one say."""
+    """A reference from eight windows, the true structure, and the results of five windows of a changed one."""
     print(f"seed {seed}")
     random = np.random.default_rng(seed)
     gain: FloatArray = 1 + 0.005 * random.standard_normal(12)

@@ -1,4 +1,4 @@
-"""Gain, polarity and delay of every channel at once, each with a deviation that means what it says."""
+"""Gain, polarity and delay of every channel at once, each with a deviation with the right coverage."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def heard(model: Model, random: np.random.Generator, gain: FloatArray, late: Flo
 
 
 def health(seed: int, gain: FloatArray, late: FloatArray, stiffness: float = 1.0) -> SensorHealth:
-    """Five windows beside a baseline of eight; gains and delays change by factors and seconds (12,)."""
+    """Five windows with a baseline of eight; gains and delays change by factors and seconds (12,)."""
     random = np.random.default_rng(seed)
     own, before = 1 + 0.005 * random.standard_normal(12), 2e-5 * random.standard_normal(12)
     model = true_model(np.random.default_rng((seed, 1)))
@@ -39,8 +39,9 @@ def health(seed: int, gain: FloatArray, late: FloatArray, stiffness: float = 1.0
 def test_deviations_mean_what_they_say(rigs: int) -> None:
     """Gains off by 2 % and delays by 0.05 ms at every channel, and a gross fault at one, of each rig.
 
-    What the data leave open is the scale of all channels along x against all along y: two errors a rig, of which n rigs
-    have a mean square of 1 +- 1 / sqrt(n); three of that, and less than 5 % of all channels beyond three deviations.
+    The data do not determine the scale of all channels along x relative to all along y: two errors per rig, of which n
+    rigs have a mean square of 1 +- 1 / sqrt(n); three of that, and less than 5 % of all channels beyond three
+    deviations.
     """
     off_gain, off_delay = [], []
     for seed in range(rigs):
@@ -71,7 +72,7 @@ def test_a_turned_and_a_late_channel_stand_out_whatever_the_foot_does(stiffness:
 
 
 def test_device_that_is_most_of_a_period_late() -> None:
-    """Both channels of a device 2 ms late, half a period of the modes at 250 Hz; a third says nothing."""
+    """Both channels of a device 2 ms late, half a period of the modes at 250 Hz; a third has no data."""
     gain, late = np.ones(12), np.zeros(12)
     pair = [CHANNELS.index("beam_left_y"), CHANNELS.index("beam_left_z")]
     gain[2], late[pair] = 0.0, 2e-3

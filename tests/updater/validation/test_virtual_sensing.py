@@ -55,7 +55,7 @@ def test_right_modes_predict_as_well_as_anything_linear(recording: Recording) ->
 
 @pytest.mark.parametrize("channel", ["col_074_y", "beam_left_y"])
 def test_a_gain_is_missed_at_its_sensor(recording: Recording, channel: str) -> None:
-    """What is predicted is what it should have said, so that a gain g leaves |1 - g| / g of its own signal."""
+    """The prediction is the true signal, so that a gain g leaves |1 - g| / g of its own signal."""
     at, right = FRAME.channels.index(channel), heard(recording, {}).error
     error = heard(recording, {channel: 0.7}).error
     assert int(np.argmax(error - right)) == at

@@ -1,4 +1,4 @@
-"""DBC files: what is read from them, and one line for what is wrong, with file and line, message or signal."""
+"""DBC files: content that is read, and one line for each error, with file and line, message or signal."""
 
 from pathlib import Path
 

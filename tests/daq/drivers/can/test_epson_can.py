@@ -57,7 +57,7 @@ def events_of(items: list[Item], what: str) -> list[dict[str, Any]]:
 
 
 def assert_continuous(blocks: list[Block]) -> None:
-    """Assert that no scan is missing and each says its number, counted from the second: the first is not taken."""
+    """Assert that no scan is missing and each has its number, counted from the second: the first is not taken."""
     index = np.concatenate([np.arange(b.first_index, b.end_index) for b in blocks])
     np.testing.assert_array_equal(index, index[0] + np.arange(len(index)))
     k = (1 + np.arange(len(index))).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Heartbeats and emergencies of CAN nodes: what they tell before silence does, and what they do not."""
+"""Heartbeats and emergencies of CAN nodes: what they report earlier than silence does."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -36,7 +36,7 @@ OPERATIONAL, PRE_OPERATIONAL, BOOT_UP = 5, 127, 0
 
 @dataclass
 class HandTime:
-    """Stands for the module `time`, set by hand."""
+    """Replaces the module `time`, set by hand."""
 
     now: float = 100.0
 
@@ -46,7 +46,7 @@ class HandTime:
 
 @dataclass
 class Heard:
-    """A node that a test speaks for, and what is made of it."""
+    """A node that a test controls, and the events of it."""
 
     clock: HandTime = field(default_factory=HandTime)
     node: canopen.RemoteNode = field(
@@ -119,7 +119,7 @@ def reading(node: EmulatedEpsonCan, items: list[Item], clock: HostClock | None =
 
 
 def seconds_until(items: list[Item], what: str, does: Callable[[], None]) -> tuple[float, str]:
-    """Return how long after something was done an event comes, and what it says."""
+    """Return the time from an action to an event, and its content."""
     begun = time.monotonic()
     does()
     found: list[Event] = []

@@ -49,7 +49,7 @@ Counts = list[int] | FloatArray
 
 
 class Motion:
-    """A motion that is the same everywhere, of several tones: counts tell the instant."""
+    """A motion that is the same everywhere, of several tones: counts determine the time."""
 
     def start(self, time: int, rate: float) -> None:
         """Note when it begins."""

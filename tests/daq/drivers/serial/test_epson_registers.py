@@ -1,4 +1,4 @@
-"""Register commands and answers, and the emulator's registers seen as a host sees them."""
+"""Register commands and answers, and the emulator's registers as read by a host."""
 
 import os
 import select
@@ -49,7 +49,7 @@ def ask(device: EmulatedEpson, line: int, window: int, address: int) -> int:
 
 
 def _answer(device: EmulatedEpson, line: int) -> bytes:
-    """Serve until four bytes came back: a pty hands on what is written when the kernel gets round to it."""
+    """Serve until four bytes were returned: a pty passes on written bytes when the kernel schedules it."""
     reply, until = b"", time.monotonic() + 5.0
     while len(reply) < 4 and time.monotonic() < until:
         device.serve()

@@ -1,4 +1,4 @@
-"""The driver of home-built nodes: what it refuses, what it believes, and nodes that start anew."""
+"""The driver of home-built nodes: refused and accepted scans, and nodes that restart."""
 
 import itertools
 import threading
@@ -29,7 +29,7 @@ def driver_of(device: EmulatedNode, rate: float = 1000.0) -> Driver:
 
 
 class Wrong(EmulatedNode):
-    """Says one thing and does another."""
+    """A node that announces one thing and does another."""
 
     def __init__(self, hello: node.Hello, rate: float) -> None:
         super().__init__(Ramp(), SystemClock(), serial_number="W")
@@ -111,7 +111,7 @@ def test_node_that_starts_anew_is_lost_and_taken_back() -> None:
 
 
 def fed(believer: FrameValidator, scans: NodeScans, cuts: list[int]) -> tuple[list[tuple[int, ...]], int]:
-    """Return what is believed of scans that come in pieces, and how many are refused."""
+    """Return the accepted scans of a stream in pieces, and the number of those that are refused."""
     edges = [0, *cuts, len(scans.counter)]
     pairs = [believer.evaluate(scans[a:b]) for a, b in itertools.pairwise(edges)]
     return [value for scans, _ in pairs for value in values(scans)], sum(refused for _, refused in pairs)

@@ -1,4 +1,4 @@
-"""`modalwatch history`: tables, CSV, JSON, a picture; what cannot be read is one line."""
+"""`modalwatch history`: tables, CSV, JSON, a picture; an unreadable file is one line."""
 
 import csv
 import json
@@ -109,7 +109,7 @@ def test_self_tests_are_told_in_a_line(modalwatch: Commands, file: Path, tmp_pat
 def test_last_days_are_counted_from_now(
     modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, down: int, days: str, n: int, newest: str
 ) -> None:
-    """A watch that has been down for so long, its alarm since raised, and a notice that could not be told later."""
+    """A monitor that was down for that time, an alarm raised since, and a notice that could not be sent."""
     url = sqlite_url(tmp_path)
     end = START + HOUR * write_years(url, years=0.02, step=HOUR, n_modes=1)
     with HistoryStore(url) as store:

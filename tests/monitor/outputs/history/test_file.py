@@ -1,4 +1,4 @@
-"""SQLite files that are damaged, moved, deleted or replaced under the recorder: noticed, said, and nothing is lost."""
+"""SQLite files that are damaged, moved, deleted or replaced: noticed, reported, and nothing is lost."""
 
 import shutil
 import sqlite3
@@ -34,7 +34,7 @@ def until(condition: Callable[[], object], seconds: float = 10.0) -> None:
 
 @contextmanager
 def attacked(folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch) -> Iterator[Said]:
-    """Record a run and many gaps, do something to the file, record more; yield what is said, once it has ended."""
+    """Record a run and many gaps, change the file, record more; yield the events, once it has ended."""
     monkeypatch.setattr(sqlite_file, "_CHECK_SECONDS", 0.3)
     monkeypatch.setattr(recorder, "_CHECK", 0.1)
     said: Said = []
@@ -76,7 +76,7 @@ def _overwrite(file: Path) -> None:
 
 
 def _begin_with_nonsense(file: Path) -> None:
-    """Damage the page that tells what tables there are."""
+    """Damage the page that lists the tables."""
     _empty_journal(file)
     with file.open("r+b") as raw:
         raw.write(b"no database" * 100)
@@ -108,7 +108,7 @@ ALL = {event.time for event in (*EVENTS, *GAPS, *LATER) if event.topic == "/even
 def test_file_that_is_taken_away_is_written_again_with_all_that_it_had(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None]
 ) -> None:
-    """It is still open, and is copied; what was written into it until that was seen is there, too."""
+    """It is still open, and is copied; data written into it before the deletion was noticed are there, too."""
     with attacked(tmp_path, attack, monkeypatch) as said:
         topics = [topic for topic, _ in said]
         assert topics[0] == TOPIC_DOWN

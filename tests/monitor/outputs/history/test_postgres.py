@@ -18,7 +18,7 @@ NEEDED = pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL s
 @pytest.mark.live
 @NEEDED
 def test_table_that_a_session_has_locked_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As somebody's VACUUM FULL does: PostgreSQL itself would have us wait for hours."""
+    """As by a VACUUM FULL: PostgreSQL itself would block for hours."""
     monkeypatch.setattr(engines, "_LOCK_SECONDS", 0.1)
     spool = tmp_path / "spool.jsonl"
     with postgres_url() as url:

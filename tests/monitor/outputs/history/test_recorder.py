@@ -1,4 +1,4 @@
-"""A database in trouble never stops the loop: what it cannot take waits on disk, and it is said."""
+"""A failing database never stops the loop: items that it cannot take wait on disk, and the failure is reported."""
 
 import sqlite3
 import time
@@ -56,7 +56,7 @@ def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pyte
 
 
 def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it was to take waits on disk, and stands in it once if it took that after all."""
+    """Items wait on disk, and are stored once if the database accepted them after all."""
     monkeypatch.setattr(engines, "_BUSY_SECONDS", 60.0)
     monkeypatch.setattr(recorder, "_MUTE", 0.1)
     monkeypatch.setattr(recorder, "_LAST", 0.1)

@@ -1,4 +1,4 @@
-"""Of an alarm that stands for years the history keeps what its diagnoses say that is new, the first and the newest."""
+"""For an alarm that lasts years the history keeps the diagnoses with news, the first and the newest."""
 
 import random
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ NOTHING = FOUND.model_copy(update={"verdict": "unexplained", "causes": (), "gain
 
 
 def weighing(mass: float) -> Diagnosis:
-    """Return the diagnosis with another mass [kg]; it stands there ± 5 g."""
+    """Return the diagnosis with another mass [kg], stated ± 5 g."""
     value = MASS.parameters["mass"].model_copy(update={"value": mass})
     return FOUND.model_copy(update={"causes": (MASS.model_copy(update={"parameters": {"mass": value}}), GAIN)})
 
@@ -39,7 +39,7 @@ def window(number: int, diagnosis: Diagnosis) -> Event:
 
 
 def kept(url: str) -> list[int]:
-    """Return the numbers of the windows whose diagnoses are there."""
+    """Return the numbers of the windows whose diagnoses are stored."""
     return sorted((row["end"] - START) // STEP for row in rows(url, "diagnoses"))
 
 
@@ -64,7 +64,7 @@ def test_alarm_that_stands_for_two_weeks_keeps_a_few_diagnoses(tmp_path: Path) -
 
 
 def test_each_alarm_keeps_its_first_and_newest(tmp_path: Path) -> None:
-    """The first alarm is over, by itself; the second is accepted; the third stands."""
+    """The first alarm has ended by itself; the second is accepted; the third is active."""
     url = sqlite_url(tmp_path)
     story: list[Event] = []
     for first, after in ((0, 5), (10, 15), (20, 25)):

@@ -1,4 +1,4 @@
-"""What is logged stands in the history once, in full, and is found through an index."""
+"""Logged items are stored in the history once, in full, and are found through an index."""
 
 import sqlite3
 from dataclasses import replace
@@ -66,7 +66,7 @@ def test_figures_of_a_day_are_those_of_its_windows(url: str) -> None:
 
 
 def test_alarm_is_one_row_from_raised_to_cleared(url: str) -> None:
-    """Raised, acknowledged, cleared after 2 h, on again, cleared for good; then a second one that stands."""
+    """Raised, acknowledged, cleared after 2 h, on again, cleared for good; then a second one that is active."""
     at = [START + i * HOUR for i in range(10)]
     story = [
         change(at[0], "watch"),
@@ -98,7 +98,7 @@ def explained(time: int, cause: str) -> Event:
 
 
 def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str) -> None:
-    """It is analysed, and stands in the log, before the alarm that it raises."""
+    """It is analysed, and written to the log, before the alarm that it raises."""
     at = [START + i * HOUR for i in range(6)]
     story = [change(at[0], "alarm", "first"), explained(at[1], "added_mass")]
     story += [change(at[2], "normal", kind="accepted", text="accepted as 'pump'", lasted=7200.0)]
@@ -111,7 +111,7 @@ def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str)
 
 
 def test_item_that_no_database_takes_keeps_out_no_other(url: str) -> None:
-    """A time beyond 64 bits: what came with it, and after it, is there."""
+    """A time beyond 64 bits: items that came with it, and after it, are stored."""
     events = [Event(topic="/event/gap", time=time, payload={"device": "left"}) for time in (1, 2**70, 3)]
     with HistoryStore(url) as store:
         assert store.write(events) == 1
@@ -166,7 +166,7 @@ def test_address_that_leads_nowhere_is_named_without_its_password(url: str, says
 
 @pytest.mark.parametrize("waiting", [True, False])
 def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.MonkeyPatch, waiting: bool) -> None:
-    """Another user's, or a copy on a disk that takes nothing: what SQLite says there, whoever runs this test."""
+    """Another user's, or a copy on a read-only disk: SQLite's message there, whoever runs this test."""
 
     def refuse(*_: object) -> None:
         raise sqlite3.OperationalError("attempt to write a readonly database")

@@ -39,7 +39,7 @@ Connect = Callable[[], Awaitable[tuple[asyncio.StreamReader, asyncio.StreamWrite
 
 
 def served(app: ASGIApp, visit: Callable[[Connect], Awaitable[None]]) -> None:
-    """Let somebody visit a server on a port of its own."""
+    """Let a client visit a server on its own port."""
     writers = []
 
     async def run() -> None:
@@ -105,7 +105,7 @@ def test_unforeseen_error_is_one_line_and_an_answer_with_all_headers(capfd: pyte
 
 
 def test_request_that_does_not_end_is_cut_and_others_are_not(app: ASGIApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bytes that trickle in do not lengthen the time; a connection that is kept alive has it anew after each answer."""
+    """Slow bytes do not lengthen the time; a connection that is kept alive has it again after each response."""
     monkeypatch.setattr(protocol, "REQUEST_SECONDS", 0.4)
 
     async def visit(connect: Connect) -> None:

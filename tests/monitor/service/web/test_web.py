@@ -1,4 +1,4 @@
-"""Health, metrics and the status page: what is stale is named, and only who has the token may act."""
+"""Health, metrics and the status page: stale parts are named, and only requests with the token may act."""
 
 import asyncio
 import json
@@ -45,7 +45,7 @@ def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def source(tmp_path: Path, history: Path) -> Source:
-    """Return what a run leaves behind that goes on."""
+    """Return the state folder of a run in progress."""
     shutil.copytree(history, tmp_path, dirs_exist_ok=True)
     status = MonitorStatus(tmp_path / FILE_NAME, ("left", "right"), PACE, SystemClock())
     for name in ("left", "right"):
@@ -57,7 +57,7 @@ def source(tmp_path: Path, history: Path) -> Source:
 
 
 class Client:
-    """Asks the application without a port in between."""
+    """Sends requests to the application without a port."""
 
     def __init__(self, source: Source, *, open_to_look: bool = True) -> None:
         self._app = make_app(source, token=TOKEN, open_to_look=open_to_look)
@@ -89,7 +89,7 @@ def test_running_monitor_is_healthy(source: Source) -> None:
 
 
 def test_events_of_the_page_have_the_alarm_and_what_was_left_out(source: Source) -> None:
-    """The alarm is raised after what else happened; whoever looks at the last events alone is to see it."""
+    """The alarm is raised after the other events; it must be among the last events."""
     with HistoryStore(source.url) as store:
         store.write([Event(topic="/event/windows_left_out", time=EVENTS[-1].time - 1, payload={"why": "behind"})])
     events = Client(source).get("/state").text.partition("<h2>Events</h2>")[2]
@@ -133,7 +133,7 @@ def test_site_that_never_ran_has_a_page_all_the_same(tmp_path: Path) -> None:
 
 
 def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> None:
-    """Data flow and windows are analysed, yet none says anything: that is worth as little as no watch."""
+    """Data arrive and windows are analysed, but none has a usable result: as bad as no monitoring."""
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     unseen: dict[str, Any] = dict.fromkeys(("t2", "limit"), math.nan) | {"modes": [], "detectors": []}
     status = MonitorStatus(source.state / FILE_NAME, (), PACE, SystemClock())
@@ -200,7 +200,7 @@ def test_windows_of_a_clock_that_ran_ahead_are_not_the_last(source: Source) -> N
 
 
 def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tmp_path: Path) -> None:
-    """It may be locked, or damaged, or behind: that is said, and no wrong state."""
+    """It may be locked, or damaged, or behind: the page reports it, with no wrong state."""
     looked = Client(Source(name="bridge", state=source.state, url="sqlite:////proc/nowhere/history.sqlite"))
     page = looked.get("/").text
     assert "ALARM: the structure has changed" in page

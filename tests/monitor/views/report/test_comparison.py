@@ -1,4 +1,4 @@
-"""The parts of the page that set measured beside simulated: what they say, which reading of the forces they show."""
+"""Parts of the page with measured and simulated modes: their texts, and the reading of the forces that they show."""
 
 from html.parser import HTMLParser
 from io import StringIO

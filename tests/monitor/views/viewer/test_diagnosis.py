@@ -1,4 +1,4 @@
-"""A diagnosis that stands alone, read back from its file."""
+"""A diagnosis without a run, read back from its file."""
 
 import numpy as np
 import pytest

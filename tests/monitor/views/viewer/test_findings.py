@@ -1,4 +1,4 @@
-"""What the one-step update and the diagnosis say, read back from the file."""
+"""Results of the one-step update and of the diagnosis, read back from the file."""
 
 from pathlib import Path
 

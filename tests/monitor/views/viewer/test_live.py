@@ -90,17 +90,17 @@ def wait_until_served(port: int) -> None:
 
 
 def told(rrd: Rrd) -> list[int]:
-    """Return when the windows ended whose card was sent."""
+    """Return the ends of the windows whose card was sent."""
     return [int(time) for time in rrd.rows("/now", "TextDocument:text")[0]]
 
 
 def whole(rrd: Rrd) -> bool:
-    """Tell whether all windows were sent, and the layout that shows the last one."""
+    """Return whether all windows were sent, and the layout that shows the last one."""
     return len(told(rrd)) == len(RUN["windows"]) and any(view.name == "Diagnosis" for view in rrd.views)
 
 
 class Client:
-    """A stock client that saves what a server sends, until it is told to go."""
+    """A stock client that saves the stream of a server, until it is stopped."""
 
     def __init__(self, url: str, path: Path) -> None:
         self._path = path
@@ -110,7 +110,7 @@ class Client:
         self._process = subprocess.Popen(command, stdout=quiet, stderr=quiet)
 
     def saved(self, done: Callable[[Rrd], bool]) -> Rrd:
-        """Return what was saved once it is `done`."""
+        """Return the saved stream once it is `done`."""
         end = time.monotonic() + 30
         try:
             while time.monotonic() < end:
@@ -168,7 +168,7 @@ def test_clients_come_and_go_and_a_killed_server_does_no_harm(tmp_path: Path) ->
 
 
 def check_results(rrd: Rrd) -> None:
-    """Everything stands in the stream as it does in a file: trends, states without repeats, the newest place."""
+    """The stream has the same content as a file: trends, states without repeats, the newest place."""
     windows = [w for w in RUN["windows"] if w.phase != "learning"]
     expected = [(w.end, m.shift_percent) for w in windows for m in w.modes if m.id == 3]
     times, values = rrd.scalars("/trend/shift/mode_3")
@@ -212,7 +212,7 @@ def test_without_a_viewer_section_nothing_is_served() -> None:
 
 
 def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With room for three items and a server that has not started yet, the rest finds no room, and nobody waits."""
+    """With room for three items and a server that has not started yet, the rest has no room, and nobody waits."""
     monkeypatch.setattr("monitor.service.servers.live_view._WAITING", 3)
     text = site_text(free_port())
     with live_view(parse_settings(text), t_structure_toml(), text) as live:

@@ -1,4 +1,4 @@
-"""What a live view keeps of a watch of years: no more than it shows, and it tells all of it once."""
+"""Content of a live view in years of monitoring: no more than it shows, and all of it is sent once."""
 
 from collections import Counter
 from pathlib import Path

@@ -16,7 +16,7 @@ CHANNELS = (Channel(name="left_y", device="left", axis=1),)
 
 @pytest.mark.parametrize("clock", ["", "SYNC of a bus"])
 def test_blocks_in_any_order_are_drawn_or_left_out(clock: str) -> None:
-    """The block that says that a device began anew has been dropped; an hour is missing; a gap within a second."""
+    """The block that reports a restart of a device has been dropped; an hour is missing; a gap within a second."""
     recording = rr.RecordingStream("test", send_properties=False)
     stream = SignalStream(recording, CHANNELS)
     firsts = [900_000, 900_250, 0, 250, 500, 750, 1000, 5_000_000, 5_000_250, 5_000_400, 3, 253, 10**12, 10**12 + 250]
@@ -28,7 +28,7 @@ def test_blocks_in_any_order_are_drawn_or_left_out(clock: str) -> None:
 
 
 def test_device_that_begins_anew_is_timed_anew_though_its_first_block_is_missing() -> None:
-    """Scans lie where they were taken, and ascend: the clock from before the restart says nothing of them."""
+    """Scans are at their true times, and ascend: the clock from before the restart does not apply to them."""
     clocks, late = ScanClocks(), 3600 * 10**9
     blocks: list[Block] = [make_block("left", first) for first in range(100_000, 102_000, 250)]
     blocks += [make_block("left", first, late=late) for first in range(250, 2250, 250)]
