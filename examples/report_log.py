@@ -10,10 +10,10 @@ from monitor.views.run import load_run
 
 folder = Path(__file__).parents[1] / "replay_data"
 run = load_run(folder / "t_frame_added_mass.mcap")
-verdict = headline(run.story, None)
+verdict = headline(run.results, None)
 print(verdict)
 
-answer = run.story.answers[-1][1]  # of the last window
+answer = run.results.answers[-1][1]  # of the last window
 truth = tomllib.loads((folder / "manifest.toml").read_text(encoding="utf-8"))["log"][0]
 print(f"{1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g; the rig had added {1000 * truth['mass']:.0f} g")
 print(f"x = {answer.position[0]:.3f} ± {answer.position_std:.3f} m; the rig had chosen {truth['position'][0]:.3f} m")

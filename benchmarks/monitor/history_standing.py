@@ -45,7 +45,7 @@ def main() -> None:
         [text] = known.execute("SELECT json FROM diagnoses ORDER BY end DESC LIMIT 1").fetchone()
     diagnosis, draw = Diagnosis.model_validate_json(text), random.Random(1)
     single = [draw.gauss(0.0, FUSED**0.5) for _ in range(N + FUSED)]
-    story = [window(n, diagnosis, sum(single[n : n + FUSED]) / FUSED) for n in range(N)]
+    run_results = [window(n, diagnosis, sum(single[n : n + FUSED]) / FUSED) for n in range(N)]
     print(f"{N} windows, {MODES} modes each, a diagnosis of {len(text)} bytes\n")
     print("| diagnoses | kept | bytes a window | slowest look [ms] |\n| --- | ---: | ---: | ---: |")
     for thinned in (False, True):
@@ -54,7 +54,7 @@ def main() -> None:
             with HistoryStore(sqlite_url(Path(folder))) as store:
                 store.write([change(START, "alarm")])
                 for first in range(0, N, HOUR):
-                    store.write(story[first : first + HOUR])
+                    store.write(run_results[first : first + HOUR])
                     if thinned:
                         begun = time.perf_counter()
                         store.forget(1000)

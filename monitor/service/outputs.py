@@ -28,7 +28,7 @@ class Outputs:
 
     def __init__(self, site: Site, live: LiveView | None) -> None:
         self._site, self._live = site, live
-        self._history, self._couriers = _history(site), _couriers(site)
+        self._history, self._senders = _history(site), _senders(site)
         self._web = ExitStack()
         self._server: WebServer | None = None
         self._web_failed: str | None = None  # why there is no server
@@ -43,8 +43,8 @@ class Outputs:
             If the pages cannot be served.
         """
         with ExitStack() as stack:
-            stack.callback(lambda: _stop([self._history, *self._couriers]))
-            _start([self._history, *self._couriers])
+            stack.callback(lambda: _stop([self._history, *self._senders]))
+            _start([self._history, *self._senders])
             stack.callback(lambda: self._web.close())
             self._serve()
             self._undo = stack.pop_all()
@@ -57,16 +57,16 @@ class Outputs:
     def put(self, item: Item) -> None:
         """Pass on a logged item; never blocks."""
         FAILURES.attempt("history", self._history.put, item)
-        for courier in self._couriers:
-            FAILURES.attempt("notices", courier.put, item)
+        for sender in self._senders:
+            FAILURES.attempt("notices", sender.put, item)
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 
     def events(self) -> Iterator[TopicPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
         yield from self._history.events()
-        for courier in self._couriers:
-            yield from courier.events()
+        for sender in self._senders:
+            yield from sender.events()
         yield from self._tend()
 
     def _tend(self) -> Iterator[TopicPayload]:
@@ -117,7 +117,7 @@ class Outputs:
     @property
     def problems(self) -> dict[str, str | None]:
         """Problem of each output, None while it works."""
-        troubled = "; ".join(courier.problem for courier in self._couriers if courier.problem)
+        troubled = "; ".join(sender.problem for sender in self._senders if sender.problem)
         return {
             "history": self._history.problem,
             "notices": troubled or None,
@@ -138,7 +138,7 @@ class Outputs:
             _start([self._history])
             yield "history"
         if before.notify != now.notify:
-            self._renew_couriers()
+            self._renew_senders()
             yield "notify"
         if before.web != now.web:
             why = self._serve_again()
@@ -147,13 +147,13 @@ class Outputs:
             self._live.restart(now, site.structure_text, site.site_text)
             yield "viewer"
 
-    def _renew_couriers(self) -> None:
-        old, new = self._couriers, _couriers(self._site)
-        for courier, former in zip(new, old, strict=False):
-            courier.continue_from(former)
-        self._couriers = new
-        for courier in old:
-            courier.stop()  # not waited for: each new one delivers only once the old one has ended
+    def _renew_senders(self) -> None:
+        old, new = self._senders, _senders(self._site)
+        for sender, former in zip(new, old, strict=False):
+            sender.continue_from(former)
+        self._senders = new
+        for sender in old:
+            sender.stop()  # not waited for: each new one delivers only once the old one has ended
         _start(new)
 
     def _serve(self) -> None:
@@ -191,6 +191,6 @@ def _history(site: Site) -> HistoryRecorder:
     return HistoryRecorder(site.source.url, spool, keep_events=keep)
 
 
-def _couriers(site: Site) -> list[NoticeSender]:
+def _senders(site: Site) -> list[NoticeSender]:
     targets = enumerate(site.settings.notify, 1)
     return [NoticeSender(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]

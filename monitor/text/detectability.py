@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import DetectableChange
 
 NO_THERMOMETER = (
@@ -26,7 +26,7 @@ def detectable_text(found: DetectableChange) -> str:
     return text if found.thermometer else f"{text}; {NO_THERMOMETER}"
 
 
-def last_detectable(story: RunResults) -> str:
+def last_detectable(run_results: RunResults) -> str:
     """Return the smallest detectable change at the last window that was judged; empty where that is not known."""
-    judged = [window.novelty for window in story.watched if window.novelty]
+    judged = [window.novelty for window in run_results.watched if window.novelty]
     return detectable_text(judged[-1].detectable) if judged and judged[-1].detectable else ""

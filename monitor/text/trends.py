@@ -3,7 +3,7 @@
 import math
 
 from monitor.detection import Trend
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import ModeTrend, TrendResult
 
 _WEEK = 7 * 86400.0  # s
@@ -37,9 +37,9 @@ def trend_text(trend: TrendResult | None) -> str:
     )
 
 
-def standing_trend(story: RunResults) -> str:
+def standing_trend(run_results: RunResults) -> str:
     """Return the trend of the last window that was judged; empty where there is none."""
-    judged = [window.novelty for window in story.watched if window.novelty]
+    judged = [window.novelty for window in run_results.watched if window.novelty]
     return trend_text(judged[-1].trend) if judged and judged[-1].trend else ""
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from itertools import takewhile
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import Novelty, SingleMode, Unsure
 
 
@@ -35,24 +35,24 @@ def _between(lowest: float, highest: float) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def unsure_now(story: RunResults) -> str:
+def unsure_now(run_results: RunResults) -> str:
     """Return the detectable change in the last windows; empty if the law was certain in the newest one."""
-    judged = _judged(story)
+    judged = _judged(run_results)
     last = list(takewhile(lambda unsure: unsure is not None, (novelty.unsure for novelty in reversed(judged))))
     unsure = _of([unsure for unsure in last if unsure], f"the last {len(last)} of {len(judged)} windows")
     single = judged[-1].single_mode if judged else None
     return "; ".join(part for part in (unsure, single_mode_text(single) if single else "") if part)
 
 
-def unsure_ever(story: RunResults) -> str:
+def unsure_ever(run_results: RunResults) -> str:
     """Return the detectable change in all windows with an uncertain law; empty if there are none."""
-    judged = _judged(story)
+    judged = _judged(run_results)
     found = [novelty.unsure for novelty in judged if novelty.unsure]
     return _of(found, f"{len(found)} of {len(judged)} windows")
 
 
-def _judged(story: RunResults) -> list[Novelty]:
-    return [window.novelty for window in story.watched if window.novelty]
+def _judged(run_results: RunResults) -> list[Novelty]:
+    return [window.novelty for window in run_results.watched if window.novelty]
 
 
 def _of(found: list[Unsure], windows: str) -> str:

@@ -1,6 +1,6 @@
 """Texts of verdicts and headlines."""
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.causes import cause_text, change_text, mass_text
 from monitor.text.quantities import utc
@@ -32,14 +32,14 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
 
 
-def changed_between(story: RunResults) -> tuple[int, int] | None:
+def changed_between(run_results: RunResults) -> tuple[int, int] | None:
     """Return start and end [ns UTC] of the window that first showed the last alarm's change; None if none did."""
-    raised = [alarm.time for alarm in story.alarms if alarm.raised]
-    if raised and raised[-1] <= story.start:
+    raised = [alarm.time for alarm in run_results.alarms if alarm.raised]
+    if raised and raised[-1] <= run_results.start:
         return None  # the window is before the range that is reported
     first: WindowResult | None = None
     before: WindowResult | None = None
-    for window in story.watched:
+    for window in run_results.watched:
         over = window.novelty is not None and window.novelty.t2 > window.novelty.limit
         if over and (before is None or before.novelty is None or before.novelty.t2 <= before.novelty.limit):
             first = window
@@ -47,11 +47,11 @@ def changed_between(story: RunResults) -> tuple[int, int] | None:
     return (first.start, first.end) if first else None
 
 
-def last_state(story: RunResults) -> str:
+def last_state(run_results: RunResults) -> str:
     """Return the alarm's state at the end: learning, normal, watch or alarm."""
-    if not story.watched and not story.reference:
+    if not run_results.watched and not run_results.reference:
         return "learning"
-    return story.alarms[-1].state if story.alarms else "normal"
+    return run_results.alarms[-1].state if run_results.alarms else "normal"
 
 
 def accepted_text(change: AcceptedShift, time: int) -> str:
@@ -60,23 +60,23 @@ def accepted_text(change: AcceptedShift, time: int) -> str:
     return f"as {change.cause!r}{by}, {utc(time)}"
 
 
-def headline(story: RunResults, diagnosis: Diagnosis | None) -> str:
+def headline(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
     """Return the verdict of a run in one sentence."""
-    state, n = last_state(story), len(story.watched)
+    state, n = last_state(run_results), len(run_results.watched)
     if state == "learning":
-        return f"Still learning: {len(story.windows)} windows so far, nothing is judged yet."
+        return f"Still learning: {len(run_results.windows)} windows so far, nothing is judged yet."
     if state == "alarm":
-        return f"The structure has changed: {_what(story, diagnosis)}.{_when(story)}"
+        return f"The structure has changed: {_what(run_results, diagnosis)}.{_when(run_results)}"
     if state == "watch":
         return "One window is above the limit. The next windows decide whether the structure has changed."
-    unsure = unsure_now(story)
-    if change := story.closed_by:
-        since = sum(window.end > story.accepted_at(change) for window in story.watched)
+    unsure = unsure_now(run_results)
+    if change := run_results.closed_by:
+        since = sum(window.end > run_results.accepted_at(change) for window in run_results.watched)
         then = f"nothing has changed in {since} windows since" if since else "no window has been judged since"
-        return f"A change was accepted {accepted_text(change, story.accepted_at(change))}; {unsure or then}."
-    if any(alarm.state == "alarm" for alarm in story.alarms):
+        return f"A change was accepted {accepted_text(change, run_results.accepted_at(change))}; {unsure or then}."
+    if any(alarm.state == "alarm" for alarm in run_results.alarms):
         return f"Back to normal after an alarm, {n} windows watched{f'; {unsure}' if unsure else ''}."
-    trend = standing_trend(story)
+    trend = standing_trend(run_results)
     if unsure:
         return f"No large change: {unsure}{f'; {trend}' if trend else ''}."
     if trend:
@@ -84,12 +84,12 @@ def headline(story: RunResults, diagnosis: Diagnosis | None) -> str:
     return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
 
 
-def _what(story: RunResults, diagnosis: Diagnosis | None) -> str:
-    if diagnosis and not (story.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
+def _what(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
+    if diagnosis and not (run_results.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
         return change_text(diagnosis)
-    if not story.answers:
+    if not run_results.answers:
         return "where is not known yet"
-    answer = story.answers[-1][1]
+    answer = run_results.answers[-1][1]
     doubt = " (a mass alone explains it badly)" if answer.p_value < _DOUBTFUL else ""
     return mass_text(answer) + doubt
 
@@ -107,8 +107,8 @@ def is_one_mass(diagnosis: Diagnosis) -> bool:
     return bool(diagnosis.causes) and one and "added_mass" in kinds and kinds <= _MASSES
 
 
-def _when(story: RunResults) -> str:
-    between = changed_between(story)
+def _when(run_results: RunResults) -> str:
+    between = changed_between(run_results)
     if between is None:
         return ""
     return f" First detected between {utc(between[0])[:-4]} and {utc(between[1], date=False)} UTC."

@@ -31,7 +31,7 @@ from daq import (
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.errors import ResultsError, SettingsError
 from monitor.results.events import TOPIC_STOPPED, event_result
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, attachable, parse_attached
 from oma import aligned
@@ -62,7 +62,7 @@ class Run:
     """A log, read whole."""
 
     log: AnyLog
-    story: RunResults
+    results: RunResults
     devices: list[DeviceQuality]
     dropped: int | None  #: items dropped because the log's queue was full; None if the log does not state it
     ended: bool  #: False if the log is truncated: it has no end
@@ -129,7 +129,7 @@ def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object]
         )
     site_text = attachable(attached.get("site.toml", ""))
     reference = next((r for r in reversed(found.results) if isinstance(r, ReferenceResult)), None)
-    story = RunResults(
+    run_results = RunResults(
         name=_name(attached.get("structure.toml", ""), log),
         reference=reference,
         windows=windows,
@@ -138,7 +138,7 @@ def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object]
     )
     return Run(
         log=log,
-        story=story,
+        results=run_results,
         devices=sorted(found.devices.values(), key=lambda d: d.device),
         dropped=found.dropped,
         ended=found.ended or (excerpt is not None and excerpt.stop < END),

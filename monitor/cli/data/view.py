@@ -63,7 +63,7 @@ def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None
     try:
         if in_cache:
             file.parent.mkdir(parents=True, exist_ok=True)
-        write_recording(file, run.story)
+        write_recording(file, run.results)
     except OSError as error:
         raise ResultsError(file, f"cannot be written: {error.strerror}") from error
 

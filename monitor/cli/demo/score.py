@@ -90,7 +90,7 @@ def _write_pictures(out: Path, report: RunReport) -> None:
 
     run = load_run(report.log)
     run_report(run, out / "report.html")
-    write_recording(out / "overview.rrd", run.story)
+    write_recording(out / "overview.rrd", run.results)
 
 
 def _say_next(console: Console, out: Path, report: RunReport) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import LogExcerpt, files_of
 from monitor.results.comparison import DiscrepancyResult
-from monitor.results.story import RunResults, find_mode
+from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.text.causes import (
     cause_text,
@@ -43,19 +43,21 @@ _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 
 def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
     """Return the template's values for a run."""
-    story = run.story
-    found = None if diagnosis else last_discrepancy(story)
-    diagnosis = diagnosis or last_diagnosis(story)
+    run_results = run.results
+    found = None if diagnosis else last_discrepancy(run_results)
+    diagnosis = diagnosis or last_diagnosis(run_results)
     return {
-        "title": story.name,
-        "state": "watch" if last_state(story) == "normal" and unsure_now(story) else last_state(story),
-        "headline": headline(story, diagnosis),
+        "title": run_results.name,
+        "state": "watch"
+        if last_state(run_results) == "normal" and unsure_now(run_results)
+        else last_state(run_results),
+        "headline": headline(run_results, diagnosis),
         "facts": _facts(run),
-        "pictures": _pictures(story),
-        "increments": _increments(story),
-        "modes": _modes(story),
-        "sensors": _sensors(story),
-        "diagnosis": diagnosis_content(diagnosis, story.reference, found) if diagnosis else None,
+        "pictures": _pictures(run_results),
+        "increments": _increments(run_results),
+        "modes": _modes(run_results),
+        "sensors": _sensors(run_results),
+        "diagnosis": diagnosis_content(diagnosis, run_results.reference, found) if diagnosis else None,
         "quality": _quality(run),
         "settings": run.site_text,
         "versions": versions(),
@@ -67,86 +69,86 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {name: version(name) for name in _VERSIONS}
 
 
-def _sensors(story: RunResults) -> list[dict[str, str]]:
+def _sensors(run_results: RunResults) -> list[dict[str, str]]:
     """Return how the sensors fared when they were last looked at."""
-    looked = [w.sensors for w in story.windows if w.sensors]
+    looked = [w.sensors for w in run_results.windows if w.sensors]
     return health_rows(looked[-1]) if looked else []
 
 
-def last_diagnosis(story: RunResults) -> Diagnosis | None:
+def last_diagnosis(run_results: RunResults) -> Diagnosis | None:
     """Return the diagnosis of the last window that has one, if the alarm is still active."""
-    found = [w.diagnosis for w in story.windows if w.diagnosis]
-    return found[-1] if found and last_state(story) == "alarm" else None
+    found = [w.diagnosis for w in run_results.windows if w.diagnosis]
+    return found[-1] if found and last_state(run_results) == "alarm" else None
 
 
-def last_discrepancy(story: RunResults) -> DiscrepancyResult | None:
+def last_discrepancy(run_results: RunResults) -> DiscrepancyResult | None:
     """Return the basis of the last diagnosis, if the alarm is still active."""
-    found = [w.discrepancy for w in story.windows if w.diagnosis]
-    return found[-1] if found and last_state(story) == "alarm" else None
+    found = [w.discrepancy for w in run_results.windows if w.diagnosis]
+    return found[-1] if found and last_state(run_results) == "alarm" else None
 
 
-def last_answer(story: RunResults) -> MassAnswer | None:
+def last_answer(run_results: RunResults) -> MassAnswer | None:
     """Return the newest located mass while the alarm is active, unless a later diagnosis excludes a mass."""
-    diagnosis = last_diagnosis(story)
-    if not story.answers or last_state(story) != "alarm" or (diagnosis and not is_one_mass(diagnosis)):
+    diagnosis = last_diagnosis(run_results)
+    if not run_results.answers or last_state(run_results) != "alarm" or (diagnosis and not is_one_mass(diagnosis)):
         return None
-    return story.answers[-1][1]
+    return run_results.answers[-1][1]
 
 
 def _facts(run: Run) -> list[tuple[str, str]]:
-    story = run.story
-    facts = [("Monitored", f"{utc(story.start)} to {utc(story.end)}")]
+    run_results = run.results
+    facts = [("Monitored", f"{utc(run_results.start)} to {utc(run_results.end)}")]
     if isinstance(run.log, LogExcerpt):
         facts.append(("Range", f"{run.log.text} of the log"))
     facts.append(("Windows", _windows(run)))
-    answer = last_answer(story)
+    answer = last_answer(run_results)
     if answer:
         facts.append(("Position and size", mass_text(answer)))
         sure = f"{share_text(answer.member_probability)} that it is on the {answer.member}"
         facts.append(("Probability", f"{sure}; {fit_text(answer)}"))
         if answer.outlook:
             facts.append(("Forecast", answer.outlook))
-    judged = [w.novelty for w in story.watched if w.novelty]
+    judged = [w.novelty for w in run_results.watched if w.novelty]
     if judged:
         facts.append(("Novelty, last window", f"{judged[-1].t2:.1f}, limit {judged[-1].limit:.1f}"))
-    if detectable := last_detectable(story):
+    if detectable := last_detectable(run_results):
         facts.append(("Smallest detectable change", detectable))
-    if unsure := unsure_ever(story):
+    if unsure := unsure_ever(run_results):
         facts.append(("Detectable change", unsure))
-    if trend := standing_trend(story):
+    if trend := standing_trend(run_results):
         facts.append(("Slow trend", trend))
-    alarms = [a for a in story.alarms if a.raised]
+    alarms = [a for a in run_results.alarms if a.raised]
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
-    for change in story.accepted:
-        said = accepted_text(change, story.accepted_at(change))
+    for change in run_results.accepted:
+        said = accepted_text(change, run_results.accepted_at(change))
         facts.append(("Accepted", f"{said}; diagnosis: {change.found}"))
     return facts
 
 
 def _windows(run: Run) -> str:
     """Return the number of windows that are reported; of a range, apart from those that the baseline is learnt from."""
-    learning, watched = len(run.story.learning), len(run.story.watched)
+    learning, watched = len(run.results.learning), len(run.results.watched)
     if not isinstance(run.log, LogExcerpt):
         return f"{learning} baseline, {watched} monitored"
-    reference = run.story.reference
+    reference = run.results.reference
     baseline = f"; the baseline has {reference.n_windows} windows of the log" if reference else ""
     return f"{learning + watched} in the range, {learning} of them before the end of the baseline{baseline}"
 
 
-def _pictures(story: RunResults) -> dict[str, Picture | None]:
-    answer = last_answer(story)
-    spectra = story.spectra
+def _pictures(run_results: RunResults) -> dict[str, Picture | None]:
+    answer = last_answer(run_results)
+    spectra = run_results.spectra
     return {
         "structure": picture(
-            lambda: places.structure_figure(story.reference, answer) if story.reference else None,
+            lambda: places.structure_figure(run_results.reference, answer) if run_results.reference else None,
             "The structure with its sensors" + (f": {mass_text(answer)}" if answer else ""),
         ),
         "profile": picture(
-            lambda: places.profile_figure(answer, story.mass_unit) if answer else None,
+            lambda: places.profile_figure(answer, run_results.mass_unit) if answer else None,
             "Misfit of every other place compared with the best one, in standard deviations",
         ),
-        "shifts": picture(lambda: trends.shifts_figure(story), "Frequency shift of every mode over time, ± 1σ"),
-        "novelty": picture(lambda: trends.novelty_figure(story), "Novelty over its limit, window by window"),
+        "shifts": picture(lambda: trends.shifts_figure(run_results), "Frequency shift of every mode over time, ± 1σ"),
+        "novelty": picture(lambda: trends.novelty_figure(run_results), "Novelty over its limit, window by window"),
         "spectrum": picture(
             lambda: trends.spectrum_figure(*spectra[-1]) if spectra else None,
             "Singular values of the spectral matrix and the stabilisation diagram",
@@ -154,11 +156,11 @@ def _pictures(story: RunResults) -> dict[str, Picture | None]:
     }
 
 
-def _increments(story: RunResults) -> dict[str, Any] | None:
-    found = [w.increments for w in story.windows if w.increments]
-    if not found or story.reference is None:
+def _increments(run_results: RunResults) -> dict[str, Any] | None:
+    found = [w.increments for w in run_results.windows if w.increments]
+    if not found or run_results.reference is None:
         return None
-    increments, reference = found[-1], story.reference
+    increments, reference = found[-1], run_results.reference
     return {
         "picture": picture(
             lambda: places.increments_figure(reference, increments),
@@ -181,12 +183,12 @@ def _flagged(increments: MassIncrements) -> list[dict[str, str]]:
     return rows
 
 
-def _modes(story: RunResults) -> list[dict[str, str]]:
-    if story.reference is None or not story.watched:
+def _modes(run_results: RunResults) -> list[dict[str, str]]:
+    if run_results.reference is None or not run_results.watched:
         return []
-    last = next((w for w in reversed(story.watched) if w.modes), None)
-    first = next((w for w in story.watched if w.modes), None)
-    return [_mode(m.id, m.frequency, m.frequency_std, m.mac, first, last) for m in story.reference.modes]
+    last = next((w for w in reversed(run_results.watched) if w.modes), None)
+    first = next((w for w in run_results.watched if w.modes), None)
+    return [_mode(m.id, m.frequency, m.frequency_std, m.mac, first, last) for m in run_results.reference.modes]
 
 
 def _mode(
@@ -209,7 +211,7 @@ def _mode(
 
 
 def _quality(run: Run) -> dict[str, Any]:
-    story = run.story
+    run_results = run.results
     devices = [
         {
             "device": d.device,
@@ -228,7 +230,7 @@ def _quality(run: Run) -> dict[str, Any]:
         "ended": run.ended,
         "dropped": run.dropped,
         "devices": devices,
-        "problems": [(w.index + 1, utc(w.end), w.problem) for w in story.windows if w.problem],
+        "problems": [(w.index + 1, utc(w.end), w.problem) for w in run_results.windows if w.problem],
     }
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from daq import FloatArray
-from monitor.results.story import RunResults, find_mode
+from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import Spectrum, WindowResult
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure
 
@@ -19,16 +19,16 @@ _ROOM = 0.4  # under the lowest novelty or the limit, for its name
 _ABOVE = 1.12  # of the highest mode: end of the frequency axis
 
 
-def shifts_figure(story: RunResults) -> Figure | None:
+def shifts_figure(run_results: RunResults) -> Figure | None:
     """Return one small plot a mode: its shift with +-1 sigma bars, window by window; None while learning."""
-    shown = [n for n in story.tracks if any(_has_shift(w, n) for w in story.watched)]
+    shown = [n for n in run_results.tracks if any(_has_shift(w, n) for w in run_results.watched)]
     if not shown:
         return None
     rows = math.ceil(len(shown) / _COLUMNS)
     figure = new_figure(10.0, 0.6 + 1.55 * rows)
     grid = np.atleast_1d(figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False)).ravel()
     for axes, number in zip(grid, shown, strict=False):
-        _shift(axes, story, number)
+        _shift(axes, run_results, number)
     for axes in grid[len(shown) :]:
         axes.set_visible(False)
     figure.supylabel("shift from the baseline [%]", fontsize=8.5)
@@ -40,21 +40,21 @@ def _has_shift(window: WindowResult, number: int) -> bool:
     return mode is not None and mode.shift_percent is not None
 
 
-def _shift(axes: Axes, story: RunResults, number: int) -> None:
-    seen = [(w, m) for w in story.watched if (m := find_mode(w, number)) and m.shift_percent is not None]
-    reference = [m.frequency for m in story.reference.modes if m.id == number] if story.reference else []
+def _shift(axes: Axes, run_results: RunResults, number: int) -> None:
+    seen = [(w, m) for w in run_results.watched if (m := find_mode(w, number)) and m.shift_percent is not None]
+    reference = [m.frequency for m in run_results.reference.modes if m.id == number] if run_results.reference else []
     shift, std = [m.shift_percent or 0.0 for _, m in seen], [m.shift_std_percent or 0.0 for _, m in seen]
     axes.axhline(0.0, color=SOFT, linewidth=0.8)
     dates = _dates([w.end for w, _ in seen])
     axes.errorbar(dates, shift, std, fmt="o", markersize=3, linewidth=1.0, color=mode_colour(number), capsize=0)
-    _mark_changes(axes, story)
+    _mark_changes(axes, run_results)
     axes.set_title(f"Mode {number}" + (f", {reference[0]:.2f} Hz" if reference else ""), fontsize=8.5)
     _time_axis(axes)
 
 
-def novelty_figure(story: RunResults) -> Figure | None:
+def novelty_figure(run_results: RunResults) -> Figure | None:
     """Return the novelty over its limit on a logarithmic scale; None if no window was judged."""
-    judged = [(w, w.novelty) for w in story.watched if w.novelty]
+    judged = [(w, w.novelty) for w in run_results.watched if w.novelty]
     if not judged:
         return None
     figure = new_figure(10.0, 2.1)
@@ -76,7 +76,7 @@ def novelty_figure(story: RunResults) -> Figure | None:
         fontsize=7.5,
     )
     axes.set_ylim(bottom=_ROOM * min(1.0, float(ratio.min())))
-    _mark_changes(axes, story)
+    _mark_changes(axes, run_results)
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     axes.yaxis.set_minor_formatter(NullFormatter())
@@ -118,13 +118,13 @@ def _poles(axes: Axes, spectrum: Spectrum) -> None:
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, fontsize=7)
 
 
-def _mark_changes(axes: Axes, story: RunResults) -> None:
-    for alarm in story.alarms:
-        if alarm.raised and alarm.time >= story.start:
+def _mark_changes(axes: Axes, run_results: RunResults) -> None:
+    for alarm in run_results.alarms:
+        if alarm.raised and alarm.time >= run_results.start:
             axes.axvline(_dates([alarm.time])[0], color=ALARM, linewidth=0.9, linestyle=":")
-    for change in story.accepted:
-        if story.start <= change.time <= story.end:
-            axes.axvline(_dates([story.accepted_at(change)])[0], color=OK, linewidth=1.2)
+    for change in run_results.accepted:
+        if run_results.start <= change.time <= run_results.end:
+            axes.axvline(_dates([run_results.accepted_at(change)])[0], color=OK, linewidth=1.2)
 
 
 def _dates(times: list[int]) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
 from monitor.views.viewer.increments import draw_increments
@@ -19,7 +19,7 @@ from monitor.views.viewer.trends import draw_trends
 __all__ = ["write_diagnosis", "write_recording"]
 
 
-def write_recording(path: Path, story: RunResults) -> None:
+def write_recording(path: Path, run_results: RunResults) -> None:
     """Write an .rrd file with its views laid out; absent results have no view.
 
     The file appears under its name when it is complete; an existing one is replaced.
@@ -27,25 +27,25 @@ def write_recording(path: Path, story: RunResults) -> None:
     Parameters
     ----------
     path : of the new file
-    story : the results of a run, and the signals whose last ten seconds are drawn
+    run_results : the results of a run, and the signals whose last ten seconds are drawn
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    with recording_file(path, f"{story.name}-{story.start}", layout(story)) as recording:
-        recording.send_recording_name(story.name)
-        draw_structure(recording, story)
-        draw_spectra(recording, story)
-        draw_trends(recording, story)
-        draw_states(recording, story)
-        write_events(recording, story)
-        draw_answers(recording, story)
-        draw_increments(recording, story)
-        write_cards(recording, story)
-        if story.reference:
-            write_reference(recording, story.reference)
-            draw_mode_shapes(recording, story.reference, story.start)
-        if story.signals:
-            draw_signals(recording, story.signals)
+    with recording_file(path, f"{run_results.name}-{run_results.start}", layout(run_results)) as recording:
+        recording.send_recording_name(run_results.name)
+        draw_structure(recording, run_results)
+        draw_spectra(recording, run_results)
+        draw_trends(recording, run_results)
+        draw_states(recording, run_results)
+        write_events(recording, run_results)
+        draw_answers(recording, run_results)
+        draw_increments(recording, run_results)
+        write_cards(recording, run_results)
+        if run_results.reference:
+            write_reference(recording, run_results.reference)
+            draw_mode_shapes(recording, run_results.reference, run_results.start)
+        if run_results.signals:
+            draw_signals(recording, run_results.signals)

@@ -2,7 +2,7 @@
 
 import rerun as rr
 
-from monitor.results.story import RunResults, find_mode
+from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
 from monitor.text.quantities import plain, share_text
@@ -15,11 +15,11 @@ _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 
 
-def write_cards(recording: rr.RecordingStream, story: RunResults) -> None:
+def write_cards(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Write the card of each window."""
-    for window in story.windows:
+    for window in run_results.windows:
         at(recording, window.end)
-        recording.log("/now", rr.TextDocument(window_card(window, story), media_type=_MARKDOWN))
+        recording.log("/now", rr.TextDocument(window_card(window, run_results), media_type=_MARKDOWN))
         if window.diagnosis:
             recording.log("/diagnosis", rr.TextDocument(diagnosis_card(window.diagnosis), media_type=_MARKDOWN))
 
@@ -30,9 +30,9 @@ def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -
         recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
 
 
-def window_card(window: WindowResult, story: RunResults) -> str:
+def window_card(window: WindowResult, run_results: RunResults) -> str:
     """Return the card of one window: the verdict first, then its basis."""
-    parts = [f"# {verdict(window, story.alarms)}"]
+    parts = [f"# {verdict(window, run_results.alarms)}"]
     if window.phase == "learning":
         parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
     if window.answer:
@@ -46,7 +46,7 @@ def window_card(window: WindowResult, story: RunResults) -> str:
     if window.novelty:
         parts.append(f"Novelty **{window.novelty.t2:.1f}**, limit {window.novelty.limit:.1f}.")
     if window.modes or window.phase != "learning":
-        parts.append(_table(window, story))
+        parts.append(_table(window, run_results))
     parts.append(f"*Window {window.index}: {clock(window.start)} to {clock(window.end)} UTC*")
     return "\n\n".join(parts)
 
@@ -69,12 +69,12 @@ def _answer(answer: MassAnswer) -> str:
     return f"**{mass_text(answer)}**\n\n{share}; {fit_text(answer)}{doubt}"
 
 
-def _table(window: WindowResult, story: RunResults) -> str:
+def _table(window: WindowResult, run_results: RunResults) -> str:
     if window.phase == "learning":
         head = ["| Hz | ± | ζ % |", "|---:|---:|---:|"]
         return "\n".join([*head, *(f"| {_frequency(m)} |" for m in window.modes)])
     head = ["| mode | Hz | ± | ζ % | shift % | ± | σ |", "|---:|---:|---:|---:|---:|---:|---:|"]
-    return "\n".join([*head, *(_row(number, find_mode(window, number)) for number in story.tracks)])
+    return "\n".join([*head, *(_row(number, find_mode(window, number)) for number in run_results.tracks)])
 
 
 def _row(number: int, mode: ModeResult | None) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import RunResults, thin
+from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import MassIncrements
 from monitor.text.causes import place_text
 from monitor.views.geometry import Geometry
@@ -25,14 +25,14 @@ _ROOM = 1.15  # of the largest increment: half the height of a panel
 Row = tuple[float | None, float | None, float | None]
 
 
-def draw_increments(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
+def draw_increments(recording: rr.RecordingStream, run_results: RunResults, *, static: bool = True) -> None:
     """Draw the detections of the one-step update per window; axes for ever, or for now if not `static`."""
-    found = thin([(w.end, w.increments) for w in story.windows if w.increments])
-    if story.reference is None or not found:
+    found = thin([(w.end, w.increments) for w in run_results.windows if w.increments])
+    if run_results.reference is None or not found:
         return
-    geometry = Geometry(story.reference)
-    unrolled = Unrolled((m, story.reference.nodes[n]) for m, nodes in geometry.lines.items() for n in nodes)
-    scale, unit = story.mass_unit
+    geometry = Geometry(run_results.reference)
+    unrolled = Unrolled((m, run_results.reference.nodes[n]) for m, nodes in geometry.lines.items() for n in nodes)
+    scale, unit = run_results.mass_unit
     largest = scale * max(float(np.nanmax(np.abs(numbers(i.normalised)), initial=0.0)) for _, i in found) or 1.0
     panels = [_panel(unrolled, row, largest) for row in range(len(DIRECTIONS))]
     _frames(recording, unrolled, panels, unit, static=static)

@@ -9,7 +9,7 @@ import rerun as rr
 
 from daq import Block, Item
 from monitor.results.events import event_result
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_attached
 from monitor.views.geometry import Geometry
@@ -115,7 +115,7 @@ class LiveResults:
             self._tell()
             self._lay_out()
 
-    def _story(self, windows: list[WindowResult]) -> RunResults:
+    def _results_of(self, windows: list[WindowResult]) -> RunResults:
         return RunResults(
             name=self._name, reference=self._reference, windows=tuple(windows), alarms=tuple(self._alarms)
         )
@@ -126,24 +126,24 @@ class LiveResults:
         older = self._windows[:-_KEPT_WINDOWS]
         self._windows[: len(older)] = [_light(w) for w in older]
         del self._windows[1 : max(1, len(self._windows) - self._most)]
-        story = self._story([window])
+        run_results = self._results_of([window])
         if self._reference:
-            draw_place(self._recording, Geometry(self._reference), window, story.mass_unit, answered=answered)
-        draw_spectra(self._recording, story, static=False)
-        draw_trends(self._recording, story)
-        draw_answers(self._recording, story, static=False)
-        draw_increments(self._recording, story, static=False)
-        write_cards(self._recording, story)
+            draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, answered=answered)
+        draw_spectra(self._recording, run_results, static=False)
+        draw_trends(self._recording, run_results)
+        draw_answers(self._recording, run_results, static=False)
+        draw_increments(self._recording, run_results, static=False)
+        write_cards(self._recording, run_results)
 
     def _tell(self) -> None:
         """Log the changes of state and the events that were not logged yet."""
-        story = self._story(self._windows)
-        for lane, time, state in state_changes(story):
+        run_results = self._results_of(self._windows)
+        for lane, time, state in state_changes(run_results):
             last = self._states.get(lane)
             if last is None or (time > last[0] and state != last[1]):
                 self._states[lane] = time, state
                 log_state(self._recording, lane, time, state)
-        happened = list(events(story))
+        happened = list(events(run_results))
         for event in happened:
             if event not in self._told:
                 write_event(self._recording, *event)
@@ -151,7 +151,7 @@ class LiveResults:
 
     def _lay_out(self) -> None:
         """Send the layout again when there is something new to show; changes by a user are kept until then."""
-        story = self._story(self._windows)
+        run_results = self._results_of(self._windows)
         last = self._windows[-1]
         has = {
             "reference": self._reference,
@@ -160,10 +160,10 @@ class LiveResults:
             "increments": last.increments,
             "diagnosis": last.diagnosis,
         }
-        grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, story.tracks)}
+        grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, run_results.tracks)}
         if grown != self._shown:
             self._shown = grown
-            self._recording.send_blueprint(layout(story, self._live))
+            self._recording.send_blueprint(layout(run_results, self._live))
 
 
 def _light(window: WindowResult) -> WindowResult:

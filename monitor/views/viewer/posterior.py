@@ -6,7 +6,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import RunResults, thin
+from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import MassAnswer
 from monitor.views.member_axis import Unrolled, has_profile, places, sigmas, ticks
 from monitor.views.palette import ALARM, REGION, TEXT, WARN, Colour
@@ -23,25 +23,27 @@ _MARGIN = 0.35  # of the masses that the data allow, above and below them
 _MEMBERS: tuple[Colour, ...] = ((120, 190, 255), (255, 176, 96), (130, 220, 160), (206, 160, 255))
 
 
-def draw_answers(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
+def draw_answers(recording: rr.RecordingStream, run_results: RunResults, *, static: bool = True) -> None:
     """Draw mass and place over time, and the posterior window by window; axes for ever, or for now if not `static`."""
-    if not story.answers:
+    if not run_results.answers:
         return
-    column = times([w.end for w, _ in story.answers])
-    answers = [a for _, a in story.answers]
-    scale, unit = story.mass_unit
+    column = times([w.end for w, _ in run_results.answers])
+    answers = [a for _, a in run_results.answers]
+    scale, unit = run_results.mass_unit
     mass, spread = (scale * np.array([getattr(a, name) for a in answers]) for name in ("mass", "mass_std"))
     band(recording, "/answer/mass", f"mass ± 2σ [{unit}]", TEXT, column, mass, 2 * spread)
     place = [1000 * a.position_std for a in answers]
     line(recording, "/answer/place", "place, standard deviation [mm]", WARN, column, place)
-    drawn = [(w, a) for w, a in thin(story.answers) if has_profile(a)]
+    drawn = [(w, a) for w, a in thin(run_results.answers) if has_profile(a)]
     if drawn:
-        draw_posteriors(recording, [(w.end, a) for w, a in drawn], story.mass_unit, static=static)
+        draw_posteriors(recording, [(w.end, a) for w, a in drawn], run_results.mass_unit, static=static)
 
 
-def mass_span(story: RunResults) -> tuple[float, float]:
+def mass_span(run_results: RunResults) -> tuple[float, float]:
     """Return lowest and highest value of the plot of masses in the run's unit, +-2 sigma included."""
-    ends = [story.mass_unit[0] * (a.mass + sign * 2 * a.mass_std) for _, a in story.answers for sign in (-1, 1)]
+    ends = [
+        run_results.mass_unit[0] * (a.mass + sign * 2 * a.mass_std) for _, a in run_results.answers for sign in (-1, 1)
+    ]
     return min(ends), max(ends)
 
 

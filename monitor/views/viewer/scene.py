@@ -8,7 +8,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import RunResults, thin
+from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import MassAnswer, ReferenceResult, WindowResult
 from monitor.text.quantities import share_text
 from monitor.views.geometry import Geometry, screen
@@ -22,15 +22,15 @@ _LEADER = 0.62  # share of the way from the mass to the top of its label, which 
 _LARGEST = 0.06  # of the structure's size
 
 
-def draw_structure(recording: rr.RecordingStream, story: RunResults) -> None:
+def draw_structure(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw members, supports, sensors and, window by window, where the mass is."""
-    if story.reference is None:
+    if run_results.reference is None:
         return
-    geometry = Geometry(story.reference)
-    draw_bare_structure(recording, story.reference, story.start)
+    geometry = Geometry(run_results.reference)
+    draw_bare_structure(recording, run_results.reference, run_results.start)
     answered = False
-    for window in thin(story.windows):
-        draw_place(recording, geometry, window, story.mass_unit, answered=answered)
+    for window in thin(run_results.windows):
+        draw_place(recording, geometry, window, run_results.mass_unit, answered=answered)
         answered = window.answer is not None
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import Spectrum, WindowResult
 from monitor.views.member_axis import ticks
 from monitor.views.palette import GREY, OK, Colour, mode_colour
@@ -17,30 +17,30 @@ _ROOM_ABOVE = 1.12  # of the highest mode's frequency
 _CURVES: tuple[tuple[Colour, float], ...] = (((226, 231, 240), 1.2), ((132, 140, 156), 0.8), ((92, 99, 114), 0.7))
 
 
-def draw_spectra(recording: rr.RecordingStream, story: RunResults, *, static: bool = True) -> None:
+def draw_spectra(recording: rr.RecordingStream, run_results: RunResults, *, static: bool = True) -> None:
     """Draw singular values, poles and identified modes, window by window; axes for ever, or for now if not `static`."""
-    if not story.spectra:
+    if not run_results.spectra:
         return
-    axes = spectrum_axes(story)
+    axes = spectrum_axes(run_results)
     x = {float(f): f"{f:g}" for f in ticks(*axes.x_range, 9)}
     x[list(x)[-1]] += " Hz"
     y = {float(v): f"{v:g} dB" for v in ticks(*axes.y_range, 6)}
     axes.grid(recording, "/spectrum", x, y, room=11.0, static=static)
-    highest = max((max(s.pole_order, default=1) for _, s in story.spectra), default=1)
+    highest = max((max(s.pole_order, default=1) for _, s in run_results.spectra), default=1)
     _orders(recording, highest, static=static)
-    for window, spectrum in story.spectra:
+    for window, spectrum in run_results.spectra:
         at(recording, window.end)
         _curves(recording, axes, spectrum)
         _poles(recording, axes, spectrum, highest)
         _identified(recording, axes, window)
 
 
-def spectrum_axes(story: RunResults) -> Axes:
+def spectrum_axes(run_results: RunResults) -> Axes:
     """Return the axes that hold the spectra of all windows, up to a little above the highest mode."""
-    spectra = [s for _, s in story.spectra]
+    spectra = [s for _, s in run_results.spectra]
     end = max(s.frequency[-1] for s in spectra)
-    named = [m.frequency for w, _ in story.spectra for m in w.modes] + [
-        m.frequency for m in (story.reference.modes if story.reference else [])
+    named = [m.frequency for w, _ in run_results.spectra for m in w.modes] + [
+        m.frequency for m in (run_results.reference.modes if run_results.reference else [])
     ]
     highest = min(end, _ROOM_ABOVE * max(named)) if named else end
     low = min(_low(s, highest) for s in spectra)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import rerun as rr
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.views.palette import ALARM, GREY, LEARN, OK, WARN, Colour
 from monitor.views.viewer.primitives import at, clock
 
@@ -24,10 +24,10 @@ _LEVEL = {"normal": "INFO", "watch": "WARN", "alarm": "ERROR"}
 _LANES = {"/state/daemon": _DAEMON, "/state/structure": _STRUCTURE}
 
 
-def draw_states(recording: rr.RecordingStream, story: RunResults) -> None:
+def draw_states(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw the lanes: state of the daemon, state of the structure."""
     name_states(recording)
-    for change in state_changes(story):
+    for change in state_changes(run_results):
         log_state(recording, *change)
 
 
@@ -38,9 +38,12 @@ def name_states(recording: rr.RecordingStream) -> None:
         recording.log(path, rr.StateConfiguration(values=list(lane), labels=labels, colors=colours), static=True)
 
 
-def state_changes(story: RunResults) -> Iterator[tuple[str, int, str]]:
+def state_changes(run_results: RunResults) -> Iterator[tuple[str, int, str]]:
     """Return lane, time [ns UTC] and state of each change."""
-    for path, changes in (("/state/daemon", daemon_states(story)), ("/state/structure", structure_states(story))):
+    for path, changes in (
+        ("/state/daemon", daemon_states(run_results)),
+        ("/state/structure", structure_states(run_results)),
+    ):
         for time, state in changes:
             yield path, time, state
 
@@ -51,24 +54,26 @@ def log_state(recording: rr.RecordingStream, path: str, time: int, state: str) -
     recording.log(path, rr.StateChange(state=state))
 
 
-def daemon_states(story: RunResults) -> Iterator[tuple[int, str]]:
+def daemon_states(run_results: RunResults) -> Iterator[tuple[int, str]]:
     """Return when the daemon's state changed [ns UTC], and to which."""
     before, reached = None, 0
-    for window in story.windows:
+    for window in run_results.windows:
         state = "problem" if window.problem else "learning" if window.phase == "learning" else "watching"
         if state != before:
             yield max(window.start, reached), state
         before, reached = state, window.end
 
 
-def structure_states(story: RunResults) -> Iterator[tuple[int, str]]:
+def structure_states(run_results: RunResults) -> Iterator[tuple[int, str]]:
     """Return when the structure's state changed [ns UTC], and to which; unknown until a baseline is learnt."""
-    reference = story.reference
-    changes = [(story.start, "unknown")] if reference is None or reference.time > story.start else []
+    reference = run_results.reference
+    changes = [(run_results.start, "unknown")] if reference is None or reference.time > run_results.start else []
     if reference:
-        changes.append((max(reference.time, story.start), "normal"))
+        changes.append((max(reference.time, run_results.start), "normal"))
     changes += [
-        (max(alarm.time, story.start), alarm.state) for alarm in story.alarms if reference or alarm.state != "normal"
+        (max(alarm.time, run_results.start), alarm.state)
+        for alarm in run_results.alarms
+        if reference or alarm.state != "normal"
     ]
     before = None
     for time, state in changes:
@@ -77,9 +82,9 @@ def structure_states(story: RunResults) -> Iterator[tuple[int, str]]:
         before = state
 
 
-def write_events(recording: rr.RecordingStream, story: RunResults) -> None:
+def write_events(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Write events in the order of time; a long event is split into several entries, because the view does not wrap."""
-    for event in sorted(events(story), key=lambda event: event[0]):
+    for event in sorted(events(run_results), key=lambda event: event[0]):
         write_event(recording, *event)
 
 
@@ -91,12 +96,12 @@ def write_event(recording: rr.RecordingStream, time: int, level: str, words: str
         recording.log("/events", rr.TextLog(body, level=level))
 
 
-def events(story: RunResults) -> Iterator[tuple[int, str, str]]:
+def events(run_results: RunResults) -> Iterator[tuple[int, str, str]]:
     """Return time [ns UTC], level and words of each event."""
-    first = story.windows[0]
-    yield story.start, "INFO", f"started: {len(first.channels)} channels"
-    for window in story.windows:
+    first = run_results.windows[0]
+    yield run_results.start, "INFO", f"started: {len(first.channels)} channels"
+    for window in run_results.windows:
         if window.problem:
             yield window.end, "WARN", f"window {window.index} gave no modes: {window.problem}"
-    for alarm in story.alarms:
-        yield max(alarm.time, story.start), _LEVEL[alarm.state], alarm.text
+    for alarm in run_results.alarms:
+        yield max(alarm.time, run_results.start), _LEVEL[alarm.state], alarm.text

@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from monitor.results.story import RunResults, find_mode
+from monitor.results.run_results import RunResults, find_mode
 from monitor.views.palette import ALARM, GREY, TEXT, mode_colour
 from monitor.views.viewer.primitives import band, ends, line, once, rule
 
@@ -12,40 +12,40 @@ _NAN = float("nan")
 _MIN = 1e-3  # novelty over its limit: lower is drawn here
 
 
-def frequency_span(story: RunResults, number: int) -> tuple[float, float]:
+def frequency_span(run_results: RunResults, number: int) -> tuple[float, float]:
     """Return lowest and highest value [Hz] of a mode's plot, +-2 sigma and the baseline included."""
-    seen = [m for m in (find_mode(w, number) for w in story.watched) if m]
+    seen = [m for m in (find_mode(w, number) for w in run_results.watched) if m]
     ends = [m.frequency + sign * 2 * m.frequency_std for m in seen for sign in (-1, 1)]
-    ends += [m.frequency for m in (story.reference.modes if story.reference else []) if m.id == number]
+    ends += [m.frequency for m in (run_results.reference.modes if run_results.reference else []) if m.id == number]
     return min(ends), max(ends)
 
 
-def shift_span(story: RunResults) -> tuple[float, float]:
+def shift_span(run_results: RunResults) -> tuple[float, float]:
     """Return lowest and highest value [%] of the plot of shifts, the control band included."""
-    limit = control_limit(story)
-    shifts = [m.shift_percent for w in story.watched for m in w.modes if m.shift_percent is not None]
+    limit = control_limit(run_results)
+    shifts = [m.shift_percent for w in run_results.watched for m in w.modes if m.shift_percent is not None]
     return min([-limit, *shifts]), max([limit, *shifts])
 
 
-def control_limit(story: RunResults) -> float:
+def control_limit(run_results: RunResults) -> float:
     """Return three standard deviations of the shift of the least sure mode [%]."""
-    stds = [m.shift_std_percent for w in story.watched for m in w.modes if m.shift_std_percent is not None]
+    stds = [m.shift_std_percent for w in run_results.watched for m in w.modes if m.shift_std_percent is not None]
     return SIGMAS * max(stds, default=0.0)
 
 
-def draw_trends(recording: rr.RecordingStream, story: RunResults) -> None:
+def draw_trends(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw shift and frequency of each tracked mode, modes found during learning, and the novelty."""
-    _learning(recording, story)
-    for number in story.tracks:
-        _frequency(recording, story, number)
-        _shift(recording, story, number)
-    _control_band(recording, story)
-    _novelty(recording, story)
+    _learning(recording, run_results)
+    for number in run_results.tracks:
+        _frequency(recording, run_results, number)
+        _shift(recording, run_results, number)
+    _control_band(recording, run_results)
+    _novelty(recording, run_results)
 
 
-def _learning(recording: rr.RecordingStream, story: RunResults) -> None:
+def _learning(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw all frequencies of the learning windows as points: they have no identity yet."""
-    pairs = [(w, m.frequency) for w in story.learning for m in w.modes]
+    pairs = [(w, m.frequency) for w in run_results.learning for m in w.modes]
     if not pairs:
         return
     look = rr.SeriesPoints(colors=[GREY], names=["found while learning"], marker_sizes=[2.5])
@@ -54,41 +54,41 @@ def _learning(recording: rr.RecordingStream, story: RunResults) -> None:
     recording.send_columns("/trend/found", [ends([w for w, _ in pairs])], columns)
 
 
-def _frequency(recording: rr.RecordingStream, story: RunResults, number: int) -> None:
+def _frequency(recording: rr.RecordingStream, run_results: RunResults, number: int) -> None:
     """Draw a mode's natural frequency with +-2 sigma, and the baseline's; the band breaks where it was not seen."""
-    path, seen = f"/trend/frequency/mode_{number}", [find_mode(w, number) for w in story.watched]
+    path, seen = f"/trend/frequency/mode_{number}", [find_mode(w, number) for w in run_results.watched]
     if any(seen):
         values = np.array([m.frequency if m else _NAN for m in seen])
         spread = np.array([2 * m.frequency_std if m else _NAN for m in seen])
-        column = ends(story.watched)
+        column = ends(run_results.watched)
         band(recording, f"{path}/measured", f"mode {number} ± 2σ", mode_colour(number), column, values, spread)
         look = rr.SeriesPoints(colors=[mode_colour(number)], names=[f"mode {number}"], marker_sizes=[2.5])
         once(recording, f"{path}/seen", look)  # a window alone between two gaps makes no line
         recording.send_columns(f"{path}/seen", [column], rr.Scalars.columns(scalars=values))
-    for mode in story.reference.modes if story.reference else []:
+    for mode in run_results.reference.modes if run_results.reference else []:
         if mode.id == number:
-            rule(recording, f"{path}/baseline", "baseline", GREY, (story.start, story.end), mode.frequency)
+            rule(recording, f"{path}/baseline", "baseline", GREY, (run_results.start, run_results.end), mode.frequency)
 
 
-def _shift(recording: rr.RecordingStream, story: RunResults, number: int) -> None:
-    found = [find_mode(w, number) for w in story.watched]
+def _shift(recording: rr.RecordingStream, run_results: RunResults, number: int) -> None:
+    found = [find_mode(w, number) for w in run_results.watched]
     shift = [_NAN if m is None or m.shift_percent is None else m.shift_percent for m in found]
     if np.isfinite(shift).any():
         path = f"/trend/shift/mode_{number}"
-        line(recording, path, f"mode {number}", mode_colour(number), ends(story.watched), shift)
+        line(recording, path, f"mode {number}", mode_colour(number), ends(run_results.watched), shift)
 
 
-def _control_band(recording: rr.RecordingStream, story: RunResults) -> None:
-    limit, n = control_limit(story), len(story.watched)
+def _control_band(recording: rr.RecordingStream, run_results: RunResults) -> None:
+    limit, n = control_limit(run_results), len(run_results.watched)
     if limit > 0:
         name = f"± {SIGMAS:g}σ, least sure mode"
-        band(recording, "/trend/shift/band", name, ALARM, ends(story.watched), np.zeros(n), np.full(n, limit))
+        band(recording, "/trend/shift/band", name, ALARM, ends(run_results.watched), np.zeros(n), np.full(n, limit))
 
 
-def _novelty(recording: rr.RecordingStream, story: RunResults) -> None:
-    if not any(w.novelty for w in story.watched):
+def _novelty(recording: rr.RecordingStream, run_results: RunResults) -> None:
+    if not any(w.novelty for w in run_results.watched):
         return
-    ratio = [w.novelty.t2 / w.novelty.limit if w.novelty else _NAN for w in story.watched]
+    ratio = [w.novelty.t2 / w.novelty.limit if w.novelty else _NAN for w in run_results.watched]
     index = np.log10(np.maximum(ratio, _MIN)).tolist()
-    line(recording, "/novelty/index", "log10(T² / limit)", TEXT, ends(story.watched), index)
-    rule(recording, "/novelty/limit", "alarm limit", ALARM, (story.start, story.end), 0.0)
+    line(recording, "/novelty/index", "log10(T² / limit)", TEXT, ends(run_results.watched), index)
+    rule(recording, "/novelty/limit", "alarm limit", ALARM, (run_results.start, run_results.end), 0.0)

@@ -12,7 +12,7 @@ from daq import EPSON_SCALE, Block, Event, Item, McapWriter, read_data
 from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
 from monitor.results.events import TOPIC_STOPPED, result_event
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import replay, write_watched
 from monitor.settings import parse_settings
@@ -131,15 +131,15 @@ def test_a_run_of_a_range(
     run: Path, start: str | None, stop: str | None, windows: tuple[int, int], alarms: list[str], state: str
 ) -> None:
     found = load_run(run, time_range(start, stop))
-    story = found.story
+    run_results = found.results
     # a window that ends with the range has its result at that time, which is not within it
     last = windows[1] - (stop is not None and float(stop).is_integer())
-    assert (story.windows[0].index, story.windows[-1].index) == (windows[0], last)
-    assert [alarm.text for alarm in story.alarms] == alarms
-    assert last_state(story) == state
-    assert story.reference is not None
+    assert (run_results.windows[0].index, run_results.windows[-1].index) == (windows[0], last)
+    assert [alarm.text for alarm in run_results.alarms] == alarms
+    assert last_state(run_results) == state
+    assert run_results.reference is not None
     if start in {"22.5", "-5"}:
-        assert changed_between(story) is None
+        assert changed_between(run_results) is None
     span = len(range(windows[0], windows[1] + 1))
     assert abs(found.devices[0].scans / 200 - span) <= 1.0
 
@@ -167,13 +167,13 @@ def test_commands_take_a_range(
     modalwatch: Commands, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[RunResults] = []
-    monkeypatch.setattr("monitor.cli.data.view.run_report", lambda run, *_: drawn.append(run.story))
-    monkeypatch.setattr("monitor.views.viewer.write_recording", lambda _, story: drawn.append(story))
+    monkeypatch.setattr("monitor.cli.data.view.run_report", lambda run, *_: drawn.append(run.results))
+    monkeypatch.setattr("monitor.views.viewer.write_recording", lambda _, run_results: drawn.append(run_results))
     for command, *options in (("report",), ("view", "--no-open")):
         done = modalwatch(command, run, "--from", 35, "--to", 50, "--out", tmp_path / command, *options)
         assert (done.code, done.err) == (0, "")
         assert "range: 35 to 50 s of 60 s, 2026-01-01T00:00:35Z to 2026-01-01T00:00:50Z" in done.out
-    assert [(story.windows[0].index, story.windows[-1].index) for story in drawn] == [(35, 48)] * 2
+    assert [(run_results.windows[0].index, run_results.windows[-1].index) for run_results in drawn] == [(35, 48)] * 2
     done = modalwatch("report", run, "--from", 35, "--to", 49.5)  # does not replace the page of the whole log
     assert f"report: {run.with_name('run_35-49.5s.html')}" in done.out
     done = modalwatch("view", "rerun+http://127.0.0.1:1/proxy", "--to", 50)

@@ -39,9 +39,9 @@ def test_a_log_becomes_a_recording_in_the_cache_and_one_line_says_how_to_see_it(
     path = tmp_path / "cache" / "modalwatch" / "t_frame_added_mass.rrd"
     assert f"recording: {path}" in done.out
     assert f"rerun --serve-web --bind 127.0.0.1 {path}" in done.out
-    rrd, story = Rrd(path), load_run(LOG).story
-    assert rrd.scalars("/trend/shift/mode_2")[0].tolist() == [w.end for w in story.watched]
-    assert len(rrd.entities("/signal")) == len(story.windows[0].channels)
+    rrd, run_results = Rrd(path), load_run(LOG).results
+    assert rrd.scalars("/trend/shift/mode_2")[0].tolist() == [w.end for w in run_results.watched]
+    assert len(rrd.entities("/signal")) == len(run_results.windows[0].channels)
 
 
 def _nothing(path: Path) -> None:

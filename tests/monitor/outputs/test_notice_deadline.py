@@ -149,18 +149,18 @@ def test_alarm_waits_for_no_trouble_and_no_other_target(tmp_path: Path) -> None:
         first, second = (
             NoticeSender(target, tmp_path / f"{k}.jsonl", "bridge") for k, target in enumerate((hung, held))
         )
-        for courier in (first, second):
-            courier.__enter__()
-        for courier in (first, second):
-            courier.put(LOST)
+        for sender in (first, second):
+            sender.__enter__()
+        for sender in (first, second):
+            sender.put(LOST)
         until(lambda: kinds == ["trouble"])
-        for courier in (first, second):
-            courier.put(ALARM)
+        for sender in (first, second):
+            sender.put(ALARM)
         begun = time.monotonic()
         until(lambda: "alarm" in kinds)
         assert time.monotonic() - begun < 1.0
-        for courier in (first, second):
-            courier.stop()
+        for sender in (first, second):
+            sender.stop()
 
 
 def test_alarm_that_no_disk_takes_is_delivered_from_memory(tmp_path: Path) -> None:
@@ -170,11 +170,11 @@ def test_alarm_that_no_disk_takes_is_delivered_from_memory(tmp_path: Path) -> No
         Server().running() as server,
         NoticeSender(
             NotifySettings(webhook=server.url), tmp_path / "state" / "n.jsonl", "bridge", retry_seconds=0.1
-        ) as courier,
+        ) as sender,
     ):
         server.answer = 503
-        courier.put(ALARM)
-        until(lambda: courier.problem)
+        sender.put(ALARM)
+        until(lambda: sender.problem)
         server.answer = 200
         until(lambda: server.got)
     assert server.got[0]["kind"] == "alarm"

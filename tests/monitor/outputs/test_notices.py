@@ -192,16 +192,16 @@ def test_what_cannot_be_delivered_says_why(target: NotifySettings, says: str) ->
 def test_server_that_is_down_gets_everything_later_in_one_message(server: Server, tmp_path: Path) -> None:
     server.answer = 503
     target, spool = NotifySettings(webhook=server.url), tmp_path / "notices.jsonl"
-    with NoticeSender(target, spool, "bridge", retry_seconds=0.05) as courier:
-        courier.put(ALARM)
-        until(lambda: courier.problem)
-        courier.put(change(20, "normal", "over", lasted=10.0))
+    with NoticeSender(target, spool, "bridge", retry_seconds=0.05) as sender:
+        sender.put(ALARM)
+        until(lambda: sender.problem)
+        sender.put(change(20, "normal", "over", lasted=10.0))
         until(lambda: len(spool.read_text().splitlines()) == 2)
         server.answer = 200
-        until(lambda: courier.problem is None)
+        until(lambda: sender.problem is None)
     [got] = server.got
     assert [notice["text"] for notice in got["notices"]] == ["ALARM: a mass", "over"]
-    assert [(topic, said.get("why")) for topic, said in courier.events()] == [
+    assert [(topic, said.get("why")) for topic, said in sender.events()] == [
         (TOPIC_FAILED, "webhook: 503 Service Unavailable"),
         (TOPIC_BACK, None),
     ]
@@ -226,27 +226,27 @@ def test_webhook_that_asks_to_wait_is_not_asked_before(
     """But an alarm is tried at once all the same."""
     date = formatdate(time.time() + seconds, usegmt=True)
     server.answer, server.retry_after = 429, date if asked == "a date" else asked
-    with NoticeSender(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as courier:
-        courier.put(LOST)
-        until(lambda: courier.problem)
-        left = courier.others.due - time.monotonic()
+    with NoticeSender(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=5.0) as sender:
+        sender.put(LOST)
+        until(lambda: sender.problem)
+        left = sender.others.due - time.monotonic()
         assert seconds - 30.0 < left <= max(seconds, 5.0)
         refused = server.refused
-        courier.put(ALARM)
+        sender.put(ALARM)
         until(lambda: server.refused > refused)
-    assert courier.problem == "webhook: 429 Too Many Requests"
+    assert sender.problem == "webhook: 429 Too Many Requests"
 
 
 def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server: Server, tmp_path: Path) -> None:
     spool = tmp_path / "notices.jsonl"
-    with NoticeSender(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as courier:
-        courier.put(ALARM)
+    with NoticeSender(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as sender:
+        sender.put(ALARM)
     assert spool.exists()
     with spool.open("a") as file:
         file.write('{"of": "another version"}\n{"cut')
-    with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge") as courier:
+    with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge") as sender:
         until(lambda: server.got)
-    assert list(courier.events()) == [(TOPIC_BACK, {"to": "webhook"})]
+    assert list(sender.events()) == [(TOPIC_BACK, {"to": "webhook"})]
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
 
 
@@ -254,32 +254,32 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
     """Troubles of an earlier run that still wait for the hour make no alarm report a recovery."""
     spool = tmp_path / "n_other.jsonl"
     spool.write_text(json.dumps(asdict(replace(NOTICE, kind="trouble"))) + "\n", encoding="utf-8")
-    with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
-        courier.others.due = time.monotonic() + 60.0
-        courier.put(ALARM)
+    with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as sender:
+        sender.others.due = time.monotonic() + 60.0
+        sender.put(ALARM)
         until(lambda: server.got)
         until(lambda: not (tmp_path / "n.jsonl").exists())
-    assert list(courier.events()) == []
+    assert list(sender.events()) == []
 
 
 def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
-    with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as courier:
-        courier.put(LOST)
+    with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as sender:
+        sender.put(LOST)
         until(lambda: len(server.got) == 1)
-        courier.put(LOST)
+        sender.put(LOST)
         until(lambda: (tmp_path / "n_other.jsonl").exists())
         time.sleep(0.5)  # two looks at what waits
         assert len(server.got) == 1
-        courier.put(ALARM)
+        sender.put(ALARM)
         until(lambda: len(server.got) == 2)
     assert [notice["kind"] for notice in server.got[1]["notices"]] == ["alarm"]
 
 
 def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Path) -> None:
     target = NotifySettings(webhook=server.url, events=("alarm",))
-    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
-        courier.put(LOST)
-        courier.put(ALARM)
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as sender:
+        sender.put(LOST)
+        sender.put(ALARM)
         until(lambda: server.got)
     assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["alarm"]
 
@@ -301,10 +301,10 @@ def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Se
 
 def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
-    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as sender:
         time.sleep(0.5)
         assert server.got == []
-        courier.put(make_block("left", 0))
+        sender.put(make_block("left", 0))
         until(lambda: len(server.got) >= 2)
     assert {got["kind"] for got in server.got} == {"heartbeat"}
 

@@ -39,9 +39,9 @@ def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Ser
     server.answer = 503
     template = "{% if notices|length > 1 %}{{ notice.nothing }}{% else %}{{ notice.text }}{% endif %}"
     target = NotifySettings(webhook=server.url, template=template)
-    with NoticeSender(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
-        courier.put(ALARM)
-        courier.put(change(20, "normal", "over", lasted=10.0))
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as sender:
+        sender.put(ALARM)
+        sender.put(change(20, "normal", "over", lasted=10.0))
         until(lambda: (tmp_path / "n.jsonl").exists() and len((tmp_path / "n.jsonl").read_text().splitlines()) == 2)
         server.answer = 200
         until(lambda: server.got)
@@ -53,10 +53,10 @@ def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> Non
     """A name with a zero byte fits into no environment of a program."""
     script = "import os, sys; open(sys.argv[1], 'a').write(os.environ['MODALWATCH_TEXT'] + '|')"
     target = NotifySettings(command=(sys.executable, "-c", script, str(tmp_path / "got")))
-    with NoticeSender(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as courier:
-        courier.put(change(10, "alarm", "ALARM: a \0 mass"))
-        until(lambda: courier.problem)
-        courier.put(change(20, "normal", "over", lasted=10.0))
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge", retry_seconds=0.05) as sender:
+        sender.put(change(10, "alarm", "ALARM: a \0 mass"))
+        until(lambda: sender.problem)
+        sender.put(change(20, "normal", "over", lasted=10.0))
         until(lambda: (tmp_path / "got").exists() and "over" in (tmp_path / "got").read_text())
 
 
@@ -79,23 +79,21 @@ def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, t
     """There may be no other notice for years: the page would report failing notices all the while."""
     server.answer = 503
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
-    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as courier:
-        courier.put(make_block("left", 0))
-        until(lambda: courier.problem)
+    with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as sender:
+        sender.put(make_block("left", 0))
+        until(lambda: sender.problem)
         server.answer = 200
-        until(lambda: courier.problem is None)
-    assert [topic for topic, _ in courier.events()] == [TOPIC_FAILED, TOPIC_BACK]
+        until(lambda: sender.problem is None)
+    assert [topic for topic, _ in sender.events()] == [TOPIC_FAILED, TOPIC_BACK]
 
 
 def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:
     server.answer = 503
-    with NoticeSender(
-        NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0
-    ) as courier:
-        courier.put(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
-        until(lambda: courier.problem)
+    with NoticeSender(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0) as sender:
+        sender.put(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
+        until(lambda: sender.problem)
         server.answer = 200
-        courier.put(ALARM)
+        sender.put(ALARM)
         until(lambda: server.got)
 
 
@@ -103,14 +101,14 @@ def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(serv
     """Chat servers refuse long texts: one that grew while they were away would never be taken."""
     server.answer = 503
     spool = tmp_path / "n.jsonl"
-    with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as courier:
+    with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge", retry_seconds=0.05) as sender:
         for k in range(20_000):
-            courier.put(Event(topic="/event/device_failed", time=k, payload={"device": "left"}))
+            sender.put(Event(topic="/event/device_failed", time=k, payload={"device": "left"}))
             if k == 7:
-                courier.put(ALARM)
-        until(lambda: courier.others.dropped)
+                sender.put(ALARM)
+        until(lambda: sender.others.dropped)
         server.answer = 200
-        until(lambda: courier.problem is None)
+        until(lambda: sender.problem is None)
     alarm, got = sorted(server.got, key=lambda message: message["kind"])
     assert [notice["text"] for notice in alarm["notices"]] == ["ALARM: a mass"]
     assert len(got["text"]) < 4000

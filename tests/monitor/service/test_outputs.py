@@ -100,11 +100,11 @@ def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> N
     old.put(change(START, "alarm"))
     for before in (old, None):
         spool = tmp_path / f"{before is old}.jsonl"
-        courier = NoticeSender(NotifySettings(command=("false",)), spool, "bridge")  # which delivers nothing
+        sender = NoticeSender(NotifySettings(command=("false",)), spool, "bridge")  # which delivers nothing
         if before:
-            courier.continue_from(before)
-        with courier:
-            courier.put(over)
+            sender.continue_from(before)
+        with sender:
+            sender.put(over)
         waiting[before is old] = [json.loads(line) for line in spool.read_text().splitlines()] if spool.exists() else []
     assert waiting[False] == []  # one that knows of no alarm has no end to tell of
     assert [(notice["kind"], notice["alarm"]) for notice in waiting[True]] == [("recovery", START)]

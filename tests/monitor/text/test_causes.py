@@ -72,7 +72,7 @@ def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained:
     run = made.whole_run(made.Site())
     found = answers.diagnosis() if explained else None
     window = run["windows"][-1].model_copy(update={"answer": None, "diagnosis": found})
-    card = window_card(window, made.story(run))
+    card = window_card(window, made.run_results(run))
     assert ("Location not yet known" in card) == (not explained)
 
 

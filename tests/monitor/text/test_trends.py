@@ -8,7 +8,7 @@ import pytest
 from monitor.detection import CHUNK, DETECTORS, GUARD, DetectionSettings, Trend, TrendWatch, judge, start
 from monitor.outputs.notices import NoticeFilter
 from monitor.results.events import result_event
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult
 from monitor.text.verdicts import headline
 from monitor.watch.detector import Detector, DetectorState
@@ -52,8 +52,10 @@ def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPa
     assert np.isnan(again.novelty.trend.modes[-1].percent_per_year)
     reference = next(r for r in found if isinstance(r, ReferenceResult))
     alarms = tuple(r for r in found if isinstance(r, AlarmResult))
-    story = RunResults(name="frame", reference=reference, windows=tuple(judged(found)), alarms=alarms)
-    assert headline(story, None).startswith(f"No sudden change in {GUARD + CHUNK + 1} windows; slow trend of the freq")
+    run_results = RunResults(name="frame", reference=reference, windows=tuple(judged(found)), alarms=alarms)
+    assert headline(run_results, None).startswith(
+        f"No sudden change in {GUARD + CHUNK + 1} windows; slow trend of the freq"
+    )
     assert NoticeFilter("site").of(result_event(event)) is None
     notice = NoticeFilter("site").of(result_event(event.model_copy(update={"quiet": False})))
     assert notice is not None

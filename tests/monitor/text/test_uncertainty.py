@@ -8,7 +8,7 @@ import pytest
 
 from daq import FloatArray, Recording
 from monitor.detection import DETECTORS, DetectionSettings, LawState, accept, judge, least_unsure, start
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AlarmResult, ReferenceResult, WindowResult
 from monitor.service.replay import ReplayReport
 from monitor.text.verdicts import headline

@@ -80,7 +80,7 @@ def test_what_was_lost_is_counted_by_device(tmp_path: Path) -> None:
     a, b = run.devices
     assert (a.scans, a.gaps, a.missing, a.exact, a.damaged, a.lost) == (400, 1, 400, True, 1, 0)
     assert (b.scans, b.gaps, b.missing, b.exact, b.damaged, b.lost) == (200, 1, 10, False, 0, 1)
-    assert (run.dropped, run.ended, run.story.name) == (4, True, "run")
+    assert (run.dropped, run.ended, run.results.name) == (4, True, "run")
 
 
 def test_a_cut_log_is_told(tmp_path: Path) -> None:
@@ -159,7 +159,7 @@ def test_newest_log_of_a_folder_is_taken(tmp_path: Path) -> None:
 def test_what_was_not_a_number_is_read_back_as_such(tmp_path: Path) -> None:
     strange = window(0)
     strange.payload["novelty"] = Novelty(t2=float("inf"), limit=1.0, modes=[]).payload()
-    (read,) = load_run(log(tmp_path / "run.mcap", strange)).story.windows
+    (read,) = load_run(log(tmp_path / "run.mcap", strange)).results.windows
     assert read.novelty is not None
     assert np.isnan(read.novelty.t2)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import Channel as RecordedChannel
 from daq import FloatArray, Recording
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import (
     AlarmResult,
     Interval,
@@ -267,7 +267,7 @@ def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: in
     }
 
 
-def story(run: dict[str, Any]) -> RunResults:
+def run_results(run: dict[str, Any]) -> RunResults:
     """Return a run as the drawings take it."""
     fields: dict[str, Any] = run | {"windows": tuple(run["windows"]), "alarms": tuple(run["alarms"])}
     return RunResults(**fields)

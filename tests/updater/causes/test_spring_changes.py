@@ -78,7 +78,7 @@ def test_every_set_of_springs_of_a_connection_is_an_alternative_begun_twice(desi
     assert sorted(found[:half]) == sorted(expected)
     assert found[:half] == found[half:]
     for each in (cause.unit, cause.before_std, cause.couple, cause.lower):
-        assert len(each) == 2 * half
+        assert each.shape[:2] == (2 * half, 3)
         np.testing.assert_array_equal(each[:half], each[half:])
     assert not cause.start[:half].any()
     assert np.exp(cause.log_prior).sum() == pytest.approx(1)
@@ -104,7 +104,7 @@ def test_prior_is_a_loose_connection_and_its_least_flexibility_a_thousandth(desi
 @pytest.mark.parametrize(("design", "name"), EVERY)
 def test_fits_begin_at_one_step_of_gauss_and_newton_within_bounds(design: str, name: str) -> None:
     """Slopes of the frequencies are those of the model with the springs of the extended structure."""
-    reference, cause = springs(design, name, log_ratio=-2e-3)
+    reference, cause = springs(design, name, log_ratio=-2e-2)
     half, data = len(cause.lower) // 2, cause.comparison
     whitener = data.drifting.matrix
     for row in range(half):
@@ -122,7 +122,7 @@ def test_fits_begin_at_one_step_of_gauss_and_newton_within_bounds(design: str, n
         own = np.where(cause.active[row], -cause.lower[row] / 0.999, 0.0)
         beam = cause.unit[row] / np.array([flexibility_unit(reference.structure, axis) for axis in cause.axes[row]])
         least = np.where(own > beam, beam - own, cause.lower[row])
-        np.testing.assert_allclose(cause.start[half + row], np.maximum(step, least), rtol=0.03, atol=2e-3)
+        np.testing.assert_allclose(cause.start[half + row], np.maximum(step, least), rtol=0.03, atol=5e-4)
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)

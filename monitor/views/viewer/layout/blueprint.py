@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import rerun as rr
 import rerun.blueprint as rrb
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.views.member_axis import has_profile
 from monitor.views.viewer.layout import view_specs as views
 from monitor.views.viewer.posterior import mass_span
@@ -27,26 +27,26 @@ class Live:
     channels: tuple[str, ...]  #: channels whose signals are streamed
 
 
-def layout(story: RunResults, live: Live | None = None) -> rrb.Blueprint:
+def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     """Return the blueprint: the overview in front, then one tab a subject.
 
     Parameters
     ----------
-    story : content to show
+    run_results : content to show
     live : how a running monitor is followed; None for a run that has ended
     """
-    trends = views.Trends(story, live.seconds if live else None)
-    tabs: list[rrb.Container] = [_overview(story, trends)]
-    if story.reference:
-        tabs.append(views.mode_shapes(story.reference))
-    if story.spectra or story.reference:
-        tabs.append(_identification(story, trends))
-    if story.answers or _has_increments(story) or _has_diagnosis(story):
-        tabs.append(_change(story, trends))
+    trends = views.Trends(run_results, live.seconds if live else None)
+    tabs: list[rrb.Container] = [_overview(run_results, trends)]
+    if run_results.reference:
+        tabs.append(views.mode_shapes(run_results.reference))
+    if run_results.spectra or run_results.reference:
+        tabs.append(_identification(run_results, trends))
+    if run_results.answers or _has_increments(run_results) or _has_diagnosis(run_results):
+        tabs.append(_change(run_results, trends))
     if live:
         tabs.append(_signals(live.channels, views.following(SECONDS)))
-    elif story.signals:
-        tabs.append(_signals([c.name for c in story.signals.channels], views.last_seconds(story.signals)))
+    elif run_results.signals:
+        tabs.append(_signals([c.name for c in run_results.signals.channels], views.last_seconds(run_results.signals)))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.TopPanel(state="expanded"),
@@ -66,90 +66,90 @@ def _beside(name: str, *parts: tuple[_Part, float]) -> rrb.Horizontal:
     return rrb.Horizontal(*[part for part, _ in parts], column_shares=[share for _, share in parts], name=name)
 
 
-def _overview(story: RunResults, trends: views.Trends) -> rrb.Horizontal:
-    left = _structure(story, 4.4, aspect=1.25)
+def _overview(run_results: RunResults, trends: views.Trends) -> rrb.Horizontal:
+    left = _structure(run_results, 4.4, aspect=1.25)
     left.append((views.card("Now", "/now"), 5.0))
-    right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if story.spectra else []
+    right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if run_results.spectra else []
     right.append((views.events(), 4.0))
-    return _beside("Overview", (_stack(*left), 3.3), (_trends(story, trends), 4.0), (_stack(*right), 4.2))
+    return _beside("Overview", (_stack(*left), 3.3), (_trends(run_results, trends), 4.0), (_stack(*right), 4.2))
 
 
-def _structure(story: RunResults, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
+def _structure(run_results: RunResults, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
     """Return the view of the structure with its share of the room; none without a reference."""
-    if story.reference is None:
+    if run_results.reference is None:
         return []
-    return [(views.structure(story.reference, [answer for _, answer in story.answers], aspect), share)]
+    return [(views.structure(run_results.reference, [answer for _, answer in run_results.answers], aspect), share)]
 
 
-def _trends(story: RunResults, trends: views.Trends) -> rrb.Vertical:
+def _trends(run_results: RunResults, trends: views.Trends) -> rrb.Vertical:
     parts: list[tuple[_Part, float]] = []
-    if any(m.shift_percent is not None for w in story.watched for m in w.modes):
+    if any(m.shift_percent is not None for w in run_results.watched for m in w.modes):
         parts.append(
             (
                 trends.series(
-                    "Frequency shift from the baseline [%]", "/trend/shift", values=shift_span(story), legend=True
+                    "Frequency shift from the baseline [%]", "/trend/shift", values=shift_span(run_results), legend=True
                 ),
                 4.0,
             )
         )
-    elif any(w.modes for w in story.learning):
+    elif any(w.modes for w in run_results.learning):
         parts.append((trends.series("Frequencies found while learning [Hz]", "/trend/found"), 4.0))
-    if any(w.novelty for w in story.watched):
+    if any(w.novelty for w in run_results.watched):
         parts.append((trends.series("Novelty, log10(T² / limit): over 0 is out", "/novelty"), 2.4))
     return _stack(*parts, (trends.lanes(), 1.7))
 
 
-def _identification(story: RunResults, trends: views.Trends) -> rrb.Horizontal:
-    left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if story.spectra else []
-    if story.reference:
+def _identification(run_results: RunResults, trends: views.Trends) -> rrb.Horizontal:
+    left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if run_results.spectra else []
+    if run_results.reference:
         modes, model = (
             views.card("Baseline and model", "/reference/modes"),
             views.card("Calibration", "/reference/model"),
         )
         left.append((_beside("Reference", (modes, 5.0), (model, 4.0)), 3.7))
-    return _beside("Identification", (_stack(*left), 5.0), (_frequencies(story, trends), 4.0))
+    return _beside("Identification", (_stack(*left), 5.0), (_frequencies(run_results, trends), 4.0))
 
 
-def _frequencies(story: RunResults, trends: views.Trends) -> rrb.Grid:
+def _frequencies(run_results: RunResults, trends: views.Trends) -> rrb.Grid:
     """One small plot a mode, each with an axis of its own, so that a shift far smaller than the whole band is seen."""
     plots = [
-        trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(story, n))
-        for n in story.tracks
+        trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(run_results, n))
+        for n in run_results.tracks
     ]
     if not plots:
         plots = [trends.series("Frequencies found while learning [Hz]", "/trend/found")]
     return _grid(plots, name="Natural frequencies")
 
 
-def _has_increments(story: RunResults) -> bool:
-    return story.reference is not None and any(w.increments for w in story.windows)
+def _has_increments(run_results: RunResults) -> bool:
+    return run_results.reference is not None and any(w.increments for w in run_results.windows)
 
 
-def _has_diagnosis(story: RunResults) -> bool:
-    return any(w.diagnosis for w in story.windows)
+def _has_diagnosis(run_results: RunResults) -> bool:
+    return any(w.diagnosis for w in run_results.windows)
 
 
-def _change(story: RunResults, trends: views.Trends) -> rrb.Container:
+def _change(run_results: RunResults, trends: views.Trends) -> rrb.Container:
     """Return the likelihood's pictures, with the one-step update's and the diagnosis, if there are any."""
-    evidence = _posterior(story, trends)
-    if not _has_increments(story) or story.reference is None:
-        card = [(views.card("Diagnosis", "/diagnosis"), 2.4)] if _has_diagnosis(story) else []
-        return _beside("Change", *_structure(story, 3.0, aspect=0.82), *evidence, *card)
-    scenes = [(view, 2.0) for view in views.increments(story.reference)]
-    above = _beside("Where", *_structure(story, 2.6, aspect=1.0), *scenes)
-    card = [(views.card("Diagnosis", "/diagnosis"), 2.6)] if _has_diagnosis(story) else []
+    evidence = _posterior(run_results, trends)
+    if not _has_increments(run_results) or run_results.reference is None:
+        card = [(views.card("Diagnosis", "/diagnosis"), 2.4)] if _has_diagnosis(run_results) else []
+        return _beside("Change", *_structure(run_results, 3.0, aspect=0.82), *evidence, *card)
+    scenes = [(view, 2.0) for view in views.increments(run_results.reference)]
+    above = _beside("Where", *_structure(run_results, 2.6, aspect=1.0), *scenes)
+    card = [(views.card("Diagnosis", "/diagnosis"), 2.6)] if _has_diagnosis(run_results) else []
     below = _beside("Evidence", *evidence, (views.increment_curves(), 4.0), *card)
     return rrb.Vertical(above, below, row_shares=[1.0, 1.05], name="Change")
 
 
-def _posterior(story: RunResults, trends: views.Trends) -> list[tuple[_Part, float]]:
+def _posterior(run_results: RunResults, trends: views.Trends) -> list[tuple[_Part, float]]:
     """Return the profile of the likelihood with the answer's sharpening under it; nothing without an answer."""
-    if not story.answers:
+    if not run_results.answers:
         return []
-    mass = trends.series(f"Mass, ± 2σ [{story.mass_unit[1]}]", "/answer/mass", values=mass_span(story))
+    mass = trends.series(f"Mass, ± 2σ [{run_results.mass_unit[1]}]", "/answer/mass", values=mass_span(run_results))
     place = trends.series("Place, standard deviation [mm]", "/answer/place")
     parts: list[tuple[_Part, float]] = [(_beside("Sharpening", (mass, 1.0), (place, 1.0)), 3.4)]
-    if any(has_profile(answer) for _, answer in story.answers):
+    if any(has_profile(answer) for _, answer in run_results.answers):
         parts.insert(0, (views.posterior(), 5.6))
     return [(_stack(*parts), 4.2)]
 

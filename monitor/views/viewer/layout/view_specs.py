@@ -9,7 +9,7 @@ import rerun.blueprint as rrb
 from rerun.blueprint.encodings import TimelineColumn
 
 from daq import FloatArray, Recording
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import MassAnswer, ReferenceResult
 from monitor.views.geometry import Geometry, flat_aspect
 from monitor.views.palette import BACKGROUND
@@ -153,19 +153,19 @@ class Trends:
 
     Parameters
     ----------
-    story : gives the axis, with room for a legend where no mode is watched yet
+    run_results : gives the axis, with room for a legend where no mode is watched yet
     follow : seconds up to now that a live view shows; None for all of a run that has ended
     """
 
-    def __init__(self, story: RunResults, follow: float | None = None) -> None:
+    def __init__(self, run_results: RunResults, follow: float | None = None) -> None:
         self._live = follow is not None
         if follow is not None:
             self._span = following(follow)
             return
-        length = story.end - story.start
-        watched = story.watched[0].start if story.watched else story.end
-        room = max(0.0, _LEGEND_ROOM * length - (watched - story.start))
-        self._span = _span(story.start - round(room), story.end + round(_MARGIN * length))
+        length = run_results.end - run_results.start
+        watched = run_results.watched[0].start if run_results.watched else run_results.end
+        room = max(0.0, _LEGEND_ROOM * length - (watched - run_results.start))
+        self._span = _span(run_results.start - round(room), run_results.end + round(_MARGIN * length))
 
     def series(
         self, name: str, origin: str, *, values: tuple[float, float] | None = None, legend: bool = False

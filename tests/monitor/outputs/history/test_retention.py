@@ -48,12 +48,12 @@ def test_alarm_that_stands_for_two_weeks_keeps_a_few_diagnoses(tmp_path: Path) -
     url, draw = sqlite_url(tmp_path), random.Random(1)
     single = [0.302 + 0.028 * (n >= 1540) + draw.gauss(0.0, 0.05) for n in range(2260)]
     masses = [sum(single[n : n + 100]) / 100 for n in range(len(single) - 100)]
-    story = [change(START, "alarm"), *(window(n, weighing(mass)) for n, mass in enumerate(masses))]
+    run_results = [change(START, "alarm"), *(window(n, weighing(mass)) for n, mass in enumerate(masses))]
     with HistoryStore(url) as store:
-        for first in range(0, len(story), 48):
-            store.write(story[first : first + 48])
+        for first in range(0, len(run_results), 48):
+            store.write(run_results[first : first + 48])
             store.forget(1000)
-        store.write(story[40:50])  # brought again: the same stays
+        store.write(run_results[40:50])  # brought again: the same stays
         store.forget(1000)
     numbers = kept(url)
     assert (numbers[0], numbers[-1]) == (0, len(masses) - 1)
@@ -66,14 +66,14 @@ def test_alarm_that_stands_for_two_weeks_keeps_a_few_diagnoses(tmp_path: Path) -
 def test_each_alarm_keeps_its_first_and_newest(tmp_path: Path) -> None:
     """The first alarm has ended by itself; the second is accepted; the third is active."""
     url = sqlite_url(tmp_path)
-    story: list[Event] = []
+    run_results: list[Event] = []
     for first, after in ((0, 5), (10, 15), (20, 25)):
-        story += [change(START + first * STEP, "alarm"), *(window(n, FOUND) for n in range(first, after))]
+        run_results += [change(START + first * STEP, "alarm"), *(window(n, FOUND) for n in range(first, after))]
         kind = "accepted" if first else "state"
         if first < 20:
-            story.append(change(START + after * STEP, "normal", kind=kind, lasted=1.0))
+            run_results.append(change(START + after * STEP, "normal", kind=kind, lasted=1.0))
     with HistoryStore(url) as store:
-        store.write(story)
+        store.write(run_results)
         store.forget(1000)
     assert kept(url) == [0, 4, 10, 14, 20, 24]
 

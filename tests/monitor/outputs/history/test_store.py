@@ -68,7 +68,7 @@ def test_figures_of_a_day_are_those_of_its_windows(url: str) -> None:
 def test_alarm_is_one_row_from_raised_to_cleared(url: str) -> None:
     """Raised, acknowledged, cleared after 2 h, on again, cleared for good; then a second one that is active."""
     at = [START + i * HOUR for i in range(10)]
-    story = [
+    run_results = [
         change(at[0], "watch"),
         change(at[1], "alarm", "first"),
         change(at[2], "alarm", kind="acknowledged"),
@@ -78,7 +78,7 @@ def test_alarm_is_one_row_from_raised_to_cleared(url: str) -> None:
         change(at[7], "alarm", "second"),
         change(at[8], "alarm", kind="flapping"),
     ]
-    write(url, story, story)
+    write(url, run_results, run_results)
     with Reader(url) as reader:
         first, second = reader.alarms(Span(start=at[0], end=at[9]))
         assert [alarm.text for alarm in reader.alarms(Span(start=at[6], end=at[9]))] == ["second"]
@@ -100,10 +100,10 @@ def explained(time: int, cause: str) -> Event:
 def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str) -> None:
     """It is analysed, and written to the log, before the alarm that it raises."""
     at = [START + i * HOUR for i in range(6)]
-    story = [change(at[0], "alarm", "first"), explained(at[1], "added_mass")]
-    story += [change(at[2], "normal", kind="accepted", text="accepted as 'pump'", lasted=7200.0)]
-    story += [explained(at[3], "sensor_dead"), change(at[3], "alarm", "second"), explained(at[4], "added_mass")]
-    write(url, story)
+    run_results = [change(at[0], "alarm", "first"), explained(at[1], "added_mass")]
+    run_results += [change(at[2], "normal", kind="accepted", text="accepted as 'pump'", lasted=7200.0)]
+    run_results += [explained(at[3], "sensor_dead"), change(at[3], "alarm", "second"), explained(at[4], "added_mass")]
+    write(url, run_results)
     with Reader(url) as reader:
         first, second = reader.alarms(Span(start=at[0], end=at[5]))
     assert first.text == "accepted as 'pump'"

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from monitor.errors import ResultsError
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, AlarmResult, OtherPlace
 from monitor.text.quantities import utc
 from monitor.text.verdicts import headline as verdict
@@ -49,14 +49,14 @@ class Page(HTMLParser):
         self.words += " " + data
 
 
-def run_of(story: RunResults, path: Path) -> Run:
+def run_of(run_results: RunResults, path: Path) -> Run:
     path.write_bytes(b"log")
     device = DeviceQuality(device="beam", rate=100.0, scans=12345, gaps=1, missing=7, exact=False)
-    return Run(log=path, story=story, devices=[device], dropped=3, ended=False, site_text="a = '<b>'")
+    return Run(log=path, results=run_results, devices=[device], dropped=3, ended=False, site_text="a = '<b>'")
 
 
 def page_of(run: dict[str, object], folder: Path) -> Page:
-    run_report(run_of(made.story(run), folder / "run.mcap"), folder / "page.html")
+    run_report(run_of(made.run_results(run), folder / "run.mcap"), folder / "page.html")
     return Page(folder / "page.html")
 
 
@@ -70,11 +70,11 @@ def test_page_of_the_recorded_log_says_what_its_last_window_says(tmp_path: Path)
     run = load_run(LOG)
     run_report(run, tmp_path / "page.html")
     page = Page(tmp_path / "page.html")
-    answer = run.story.answers[-1][1]
+    answer = run.results.answers[-1][1]
     assert headline(page).startswith(
         f"The structure has changed: {1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f} g added on the crossbeam"
     )
-    first = next(w for w in run.story.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
+    first = next(w for w in run.results.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
     clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
     assert f"and {clock} UTC." in headline(page)
     assert len(page.pictures) == 12
@@ -196,13 +196,13 @@ def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
     assert f"A change was accepted {said}; nothing has changed in 2 windows since." in page.words
     assert f"{said}; diagnosis: 302 g added" in page.words
     again = [made.alarm(WHOLE["windows"][-2], "alarm", "again"), made.alarm(WHOLE["windows"][-1], "normal", "gone")]
-    assert verdict(made.story(accepted_run(change, *again)), None).startswith("Back to normal after an alarm")
+    assert verdict(made.run_results(accepted_run(change, *again)), None).startswith("Back to normal after an alarm")
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_every_state_of_a_run_has_its_verdict(name: str) -> None:
     run, words = CASES[name]
-    assert words in verdict(made.story(run), None)
+    assert words in verdict(made.run_results(run), None)
 
 
 @pytest.mark.parametrize("name", ["learning", "learnt", "no answer", "nothing identified", "footbridge", "one mode"])

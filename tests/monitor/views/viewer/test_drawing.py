@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq import FloatArray
-from monitor.results.story import RunResults, thin
+from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import ProfilePoint, ReferenceResult
 from monitor.views.geometry import FIELD_OF_VIEW, Geometry, screen
 from monitor.views.member_axis import Unrolled, places, sigmas, ticks
@@ -150,14 +150,14 @@ def test_crossing_of_the_frame_is_interpolated() -> None:
 def test_flat_spectrum_has_an_axis() -> None:
     window = SITE.window(0, "learning", np.zeros(SITE.n_modes))
     flat = window.spectrum.model_copy(update={"singular_values": [[-60.0] * 257]}) if window.spectrum else None
-    story = RunResults(
+    run_results = RunResults(
         name="flat",
         reference=None,
         windows=(window.model_copy(update={"spectrum": flat}),),
         alarms=(),
         signals=None,
     )
-    low, high = spectrum_axes(story).y_range
+    low, high = spectrum_axes(run_results).y_range
     assert low <= -60 < high
 
 

@@ -20,7 +20,7 @@ DIRECTIONS = ("x", "y", "z")
 @pytest.fixture(scope="module")
 def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
     path = tmp_path_factory.mktemp("findings") / "run.rrd"
-    write_recording(path, made.story(RUN))
+    write_recording(path, made.run_results(RUN))
     return Rrd(path)
 
 
@@ -73,7 +73,7 @@ def test_diagnosis_is_a_card(rrd: Rrd) -> None:
 
 
 def test_no_findings_no_views(tmp_path: Path) -> None:
-    write_recording(tmp_path / "run.rrd", made.story(made.whole_run(SITE, n_learning=5, n_before=1, n_after=3)))
+    write_recording(tmp_path / "run.rrd", made.run_results(made.whole_run(SITE, n_learning=5, n_before=1, n_after=3)))
     rrd = Rrd(tmp_path / "run.rrd")
     assert not rrd.entities("/increments") | rrd.entities("/diagnosis") | rrd.entities("/increment_curves")
     assert not [v for v in rrd.views if "One-step" in v.name or v.name == "Diagnosis"]

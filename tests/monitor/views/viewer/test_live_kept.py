@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import rerun as rr
 
-from monitor.results.story import RunResults
+from monitor.results.run_results import RunResults
 from monitor.results.windows import AlarmResult, WindowResult
 from monitor.settings import parse_settings
 from monitor.views.viewer.live import LiveResults

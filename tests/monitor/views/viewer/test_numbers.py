@@ -35,7 +35,7 @@ LAST: MassAnswer = ANSWERED[-1].answer
 @pytest.fixture(scope="module")
 def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
     path = tmp_path_factory.mktemp("numbers") / "run.rrd"
-    write_recording(path, made.story(RUN))
+    write_recording(path, made.run_results(RUN))
     return Rrd(path)
 
 

@@ -29,7 +29,7 @@ def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
 
 def written(folder: Path, run: dict[str, Any]) -> Rrd:
     path = folder / "run.rrd"
-    write_recording(path, made.story(run))
+    write_recording(path, made.run_results(run))
     assert [p.name for p in folder.iterdir()] == ["run.rrd"]
     return Rrd(path)
 
@@ -304,12 +304,12 @@ def test_mass_of_unknown_precision_is_drawn(std: float, tmp_path: Path) -> None:
 
 def test_no_window_is_refused() -> None:
     with pytest.raises(ValueError, match="windows: expected at least one, found none"):
-        made.story(CASES["learning"] | {"windows": []})
+        made.run_results(CASES["learning"] | {"windows": []})
 
 
 def test_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
-        write_recording(tmp_path / "missing" / "run.rrd", made.story(CASES["learning"]))
+        write_recording(tmp_path / "missing" / "run.rrd", made.run_results(CASES["learning"]))
 
 
 def test_file_that_cannot_be_finished_leaves_the_older_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -320,7 +320,7 @@ def test_file_that_cannot_be_finished_leaves_the_older_one(tmp_path: Path, monke
     path.write_bytes(b"older")
     monkeypatch.setattr("monitor.views.viewer.draw_states", fail)
     with pytest.raises(MemoryError):
-        write_recording(path, made.story(CASES["learning"]))
+        write_recording(path, made.run_results(CASES["learning"]))
     assert path.read_bytes() == b"older"
     assert [p.name for p in tmp_path.iterdir()] == ["run.rrd"]
 
