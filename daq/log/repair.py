@@ -3,6 +3,7 @@
 import contextlib
 import os
 import struct
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from io import FileIO
@@ -21,6 +22,7 @@ from daq.log.format.chunks import WholeReads, chunk_records
 from daq.log.mcap_log import MAGIC, PROFILE, SCHEMAS
 from daq.log.recovery import NotPlainError, PlainLog
 
+_FOOTER = struct.Struct("<QQI")  # begin of the summary, of its offsets, checksum
 _LAST_OPCODE = 0x0F  # of the format's records
 _LARGEST_REST = 64 << 20  # bytes held in memory, to be put back if the disk takes no end
 _DAMAGE = (McapError, ZstdError, struct.error, ValueError)
@@ -33,7 +35,7 @@ class LogState:
     n_messages: int  #: messages in whole chunks
     lost_chunks: int  #: damaged chunks, whose content is lost
     lost_bytes: int  #: after the last whole record: half a chunk where a log was cut
-    finished: bool  #: whether it ends with a summary, required by stock readers
+    finished: bool  #: whether it ends with a valid summary, required by stock readers
 
     @property
     def whole(self) -> bool:
@@ -54,7 +56,8 @@ class LogState:
         if self.whole:
             return "whole"
         chunks = f"{self.lost_chunks} chunks damaged" if self.lost_chunks else ""
-        cut = "" if self.finished else f"cut, {self.lost_bytes} bytes of an unfinished chunk"
+        cut = f"cut, {self.lost_bytes} bytes of an unfinished chunk" if self.lost_bytes else "its summary is damaged"
+        cut = "" if self.finished else cut
         return ", ".join(part for part in (cut, chunks) if part)
 
 
@@ -70,10 +73,10 @@ class _Survey:
     finished: bool = False
 
     def note(self, record: object) -> None:
-        if isinstance(record, Schema):
-            self.schemas[record.id] = record
+        if isinstance(record, Schema):  # those of a chunk precede their copies in the summary
+            self.schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
-            self.channels[record.id] = record
+            self.channels.setdefault(record.id, record)
         elif isinstance(record, Message):
             self.n_messages += 1
 
@@ -238,7 +241,7 @@ def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
         try:
             record = next(records)
         except StopIteration:
-            survey.finished, survey.good = True, file.tell()
+            survey.finished, survey.good = _has_valid_summary(file), file.tell()
             return
         except (EndOfFile, *_DAMAGE):
             if not _step_over(file, start):
@@ -248,6 +251,20 @@ def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
             continue
         survey.good = file.tell()
         yield record
+
+
+def _has_valid_summary(file: IO[bytes]) -> bool:
+    """Return whether the checksum of the summary, and of the footer's fields before it, is right; 0 is none."""
+    end = file.tell()
+    file.seek(end - _FOOTER.size - len(MAGIC))
+    start, _, checksum = _FOOTER.unpack(file.read(_FOOTER.size))
+    stop = end - len(MAGIC) - 4  # the checksum itself
+    valid = not checksum
+    if checksum and start < stop:
+        file.seek(start or end - _FOOTER.size - len(MAGIC) - 9)  # without a summary: from the footer's record on
+        valid = zlib.crc32(file.read(stop - file.tell())) == checksum
+    file.seek(end)
+    return valid
 
 
 def _step_over(file: IO[bytes], start: int) -> bool:

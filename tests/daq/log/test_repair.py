@@ -101,6 +101,22 @@ def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataOb
     assert inspect_log(path).whole
 
 
+def test_a_damaged_summary_is_written_again(whole: Path) -> None:
+    """Every byte of it, one bit each: our reader needs none of it, stock readers do."""
+    content, every = whole.read_bytes(), contents(some_items())
+    start = int.from_bytes(content[-28:-20], "little")
+    path = whole.with_name("damaged_summary.mcap")
+    for at in range(start, len(content) - len(b"\x89MCAP0\r\n"), 7):
+        damaged = bytearray(content)
+        damaged[at] ^= 1 << at % 8
+        path.write_bytes(damaged)
+        state = repair_log(path)
+        assert not state.whole, at
+        assert contents(read_log(path)) == every
+        assert stock_count(path) == len(every)
+        assert inspect_log(path).whole
+
+
 @settings(max_examples=25)
 @given(st.data())
 def test_a_log_that_is_cut_and_damaged_is_mended_too(whole: Path, data: st.DataObject) -> None:
