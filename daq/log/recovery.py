@@ -34,8 +34,8 @@ from mcap.records import (
 )
 from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 
-from daq.log.format.chunks import check_chunk_size
-from daq.log.format.message_index import IndexedChunks
+from daq.log.format.chunks import check_chunk_size, next_chunk
+from daq.log.format.message_index import IndexedChunks, time_range
 from daq.log.mcap_log import MAGIC
 
 _FRAME = struct.Struct("<BQ")  # of a record: opcode, length
@@ -89,7 +89,11 @@ class PlainLog:
             return False
         opcode, length = _FRAME.unpack_from(data, start)
         end = start + _FRAME.size + length
-        if end > len(data) or opcode == Opcode.DATA_END:
+        if opcode == Opcode.DATA_END:
+            return False
+        if end > len(data):
+            if next_chunk(data, start) is not None:
+                raise NotPlainError(f"length of the record at byte {start}")
             return False
         if opcode == 0 and not data[start:].strip(b"\0"):
             return False  # a power cut may leave room that nothing was written to
@@ -130,12 +134,15 @@ class PlainLog:
         at = start + _FRAME.size + _CHUNK.size + named + 8
         compressed = data[at:end]
         check_chunk_size(size)
-        if data[at - 8 - named : at - 8] != b"zstd" or frame_content_size(compressed) != size:
+        lengths = int.from_bytes(data[at - 8 : at], "little"), frame_content_size(compressed)
+        if data[at - 8 - named : at - 8] != b"zstd" or lengths != (end - at, size):
             raise NotPlainError(f"chunk at byte {start}")
         raw = self._zstd.decompress(compressed)
         if zlib.crc32(raw) != checksum:
             raise NotPlainError(f"checksum of the chunk at byte {start}")
         entries, offsets, behind = _index(data, end)
+        if (first, last) != time_range(entries):
+            raise NotPlainError(f"times of the chunk at byte {start}")
         self._define_all(self._indexed.add(raw, entries))
         self._chunks.append(
             ChunkIndex(

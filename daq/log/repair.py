@@ -1,6 +1,7 @@
 """Recovery of the data in a damaged log, and repair of the log."""
 
 import contextlib
+import mmap
 import os
 import struct
 import zlib
@@ -11,14 +12,15 @@ from pathlib import Path
 from typing import IO, cast
 
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata, Schema, Statistics
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
 from daq.errors import LogError
 from daq.log.file_lock import lock
-from daq.log.format.chunks import WholeReads, chunk_records
+from daq.log.format.chunks import CHUNK_HEAD, FRAME, WholeReads, chunk_records, next_chunk
 from daq.log.mcap_log import MAGIC, PROFILE, SCHEMAS
 from daq.log.recovery import NotPlainError, PlainLog
 
@@ -35,7 +37,7 @@ class LogState:
     n_messages: int  #: messages in whole chunks
     lost_chunks: int  #: damaged chunks, whose content is lost
     lost_bytes: int  #: after the last whole record: half a chunk where a log was cut
-    finished: bool  #: whether it ends with a valid summary, required by stock readers
+    finished: bool  #: whether its summary and its indexes, required by stock readers, are valid
 
     @property
     def whole(self) -> bool:
@@ -55,10 +57,10 @@ class LogState:
         """Return a short text."""
         if self.whole:
             return "whole"
-        chunks = f"{self.lost_chunks} chunks damaged" if self.lost_chunks else ""
-        cut = f"cut, {self.lost_bytes} bytes of an unfinished chunk" if self.lost_bytes else "its summary is damaged"
-        cut = "" if self.finished else cut
-        return ", ".join(part for part in (cut, chunks) if part)
+        chunks = f"{self.lost_chunks} {'chunk' if self.lost_chunks == 1 else 'chunks'} damaged"
+        cut = f"cut, {self.lost_bytes} bytes of an unfinished chunk"
+        end = cut if self.lost_bytes else "its summary or an index is missing or damaged"
+        return ", ".join([end] * (not self.finished) + [chunks] * bool(self.lost_chunks))
 
 
 @dataclass
@@ -68,17 +70,29 @@ class _Survey:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     n_messages: int = 0
-    lost_chunks: int = 0
+    n_chunks: int = 0  # that are whole
+    damaged_chunks: int = 0
+    stated_chunks: int = 0  # by the statistics at the end of the log
     good: int = 0  # bytes up to the end of the last whole record
     finished: bool = False
+    ours: bool = False  # by our writer, whose indexes can be verified
+
+    @property
+    def lost_chunks(self) -> int:
+        """Return the number of lost chunks: one whose opcode is damaged is found by the statistics only."""
+        return max(self.damaged_chunks, self.stated_chunks - self.n_chunks if self.finished else 0)
 
     def note(self, record: object) -> None:
-        if isinstance(record, Schema):  # those of a chunk precede their copies in the summary
+        if isinstance(record, Header):
+            self.ours = record.library == "modalwatch"
+        elif isinstance(record, Schema):  # those of a chunk precede their copies in the summary
             self.schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
             self.channels.setdefault(record.id, record)
         elif isinstance(record, Message):
             self.n_messages += 1
+        elif isinstance(record, Statistics):
+            self.stated_chunks = record.chunk_count
 
 
 def inspect_log(path: Path) -> LogState:
@@ -89,14 +103,27 @@ def inspect_log(path: Path) -> LogState:
     LogError
         If it cannot be read or is not a log.
     """
+    try:
+        with _open(path) as file:
+            if log := _plain(file):
+                return _plain_state(file, log)
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
     return _state(path, _survey(path))
+
+
+def _open(path: Path) -> IO[bytes]:
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
 def repair_log(path: Path) -> LogState:
     """Repair a log in place: keep every complete chunk and rebuild the summary for stock readers.
 
-    An intact log is not changed. A log without an end is completed. Of any other, the valid parts are copied to a new
-    file next to it, which replaces it. A log that is still being written by another process is refused.
+    An intact log is not changed. A log without a valid end gets one in place. Of any other, the valid parts are copied
+    to a new file next to it, which replaces it. A log that is still being written by another process is refused.
 
     Returns
     -------
@@ -109,11 +136,43 @@ def repair_log(path: Path) -> LogState:
         If it cannot be read, is not a log, is being written, or the new one cannot be written.
     """
     try:
-        if not has_end(path) and (ended := _ended(path)):
-            return ended
-        return _copied(path)
+        return _completed(path) or _copied(path)
     except OSError as error:
         raise LogError(path, f"cannot be repaired: {error.strerror}") from error
+
+
+def _completed(path: Path) -> LogState | None:
+    """Write the end that a log lacks; None, and nothing done, if it lacks more or is no log of ours."""
+    with _open(path) as file:
+        locked, log = lock(file), _plain(file)
+        if not log:
+            return None
+        state = _plain_state(file, log)
+        if state.whole:
+            return state
+        if not locked or state.lost_bytes > _LARGEST_REST:
+            return None
+        with path.open("r+b", buffering=0) as end:  # a buffer would be written again on closing, with the refused data
+            _end(end, log)
+    return state
+
+
+def _plain(file: IO[bytes]) -> PlainLog | None:
+    """Return the contents of a log whose chunks and indexes are as our writer left them, or None."""
+    if next(_records(file, _Survey()), None) != Header(PROFILE, "modalwatch"):
+        return None
+    try:
+        return PlainLog(file)
+    except NotPlainError:
+        return None
+
+
+def _plain_state(file: IO[bytes], log: PlainLog) -> LogState:
+    file.seek(log.good)
+    end = log.end()
+    found = file.read(len(end) + 1)
+    lost = 0 if found[:1] == bytes([Opcode.DATA_END]) else file.seek(0, os.SEEK_END) - log.good
+    return LogState(n_messages=log.n_messages, lost_chunks=0, lost_bytes=lost, finished=found == end)
 
 
 def _copied(path: Path) -> LogState:
@@ -127,22 +186,6 @@ def _copied(path: Path) -> LogState:
             raise LogError(path, "is being written: it cannot be repaired now")
         _replace(path, survey)
     return state
-
-
-def _ended(path: Path) -> LogState | None:
-    """Write the end that a log lacks; None, and nothing done, if it lacks more or is no log of ours."""
-    with path.open("r+b", buffering=0) as file:  # a buffer would be written again on closing, with the refused data
-        if next(_records(file, _Survey()), None) != Header(PROFILE, "modalwatch") or not lock(file):
-            return None
-        try:
-            log = PlainLog(file)
-        except NotPlainError:
-            return None
-        rest = file.seek(0, os.SEEK_END) - log.good
-        if rest > _LARGEST_REST:
-            return None
-        _end(file, log)
-    return LogState(n_messages=log.n_messages, lost_chunks=0, lost_bytes=rest, finished=False)
 
 
 def _end(file: FileIO, log: PlainLog) -> None:
@@ -202,7 +245,7 @@ def _state(path: Path, survey: _Survey) -> LogState:
         n_messages=survey.n_messages,
         lost_chunks=survey.lost_chunks,
         lost_bytes=path.stat().st_size - survey.good,
-        finished=survey.finished,
+        finished=survey.finished and (survey.lost_chunks > 0 or not survey.ours),
     )
 
 
@@ -214,9 +257,14 @@ def _salvage(path: Path, survey: _Survey) -> Iterator[object]:
                 raise LogError(path, "is not an MCAP log")
             file.seek(0)
             records = _records(file, survey)
-            _check_header(path, next(records, None))
+            header = next(records, None)
+            _check_header(path, header)
+            yield header
             for record in records:
-                yield from _opened(record, survey) if isinstance(record, Chunk) else (record,)
+                if isinstance(record, Chunk):
+                    yield from _opened(record, survey)
+                elif not isinstance(record, Message) or not survey.n_chunks:  # else it is a record with a wrong opcode
+                    yield record
     except OSError as error:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
 
@@ -230,9 +278,9 @@ def _check_header(path: Path, record: object) -> None:
 
 
 def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
-    """Yield records in the order of the file, up to its end or the first damaged frame.
+    """Yield records in the order of the file, up to its end or damage without a chunk after it.
 
-    A record that is damaged inside is stepped over, by its own length.
+    A record that is damaged inside is stepped over, to the next chunk if its length is damaged.
     """
     stream = cast(IO[bytes], WholeReads(file))
     records = StreamReader(stream, emit_chunks=True).records
@@ -246,11 +294,23 @@ def _records(file: IO[bytes], survey: _Survey) -> Iterator[object]:
         except (EndOfFile, *_DAMAGE):
             if not _step_over(file, start):
                 return
-            survey.lost_chunks += 1
+            survey.damaged_chunks += 1
             records = StreamReader(stream, emit_chunks=True, skip_magic=True).records
             continue
+        if isinstance(record, Chunk) and _has_other_length(file, start, record) and _step_over(file, start):
+            records = StreamReader(stream, emit_chunks=True, skip_magic=True).records
         survey.good = file.tell()
         yield record
+
+
+def _has_other_length(file: IO[bytes], start: int, chunk: Chunk) -> bool:
+    """Return whether the length of a chunk's record, which ends here, is not that of its content."""
+    end = file.tell()
+    file.seek(start)
+    opcode = file.read(1)[0]
+    file.seek(end)
+    length = CHUNK_HEAD + len(chunk.compression) + 8 + len(chunk.data)
+    return opcode == Opcode.CHUNK and end - start != length  # else a record of an unknown kind was skipped before it
 
 
 def _has_valid_summary(file: IO[bytes]) -> bool:
@@ -268,26 +328,30 @@ def _has_valid_summary(file: IO[bytes]) -> bool:
 
 
 def _step_over(file: IO[bytes], start: int) -> bool:
-    """Go to the record behind that at `start`; False if there is none."""
+    """Go to the record behind that at `start`, or to the next chunk if that is nearer; False if there is neither."""
     file.seek(start)
-    frame = file.read(9)
-    behind = start + 9 + int.from_bytes(frame[1:], "little")
-    file.seek(0, os.SEEK_END)
-    if len(frame) < 9 or behind + 9 > file.tell():
+    frame = file.read(FRAME)
+    if not frame:
         return False
-    file.seek(behind)
-    opcode = file.read(1)[0]
-    file.seek(behind)
-    return 0 < opcode <= _LAST_OPCODE
+    with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        behind = start + FRAME + int.from_bytes(frame[1:], "little")
+        chunk = next_chunk(data, start)
+        is_record = len(frame) == FRAME and behind + FRAME <= len(data) and 0 < data[behind] <= _LAST_OPCODE
+    places = [place for place in (behind if is_record else None, chunk) if place is not None]
+    if places:
+        file.seek(min(places))
+    return bool(places)
 
 
 def _opened(chunk: Chunk, survey: _Survey) -> list[object]:
     """Return the records of a chunk; none if it is damaged."""
     try:
-        return [*chunk_records(chunk)]
+        records: list[object] = [*chunk_records(chunk)]
     except _DAMAGE:
-        survey.lost_chunks += 1
+        survey.damaged_chunks += 1
         return []
+    survey.n_chunks += 1
+    return records
 
 
 def _copy(path: Path, survey: _Survey, file: IO[bytes]) -> None:

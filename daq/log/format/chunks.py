@@ -1,15 +1,20 @@
 """Chunks of a log opened with bounded memory: sizes stated in a file are checked before memory is allocated."""
 
+import mmap
 import os
 from dataclasses import replace
 from typing import IO
 
 import lz4.frame
 from mcap.exceptions import EndOfFile, McapError
+from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord
 from mcap.stream_reader import breakup_chunk
 from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 
+FRAME = 9  #: bytes of a record's opcode and length
+CHUNK_HEAD = FRAME + 32  #: bytes of a chunk before its compression's name: times, size, checksum, length of the name
+_ZSTD = b"\4\0\0\0zstd"  # name of the compression, with its length
 _READ_AHEAD = 1 << 20
 MAX_CHUNK = 32 << 20  #: bytes of an uncompressed chunk: the writers begin a new one after 1 MB
 
@@ -60,6 +65,15 @@ def chunk_records(chunk: Chunk) -> list[McapRecord]:
         return breakup_chunk(plain, validate_crc=True)
     except (EndOfFile, OverflowError) as error:  # the chunk's end must not be taken for the file's
         raise McapError("a record is longer than its chunk") from error
+
+
+def next_chunk(data: mmap.mmap, start: int) -> int | None:
+    """Return the place of the next compressed chunk behind `start`, found by the name of its compression."""
+    before = CHUNK_HEAD - 4
+    at = data.find(_ZSTD, start + before + 1)
+    while at >= 0 and data[at - before] != Opcode.CHUNK:
+        at = data.find(_ZSTD, at + 1)
+    return at - before if at >= 0 else None
 
 
 def check_chunk_size(size: int) -> None:

@@ -69,6 +69,12 @@ class IndexedChunks:
         yield from _between(raw, at, at + _FRAME + length)
 
 
+def time_range(entries: dict[int, bytes]) -> tuple[int, int]:
+    """Return the first and last time of a chunk's index: channel -> entries; zeros for none."""
+    times = np.frombuffer(b"".join(entries.values()), _ENTRY)["time"]
+    return (int(times.min()), int(times.max())) if len(times) else (0, 0)
+
+
 def _between(raw: bytes, starts: _Places, stops: _Places) -> Iterator[bytes]:
     """Yield the records before, between and after messages."""
     begins, ends = np.append(0, stops), np.append(starts, len(raw))

@@ -96,9 +96,50 @@ def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataOb
     assert mended[: len(readable)] == readable
     assert [item for item in every if item in mended] == mended  # none altered, none out of order
     assert len(mended) == stock_count(path)
-    if state.lost_chunks:  # five items a chunk at most, and the frames of all others are sound
-        assert len(mended) >= len(every) - 5
+    assert len(every) - 5 <= len(mended) <= len(every)  # five items per chunk at most
+    assert state.lost_chunks or state.lost_bytes or mended == every
     assert inspect_log(path).whole
+
+
+def test_each_bit_of_opcodes_and_lengths(whole: Path) -> None:
+    """Of each record after the attachments: at most its own chunk is lost, and the state has the loss."""
+    content, every = whole.read_bytes(), contents(some_items())
+    path = whole.with_name("damaged_frame.mcap")
+    first = next(at for opcode, at in places(content) if opcode == 6)
+    frames = [at for opcode, at in places(content) if at >= first and opcode != 7] + [
+        next(at for opcode, at in places(content) if opcode == 7)
+    ]
+    for at in frames:
+        for byte, bit in [(at, k) for k in range(8)] + [(at + 1 + k, k) for k in range(8)]:
+            damaged = bytearray(content)
+            damaged[byte] ^= 1 << bit
+            path.write_bytes(damaged)
+            state = repair_log(path)
+            mended = contents(read_log(path))
+            assert not state.whole, (byte, bit)
+            assert [item for item in every if item in mended] == mended, (byte, bit)
+            assert len(mended) >= len(every) - 5, (byte, bit)
+            lost = state.lost_chunks or state.lost_bytes  # the last chunk with a length beyond the file: it is cut
+            assert lost or mended == every, (byte, bit)
+            assert stock_count(path) == len(mended)
+            assert inspect_log(path).whole
+
+
+def test_times_of_a_chunk_are_verified(whole: Path) -> None:
+    """Indexed readers choose chunks by them."""
+    content = bytearray(whole.read_bytes())
+    content[[at for opcode, at in places(content) if opcode == 6][1] + 9 + 3] ^= 1
+    path = whole.with_name("damaged_times.mcap")
+    path.write_bytes(content)
+    assert not repair_log(path).whole
+    assert contents(read_log(path)) == contents(some_items())
+    with path.open("rb") as repaired, whole.open("rb") as before:
+        found, expected = make_reader(repaired).get_summary(), make_reader(before).get_summary()
+    assert found is not None
+    assert expected is not None
+    assert found.statistics is not None
+    assert expected.statistics is not None
+    assert found.statistics.message_start_time == expected.statistics.message_start_time
 
 
 def test_a_damaged_summary_is_written_again(whole: Path) -> None:
@@ -190,7 +231,7 @@ def test_records_behind_one_that_is_stepped_over_are_kept(whole: Path) -> None:
     assert 0 < lost <= 5
     state = repair_log(path)
     assert (state.lost_chunks, state.lost_bytes, state.finished) == (1, 0, True)
-    assert str(state) == "1 chunks damaged"
+    assert str(state) == "1 chunk damaged"
     mended, every = contents(read_log(path)), contents(some_items())
     first = next(k for k, (a, b) in enumerate(zip(mended, every, strict=False)) if a != b)
     assert mended == every[:first] + every[first + lost :]
