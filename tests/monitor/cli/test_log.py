@@ -96,7 +96,7 @@ def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tm
     done = modalwatch("log", "info", path, "--json", tmp_path / "info.json")
     assert done.code == 0, done.err
     found = json.loads((tmp_path / "info.json").read_text())
-    assert (found["state"], found["devices"]["beam"]["scans"]) == ("1 chunks damaged", 250)
+    assert (found["state"], found["devices"]["beam"]["scans"]) == ("1 chunk damaged", 250)
 
 
 def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
