@@ -60,7 +60,7 @@ class EmulatedEpsonCan:
         self._objects = SdoServer(dict(self._reset_objects), self._written)
         self._state = _PRE_OPERATIONAL
         self._hung = False
-        self._unsaid: list[Frame] = []  # that it sends by itself, next time
+        self._unsent: list[Frame] = []  # that it sends by itself, next time
         self._started: int | None = None
         self._first_started: int | None = None
         self._sampled = 0  # scans that the last `scans` has returned
@@ -119,7 +119,7 @@ class EmulatedEpsonCan:
         self._stand_still()
         self._hung, self._state = False, _PRE_OPERATIONAL
         self._objects = SdoServer(dict(self._reset_objects), self._written)
-        self._unsaid = [(_HEARTBEAT + self.node, bytes([_INITIALISING]))]
+        self._unsent = [(_HEARTBEAT + self.node, bytes([_INITIALISING]))]
 
     def hang(self) -> None:
         """Do nothing more until it is reset by its power."""
@@ -132,7 +132,7 @@ class EmulatedEpsonCan:
 
     def fail(self, code: int, register: int = 0x01) -> None:
         """Send an emergency (CiA 301, section 7.2.7), and continue."""
-        self._unsaid.append((_EMERGENCY + self.node, code.to_bytes(2, "little") + bytes([register]) + bytes(5)))
+        self._unsent.append((_EMERGENCY + self.node, code.to_bytes(2, "little") + bytes([register]) + bytes(5)))
 
     def _written(self, place: Place) -> None:
         if place == epson.APPLY:
@@ -149,12 +149,12 @@ class EmulatedEpsonCan:
         """Return unprompted frames: the heartbeat if it is due, emergencies."""
         if self._dead:
             return []
-        said, self._unsaid = self._unsaid, []
+        waiting, self._unsent = self._unsent, []
         now = self._clock.now()
         if self._next_beat is None or now < self._next_beat:
-            return said
+            return waiting
         self._next_beat = now + self._objects[epson.HEARTBEAT] * 1_000_000
-        return [*said, (_HEARTBEAT + self.node, bytes([self._state]))]
+        return [*waiting, (_HEARTBEAT + self.node, bytes([self._state]))]
 
     def syncs(self) -> Syncs:
         """Return the SYNC frames that it has to send by now."""

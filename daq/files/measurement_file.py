@@ -144,7 +144,7 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
         temperature=known_mean(temperature),
         gaps=find_gaps(channels, data),
     )
-    said = [
+    texts = [
         date_remark(found.time, found.began) if found.time and found.began is not None else None,
         time_remark(found.time, options.time_unit) if found.time and found.began is None else None,
         unit_remark(found.signals, options.velocities, by_hand),
@@ -154,7 +154,7 @@ def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
     return Measured(
         recording=recording,
         temperature=temperature,
-        remarks=tuple(remark for remark in said if remark),
+        remarks=tuple(remark for remark in texts if remark),
         dated=found.began is not None or stated is not None,
     )
 

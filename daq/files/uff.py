@@ -180,9 +180,9 @@ def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:
 
 def _check_same(path: Path, series: Sequence[tuple[int, Dataset]]) -> None:
     """Refuse channels that were not sampled together."""
-    said = [(number, len(s["data"]), float(s["abscissa_inc"]), float(s["abscissa_min"])) for number, s in series]
-    for number, n, step, start in said[1:]:
-        first, n_first, step_first, start_first = said[0]
+    stated = [(number, len(s["data"]), float(s["abscissa_inc"]), float(s["abscissa_min"])) for number, s in series]
+    for number, n, step, start in stated[1:]:
+        first, n_first, step_first, start_first = stated[0]
         together = abs(step / step_first - 1) < _SAME and abs(start - start_first) < step_first / 2
         if n != n_first or not together:
             raise DataError(

@@ -128,21 +128,21 @@ class ResilientWriter:
         unwritten = Counter[str]()
         for item in self._pending:
             unwritten[_name(item)] += _amount(item)
-        said: dict[str, object] = {"file": file.name, "how": displaced.how}
+        details: dict[str, object] = {"file": file.name, "how": displaced.how}
         if displaced.how == "moved":
-            said["to"] = displaced.to
+            details["to"] = displaced.to
             with contextlib.suppress(OSError):
                 self._recorder.close()
             self._pending.clear()
         else:
             lost = self._recorder.contents - unwritten
             self.lost += lost
-            said |= {"lost": dict(lost), "bytes": bytes_written, "from": first, "until": self._recorder.newest}
+            details |= {"lost": dict(lost), "bytes": bytes_written, "from": first, "until": self._recorder.newest}
             self._recorder.forsake()
             self._cut = file if displaced.how == "cut short" else None
         self._stopped = f"{file}: {displaced.how}"
         self._resume()
-        self._say("log_file_lost", said)
+        self._say("log_file_lost", details)
 
     def _tidy(self) -> None:
         """Delete expired files, each after its event is on the disk; report if that is not enough."""

@@ -26,8 +26,8 @@ def told_apart(given_up: Mapping[str, str]) -> tuple[list[tuple[str, ...]], dict
 
 def _copied(fault: str, names: Mapping[str, str]) -> str | None:
     """Return the channel with identical samples that a fault names."""
-    said = fault.removeprefix(SAME_AS) if fault.startswith(SAME_AS) else ""
-    return next((name for name in names if said == name or said.startswith(f"{name} (in ")), None)
+    name_of_other = fault.removeprefix(SAME_AS) if fault.startswith(SAME_AS) else ""
+    return next((name for name in names if name_of_other == name or name_of_other.startswith(f"{name} (in ")), None)
 
 
 def by_reason(given_up: Mapping[str, str]) -> list[tuple[tuple[str, ...], str]]:

@@ -115,8 +115,8 @@ class Alarm:
         stays = not over and not calm
         condition = self.condition if stays else "watch" if over else "normal"
         after = replace(self, condition=condition, run=run)
-        said = () if condition == self.condition else (Change(kind="state", state=after.state),)
-        return after, said
+        change = () if condition == self.condition else (Change(kind="state", state=after.state),)
+        return after, change
 
     def _raise(self, time: int) -> tuple["Alarm", tuple[Change, ...]]:
         again = self.cleared is not None and 0 <= time - self.cleared < self.rules.cooldown  # no end lies ahead of it

@@ -176,8 +176,8 @@ def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
         place=_place(update.location) if update.location else None,
         increment=[_vector(v) for v in update.increment],
         increment_std=[_vector(v) for v in update.increment_std],
-        normalised=[_said(v) for v in update.normalised],
-        normalised_std=[_said(v) for v in update.normalised_std],
+        normalised=[_components(v) for v in update.normalised],
+        normalised_std=[_components(v) for v in update.normalised_std],
         totals=_vector(update.totals),
         totals_std=_vector(update.totals_std),
         z_limit=update.z_limit,
@@ -203,7 +203,7 @@ def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _said(values: FloatArray) -> tuple[float | None, float | None, float | None]:
+def _components(values: FloatArray) -> tuple[float | None, float | None, float | None]:
     x, y, z = (_known(v) for v in values)
     return x, y, z
 

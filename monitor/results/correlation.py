@@ -87,14 +87,14 @@ def discrepancy_result(
     written = _correlation(as_written(extended, expected), measured, shaped=shaped) if extended else None
     sensing, note = _sensing(reference, measured, extended, recording) if recording else (None, "")
     faulty = _only_sensors(explained)
-    told = matched_surely(reference, measured)
+    matched = matched_surely(reference, measured)
     return DiscrepancyResult(
-        modes=_modes(before, written, _compared(reference, expected, told, before)),
+        modes=_modes(before, written, _compared(reference, expected, matched, before)),
         rows=_plain(before.simulated),
         columns=_plain(before.measured),
-        mac=tuple(_said(row) for row in before.mac) if shaped else (),
+        mac=tuple(_numbers(row) for row in before.mac) if shaped else (),
         sensors=_sensors(before, after, sensing, health) if shaped else (),
-        balance=None if faulty or not shaped else _balance(force_balance(reference, told)),
+        balance=None if faulty or not shaped else _balance(force_balance(reference, matched)),
         signals=_signals(*sensing) if sensing else (),
         trends=trends,
         places=_places(densities(reference.structure, explained.parts)),
@@ -151,7 +151,7 @@ def _plain(values: FloatArray) -> tuple[float, ...]:
     return tuple(float(v) for v in values)
 
 
-def _said(values: FloatArray) -> tuple[float | None, ...]:
+def _numbers(values: FloatArray) -> tuple[float | None, ...]:
     return tuple(_number(v) for v in values)
 
 
@@ -159,13 +159,13 @@ def _number(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _compared(reference: Reference, expected: ModalMean, told: ModalMean, before: ModalCorrelation) -> BoolArray:
+def _compared(reference: Reference, expected: ModalMean, matched: ModalMean, before: ModalCorrelation) -> BoolArray:
     """Return which of the expected modes (n_simulated,) are used in the search for causes.
 
     Those of the baseline with a certain match; those that were not measured are not uncertain.
     """
     base = reference.baseline.log_frequency
-    known, sure = (np.isin(expected.log_frequency, f) for f in (base, base[np.isfinite(told.log_frequency)]))
+    known, sure = (np.isin(expected.log_frequency, f) for f in (base, base[np.isfinite(matched.log_frequency)]))
     return np.where(before.partner >= 0, sure, known)
 
 
@@ -258,10 +258,10 @@ def _missed(sensing: Sensing) -> dict[str, dict[str, float]]:
 
 def _balance(found: ForceBalance) -> BalanceResult:
     return BalanceResult(
-        loss=_said(found.loss),
-        loss_std=_said(found.loss_std),
-        added=_said(found.added),
-        added_std=_said(found.added_std),
+        loss=_numbers(found.loss),
+        loss_std=_numbers(found.loss_std),
+        added=_numbers(found.added),
+        added_std=_numbers(found.added_std),
         log_odds=found.log_odds,
     )
 
@@ -292,8 +292,8 @@ def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> Sign
         step=1 / (before.rate * over),
         measured=fine(before.measured),
         predicted=fine(after.predicted),
-        frequency=_said(before.frequency),
-        spectrum=_said(before.spectrum[:, channel]),
-        missed=_said(before.missed[:, channel]),
-        missed_after=_said(after.missed[:, channel]),
+        frequency=_numbers(before.frequency),
+        spectrum=_numbers(before.spectrum[:, channel]),
+        missed=_numbers(before.missed[:, channel]),
+        missed_after=_numbers(after.missed[:, channel]),
     )

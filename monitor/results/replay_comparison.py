@@ -70,13 +70,13 @@ def compare_results(found: Sequence[Result], live: Sequence[Result]) -> ReplayCo
     """Compare results of a replay with those of the log; fields that are missing in an older log are left out."""
     largest: Difference | None = None
     for number, result in enumerate(live):
-        said = json.loads(result.model_dump_json(exclude_unset=True))
+        recorded = json.loads(result.model_dump_json(exclude_unset=True))
         name = _name(result)
         if number >= len(found) or _name(found[number]) != name:
             other = _name(found[number]) if number < len(found) else None
             first = Difference(result=name, value="result", found=other, live=name, relative=math.inf)
             return ReplayComparison(largest=largest, first=first)
-        for difference in _differences(name, found[number].payload(), said):
+        for difference in _differences(name, found[number].payload(), recorded):
             if difference.relative > ROUNDING:
                 return ReplayComparison(largest=largest, first=difference)
             if largest is None or difference.relative > largest.relative:

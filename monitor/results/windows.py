@@ -306,9 +306,9 @@ class SelfTestResult(_Result):
     @property
     def text(self) -> str:
         """Return a text of one line."""
-        said = "passed" if self.passed else "FAILED"
+        outcome = "passed" if self.passed else "FAILED"
         seen = f"{self.detected} of {self.places} places"
-        return f"self-test {said}: {1000 * self.mass:.0f} g would raise the alarm at {seen}"
+        return f"self-test {outcome}: {1000 * self.mass:.0f} g would raise the alarm at {seen}"
 
 
 class AlarmResult(_Result):

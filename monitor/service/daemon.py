@@ -50,10 +50,10 @@ def reload_on_signal() -> Iterator[threading.Event]:
 
 @contextmanager
 def _told_by(*numbers: signal.Signals) -> Iterator[threading.Event]:
-    told = threading.Event()
-    before = {number: signal.signal(number, lambda *_: told.set()) for number in numbers}
+    requested = threading.Event()
+    before = {number: signal.signal(number, lambda *_: requested.set()) for number in numbers}
     try:
-        yield told
+        yield requested
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -78,8 +78,8 @@ def held_memory() -> dict[str, int]:
     mallinfo2 = getattr(_c_library(), "mallinfo2", None)
     if mallinfo2:
         mallinfo2.restype = _Malloc
-        told = mallinfo2()
-        held["heap_bytes"] = told.used + told.mapped
+        info = mallinfo2()
+        held["heap_bytes"] = info.used + info.mapped
     return held
 
 

@@ -95,20 +95,20 @@ class SiteRun:
         """Log and pass on results, for a moment; return whether a second is over since the last time."""
         if not FAILURES.attempt("log and analysis", self.logs.poll):
             time.sleep(_POLL)
-        for part, said in (
+        for part, events in (
             ("inbox", self._inbox.taken),
             ("outlets", self._outlets.events),
             ("status", self.status.events),
             ("threads", FAILURES.events),
         ):
-            FAILURES.attempt(part, self._log_events, said)
+            FAILURES.attempt(part, self._log_events, events)
         FAILURES.attempt("temperature", self._log_temperature)
         FAILURES.attempt("clock", self._follow_clock)
         self._sweep()
         return FAILURES.attempt("status", self._write_status) and self._second_over
 
-    def _log_events(self, said: Callable[[], Iterable[tuple[str, dict[str, Any]]]]) -> None:
-        for topic, payload in said():
+    def _log_events(self, events: Callable[[], Iterable[tuple[str, dict[str, Any]]]]) -> None:
+        for topic, payload in events():
             self.logs.put(Event(topic=topic, time=self._clock.now(), payload=payload))
 
     def _log_temperature(self) -> None:
@@ -164,12 +164,12 @@ class SiteRun:
         if not alike:
             prepare_logs(site)
         self._site, self.logs.site, old = site, site, self._site
-        said = [*(() if alike else ("log and analysis",)), *(f"device {name}" for name in {*changed, *drivers})]
+        parts = [*(() if alike else ("log and analysis",)), *(f"device {name}" for name in {*changed, *drivers})]
         failed = []
         steps: dict[str, Callable[[], object]] = {
             "devices": lambda: self._renew_devices(old, changed, drivers),
             "temperature": self._read_temperature if before.temperature != now.temperature else lambda: None,
-            "outlets": lambda: said.extend(self._outlets.renew(site, analysed_alike=alike)),
+            "outlets": lambda: parts.extend(self._outlets.renew(site, analysed_alike=alike)),
         }
         for name, step in steps.items():
             try:
@@ -177,7 +177,7 @@ class SiteRun:
             except Exception as error:  # noqa: BLE001 - the watch goes on with all the others
                 failed.append(f"{name}: {error_text(error)}")
         failures = {"failed": "; ".join(failed)} if failed else {}
-        self.logs.say("reloaded", {"changed": ", ".join(sorted(said)) or "nothing", **failures})
+        self.logs.say("reloaded", {"changed": ", ".join(sorted(parts)) or "nothing", **failures})
 
     def refuse(self, why: str) -> None:
         """Report that new settings are invalid."""

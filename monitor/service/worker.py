@@ -162,13 +162,13 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
         if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
             outbox.put(None)
             return
-        said = False
+        reported = False
         for result in pipeline.push(item):
             outbox.put(result)
-            said = True
-        if said and task.keep:
+            reported = True
+        if reported and task.keep:
             outbox.put(SavedState(memory_text(pipeline.memory)))
-        if said and task.skipped is None:
+        if reported and task.skipped is None:
             trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
     outbox.cancel_join_thread()  # the parent was killed: the remaining items will not be read
 

@@ -24,7 +24,7 @@ _KEY = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*")
 class Override:
     """A setting given elsewhere than in the file."""
 
-    said: str  #: source, for errors
+    source: str  #: source, for errors
     keys: tuple[str, ...]  #: keys of tables; in `device` and `notify` a number from 0, or a device's name
     value: Any  #: value as in TOML
 
@@ -50,7 +50,7 @@ def overrides(arguments: Sequence[str] = (), environment: Mapping[str, str] | No
 
 def _of_variable(name: str, text: str) -> Override:
     keys = name[len(_PREFIX) :].lower().strip("_").split("__")
-    return Override(said=name, keys=tuple(keys), value=_value(text))
+    return Override(source=name, keys=tuple(keys), value=_value(text))
 
 
 def _of_argument(argument: str) -> Override:
@@ -59,7 +59,7 @@ def _of_argument(argument: str) -> Override:
         raise ArgumentError(
             "--set", f"expected KEY=VALUE, such as analysis.window_seconds=300, found {argument.partition('=')[0]!r}"
         )
-    return Override(said=f"--set {key.strip()}", keys=tuple(key.strip().split(".")), value=_value(text.strip()))
+    return Override(source=f"--set {key.strip()}", keys=tuple(key.strip().split(".")), value=_value(text.strip()))
 
 
 def _value(text: str) -> Any:  # noqa: ANN401 - whatever TOML can say
@@ -89,7 +89,7 @@ def overridden(text: str, given: Sequence[Override]) -> tuple[str, dict[tuple[st
             table.setdefault(key, tomlkit.table())
             table = table[key]
         table[last] = override.value
-        origins[tuple(place)] = override.said
+        origins[tuple(place)] = override.source
     return (tomlkit.dumps(document) if given else text), origins
 
 
@@ -100,14 +100,14 @@ def _place(content: Any, override: Override) -> list[str]:  # noqa: ANN401 - TOM
         if isinstance(content, list):
             if key is override.keys[-1]:
                 raise SettingsError(
-                    override.said, f"{'.'.join(place)}: expected a setting of one of them after its name"
+                    override.source, f"{'.'.join(place)}: expected a setting of one of them after its name"
                 )
             number = _number(content, key, override)
             place.append(str(number))
             content = content[number]
             continue
         if not isinstance(content, dict):
-            raise SettingsError(override.said, f"{'.'.join(place)} is a value, not a section")
+            raise SettingsError(override.source, f"{'.'.join(place)} is a value, not a section")
         place.append(key)
         content = content.get(key, {})
     return place
@@ -118,4 +118,4 @@ def _number(entries: list[Any], key: str, override: Override) -> int:
     for number, name in enumerate(names):
         if key.lower() in (str(number), name.lower()):
             return number
-    raise SettingsError(override.said, f"{override.keys[0]}: expected one of {', '.join(names)}, found {key!r}")
+    raise SettingsError(override.source, f"{override.keys[0]}: expected one of {', '.join(names)}, found {key!r}")

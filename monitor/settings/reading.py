@@ -132,7 +132,7 @@ def _explained(error: ValidationError, path: Path | str, origins: Mapping[tuple[
     # a misspelt key is also a missing one: the former is reported
     first: Any = min(error.errors(), key=lambda e: e["type"] != _NO_SUCH)
     place = tuple(str(part) for part in first["loc"])
-    origin = next((said for keys, said in origins.items() if place[: len(keys)] == keys), path)
+    origin = next((source for keys, source in origins.items() if place[: len(keys)] == keys), path)
     shown = ".".join(part for part in place if part != "[key]")  # a key of a table is named by itself
     return SettingsError(origin, f"{shown}: {_what(first, place)}" if place else _what(first, place))
 
@@ -142,9 +142,13 @@ def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of p
         return "no such setting" + nearest(place[-1], _near(place))
     if first["type"] == "missing":
         return "is missing"
-    said = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
-    whole = isinstance(first["input"], dict) or "found" in said  # for a section the name is sufficient
-    found = said if whole or _may_be_secret(place) else f"{said.partition(', unable')[0]}, found {first['input']!r:.80}"
+    message = first["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    whole = isinstance(first["input"], dict) or "found" in message  # for a section the name is sufficient
+    found = (
+        message
+        if whole or _may_be_secret(place)
+        else f"{message.partition(', unable')[0]}, found {first['input']!r:.80}"
+    )
     if first["type"] == "literal_error":
         return found + nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])
     return found

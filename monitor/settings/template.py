@@ -58,8 +58,8 @@ def annotated(settings: Settings = EXAMPLE) -> str:
 
 def _table(head: str, section: type[Any], given: Section | None) -> Iterator[str]:
     """Yield a section, then those inside it; one that is not given has a # before all its lines."""
-    told = _comment(section.__doc__ or "")
-    lines = [told, head if given else f"#{head}"]
+    comment = _comment(section.__doc__ or "")
+    lines = [comment, head if given else f"#{head}"]
     inner = []
     for name, field in section.model_fields.items():
         below = section_of(field.annotation)
@@ -80,12 +80,12 @@ def _given(head: str, section: Section) -> str:
 
 
 def _setting(name: str, field: FieldInfo, value: Any) -> str:  # noqa: ANN401 - of any setting
-    told = _comment(field.description or "")
+    comment = _comment(field.description or "")
     if value is None:
         default = None if field.is_required() else field.default
         shown = (field.examples or [None])[0] if default is None or (default == () and field.examples) else default
-        return f"{told}\n#{name} = {_toml(shown)}"
-    return f"{told}\n{name} = {_toml(value)}"
+        return f"{comment}\n#{name} = {_toml(shown)}"
+    return f"{comment}\n{name} = {_toml(value)}"
 
 
 def _comment(text: str) -> str:

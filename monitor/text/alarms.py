@@ -9,7 +9,7 @@ from monitor.text.causes import change_text, increment_text
 from monitor.text.quantities import duration_text, utc
 
 
-def change_said(change: Change, result: WindowResult) -> str:
+def alarm_change_text(change: Change, result: WindowResult) -> str:
     """Return the change of a window, with its location."""
     score = result.novelty
     figures = f"novelty {score.t2:.1f}, limit {score.limit:.1f}" if score else ""
@@ -26,24 +26,24 @@ def change_said(change: Change, result: WindowResult) -> str:
     return f"back to normal{after}: {figures}"
 
 
-def acknowledged_said(change: Change, said: Mapping[str, Any]) -> str:
+def acknowledged_text(change: Change, payload: Mapping[str, Any]) -> str:
     """Return the text of an acknowledgement, with name and note."""
     if change.kind in ("flapping", "steady"):
         return _FLAPPING[change.kind]
-    by, note = (str(said.get(name) or "") for name in ("by", "note"))
+    by, note = (str(payload.get(name) or "") for name in ("by", "note"))
     who = f" by {by}" if by else ""
     why = f": {note}" if note else ""
     after = "" if change.lasted is None else f", back to normal after {duration_text(change.lasted * 1e-9)} of alarm"
     return f"acknowledged{who}{after}{why}"
 
 
-def resumed_said(n_windows: int, learnt: int, since: int | None) -> str:
+def resumed_text(n_windows: int, learnt: int, since: int | None) -> str:
     """Return the text of a restart, with an alarm active `since` [ns UTC] if there is one."""
     alarm = f"; the alarm of {utc(since)} is active" if since is not None else ""
     return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{alarm}"
 
 
-def accepted_said(change: AcceptedShift) -> str:
+def acceptance_text(change: AcceptedShift) -> str:
     """Return the text of an acceptance, with the frequency shifts."""
     shown = [mode for mode, shift in enumerate(change.shift_percent) if shift is not None]
     hidden = _hidden(change)
@@ -56,7 +56,7 @@ def accepted_said(change: AcceptedShift) -> str:
     return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{gone}"
 
 
-def seen_again_said(before: AcceptedShift, now: AcceptedShift) -> str:
+def restored_text(before: AcceptedShift, now: AcceptedShift) -> str:
     """Return the text on modes that are monitored again after an acceptance, with their shifts."""
     again = sorted(set(_hidden(before)) - set(_hidden(now)))
     moved = ", ".join(_moved(now, mode) for mode in again)
@@ -78,9 +78,9 @@ def _modes(tracks: list[int]) -> str:
     return f"{'mode' if len(tracks) == 1 else 'modes'} {', '.join(str(track + 1) for track in tracks)}"
 
 
-def undone_said(change: AcceptedShift, said: Mapping[str, Any]) -> str:
+def undone_text(change: AcceptedShift, payload: Mapping[str, Any]) -> str:
     """Return the text of an undone acceptance, with name and note."""
-    by, note = (str(said.get(name) or "") for name in ("by", "note"))
+    by, note = (str(payload.get(name) or "") for name in ("by", "note"))
     who, why = f" by {by}" if by else "", f": {note}" if note else ""
     return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"
 

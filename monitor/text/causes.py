@@ -114,10 +114,10 @@ def cause_text(cause: Cause) -> str:
     if cause.cause == "added_mass" and mass:
         size = mass.model_copy(update={"value": abs(mass.value)})
         return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
-    told = [f"{name} {value}" for name, value in parameter_texts(cause)]
-    if len(told) > _MANY:
-        told[_FEW:] = [f"and {len(told) - _FEW} more"]
-    values = ", ".join(told)
+    texts = [f"{name} {value}" for name, value in parameter_texts(cause)]
+    if len(texts) > _MANY:
+        texts[_FEW:] = [f"and {len(texts) - _FEW} more"]
+    values = ", ".join(texts)
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""
     )

@@ -88,7 +88,7 @@ def diagnosis_of(learned: LearnedBaseline, changed_windows: Sequence[Window]) ->
 
 def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
     change, outlook = locate_mass_with_forecast(reference, modes)
-    return mass_answer(structure, change, n_windows, outlook.said)
+    return mass_answer(structure, change, n_windows, outlook.text)
 
 
 def sensors(learned: LearnedBaseline, calm: Sequence[Window]) -> dict[str, ChannelHealth]:

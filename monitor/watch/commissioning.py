@@ -50,7 +50,7 @@ class Check:
     """One thing that had to be."""
 
     what: str
-    said: str
+    result: str
     passed: bool
 
 
@@ -174,7 +174,7 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
     found, diagnosis = evidence.found, evidence.diagnosis
     member, place = _on_member(evidence.structure, np.asarray(at, float))
     checks = (
-        Check(what="cause", said=change_text(diagnosis), passed=is_one_mass(diagnosis)),
+        Check(what="cause", result=change_text(diagnosis), passed=is_one_mass(diagnosis)),
         _place_check(evidence, member, place),
         _mass_check(found, mass),
     )
@@ -231,14 +231,14 @@ def _place_check(evidence: Evidence, member: str, place: FloatArray) -> Check:
     start = next(m for m in evidence.structure.member if m.name == member).start
     distance, off = float(np.linalg.norm(place - start)), float(np.linalg.norm(evidence.place - place))
     inside = any(s.member == member and s.start <= distance <= s.stop for s in found.region)
-    said = f"{1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
-    return Check(what="place", said=said, passed=inside or off <= _SIGMAS * found.distance_std)
+    result = f"{1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
+    return Check(what="place", result=result, passed=inside or off <= _SIGMAS * found.distance_std)
 
 
 def _mass_check(found: MassChange, mass: float) -> Check:
     off = found.mass - mass
-    said = f"{1000 * found.mass:.0f} g, {1000 * off:+.0f} g off, ± {1000 * found.mass_std:.0f} g stated"
-    return Check(what="mass", said=said, passed=abs(off) <= _SIGMAS * found.mass_std)
+    result = f"{1000 * found.mass:.0f} g, {1000 * off:+.0f} g off, ± {1000 * found.mass_std:.0f} g stated"
+    return Check(what="mass", result=result, passed=abs(off) <= _SIGMAS * found.mass_std)
 
 
 def _scales(learned: LearnedBaseline, event: ModalMean, place: FloatArray, mass: float) -> Iterator[Scale]:

@@ -139,9 +139,9 @@ class Detector:
         self._before = window.start
         self._calm.append(judged)
         self._out = [*self._out, judged][-MAX_OUT:] if judged.over[0] else []
-        return self._said(judged, np.flatnonzero(track >= 0))
+        return self._novelty(judged, np.flatnonzero(track >= 0))
 
-    def _said(self, judged: ScoredWindows, seen: IndexArray) -> Novelty:
+    def _novelty(self, judged: ScoredWindows, seen: IndexArray) -> Novelty:
         figures = [
             DetectorFigure(detector=name, value=float(value), limit=float(limit), false_alarms_per_year=self._per_year)
             for name, value, limit in zip(DETECTORS, judged.value[:, 0], judged.limit[:, 0], strict=True)

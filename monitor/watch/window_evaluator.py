@@ -15,12 +15,12 @@ from monitor.results.events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
 from monitor.results.windows import AlarmResult, ModeResult, Phase, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings
 from monitor.text.alarms import (
-    accepted_said,
-    acknowledged_said,
-    change_said,
-    resumed_said,
-    seen_again_said,
-    undone_said,
+    acceptance_text,
+    acknowledged_text,
+    alarm_change_text,
+    restored_text,
+    resumed_text,
+    undone_text,
 )
 from monitor.text.quantities import utc
 from monitor.text.trends import trend_text
@@ -122,7 +122,7 @@ class WindowEvaluator:
         since = alarm.raised if alarm.state == "alarm" else None
         if learned:
             yield self._reference(learned, time)
-            text = resumed_said(len(learned.baseline), learned.learnt, since)
+            text = resumed_text(len(learned.baseline), learned.learnt, since)
         else:
             text = f"learning continues: {len(self._learning.windows)} of {self._learning.target} windows"
         last = max(0, self.n_windows - 1)
@@ -159,7 +159,7 @@ class WindowEvaluator:
             health = self._extras.found("the look at the sensors", lambda: sensors(learned, calm))
             result = result.model_copy(update={"sensors": health or {}})
         yield result
-        yield from (self._alarm_result(window.end, c, change_said(c, result)) for c in changes)
+        yield from (self._alarm_result(window.end, c, alarm_change_text(c, result)) for c in changes)
         if trending:
             yield self._trend(window.end, learned)
         yield from self._accept(window.end, learned)
@@ -178,22 +178,22 @@ class WindowEvaluator:
         """Record the acknowledgement of the alarm."""
         self._alarm, changes = self._alarm.acknowledge(event.time)
         yield from (
-            self._alarm_result(event.time, change, acknowledged_said(change, event.payload)) for change in changes
+            self._alarm_result(event.time, change, acknowledged_text(change, event.payload)) for change in changes
         )
 
     def _request_acceptance(self, event: Event) -> Iterator[Result]:
         """Take a change as the new normal as soon as there are enough windows of it."""
-        said, raised = event.payload, self._alarm.raised
+        request, raised = event.payload, self._alarm.raised
         if self._learned is None or self._alarm.state != "alarm" or not self._out:
             yield self._notice(event.time, "refused", "not accepted: no alarm is active")
-        elif said["alarm"] is not None and said["alarm"] != raised:
+        elif request["alarm"] is not None and request["alarm"] != raised:
             active = utc(raised) if raised is not None else "none"
             yield self._notice(event.time, "refused", f"not accepted: the active alarm is of {active}")
         else:
-            self._requested = AcceptanceRequest(cause=said["cause"], by=said["by"])
+            self._requested = AcceptanceRequest(cause=request["cause"], by=request["by"])
             yield from self._accept(event.time, self._learned)
             if self._requested:
-                text = f"to be accepted as {said['cause']!r} once there are {MIN_WINDOWS} windows since the change"
+                text = f"to be accepted as {request['cause']!r} once there are {MIN_WINDOWS} windows since the change"
                 yield self._notice(event.time, "accepting", f"{text}; there are {len(self._changed_windows())}")
 
     def _accept(self, time: int, learned: LearnedBaseline) -> Iterator[Result]:
@@ -215,7 +215,7 @@ class WindowEvaluator:
         self._learned, self._out, self._calm = learned, [], []
         self._alarm, change = self._alarm.accept(time)
         yield self._reference(learned, time)
-        yield self._alarm_result(time, change, accepted_said(learned.accepted[-1].result))
+        yield self._alarm_result(time, change, acceptance_text(learned.accepted[-1].result))
 
     def _restore_hidden_modes(self, time: int, learned: LearnedBaseline, calm: list[Window]) -> Iterator[Result]:
         """Watch modes again that an accepted change hid, if as many windows as a baseline has show them."""
@@ -228,7 +228,7 @@ class WindowEvaluator:
         self._learned = again
         self._tests.forget()
         yield self._reference(again, time)
-        yield self._notice(time, "seen_again", seen_again_said(learned.accepted[-1].result, again.accepted[-1].result))
+        yield self._notice(time, "seen_again", restored_text(learned.accepted[-1].result, again.accepted[-1].result))
 
     def _undo(self, event: Event) -> Iterator[Result]:
         """Return to the reference before the last acceptance; or cancel one that waits for windows."""
@@ -244,7 +244,7 @@ class WindowEvaluator:
         self._out, self._calm = [], []
         self._tests.forget()
         yield self._reference(self._learned, event.time)
-        yield self._notice(event.time, "undone", undone_said(learned.accepted[-1].result, event.payload))
+        yield self._notice(event.time, "undone", undone_text(learned.accepted[-1].result, event.payload))
 
     def _reference(self, learned: LearnedBaseline, time: int) -> ReferenceResult:
         return reference_result(

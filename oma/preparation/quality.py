@@ -22,14 +22,14 @@ class WindowQuality:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Advice in words; empty for a good window."""
-        said = []
+        texts = []
         if self.complete < _MIN_COMPLETE:
-            said.append(f"only {self.complete:.0%} of the samples are complete")
+            texts.append(f"only {self.complete:.0%} of the samples are complete")
         if self.rms_variation > _MAX_VARIATION:
-            said.append(f"the vibration varies: rms of the blocks ± {self.rms_variation:.0%}")
+            texts.append(f"the vibration varies: rms of the blocks ± {self.rms_variation:.0%}")
         if self.cycles < _FEW_CYCLES:
-            said.append(f"{self.cycles:.0f} periods of the lowest mode: use longer windows for its damping")
-        return tuple(said)
+            texts.append(f"{self.cycles:.0f} periods of the lowest mode: use longer windows for its damping")
+        return tuple(texts)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -98,7 +98,7 @@ def recalibrated(
             found = Recalibrated(nearer, value, std, p_value, at_rest)
             if at_rest:
                 break
-            value = np.minimum(cause.said + best, [knob.upper for knob in knobs])
+            value = np.minimum(cause.file_value + best, [knob.upper for knob in knobs])
     return found
 
 
@@ -139,8 +139,8 @@ def _starts(cause: ModelParameters, n: int) -> FloatArray:
     random = np.random.default_rng(0)
     flexible = np.array([knob.kind in {"support", "joint"} for knob in cause.knobs])
     factor = np.exp(_SCATTER * random.standard_normal((n - 1, len(flexible))) * flexible)
-    value = np.vstack([cause.said + cause.moved, (cause.said + cause.moved) * factor])
-    return np.maximum(value - cause.said, cause.lower)
+    value = np.vstack([cause.file_value + cause.moved, (cause.file_value + cause.moved) * factor])
+    return np.maximum(value - cause.file_value, cause.lower)
 
 
 def model_reference(sprung: Structure, structure: Structure, data: Measured) -> Reference:

@@ -221,7 +221,7 @@ def modes_of(
 
 
 def _with_causes(mode: ModeFit, written: ModelFit, row: int) -> ModeFit:
-    frequency, mac = (_said(values[row : row + 1])[0] for values in (written.frequency, written.mac))
+    frequency, mac = (_finite_or_none(values[row : row + 1])[0] for values in (written.frequency, written.mac))
     shaped = mode.mac.before is not None or mode.frequency.before is None
     return ModeFit(
         frequency=mode.frequency.model_copy(update={"after": frequency}),
@@ -236,7 +236,7 @@ def _place_of(mode: ModeFit) -> float:
 def _paired(data: Comparison) -> list[ModeFit]:
     base = np.log(data.frequency[data.paired])
     measured, before = np.exp(base + data.log_ratio), prediction(data, None)
-    mac = _said(mac_of(data, before.shape[0]))
+    mac = _finite_or_none(mac_of(data, before.shape[0]))
     return [
         ModeFit(
             frequency=FrequencyFit(
@@ -281,7 +281,7 @@ def _extra(modes: ModalMean | None) -> list[ModeFit]:
     ]
 
 
-def _said(values: FloatArray) -> list[float | None]:
+def _finite_or_none(values: FloatArray) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in values]
 
 

@@ -53,20 +53,20 @@ def next_measurement(
         _longer(reference, event, data, open_ones),
         *_known_beside(data, open_ones),
     ]
-    said: list[str] = []
+    sentences: list[str] = []
     left = set(itertools.combinations(range(len(open_ones)), 2))
-    while left and trials and len(said) < _MAX:
+    while left and trials and len(sentences) < _MAX:
         best = max(trials, key=lambda trial: sum(min(trial.distance[p], 2 * _DECIDES) for p in left))
         widest = max(best.distance[p] for p in left)
         if widest < _WORTHLESS:
             break
         pairs = [p for p in left if best.distance[p] >= min(_DECIDES, 0.99 * widest)]
-        said.append(f"{best.text}: expected to separate {_names(open_ones, pairs)} by {_sigma(best, pairs)}.")
+        sentences.append(f"{best.text}: expected to separate {_names(open_ones, pairs)} by {_sigma(best, pairs)}.")
         left -= set(pairs)
         trials.remove(best)
     if left:
-        said.append(f"None of the measurements considered separates {_names(open_ones, sorted(left))}.")
-    return " ".join(said)
+        sentences.append(f"None of the measurements considered separates {_names(open_ones, sorted(left))}.")
+    return " ".join(sentences)
 
 
 def _sigma(trial: _Trial, pairs: Sequence[tuple[int, int]]) -> str:
@@ -77,16 +77,16 @@ def _names(open_ones: Sequence[Hypothesis], pairs: Sequence[tuple[int, int]]) ->
     """Return the names of pairs of hypotheses, each once; names with the same partners are grouped."""
     words = _words(open_ones)
     order = list(dict.fromkeys(words))
-    left, said = {frozenset((words[i], words[j])) for i, j in pairs}, []
+    left, sentences = {frozenset((words[i], words[j])) for i, j in pairs}, []
     places = [name for name in order if frozenset((name,)) in left]  # pairs of hypotheses with one name
     left -= {frozenset((name,)) for name in places}
     while left:
         partners = {a: [b for b in order if a != b and frozenset((a, b)) in left] for a in order}
         others = max(filter(None, partners.values()), key=lambda them: sum(p == them for p in partners.values()))
         own = [name for name in order if partners[name] == others]
-        said.append(f"{' or '.join(own)} from {' or '.join(others)}")
+        sentences.append(f"{' or '.join(own)} from {' or '.join(others)}")
         left -= {frozenset((a, b)) for a in own for b in others}
-    return "; ".join(said + [f"the alternative places of the {name}" for name in places])
+    return "; ".join(sentences + [f"the alternative places of the {name}" for name in places])
 
 
 def _words(open_ones: Sequence[Hypothesis]) -> list[str]:

@@ -31,14 +31,14 @@ class FreeMotion:
     node: int | None  #: node with the largest motion if parts move independently, None if none does
     turns_only: bool  #: whether nodes turn without moving then
 
-    def told(self, at: Callable[[int], str]) -> list[str]:
+    def texts(self, at: Callable[[int], str]) -> list[str]:
         """Return sentences; `at` names a node."""
-        said = [f"all of it is free {', '.join(self.whole)}"] if self.whole else []
+        texts = [f"all of it is free {', '.join(self.whole)}"] if self.whole else []
         if len(self.whole) == len(_WAYS):
-            said.append("a freely suspended structure needs its soft springs as the stiffness of a support")
+            texts.append("a freely suspended structure needs its soft springs as the stiffness of a support")
         if self.node is not None:
-            said.append(f"free to {'turn' if self.turns_only else 'move'} by itself: {at(self.node)}")
-        return said
+            texts.append(f"free to {'turn' if self.turns_only else 'move'} by itself: {at(self.node)}")
+        return texts
 
 
 def free_motion(nodes: FloatArray, dofs: IntArray, stiffness: sparse.csc_array) -> FreeMotion:

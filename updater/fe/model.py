@@ -97,7 +97,7 @@ class Model:
             ) from error
         except MechanismError as error:
             moves = free_motion(self.nodes, self.dofs, self.stiffness)
-            raise MechanismError("; ".join([str(error), *moves.told(self._at)])) from error
+            raise MechanismError("; ".join([str(error), *moves.texts(self._at)])) from error
 
     def _energy(self, body: Body, shape: FloatArray) -> float:
         """Return twice the kinetic energy of a body in a shape (n_dofs,) of unit frequency."""

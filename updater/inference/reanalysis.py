@@ -294,11 +294,11 @@ def _undone(chain: FloatArray) -> FloatArray | None:
     plain = (chain.reshape(-1, n * n)[:, :: n + 1] > 0).all(1, keepdims=True)
     if plain.all():
         return None
-    said = np.argmax(np.abs(chain), axis=2)
-    other = np.sort(said, axis=1) == np.arange(n)
-    said = np.where(other.all(1, keepdims=True) & ~plain, said, np.arange(n))
-    sign = np.where(np.take_along_axis(chain, said[:, :, None], 2)[:, :, 0] < 0, -1.0, 1.0)
-    return np.asarray(np.eye(n)[said].transpose(0, 2, 1) * sign[:, None, :])
+    source = np.argmax(np.abs(chain), axis=2)
+    other = np.sort(source, axis=1) == np.arange(n)
+    source = np.where(other.all(1, keepdims=True) & ~plain, source, np.arange(n))
+    sign = np.where(np.take_along_axis(chain, source[:, :, None], 2)[:, :, 0] < 0, -1.0, 1.0)
+    return np.asarray(np.eye(n)[source].transpose(0, 2, 1) * sign[:, None, :])
 
 
 def _delayed(

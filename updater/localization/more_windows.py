@@ -35,7 +35,7 @@ class AccuracyForecast:
     limited_by: Limit  #: limiting part of the present deviation of the place
 
     @property
-    def said(self) -> str:
+    def text(self) -> str:
         """Meaning for the user."""
         least = f"{1e3 * self.least_distance_std:.0f} mm and {1e3 * self.least_mass_std:.0f} g"
         if self.limited_by == "windows":

@@ -77,7 +77,7 @@ class MassChange:
     profile_mass: FloatArray  #: (n_positions,) best mass at each position [kg]
 
     @property
-    def told(self) -> bool:
+    def is_unique(self) -> bool:
         """True if the data leave one place only."""
         return len(self.alternatives) == 1
 
@@ -173,7 +173,7 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
 
 def open_question(structure: Structure, change: MassChange) -> str:
     """Return the remaining ambiguity of the place as a text; empty if there is only one place."""
-    if change.told:
+    if change.is_unique:
         return ""
     first, second = change.alternatives[:2]
     which = "left or right" if _mirrored(structure, first, second) else "where"

@@ -179,7 +179,9 @@ def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelay
     starts = (constant, np.zeros(len(constant)), np.r_[theta, late / unit])
     solution = min((_settled(inverse, off, begin) for begin in starts), key=lambda end: float((off(end) ** 2).sum()))
     centre = np.eye(len(names)) - 1 / len(names)
-    information, pull = _said(estimate.frequency, column, weight.reshape(n_modes, -1), off(solution)[: len(weight)])
+    information, pull = _delay_information(
+        estimate.frequency, column, weight.reshape(n_modes, -1), off(solution)[: len(weight)]
+    )
     return _Fit(
         names=names,
         delay=centre @ solution[n_modes:] * unit,
@@ -218,7 +220,7 @@ def _most_real(doubled: ComplexArray, frequency: FloatArray, late: FloatArray) -
         late[device] = grid[row]
 
 
-def _said(
+def _delay_information(
     frequency: FloatArray, column: IndexArray, weight: FloatArray, residual: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return each mode's information on the devices' delays with its own phase free, and its pull.

@@ -58,12 +58,12 @@ class NullDistribution:
         """Return the variance of z (n,) that the baseline's windows show for some tracks; 1 if they are too few."""
         return self._learnt(tuple(tracks.tolist()))[0]
 
-    def limit(self, event: ModalMean, tracks: IndexArray, told: IndexArray) -> float:
-        """Return the |z| of the places `told` that one event in 100 as sure as this one passes anywhere."""
+    def limit(self, event: ModalMean, tracks: IndexArray, indices: IndexArray) -> float:
+        """Return the |z| of the places `indices` that one event in 100 as sure as this one passes anywhere."""
         base = self._reference.baseline
         nothing = self._method(replace(event, log_frequency=base.log_frequency, shape=base.shape), base, tracks)
         n_windows = self._learnt(tuple(tracks.tolist()))[1]
-        return z_limit(nothing.noise[told], nothing.common[told], max(n_windows - 1, 0))
+        return z_limit(nothing.noise[indices], nothing.common[indices], max(n_windows - 1, 0))
 
     def _learn(self, tracks: tuple[int, ...]) -> tuple[FloatArray, int]:
         """Return the variance of z (n,) and the number of windows; each is judged against the mean of the others."""

@@ -103,16 +103,16 @@ class MassUpdater:
     def _as_nodes(
         self, found: Increments, normalised: FloatArray, share: FloatArray, variance: FloatArray, limit: float
     ) -> MassUpdate:
-        at, told = self._at, np.isfinite(normalised)
+        at, known = self._at, np.isfinite(normalised)
         root = found.deviations(variance)
         std = np.linalg.norm(root, axis=1)
         by_input = [(root / share[:, None])[at.direction == axis].sum(0) for axis in range(3)]
-        z = np.where(told, found.value / std, 0.0)
+        z = np.where(known, found.value / std, 0.0)
         return MassUpdate(
             increment=at.by_node(found.value, 0.0),
             increment_std=at.by_node(std, 0.0),
             normalised=at.by_node(normalised, np.nan),
-            normalised_std=at.by_node(np.where(told, std / share, np.nan), np.nan),
+            normalised_std=at.by_node(np.where(known, std / share, np.nan), np.nan),
             totals=at.totals(normalised),
             totals_std=np.linalg.norm(by_input, axis=1),
             z_limit=limit,

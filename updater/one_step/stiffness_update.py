@@ -76,10 +76,10 @@ class StiffnessUpdater:
         updated = _by_mode(self._at, self._hinges.rows, self._at.paired[tracks])
         share = (updated**2).sum(1) / self._flexibility
         normalised = normalised_increments(found.value, self._flexibility, share * self._flexibility)
-        told = np.isfinite(normalised)
-        limit = self._nothing.limit(event, tracks, np.flatnonzero(told))
+        known = np.isfinite(normalised)
+        limit = self._nothing.limit(event, tracks, np.flatnonzero(known))
         std = np.linalg.norm(found.deviations(self._nothing.variance(tracks)), axis=1)
-        beyond = told & (np.abs(found.value) > limit * std)
+        beyond = known & (np.abs(found.value) > limit * std)
         order = np.argsort(-np.abs(np.where(beyond, normalised / self._flexibility, 0.0)), kind="stable")
         return StiffnessUpdate(
             hinges=self._hinges,
@@ -88,7 +88,7 @@ class StiffnessUpdater:
             increment=found.value,
             increment_std=std,
             normalised=normalised,
-            normalised_std=np.where(told, std / np.where(told, share, 1.0), np.nan),
+            normalised_std=np.where(known, std / np.where(known, share, 1.0), np.nan),
             z_limit=limit,
             flagged=order[: int(beyond.sum())],
         )

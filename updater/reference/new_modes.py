@@ -73,11 +73,11 @@ def _without_rivals(
     new : (n_new,) modes of the event without one of the baseline
     """
     tracks = np.flatnonzero(found >= 0)
-    told = without_fault(baseline, event)
-    likeness = mac_matrix(baseline.shape[tracks], told.shape)
+    corrected = without_fault(baseline, event)
+    likeness = mac_matrix(baseline.shape[tracks], corrected.shape)
     changed = likeness[np.arange(len(tracks)), found[tracks]] < SAME_SHAPE
-    split = mac_matrix(told.shape[found[tracks]], told.shape[new]) > SAME_SHAPE
-    rival = may_answer(baseline.only(tracks), told.only(new)) & changed[:, None] & ~split
+    split = mac_matrix(corrected.shape[found[tracks]], corrected.shape[new]) > SAME_SHAPE
+    rival = may_answer(baseline.only(tracks), corrected.only(new)) & changed[:, None] & ~split
     if (~rival.any(1)).sum() < _FEWEST:
         return found, new
     found = found.copy()
@@ -90,11 +90,11 @@ def matched_surely(reference: Reference, event: ModalMean, original: ModalMean |
 
     Parameters and errors as for `matched`.
     """
-    told = matched(reference.known, event, original).only(np.arange(len(reference.baseline.n)))
+    corrected = matched(reference.known, event, original).only(np.arange(len(reference.baseline.n)))
     found, _ = matched_and_new(reference, event)
-    for name in (field.name for field in fields(told) if field.name not in {"channels", "n"}):
-        getattr(told, name)[found < 0] = np.nan
-    return told
+    for name in (field.name for field in fields(corrected) if field.name not in {"channels", "n"}):
+        getattr(corrected, name)[found < 0] = np.nan
+    return corrected
 
 
 def _answers(event: ModalMean, mode: int, frequency: float, shapes: FloatArray) -> bool:

@@ -28,7 +28,7 @@ class HeartbeatConsumer:
     """
 
     def __init__(self, node: canopen.RemoteNode) -> None:
-        self._said: deque[int] = deque(maxlen=16)  # states that were not processed yet
+        self._states: deque[int] = deque(maxlen=16)  # states that were not processed yet
         self._warnings: deque[str] = deque(maxlen=16)
         self._last_heartbeat = self._scanned = time.monotonic()
         self._running = self._told = False
@@ -37,7 +37,7 @@ class HeartbeatConsumer:
 
     def _beat(self, state: int) -> None:
         self._last_heartbeat = time.monotonic()
-        self._said.append(state)
+        self._states.append(state)
 
     def _emergency(self, error: EmcyError) -> None:
         what = f"emergency {error.code:#06x}: {error.get_desc() or 'no description'}"
@@ -62,8 +62,8 @@ class HeartbeatConsumer:
 
         Scans that come outweigh a heartbeat that does not: on a full bus it is the first that no longer gets through.
         """
-        while self._said:
-            state = self._said.popleft()
+        while self._states:
+            state = self._states.popleft()
             if state == _BOOT_UP:
                 return "it has restarted: its settings are lost"
             if self._running and state != _OPERATIONAL:

@@ -163,7 +163,7 @@ def unit_remark(signals: Iterable[Signal], velocities: Collection[str], by_hand:
     if not any(signal.unit for signal in signals):
         doubtful = [signal.channel for signal in signals if by_hand is None and _ENDED.fullmatch(signal.channel)]
         return f"{', '.join(doubtful)} in m/s2: if a name ends in its unit give --unit" if doubtful else ""
-    said = "; ".join(f"{', '.join(channels)} in {unit}" for unit, channels in stated.items())
+    listed = "; ".join(f"{', '.join(channels)} in {unit}" for unit, channels in stated.items())
     if by_hand is not None:
-        return f"units of the columns: {said}; overridden by --unit and --scale, {by_hand:.6g} m/s2 a unit"
-    return f"from the columns: {said}"
+        return f"units of the columns: {listed}; overridden by --unit and --scale, {by_hand:.6g} m/s2 a unit"
+    return f"from the columns: {listed}"

@@ -124,10 +124,10 @@ def _ask(path: Path, name: str, t: FloatArray) -> None:
 
 def time_remark(name: str, given: str | None) -> str | None:
     """Return a remark on the unit of times, None if they are in seconds by default."""
-    said = header_unit(name)
-    if given is not None and said not in (None, given):
-        return f"times of {name!r} are taken in {given}, by --time-unit, not in {said}"
-    unit = given or said or "s"
+    stated = header_unit(name)
+    if given is not None and stated not in (None, given):
+        return f"times of {name!r} are taken in {given}, by --time-unit, not in {stated}"
+    unit = given or stated or "s"
     return f"times of {name!r} are in {unit}" if unit != "s" else None
 
 

@@ -60,12 +60,12 @@ class CsvTable:
         delimiter = next((d for d in (";", "\t") if d in header), ",")
         rows = [(i, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]) for i, line in lines]
         rows = [(i, cells) for i, cells in rows if any(cells)]
-        self._first, said = rows[0] if rows else (1, [])
+        self._first, headings = rows[0] if rows else (1, [])
         self._rows = rows[1:]
-        if said and all(_is_number(cell) for cell in said if cell):
+        if headings and all(_is_number(cell) for cell in headings if cell):
             raise LogError(path, f"line {self._first}: expected names of columns, found numbers")
-        columns = [self._column(cell) for cell in said]
-        used = [i for i, (name, _) in enumerate(columns) if not self._says_nothing(i, name)]
+        columns = [self._column(cell) for cell in headings]
+        used = [i for i, (name, _) in enumerate(columns) if not self._is_ignored(i, name)]
         self._width, self._used = len(columns), used
         self.names = tuple(columns[i][0] for i in used)  #: names of the columns, without their units
         self._scale = [columns[i][1] for i in used]
@@ -91,10 +91,10 @@ class CsvTable:
                 },
             )
 
-    def _column(self, said: str) -> tuple[str, float]:
+    def _column(self, heading: str) -> tuple[str, float]:
         """Return a column's name and the factor of its unit."""
-        parts = _HEADER.fullmatch(said)
-        name = parts["name"] if parts else said
+        parts = _HEADER.fullmatch(heading)
+        name = parts["name"] if parts else heading
         unit = (parts["square"] or parts["round"]) if parts else None
         name = name.lower() if name.lower() in OWN else name
         if unit is None:
@@ -102,10 +102,10 @@ class CsvTable:
         units = _UNITS[name.removesuffix("_std")] if name in OWN else _SHAPE_UNITS
         if unit.strip() not in units:
             expected = " or ".join(units)
-            raise LogError(self._path, f"line {self._first}, column {said}: expected the unit {expected}")
+            raise LogError(self._path, f"line {self._first}, column {heading}: expected the unit {expected}")
         return name, units[unit.strip()]
 
-    def _says_nothing(self, i: int, name: str) -> bool:
+    def _is_ignored(self, i: int, name: str) -> bool:
         if name.lower() in _NUMBERED:
             return True
         return not name and not any(cells[i] for _, cells in self._rows if i < len(cells))

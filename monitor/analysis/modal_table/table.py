@@ -26,7 +26,7 @@ _SHAPE_STD = 0.02  # of a unit shape's components, where a table states none
 _DAMPING = 0.01  # value if a table has none; its deviation marks it as unknown
 _MIN_RECORDS = 3  # from which their own scatter is learnt
 _N_MODES = 30  # of the model, which lends its shapes to a table that has none
-_MAX_SAID = 10  # of the model's frequencies in an error
+_MAX_NAMED = 10  # of the model's frequencies in an error
 _FARTHEST = 0.3  # of ln f between a mode and the model's
 
 
@@ -185,7 +185,7 @@ def _lent(structure: Structure, frequency: FloatArray, path: Path | str) -> Comp
     row, column = linear_sum_assignment(distance**2)  # squares keep the order of close modes
     far = distance[row, column] > _FARTHEST
     if far.any():
-        near = ", ".join(f"{f:.4g}" for f in modes.frequency[seen][:_MAX_SAID])
+        near = ", ".join(f"{f:.4g}" for f in modes.frequency[seen][:_MAX_NAMED])
         raise LogError(
             path,
             f"the mode at {frequency[row[far][0]]:.4g} Hz has no partner in the model by frequency, whose modes are at "

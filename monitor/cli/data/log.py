@@ -114,8 +114,8 @@ def expand_command(paths: Sequence[Path], out: Path, within: TimeRange = WHOLE) 
 def _say_late(late: Mapping[str, float]) -> None:
     """Print the delays that were removed."""
     if late:
-        said = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
-        console.print(f"removed, as the baseline found devices late: {escape(said)}", soft_wrap=True)
+        text = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
+        console.print(f"removed, as the baseline found devices late: {escape(text)}", soft_wrap=True)
 
 
 def as_json(log: AnyLog, info: LogInfo) -> dict[str, Any]:
@@ -168,8 +168,8 @@ def _say(log: AnyLog, info: LogInfo) -> None:
     if info.start is not None and info.end is not None:
         console.print(f"{_utc(info.start)} to {_utc(info.end)}, {(info.end - info.start) * 1e-9:.2f} s")
     console.print(f"state: {info.state}; {info.size / 1e6:.2f} MB, {info.state.n_messages} messages")
-    said = ", ".join(f"{topic} {count}" for topic, count in sorted(info.events.items()))
-    console.print(f"events and results: {escape(said) or 'none'}")
+    text = ", ".join(f"{topic} {count}" for topic, count in sorted(info.events.items()))
+    console.print(f"events and results: {escape(text) or 'none'}")
     console.print(f"attached: {escape(', '.join(info.attachments)) or 'nothing'}")
     if not info.state.whole:
         for path in files_of(log):

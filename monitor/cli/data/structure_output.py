@@ -48,9 +48,9 @@ def clearer_words(sight: ModeVisibility) -> Iterator[str]:
         return
     sensor, then = better
     shown = sorted(set(sight.unseen) - set(then.unseen))
-    told = sorted(set(sight.pairs_alike) - set(then.pairs_alike))
+    separated = sorted(set(sight.pairs_alike) - set(then.pairs_alike))
     gains = [f"shows {_modes(shown)}"] if shown else []
-    gains += ["distinguishes " + _pairs(told)] if told else []
+    gains += ["distinguishes " + _pairs(separated)] if separated else []
     then_alike = sorted(set(then.pairs_alike) - set(sight.pairs_alike))
     if gains and then_alike:
         gains.append("which leaves alike " + _pairs(then_alike))

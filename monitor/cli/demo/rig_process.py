@@ -43,7 +43,7 @@ class RigProcess:
                 raise KeyboardInterrupt
             if self._process.poll() is not None or time.monotonic() > end:
                 self._process.kill()
-                raise StartError(f"the virtual rig did not start: {self._said() or 'no answer'}")
+                raise StartError(f"the virtual rig did not start: {self._errors() or 'no answer'}")
             time.sleep(0.05)
         found: dict[str, Any] = json.loads(self._ports.read_text(encoding="utf-8"))
         return found
@@ -65,9 +65,9 @@ class RigProcess:
         except subprocess.TimeoutExpired as error:
             raise StartError("the virtual rig did not end") from error
         if not self._report.exists():
-            raise StartError(f"the virtual rig failed: {self._said()}")
+            raise StartError(f"the virtual rig failed: {self._errors()}")
         found: dict[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
         return found
 
-    def _said(self) -> str:
+    def _errors(self) -> str:
         return self._process.stderr.read().decode().strip() if self._process.stderr else ""

@@ -49,8 +49,8 @@ def reveal(
         "sent": rig["sent"],
     }
     (out / "answer.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-    said = [change_text(w.diagnosis) for w in windows if w.diagnosis]
-    console.print(_table(summary, answer, said[-1] if said else "no answer"))
+    texts = [change_text(w.diagnosis) for w in windows if w.diagnosis]
+    console.print(_table(summary, answer, texts[-1] if texts else "no answer"))
     verdict = "[bold green]found[/]" if right else "[bold red]MISSED[/]" if answer is None else "[bold red]WRONG[/]"
     console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {rig['sent']}\n")
     _write_pictures(out, report)
@@ -58,18 +58,18 @@ def reveal(
     return DONE if right else NEEDS_A_PERSON
 
 
-def _table(summary: dict[str, Any], answer: MassAnswer | None, said: str) -> Table:
+def _table(summary: dict[str, Any], answer: MassAnswer | None, found: str) -> Table:
     table = Table("", "truth", "the monitor's answer", "off by", title="Truth of the rig, and answer of the monitor")
     truth = summary["truth"]
     if answer is None:
-        table.add_row("body added", f"{1000 * truth['mass']:.0f} g", said, "")
+        table.add_row("body added", f"{1000 * truth['mass']:.0f} g", found, "")
         return table
     place = ", ".join(f"{v:.3f}" for v in truth["position"])
-    said = ", ".join(f"{v:.3f}" for v in answer.position)
+    located = ", ".join(f"{v:.3f}" for v in answer.position)
     table.add_row(
         r"where \[m]",
         place,
-        f"{said} ± {answer.position_std:.3f} ({answer.member})",
+        f"{located} ± {answer.position_std:.3f} ({answer.member})",
         f"{1000 * summary['distance']:.0f} mm",
     )
     table.add_row(

@@ -64,8 +64,8 @@ def _say_around(site: Site) -> bool:
     """Print the requirements of a run besides devices; return whether all are met."""
     well = True
     for found in look_around(site):
-        said = f"{found.what + ':':<13}{found.said}"
-        console.print(escape(said) if found.well else f"[yellow]{escape(said)}[/]", soft_wrap=True)
+        line = f"{found.what + ':':<13}{found.text}"
+        console.print(escape(line) if found.well else f"[yellow]{escape(line)}[/]", soft_wrap=True)
         well &= found.well
     return well
 

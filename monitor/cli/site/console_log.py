@@ -85,15 +85,15 @@ class Journal:
 
     def _event(self, event: Event) -> None:
         what = event.topic.removeprefix("/event/")
-        unsaid = self._unsaid((what, str(event.payload.get("device", ""))))
-        if unsaid is None:
+        omitted = self._omitted((what, str(event.payload.get("device", ""))))
+        if omitted is None:
             return
-        fields = {"what": what, "at": event.time, **event.payload} | ({"not_said": unsaid} if unsaid else {})
-        said = " ".join(f"{name}={_brief(value)}" for name, value in fields.items() if name not in {"what", "at"})
+        fields = {"what": what, "at": event.time, **event.payload} | ({"omitted": omitted} if omitted else {})
+        values = " ".join(f"{name}={_brief(value)}" for name, value in fields.items() if name not in {"what", "at"})
         level = logging.INFO if what.endswith(_ROUTINE) else logging.WARNING
-        self._say(level, f"{what} {said}".rstrip(), fields)
+        self._say(level, f"{what} {values}".rstrip(), fields)
 
-    def _unsaid(self, kind: tuple[str, str]) -> int | None:
+    def _omitted(self, kind: tuple[str, str]) -> int | None:
         """Return the number of omitted lines of a kind before this one; None if this one is omitted too."""
         since, lines = self._minute.get(kind, (-_MINUTE, 0))
         over = time.monotonic() - since >= _MINUTE

@@ -17,7 +17,7 @@ from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint, database_url
 from monitor.outputs.history.summary import Found, look
 from monitor.service.site import load_site
-from monitor.text.events import event_name, event_said
+from monitor.text.events import event_name, event_text
 from monitor.text.quantities import duration_text, utc
 
 console = Terminal()
@@ -119,9 +119,9 @@ def _self_tests(tests: list[EventRow]) -> str:
     """Return a line on the self-tests."""
     if not tests:
         return "self-tests: none"
-    said = [json.loads(test.json) for test in tests]
-    passed = [test.time for test, told in zip(tests, said, strict=True) if told["passed"]]
-    last = said[-1]
+    records = [json.loads(test.json) for test in tests]
+    passed = [test.time for test, record in zip(tests, records, strict=True) if record["passed"]]
+    last = records[-1]
     seen = f"{1000 * last['mass']:.0f} g would raise the alarm at {last['detected']} of {last['places']} places"
     before = "" if last["passed"] else f"; passed last {utc(passed[-1])}" if passed else "; none has passed"
     return f"self-tests: {len(tests)}, {len(passed)} passed; the last {utc(tests[-1].time)}: {seen}{before}"
@@ -160,8 +160,8 @@ def _events(events: list[EventRow]) -> Table:
     for name in ("time", "what", "device", ""):
         table.add_column(name, no_wrap=bool(name))
     for event in events[-_MAX:]:
-        said = event_said(json.loads(event.json), without="device")
-        table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(said))
+        records = event_text(json.loads(event.json), without="device")
+        table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(records))
     return table
 
 

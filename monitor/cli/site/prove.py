@@ -85,7 +85,7 @@ def _say(proof: Proof) -> None:
     for name in ("", "answer of the monitor", ""):
         table.add_column(name)
     for check in proof.checks:
-        table.add_row(check.what, escape(check.said), "[green]ok[/]" if check.passed else "[bold red]FAILED[/]")
+        table.add_row(check.what, escape(check.result), "[green]ok[/]" if check.passed else "[bold red]FAILED[/]")
     console.print(table)
     if proof.scales:
         console.print(_scales(proof))
@@ -117,7 +117,7 @@ def as_json(proof: Proof) -> dict[str, Any]:
             "p_value": found.p_value,
         },
         "raised": proof.raised,
-        "checks": [{"what": c.what, "said": c.said, "passed": c.passed} for c in proof.checks],
+        "checks": [{"what": c.what, "result": c.result, "passed": c.passed} for c in proof.checks],
         "windows": {"n": proof.n_windows, "start": proof.start, "end": proof.end},
         "modes": [
             {

@@ -57,8 +57,8 @@ def run_command(path: Path, given: Sequence[str] = (), *, as_json: bool = False)
 
 def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_json: bool) -> int:
     mended = list(mend_logs(site.folder / site.settings.recorder.folder))
-    for said in mended:
-        console.print(escape(said), soft_wrap=True)
+    for message in mended:
+        console.print(escape(message), soft_wrap=True)
     recalled = recall(site.state, parse_structure(site.structure_text), site.settings)
     with (
         live_view(site.settings, site.structure_text, site.site_text) as live,

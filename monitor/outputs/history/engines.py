@@ -101,7 +101,7 @@ def shown_url(url: str) -> str:
     return URL.create(place.drivername, host=place.host, port=place.port, database=place.database).render_as_string()
 
 
-def said(error: Exception, place: URL) -> str:
+def error_message(error: Exception, place: URL) -> str:
     """Return an error of a database in one line, without the secrets of its address."""
     lines = str(getattr(error, "orig", None) or error).splitlines()
     if not lines:

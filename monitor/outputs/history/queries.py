@@ -9,7 +9,7 @@ from sqlalchemy import BigInteger, Row, Select, cast, func, literal, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import reading_engines, said, shown_url
+from monitor.outputs.history.engines import error_message, reading_engines, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
 
@@ -119,12 +119,12 @@ class Reader:
             except SQLAlchemyError as error:
                 engine.dispose()
                 refused = refused or error
-                if not any(word in said(error, engine.url) for word in _NO_WRITING):
+                if not any(word in error_message(error, engine.url) for word in _NO_WRITING):
                     break
             else:
                 self._engine = engine
                 return
-        raise HistoryError(self.url, said(refused, engine.url) if refused else "cannot be opened") from refused
+        raise HistoryError(self.url, error_message(refused, engine.url) if refused else "cannot be opened") from refused
 
     def __enter__(self) -> Self:
         return self
@@ -209,7 +209,7 @@ class Reader:
             with self._engine.connect() as connection:
                 return list(connection.execute(query))
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, said(error, self._engine.url)) from error
+            raise HistoryError(self.url, error_message(error, self._engine.url)) from error
 
 
 def windows_query(span: Span) -> Select[*tuple[Any, ...]]:

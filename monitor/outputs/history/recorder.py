@@ -42,7 +42,7 @@ class HistoryRecorder:
         self._url, self._spool, self._retry_seconds = url, Spool(spool), retry_seconds
         self._keep_events, self._forget_due = keep_events, 0.0
         self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
-        self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
+        self._events: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
         self._thread = SupervisedThread("history", self._run)
         self._store: HistoryStore | None = None
         self._due = 0.0  # monotonic time of the next look at the database
@@ -75,8 +75,8 @@ class HistoryRecorder:
         """Yield topic and payload of events of the database since the last call."""
         if problem := self.problem:
             self._say_down(problem)
-        while not self._said.empty():
-            yield self._said.get()
+        while not self._events.empty():
+            yield self._events.get()
 
     def __enter__(self) -> Self:
         self._thread.start()
@@ -139,14 +139,14 @@ class HistoryRecorder:
             return
         self._keep(list(self._unproven))
         self._unproven.clear()
-        self._said.put((TOPIC_RENEWED, {"why": why, **done}))
+        self._events.put((TOPIC_RENEWED, {"why": why, **done}))
         self._due = 0.0
 
     def _take_over(self) -> None:
         """Copy rows of the previous file for a moment; new items wait on disk, in their order."""
         done = self._takeover.advance(_POLL)
         if done:
-            self._said.put((TOPIC_RESTORED, done))
+            self._events.put((TOPIC_RESTORED, done))
             self._due = 0.0
 
     def _gather(self) -> tuple[list[Event], bool]:
@@ -186,7 +186,7 @@ class HistoryRecorder:
                 self._keep(batch)
         else:
             if self._down or kept:  # by an earlier run, maybe
-                self._said.put((TOPIC_BACK, {"brought_in": kept}))
+                self._events.put((TOPIC_BACK, {"brought_in": kept}))
             self._failed, self._down = None, False
 
     def _write(self, items: list[Event]) -> None:
@@ -219,7 +219,7 @@ class HistoryRecorder:
     def _say_down(self, why: str) -> None:
         if not self._down:
             self._down = True
-            self._said.put((TOPIC_DOWN, {"why": why}))
+            self._events.put((TOPIC_DOWN, {"why": why}))
 
     def _fail(self, error: Exception) -> None:
         self._failed = str(error)

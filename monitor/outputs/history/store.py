@@ -17,7 +17,7 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 from daq import Event
 from monitor.outputs.history import schema
 from monitor.outputs.history.daily import roll_up
-from monitor.outputs.history.engines import file_of, open_engine, said, shown_url
+from monitor.outputs.history.engines import error_message, file_of, open_engine, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.retention import thin_diagnoses
@@ -74,7 +74,7 @@ class HistoryStore:
         self._engine.dispose()
 
     def _error(self, error: Exception) -> HistoryError:
-        return HistoryError(self.url, said(error, self._engine.url), unusable=is_damage(error))
+        return HistoryError(self.url, error_message(error, self._engine.url), unusable=is_damage(error))
 
     @property
     def displaced(self) -> bool:

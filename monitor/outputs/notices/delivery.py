@@ -36,7 +36,7 @@ class NoticeSender:
 
     def __init__(self, target: NotifySettings, spool: Path, site: str, *, retry_seconds: float = _RETRY_FIRST) -> None:
         self._target, self._site, self._news = target, site, NoticeFilter(site)
-        self._said: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
+        self._events: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
         self._lock, self._failing = threading.Lock(), False
         quota = Quota(target.max_per_hour)
         common = quota, retry_seconds, self._report
@@ -64,8 +64,8 @@ class NoticeSender:
 
     def events(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Yield topic and payload of events of the deliveries since the last call."""
-        while not self._said.empty():
-            yield self._said.get()
+        while not self._events.empty():
+            yield self._events.get()
 
     @property
     def problem(self) -> str | None:
@@ -98,9 +98,9 @@ class NoticeSender:
             problem, before = self.problem, self._failing
             self._failing = problem is not None
             if problem is not None and not before:
-                self._said.put((TOPIC_FAILED, {"to": self._where(), "why": problem}))
+                self._events.put((TOPIC_FAILED, {"to": self._where(), "why": problem}))
             if problem is None and (before or changed.left):
-                self._said.put((TOPIC_BACK, {"to": self._where()}))
+                self._events.put((TOPIC_BACK, {"to": self._where()}))
 
     def _where(self) -> str:
         """Name the target without possible secrets in its address."""

@@ -11,7 +11,7 @@ from monitor.results.windows import (
     WindowResult,
 )
 from monitor.text.causes import change_text
-from monitor.text.events import event_name, event_said
+from monitor.text.events import event_name, event_text
 from monitor.text.notices import Notice, NoticeKind
 from monitor.text.quantities import utc
 from monitor.watch.blindness import MAX_BLIND, BlindWindows
@@ -65,9 +65,9 @@ class NoticeFilter:
         what = event.topic.removeprefix("/event/")
         if what in _ROUTINE or what == event.topic:
             return None
-        said = event_said(event.payload)
+        details = event_text(event.payload)
         return self._notice(
-            "trouble", event.time, f"{event_name(event.topic)}: {said}" if said else event_name(event.topic)
+            "trouble", event.time, f"{event_name(event.topic)}: {details}" if details else event_name(event.topic)
         )
 
     def _change(self, change: AlarmResult) -> Notice | None:

@@ -55,18 +55,18 @@ def make_sender(target: NotifySettings) -> Sender:
     runner = DeadlineRunner()
 
     def send(notices: list[Notice], others: int) -> None:
-        said = message(notices, target.template, others)
+        notice_message = message(notices, target.template, others)
         try:
-            runner.run(target.timeout_seconds, lambda deadline: way(target, said, deadline))
+            runner.run(target.timeout_seconds, lambda deadline: way(target, notice_message, deadline))
         except TimeoutError as error:
             raise NoticeError(f"{name}: {error}") from error
         except ValueError as error:  # a zero byte for a program, a header that no server may be sent
-            raise NoticeError(f"this cannot be sent: {_said(error, target)}") from None
+            raise NoticeError(f"this cannot be sent: {_error_message(error, target)}") from None
 
     return send
 
 
-def _said(error: Exception, target: NotifySettings) -> str:
+def _error_message(error: Exception, target: NotifySettings) -> str:
     """Return the text of an error without parts of addresses and headers."""
     values = [revealed(value) for value in target.headers.values()]
     addresses = map(revealed, filter(None, (target.webhook, target.mqtt)))
@@ -74,12 +74,15 @@ def _said(error: Exception, target: NotifySettings) -> str:
     return masked(str(error), (*values, *(value.rpartition(" ")[2] for value in values), *parts))
 
 
-def _content(said: Message) -> dict[str, Any]:
+def _content(notice_message: Message) -> dict[str, Any]:
     """Return the content for programs: the foremost notice's fields, `text` of all of them, and each one."""
-    return said.foremost.values() | {"text": said.text, "notices": [notice.values() for notice in said.notices]}
+    return notice_message.foremost.values() | {
+        "text": notice_message.text,
+        "notices": [notice.values() for notice in notice_message.notices],
+    }
 
 
-def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+def _by_webhook(target: NotifySettings, notice_message: Message, deadline: Deadline) -> None:
     headers = {name: revealed(value) for name, value in target.headers.items()}
 
     def trace(event: str, info: Mapping[str, Any]) -> None:
@@ -92,7 +95,7 @@ def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> No
             client.stream(
                 "POST",
                 revealed(target.webhook),
-                json=_content(said),
+                json=_content(notice_message),
                 headers=headers,
                 extensions={"trace": trace},
             ) as answer,
@@ -103,7 +106,7 @@ def _by_webhook(target: NotifySettings, said: Message, deadline: Deadline) -> No
         phrase = f" {HTTPStatus(code).phrase}" if code in set(HTTPStatus) else ""
         raise NoticeError(f"webhook: {code}{phrase}", _wait(error.response.headers.get("Retry-After", ""))) from None
     except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise NoticeError(f"webhook: {type(error).__name__}: {_said(error, target)}") from None
+        raise NoticeError(f"webhook: {type(error).__name__}: {_error_message(error, target)}") from None
 
 
 def _wait(asked: str) -> float:
@@ -114,8 +117,8 @@ def _wait(asked: str) -> float:
         return 0.0
 
 
-def _by_command(target: NotifySettings, said: Message, deadline: Deadline) -> None:
-    values = said.foremost.values()
+def _by_command(target: NotifySettings, notice_message: Message, deadline: Deadline) -> None:
+    values = notice_message.foremost.values()
     named = {f"MODALWATCH_{name.upper()}": "" if value is None else str(value) for name, value in values.items()}
     try:
         process = subprocess.Popen(
@@ -130,7 +133,7 @@ def _by_command(target: NotifySettings, said: Message, deadline: Deadline) -> No
         raise NoticeError(f"command: cannot be started: {error.strerror}") from None
     with process:
         deadline.on_expiry(lambda: _end(process))
-        process.communicate(said.text.encode())
+        process.communicate(notice_message.text.encode())
     if process.returncode:
         raise NoticeError(f"command: exit status {process.returncode}")
 
@@ -154,7 +157,7 @@ def _watched_tls(deadline: Deadline, made: ExitStack) -> ssl.SSLContext:
     return context
 
 
-def _by_mqtt(target: NotifySettings, said: Message, deadline: Deadline) -> None:
+def _by_mqtt(target: NotifySettings, notice_message: Message, deadline: Deadline) -> None:
     try:
         from paho.mqtt import MQTTException  # an extra
         from paho.mqtt.client import Client
@@ -181,13 +184,13 @@ def _by_mqtt(target: NotifySettings, said: Message, deadline: Deadline) -> None:
         client.connect(place.hostname or "", place.port or _MQTT_PORTS[place.scheme])
         client.loop_start()
         topic = unquote(place.path).strip("/") or "modalwatch"
-        sent = client.publish(topic, json.dumps(_content(said)), qos=1)
+        sent = client.publish(topic, json.dumps(_content(notice_message)), qos=1)
         while not (sent.is_published() or refused) and deadline.remaining:
             sent.wait_for_publish(min(_LOOK_SECONDS, deadline.remaining))
         if not sent.is_published():
             raise NoticeError(f"mqtt: {refused or 'the broker has not taken it'}")
     except (OSError, ValueError, RuntimeError, MQTTException) as error:
-        raise NoticeError(f"mqtt: {refused or _said(error, target)}") from None
+        raise NoticeError(f"mqtt: {refused or _error_message(error, target)}") from None
     finally:
         client.disconnect()
         client.loop_stop()

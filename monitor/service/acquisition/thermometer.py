@@ -92,7 +92,7 @@ class CsvThermometer(Thermometer):
             try:
                 place = self.follow(path, place)
             except (OSError, ValueError, csv.Error) as error:
-                self.problem = f"{path}: {_said(error)}"
+                self.problem = f"{path}: {_message(error)}"
             if self._stop.wait(_POLL):
                 return
 
@@ -226,9 +226,9 @@ def _time(text: str) -> int:
 
 
 def _celsius(payload: bytes, column: str) -> float:
-    said: Any = parse_json(payload)
-    return float(said[column] if isinstance(said, dict) else said)
+    content: Any = parse_json(payload)
+    return float(content[column] if isinstance(content, dict) else content)
 
 
-def _said(error: Exception) -> str:
+def _message(error: Exception) -> str:
     return error.strerror or str(error) if isinstance(error, OSError) else str(error)

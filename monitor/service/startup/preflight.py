@@ -29,7 +29,7 @@ class Finding:
     """One thing that was looked at."""
 
     what: str
-    said: str
+    text: str
     well: bool = True
 
 
@@ -51,23 +51,23 @@ def look_around(site: Site) -> Iterator[Finding]:
 
 def _guarded(what: str, look: Callable[[], str]) -> Finding:
     try:
-        return Finding(what=what, said=look())
+        return Finding(what=what, text=look())
     except (OSError, ValueError) as error:
-        return Finding(what=what, said=str(error), well=False)
+        return Finding(what=what, text=str(error), well=False)
 
 
 def _history(site: Site) -> Finding:
     url = site.source.url
     file = url.removeprefix("sqlite:///")
     if file != url and not Path(file).exists():
-        return Finding(what="history", said=f"{file}, made at the start")
+        return Finding(what="history", text=f"{file}, made at the start")
     try:
         with Reader(url) as reader:
             span = reader.span()
     except HistoryError as error:
-        return Finding(what="history", said=str(error), well=False)
+        return Finding(what="history", text=str(error), well=False)
     days = (span.end - span.start) / 86400e9 if span else 0.0
-    return Finding(what="history", said=f"{file if file != url else urlsplit(url).hostname}, {days:.3g} days")
+    return Finding(what="history", text=f"{file if file != url else urlsplit(url).hostname}, {days:.3g} days")
 
 
 def _notify(target: NotifySettings) -> str:

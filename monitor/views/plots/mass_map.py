@@ -37,8 +37,8 @@ def draw_map(figure: SubFigure, sight: ModeVisibility, outlook: DetectabilityStu
     if planned:
         _records(curves[1], planned, unrolled)
     n = len(unrolled.length)
-    said = "distance from each member's start [m]" if n <= _NAMED else f"{n} members, one after another"
-    curves[-1].set_xlabel(said)
+    label = "distance from each member's start [m]" if n <= _NAMED else f"{n} members, one after another"
+    curves[-1].set_xlabel(label)
 
 
 def _limits(sight: ModeVisibility, outlook: DetectabilityStudy) -> tuple[float, float]:

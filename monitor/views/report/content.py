@@ -120,8 +120,8 @@ def _facts(run: Run) -> list[tuple[str, str]]:
     alarms = [a for a in run_results.alarms if a.raised]
     facts.append(("Alarms", ", ".join(utc(a.time) for a in alarms) or "none"))
     for change in run_results.accepted:
-        said = accepted_text(change, run_results.accepted_at(change))
-        facts.append(("Accepted", f"{said}; diagnosis: {change.found}"))
+        text = accepted_text(change, run_results.accepted_at(change))
+        facts.append(("Accepted", f"{text}; diagnosis: {change.found}"))
     return facts
 
 
@@ -297,6 +297,8 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
             ".3f",
         ),
     )
-    known = [(getattr(gain, n), n, said, form) for n, said, form in names]
-    rows = [(said, *gain_text(pair, getattr(std, n, None), form)) for pair, n, said, form in known if pair is not None]
+    known = [(getattr(gain, n), n, label, form) for n, label, form in names]
+    rows = [
+        (label, *gain_text(pair, getattr(std, n, None), form)) for pair, n, label, form in known if pair is not None
+    ]
     return {"heldout": gain.heldout, "rows": rows}

@@ -18,7 +18,7 @@ from monitor.results.windows import WindowResult
 from monitor.views.palette import FAINT, GREY, Colour
 
 APPLICATION = "modalwatch"
-_said: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
+_logged: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
 TIME, PHASE = "time", "phase"
 
 
@@ -73,9 +73,9 @@ def times(values: Sequence[int] | npt.NDArray[np.int64]) -> rr.TimeColumn:
 
 def once(recording: rr.RecordingStream, path: str, archetype: rr.AsComponents) -> None:
     """Log static data, only the first time: a server keeps each repetition, before all data with a time."""
-    said = _said.setdefault(recording, set())
-    if (path, type(archetype)) not in said:
-        said.add((path, type(archetype)))
+    logged = _logged.setdefault(recording, set())
+    if (path, type(archetype)) not in logged:
+        logged.add((path, type(archetype)))
         recording.log(path, archetype, static=True)
 
 

@@ -200,13 +200,13 @@ def _brackets(geometry: Geometry, answer: MassAnswer) -> list[list[FloatArray]]:
 
 def heated_members(geometry: Geometry, answer: MassAnswer) -> tuple[list[FloatArray], npt.NDArray[np.uint8]]:
     """Return the members in stretches, coloured by the square root of the posterior's density over its largest."""
-    segments, level, told = [], [], {p.member for p in answer.profile}
+    segments, level, located = [], [], {p.member for p in answer.profile}
     for a, b in zip(answer.profile[:-1], answer.profile[1:], strict=True):
         if a.member == b.member:
             segments.append(np.array([a.position, b.position]))
             level.append((a.density + b.density) / 2)
     for member, nodes in geometry.lines.items():
-        if member not in told:
+        if member not in located:
             segments.append(geometry.nodes[nodes])
             level.append(0.0)
     share = np.array(level) / max(max(level, default=0.0), 1e-12)

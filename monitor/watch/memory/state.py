@@ -77,8 +77,8 @@ def parse_memory(text: str) -> Memory:
     """
     head, _, content = text.partition("\n")
     try:
-        said: Any = parse_json(head)
-        version, digest = said["modalwatch"], said["sha256"]
+        header: Any = parse_json(head)
+        version, digest = header["modalwatch"], header["sha256"]
     except (ValueError, KeyError, TypeError) as error:
         raise CodecError("it is no memory of a watch, or damaged") from error
     if version != VERSION:

@@ -76,4 +76,4 @@ def test_what_repeats_is_counted_instead_of_said(monkeypatch: pytest.MonkeyPatch
     found = stream.getvalue().splitlines()
     assert len(found) == 12
     assert "device=right" in found[10]
-    assert found[11].endswith("gap device=left missing=3 not_said=90")
+    assert found[11].endswith("gap device=left missing=3 omitted=90")

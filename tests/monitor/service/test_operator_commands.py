@@ -16,7 +16,7 @@ from monitor.results.windows import AlarmResult
 from monitor.service.operator_commands import Acknowledgement, Inbox, write_command
 from monitor.service.status import MonitorStatus, Pace
 from monitor.settings import parse_settings
-from monitor.text.alarms import acknowledged_said
+from monitor.text.alarms import acknowledged_text
 from monitor.text.quantities import duration_text
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.cli import Commands, assert_refused
@@ -138,7 +138,7 @@ def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
 
 
 def test_end_by_acknowledgement_says_how_long_it_was() -> None:
-    said = acknowledged_said(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), {})
+    said = acknowledged_text(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), {})
     assert said == "acknowledged, back to normal after 3 h 20 min of alarm"
 
 

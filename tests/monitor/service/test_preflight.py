@@ -32,7 +32,7 @@ def test_a_bare_site_needs_history_disk_and_clock(tmp_path: Path) -> None:
     found = looked(tmp_path)
     assert all(finding.well for finding in found.values())
     assert list(found) == ["history", "disk", "clock"]
-    assert "history.sqlite, made at the start" in found["history"].said
+    assert "history.sqlite, made at the start" in found["history"].text
     assert not (tmp_path / "state").exists()  # nothing is made
 
 
@@ -46,7 +46,7 @@ def test_ports_in_use_are_named(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         found = looked(tmp_path, f"[web]\nport = {port}\n")
-        assert (found["web"].well, str(port) in found["web"].said) == (False, True)
+        assert (found["web"].well, str(port) in found["web"].text) == (False, True)
     assert looked(tmp_path, f"[web]\nport = {port}\n")["web"].well
 
 
@@ -64,7 +64,7 @@ def test_targets_of_notices_are_reached_and_told_nothing(tmp_path: Path, target:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = str(listener.getsockname()[1])
         found = looked(tmp_path, f"[[notify]]\n{target.replace('{port}', port)}\n")["notify 1"]
-        assert (found.well, says.replace("{port}", port) in found.said) == (well, True), found
+        assert (found.well, says.replace("{port}", port) in found.text) == (well, True), found
         if "{port}" in target:
             taken, _ = listener.accept()
             with taken:
@@ -74,7 +74,7 @@ def test_targets_of_notices_are_reached_and_told_nothing(tmp_path: Path, target:
 def test_disk_with_too_little_room(tmp_path: Path) -> None:
     free = shutil.disk_usage(tmp_path).free / 1e9
     found = looked(tmp_path, file=SITE.replace("min_free_gb = 0", f"min_free_gb = {2 * free}"))["disk"]
-    assert (found.well, "less than recorder.min_free_gb" in found.said) == (False, True)
+    assert (found.well, "less than recorder.min_free_gb" in found.text) == (False, True)
 
 
 def test_clock_behind_the_newest_log(tmp_path: Path) -> None:
@@ -85,4 +85,4 @@ def test_clock_behind_the_newest_log(tmp_path: Path) -> None:
     stamp = newest.stat().st_mtime + 7200
     os.utime(newest, (stamp, stamp))
     found = looked(tmp_path)["clock"]
-    assert (found.well, "it has run backwards" in found.said) == (False, True)
+    assert (found.well, "it has run backwards" in found.text) == (False, True)

@@ -280,7 +280,7 @@ def test_check_reads_the_last_line(tmp_path: Path) -> None:
     site = load_site(tmp_path / "site.toml")
 
     def said() -> tuple[bool, str]:
-        return next((f.well, f.said) for f in look_around(site) if f.what == "temperature")
+        return next((f.well, f.text) for f in look_around(site) if f.what == "temperature")
 
     assert said()[0] is False
     (tmp_path / "air.csv").write_text("t,temperature\n")

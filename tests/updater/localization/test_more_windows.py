@@ -54,10 +54,10 @@ def test_it_says_when_more_windows_are_of_no_use(rig: Rig) -> None:
     twice = found.distance_std**2 > 2 * found.least_distance_std**2
     np.testing.assert_array_equal(twice, found.n < found.enough)
     assert (found.windows, found.limited_by) == (2, "windows")
-    assert f"up to about {found.enough}" in found.said
+    assert f"up to about {found.enough}" in found.text
     later = sharpening(rig.reference, rig.event(4 * found.enough))
     assert later.limited_by != "windows"
-    assert "more windows will not reduce the deviation" in later.said
+    assert "more windows will not reduce the deviation" in later.text
 
 
 def test_a_short_baseline_limits_before_the_model_does(rig: Rig) -> None:
@@ -66,7 +66,7 @@ def test_a_short_baseline_limits_before_the_model_does(rig: Rig) -> None:
     noisy = replace(baseline, log_frequency_std=10 * baseline.log_frequency_std, shape_std=10 * baseline.shape_std)
     found = sharpening(replace(rig.reference, baseline=noisy), rig.event(16))
     assert found.limited_by == "baseline"
-    assert "a longer baseline would" in found.said
+    assert "a longer baseline would" in found.text
 
 
 def test_what_is_foretold_is_what_more_windows_give(rig: Rig) -> None:

@@ -146,7 +146,7 @@ def test_frequencies_alone_leave_left_and_right_open() -> None:
     """The frame is its own mirror image: both places are named, each with its mass, no mean of both."""
     reference, event = compared(21, Body(at=(0.3, 0, 1.48), mass=0.2))
     change = locate_mass(reference, event.without_shapes())
-    assert not change.told
+    assert not change.is_unique
     assert {a.member for a in change.alternatives} == {"crossbeam"}
     left, right = sorted(a.distance for a in change.alternatives)
     # 0.1 % of 10 Hz over sqrt(5) windows tells a place to 1 to 2 cm: four times that
@@ -156,7 +156,7 @@ def test_frequencies_alone_leave_left_and_right_open() -> None:
     assert all(abs(a.mass - 0.2) < 4 * a.mass_std for a in change.alternatives)
     assert open_question(t_frame(), change).startswith("left or right: not distinguishable; crossbeam at ")
     told = locate_mass(reference, event)
-    assert told.told
+    assert told.is_unique
     assert open_question(t_frame(), told) == ""
     assert told.distance == pytest.approx(0.7, abs=0.03)
 

@@ -51,7 +51,7 @@ class ModelParameters(Discrete):
     comparison: Comparison
     nominal: Structure  #: structure as in the file
     knobs: tuple[ModelParameter, ...]
-    said: FloatArray  #: (n_knobs,) values of the file's model
+    file_value: FloatArray  #: (n_knobs,) values of the file's model
     moved: FloatArray  #: (n_knobs,) values of the reference's model relative to those
     compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds to the reference's model
     name: str = "model_parameters"
@@ -80,7 +80,7 @@ class ModelParameters(Discrete):
 
     @property
     def _upper(self) -> FloatArray:
-        return np.array([knob.upper for knob in self.knobs]) - self.said
+        return np.array([knob.upper for knob in self.knobs]) - self.file_value
 
     @property
     def _stiffness(self) -> IndexArray:
@@ -124,7 +124,7 @@ class ModelParameters(Discrete):
         return {change.name: change.std for change in every}
 
     def _change(self, k: int, theta: float, std: float) -> ParameterChange:
-        knob, value = self.knobs[k], float(self.said[k] + theta)
+        knob, value = self.knobs[k], float(self.file_value[k] + theta)
         rigid = knob.kind in {"support", "joint"} and not knob.mean
         return ParameterChange(
             name=knob.key,
@@ -132,7 +132,7 @@ class ModelParameters(Discrete):
             of=knob.of,
             position=knob.position,
             unit=physical_unit(self.nominal, knob),
-            before=None if rigid else physical_value(self.nominal, knob, float(self.said[k])),
+            before=None if rigid else physical_value(self.nominal, knob, float(self.file_value[k])),
             after=physical_value(self.nominal, knob, value),
             std=std * physical_slope(self.nominal, knob, value),
         )
@@ -141,7 +141,7 @@ class ModelParameters(Discrete):
         """Write the new values of all changed parameters; rigid connections and absent welds get no entry."""
         del row
         moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
-        value = self.said + np.minimum(theta, self._upper)
+        value = self.file_value + np.minimum(theta, self._upper)
         return apply_parameters(structure, [self.knobs[k] for k in moved], value[moved])
 
 
@@ -152,9 +152,9 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
         return None
     knobs, nominal = calibration.knobs, reference.nominal
     file = nominal.reference.model if nominal else calibration.model
-    said = np.array([_said(file, knob) for knob in knobs])
-    value = nominal.value if nominal else said
-    lower = np.array([knob.lower for knob in knobs]) - said
+    file_value = np.array([_file_value(file, knob) for knob in knobs])
+    value = nominal.value if nominal else file_value
+    lower = np.array([knob.lower for knob in knobs]) - file_value
     return ModelParameters(
         prior_std=np.array([_prior(knob, _LESS_BELIEVED if nominal and nominal.far else 1.0) for knob in knobs]),
         lower=np.minimum(lower, 0.0)[None],
@@ -162,8 +162,8 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
         comparison=comparison,
         nominal=file.structure,
         knobs=knobs,
-        said=said,
-        moved=value - said,
+        file_value=file_value,
+        moved=value - file_value,
         compliance=np.array([_compliance(reference, k, x, file.structure) for k, x in zip(knobs, value, strict=True)]),
     )
 
@@ -176,7 +176,7 @@ def _prior(knob: ModelParameter, wider: float) -> float:
     return wider * _GIVES if rigid else knob.prior
 
 
-def _said(model: Model, knob: ModelParameter) -> float:
+def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
     if knob.kind in ("stiffness", "weld"):
         return 0.0

@@ -46,7 +46,7 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
             write_command(source.state, Acknowledgement(by=by, note=request.query_params.get("note", "")[:1000]))
         except OSError as error:
             return PlainTextResponse(f"the state folder is not writable: {error.strerror}\n", 503)
-        return JSONResponse({"told": True}, 202)
+        return JSONResponse({"acknowledged": True}, 202)
 
     routes = [
         Route("/", page),

@@ -13,7 +13,7 @@ from monitor.results.site_status import SiteStatus
 from monitor.service.servers.web.source import Past, Source, problems, self_test_text
 from monitor.service.servers.web.svg import course_svg, structure_svg
 from monitor.text.detectability import detectable_text
-from monitor.text.events import event_name, event_said
+from monitor.text.events import event_name, event_text
 from monitor.text.quantities import duration_text, utc
 from monitor.text.trends import trend_text
 from monitor.text.uncertainty import single_mode_text, unsure_text
@@ -23,7 +23,7 @@ _ENVIRONMENT = Environment(
 )
 _SILENT = 3.0  # s
 _NO_PAST = "the history is empty"
-_SAID = {
+_HEADLINE = {
     "learning": "Learning the baseline",
     "normal": "Normal",
     "watch": "Watch: one window over the limit",
@@ -50,7 +50,7 @@ def _content(source: Source) -> dict[str, Any]:
         "name": source.name,
         "state": state,
         "colour": "watch" if unsure else state,
-        "said": _SAID[state] + (" (estimated)" if unsure else ""),
+        "headline": _HEADLINE[state] + (" (estimated)" if unsure else ""),
         "unsure": unsure,
         "trend": _trend(status) if status else "",
         "detectable": _detectable(status) if status else "",
@@ -143,5 +143,5 @@ def _age(silent: float | None) -> str:
 def _event(event: EventRow) -> dict[str, str]:
     if event.topic.startswith("/alarm/"):
         state = event.topic.removeprefix("/alarm/")
-        return {"time": utc(event.time), "what": state, "said": str(json.loads(event.json)["text"])}
-    return {"time": utc(event.time), "what": event_name(event.topic), "said": event_said(json.loads(event.json))}
+        return {"time": utc(event.time), "what": state, "text": str(json.loads(event.json)["text"])}
+    return {"time": utc(event.time), "what": event_name(event.topic), "text": event_text(json.loads(event.json))}

@@ -2,31 +2,31 @@
 const state = document.getElementById("state");
 const link = document.getElementById("link");
 
-const patience = 60000;  // ms in which a monitor that was told is not asked to be told again
-let said = { text: "", done: false, until: 0 };  // what became of the last click, through what is put in the page anew
+const patience = 60000;  // ms in which an acknowledgement is not sent again
+let outcome = { text: "", done: false, until: 0 };  // of the last click, kept while the page is renewed
 
 async function refresh() {
   try {
     const answer = await fetch("/state", { cache: "no-store" });
     if (!answer.ok) throw new Error(answer.status);
     state.innerHTML = await answer.text();  // rendered and escaped by the server
-    sayAgain();
+    showOutcome();
     link.textContent = "live, renewed " + new Date().toLocaleTimeString();
   } catch (error) {
     if (!link.textContent.startsWith("NO")) link.textContent = "NO CONNECTION since " + new Date().toLocaleTimeString();
   }
 }
 
-function sayAgain() {
+function showOutcome() {
   const button = state.querySelector("[data-acknowledge]");
-  if (!button || performance.now() > said.until) return;
-  button.disabled = said.done;
-  button.textContent = said.text;
+  if (!button || performance.now() > outcome.until) return;
+  button.disabled = outcome.done;
+  button.textContent = outcome.text;
 }
 
-function say(text, done) {
-  said = { text, done, until: performance.now() + patience };
-  sayAgain();
+function setOutcome(text, done) {
+  outcome = { text, done, until: performance.now() + patience };
+  showOutcome();
 }
 
 state.addEventListener("click", async (event) => {
@@ -35,10 +35,10 @@ state.addEventListener("click", async (event) => {
   button.disabled = true;
   try {
     const answer = await fetch("/acknowledge", { method: "POST", headers: { "X-Modalwatch": "page" } });
-    if (answer.ok) say("The monitor is told", true);
-    else say("Refused: " + (await answer.text()).trim(), false);
+    if (answer.ok) setOutcome("Acknowledgement sent", true);
+    else setOutcome("Refused: " + (await answer.text()).trim(), false);
   } catch (error) {
-    say("No connection: try again", false);
+    setOutcome("No connection: try again", false);
   }
 });
 
