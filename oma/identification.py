@@ -210,7 +210,7 @@ class IdentificationStream:
         Parameters
         ----------
         data : (n_samples, n_channels) array, optional
-            Signals of these blocks: tones are told from modes by them (`oma.spectral.harmonics`), else by damping.
+            Signals of these blocks: they distinguish tones from modes (`oma.spectral.harmonics`). Without them, damping does.
 
         Raises
         ------

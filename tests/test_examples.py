@@ -86,7 +86,7 @@ def test_paper_t_structure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert above < 0.6
     expected = {"location 1": (0.342, 0.373, 0.362), "location 2": (0.207, 0.156, 0.0)}
     for place, body in found["BODIES"].items():
-        exact, noisy = (found["updates"][place, said] for said in found["NOISE"])
+        exact, noisy = (found["updates"][place, reported] for reported in found["NOISE"])
         np.testing.assert_allclose(exact.totals, expected[place], atol=0.1 * body.mass)
         assert (np.abs(noisy.totals - exact.totals) < 4 * noisy.totals_std).all()
         paper = [1e-3 * grams for grams in found["PAPER"][place] if grams]

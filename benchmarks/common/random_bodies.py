@@ -151,7 +151,7 @@ def judge(found: MassChange, placed: Placed, limit: Limit, frequency_std: FloatA
     )
 
 
-def row(said: str, judged: list[Judged]) -> str:
+def row(label: str, judged: list[Judged]) -> str:
     """Return a line of the table."""
     off = np.array([j.off for j in judged])
     error = np.array([abs(j.mass_error) for j in judged])
@@ -162,7 +162,7 @@ def row(said: str, judged: list[Judged]) -> str:
         share([j.in_region for j in judged]),
         share([j.in_interval for j in judged]),
     ]
-    return " | ".join([f"| {said}", str(len(judged)), *cells]) + " |"
+    return " | ".join([f"| {label}", str(len(judged)), *cells]) + " |"
 
 
 def over_least(error: FloatArray, least: list[float]) -> float:

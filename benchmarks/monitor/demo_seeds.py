@@ -39,9 +39,9 @@ def row(found: dict[str, Any]) -> str:
     end = f"{found['dropped']} of {found['sent']} | {'found' if found['right'] else '**missed**'} |"
     if answer is None:
         return f"{start} nothing | | | | | | | {end}"
-    said = f"{place(answer['position'])} | {1000 * answer['position_std']:.0f} mm | {1000 * answer['mass']:.0f} g"
+    label = f"{place(answer['position'])} | {1000 * answer['position_std']:.0f} mm | {1000 * answer['mass']:.0f} g"
     off = f"{1000 * answer['mass_std']:.0f} g | {1000 * found['distance']:.0f} mm | {100 * found['mass_error']:+.1f} %"
-    return f"{start} {said} | {off} | {found['alarm_after_seconds']:.0f} s | {end}"
+    return f"{start} {label} | {off} | {found['alarm_after_seconds']:.0f} s | {end}"
 
 
 def place(position: list[float]) -> str:

@@ -132,7 +132,7 @@ def checks(manager: Manager, site: Path) -> Iterator[tuple[str, str, bool]]:
     kept = re.search(r"WatchdogSec=\d+", manager.install(site)) is not None
     begun = time.monotonic()
     code = manager.ask("start")
-    yield "start returns once READY=1 is said", f"{time.monotonic() - begun:.1f} s", code == 0 and active() and kept
+    yield "start returns after READY=1", f"{time.monotonic() - begun:.1f} s", code == 0 and active() and kept
     manager.until(lambda: manager.shows("StatusText") == ("no window yet; 1 of 1 devices",))
     yield "its status in a line", manager.shows("StatusText")[0], True
     before = manager.shows("MainPID", "NRestarts")
@@ -147,17 +147,17 @@ def checks(manager: Manager, site: Path) -> Iterator[tuple[str, str, bool]]:
         yield f"{what}: started again", f"after {gone:.1f} s, ready {back:.1f} s later", True
     begun = time.monotonic()
     manager.ask("stop")
-    said = manager.shows("ActiveState", "Result", "ExecMainStatus")
-    seen = f"{', '.join(said)}; {time.monotonic() - begun:.1f} s"
-    yield "stop ends it with 0", seen, said == ("inactive", "success", "0")
-    told = [event.topic for path in sorted((site.parent / "log").glob("*.mcap")) for event in read_events(path)]
-    count = told.count("/event/unclean_end")
-    yield "unclean ends that its logs name", str(count), count == 2 and told[-1] == "/event/stopped"
+    label = manager.shows("ActiveState", "Result", "ExecMainStatus")
+    seen = f"{', '.join(label)}; {time.monotonic() - begun:.1f} s"
+    yield "stop ends it with 0", seen, label == ("inactive", "success", "0")
+    stated = [event.topic for path in sorted((site.parent / "log").glob("*.mcap")) for event in read_events(path)]
+    count = stated.count("/event/unclean_end")
+    yield "unclean ends that its logs name", str(count), count == 2 and stated[-1] == "/event/stopped"
     site.write_text("nothing = 1\n", encoding="utf-8")
     manager.ask("start")
     time.sleep(4 * _AGAIN)
-    said = manager.shows("ActiveState", "ExecMainStatus", "NRestarts")
-    yield "wrong settings are not tried again", ", ".join(said), said == ("failed", "2", "0")
+    label = manager.shows("ActiveState", "ExecMainStatus", "NRestarts")
+    yield "wrong settings are not tried again", ", ".join(label), label == ("failed", "2", "0")
 
 
 def main() -> None:

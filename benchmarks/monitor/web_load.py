@@ -36,10 +36,10 @@ def asked(path: str) -> tuple[float, bytes]:
     begin = time.perf_counter()
     with socket.create_connection(("127.0.0.1", PORT), 60.0) as connection:
         connection.sendall(_WHOLE.format(path=path).encode())
-        said = b""
+        label = b""
         while more := connection.recv(65536):
-            said += more
-    return time.perf_counter() - begin, said.partition(b"\r\n")[0]
+            label += more
+    return time.perf_counter() - begin, label.partition(b"\r\n")[0]
 
 
 def half_sent(n: int) -> list[socket.socket]:

@@ -27,7 +27,7 @@ _BAND, _NOISE = (10.0, 300.0), 0.05  # Hz, of the rig
 class Case:
     """Windows of one structure."""
 
-    said: str
+    label: str
     structure: Structure
     record: Callable[[int], Recording]
     noise: float
@@ -62,11 +62,11 @@ def cases() -> Iterator[Case]:
     """Yield the measured cases."""
     for name in ("clean", "noise", "close", "weak", "short"):
         scene = SCENES[name]
-        said = f"8 ch, {scene.duration:.0f} s, {scene.said}"
-        yield Case(said=said, structure=scene.structure, record=scene.record, noise=scene.noise)
+        label = f"8 ch, {scene.duration:.0f} s, {scene.label}"
+        yield Case(label=label, structure=scene.structure, record=scene.record, noise=scene.noise)
     for seconds, taps in ((300.0, 0), (60.0, 0), (60.0, 12)):
         yield Case(
-            said=f"12 ch, 1 kHz, {seconds:.0f} s, {taps} taps",
+            label=f"12 ch, 1 kHz, {seconds:.0f} s, {taps} taps",
             structure=rig(),
             record=partial(rig_record, seconds, taps),
             noise=_NOISE,
@@ -123,7 +123,7 @@ def row(case: Case, n_windows: int) -> str:
     cells += [covered(found.frequency, found.frequency_std), covered(found.damping, found.damping_std)]
     missed = np.isnan(found.frequency).sum()
     bias = np.nanmean(found.damping / found.damping_std)
-    return " | ".join([f"| {case.said}", *cells, covered(found.shape, found.shape_std), f"{bias:+.2f}", f"{missed} |"])
+    return " | ".join([f"| {case.label}", *cells, covered(found.shape, found.shape_std), f"{bias:+.2f}", f"{missed} |"])
 
 
 def main() -> int:

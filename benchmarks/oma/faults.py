@@ -24,7 +24,7 @@ class Tally:
     damping: list[float] = field(default_factory=list)
     shape: list[float] = field(default_factory=list)
     complete: int = 0
-    said: set[str] = field(default_factory=set)
+    label: set[str] = field(default_factory=set)
 
     def add(self, found: Identification) -> None:
         """Compare with the truth on the channels that are left."""
@@ -33,7 +33,7 @@ class Tally:
         shapes = truth.shapes[:, kept] / np.linalg.norm(truth.shapes[:, kept], axis=1, keepdims=True)
         couples = pairs(estimate.frequency, estimate.shape, replace(truth, shapes=shapes))
         self.complete += len(couples) == estimate.n_modes == len(shapes)
-        self.said |= {f"{name}: {state.split(':')[0]}" for name, state in found.channels.items() if state != "ok"}
+        self.label |= {f"{name}: {state.split(':')[0]}" for name, state in found.channels.items() if state != "ok"}
         for i, j in couples:
             self.frequency.append((estimate.frequency[i] - truth.frequency[j]) / estimate.frequency_std[i])
             self.damping.append((estimate.damping[i] - truth.damping[j]) / estimate.damping_std[i])
@@ -47,7 +47,7 @@ def main() -> int:
     print(
         f"{n_windows} windows of 300 s a line, seeds 200 to {199 + n_windows}; errors within two standard deviations\n"
     )
-    print("| fault | all 8, none false | f | ζ | shape | mean error of f, of ζ [std] | said of |")
+    print("| fault | all 8, none false | f | ζ | shape | mean error of f, of ζ [std] | flagged |")
     print("| --- | ---: | ---: | ---: | ---: | ---: | --- |")
     for fault, text in FAULTS.items():
         tally = Tally()
@@ -55,8 +55,8 @@ def main() -> int:
             tally.add(identify_all(faulty(SCENE.record(seed), fault, seed)))
         covered = " | ".join(f"{np.mean(np.abs(z) < 2):.1%}" for z in (tally.frequency, tally.damping, tally.shape))
         bias = f"{np.mean(tally.frequency):+.2f}, {np.mean(tally.damping):+.2f}"
-        said = "those: gaps" if len(tally.said) > 2 else ", ".join(sorted(tally.said))
-        print(f"| {text} | {tally.complete / n_windows:.0%} | {covered} | {bias} | {said} |", flush=True)
+        label = "those: gaps" if len(tally.label) > 2 else ", ".join(sorted(tally.label))
+        print(f"| {text} | {tally.complete / n_windows:.0%} | {covered} | {bias} | {label} |", flush=True)
     return 0
 
 

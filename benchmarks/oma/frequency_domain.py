@@ -190,8 +190,8 @@ def run(name: str, folder: Path) -> None:
         modes, whole = one["result"]["modes"], one["result"]["peak"]
         n, false, off = found_and_off(modes, truth, size.seconds, size.rate / N_FFT)
         rmse = " | ".join(f"{value:.2f}" for value in np.sqrt(off.mean(axis=1))) if n else "- | -"
-        said = f"{n} of {N_MODES}, {false} false" if modes else "-"
-        line = f"| {name} | {who} | {one['cpu']:.3f} | {one['megabytes']:.0f} | {whole:.0f} | {said} | {rmse} |"
+        label = f"{n} of {N_MODES}, {false} false" if modes else "-"
+        line = f"| {name} | {who} | {one['cpu']:.3f} | {one['megabytes']:.0f} | {whole:.0f} | {label} | {rmse} |"
         print(line, flush=True)
 
 
@@ -227,7 +227,7 @@ def accuracy(n_windows: int, folder: Path) -> None:
             there = np.isfinite(errors[:, 0])
             covered = [np.mean(np.abs(errors[:, q][there]) < 2) for q in (2, 3)]
             cells = [f"{np.count_nonzero(there) / n_windows:.2f} / {false}", over(rms, bound, law), *covered]
-            row(it.said, name, *cells)
+            row(it.label, name, *cells)
         if scene == "clean":
             peers(min(PEER_WINDOWS, n_windows), folder, bound, law)
 
@@ -240,8 +240,8 @@ def over(rms: np.ndarray, bound: Any, law: np.ndarray) -> str:
 
 def row(*cells: Any) -> None:
     """Print a row."""
-    said = (f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in cells)
-    print(f"| {' | '.join(said)} |", flush=True)
+    label = (f"{cell:.2f}" if isinstance(cell, float) else str(cell) for cell in cells)
+    print(f"| {' | '.join(label)} |", flush=True)
 
 
 def peers(n_windows: int, folder: Path, bound: Any, law: np.ndarray) -> None:
@@ -259,7 +259,7 @@ def peers(n_windows: int, folder: Path, bound: Any, law: np.ndarray) -> None:
             one = measured(peer_python(), Path(__file__), who, 1, path=str(folder / "window.npy"), **arguments)
             errors[seed] = np.array(one["result"]["modes"]).T - (truth.frequency, truth.damping)
         rms = np.sqrt(np.nanmean(errors**2, axis=0))
-        row(it.said, f"{who}, {n_windows} windows", "-", over(rms, bound, law), "-", "-")
+        row(it.label, f"{who}, {n_windows} windows", "-", over(rms, bound, law), "-", "-")
 
 
 def main() -> None:

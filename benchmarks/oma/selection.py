@@ -93,7 +93,7 @@ def main() -> int:
         mine = ours(scene, n_ours)
         named = f"{np.mean(mine.named):.0%}" if mine.named else ""
         other = theirs(scene, n_theirs).row if n_theirs else ""
-        print(f"| {scene.said} | {mine.row} | {named} | {other} |", flush=True)
+        print(f"| {scene.label} | {mine.row} | {named} | {other} |", flush=True)
     return 0
 
 

@@ -81,7 +81,7 @@ def recorded(seed: int) -> None:
         new = list(zip(modes.tolist(), found.identity.tolist(), strict=True))
         labels += new
         sure += [label for label, doubt in zip(new, found.doubtful.tolist(), strict=True) if not doubt]
-    for name, some in (("all", labels), ("but those said to be doubtful", sure)):
+    for name, some in (("all", labels), ("without labels stated as doubtful", sure)):
         good, total, taken = right(some)
         print(f"{name}: {good} of {total} labels right ({100 * good / total:.2f} %), {taken} false modes taken for one")
     print(f"{windows} windows; seed {seed}")

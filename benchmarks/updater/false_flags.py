@@ -35,17 +35,17 @@ Method = type[MassUpdater] | type[StiffnessUpdater]
 class Undisturbed:
     """Changes of the modes of a frame without added mass."""
 
-    said: str
+    label: str
     noise: float = 1.0  # over what the windows state of themselves
     common: float = 0.0  # standard deviation of a change of all frequencies alike
     mixing: float = 0.0  # standard deviation of how far the two lowest, close modes turn into each other [rad]
 
 
 CASES = (
-    Undisturbed(said="noise as it is stated"),
-    Undisturbed(said="noise twice what is stated", noise=2.0),
-    Undisturbed(said="all frequencies drift together by 0.3 %", common=COMMON_STD),
-    Undisturbed(said="the two close modes mix by 0.05 rad", mixing=0.05),
+    Undisturbed(label="noise as it is stated"),
+    Undisturbed(label="noise twice what is stated", noise=2.0),
+    Undisturbed(label="all frequencies drift together by 0.3 %", common=COMMON_STD),
+    Undisturbed(label="the two close modes mix by 0.05 rad", mixing=0.05),
 )
 
 
@@ -85,7 +85,7 @@ def false_flags(rigs: list[Rig], case: Undisturbed, baselines: int, method: Meth
     n = baselines * EVENTS
     low = beta.ppf(0.025, flagged, n - flagged + 1) if flagged else 0.0  # Clopper-Pearson
     high = beta.ppf(0.975, flagged + 1, n - flagged)
-    return f"| {case.said} | {flagged} of {n} | {100 * flagged / n:.2f} % | {100 * low:.2f} to {100 * high:.2f} % |"
+    return f"| {case.label} | {flagged} of {n} | {100 * flagged / n:.2f} % | {100 * low:.2f} to {100 * high:.2f} % |"
 
 
 def detection(rigs: list[Rig], grams: int, baselines: int) -> str:

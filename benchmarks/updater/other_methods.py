@@ -111,7 +111,7 @@ def main() -> int:
     name = sys.argv[2] if len(sys.argv) > 2 else "0.1/2"
     with Pool() as pool:
         errors = np.array(pool.map(one, [(name, number) for number in range(places)], chunksize=5))
-    print(f"seed {SEED}, {places} places, 0.5 to 4 % of the mass, {LINES[name].said}\n")
+    print(f"seed {SEED}, {places} places, 0.5 to 4 % of the mass, {LINES[name].label}\n")
     print("| method | off, median [mm] | 90 % [mm] | mass off, median [%] | 90 % [%] |\n| --- |" + " ---: |" * 4)
     for k, method in enumerate(METHODS):
         off, mass = 1000 * errors[:, k, 0], 100 * errors[:, k, 1]

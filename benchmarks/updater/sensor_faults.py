@@ -47,10 +47,10 @@ class Tally:
         self.named += 1
         self.ambiguous += found["verdict"] == "ambiguous"
         for name, true in hidden.parameters.items():
-            said = own[0]["parameters"].get(name)
-            if said:
-                self.error.append(abs(said["value"] - true))
-                self.over_std.append(abs(said["value"] - true) / said["std"])
+            label = own[0]["parameters"].get(name)
+            if label:
+                self.error.append(abs(label["value"] - true))
+                self.over_std.append(abs(label["value"] - true) / label["std"])
 
     def cells(self, name: str) -> Iterator[str]:
         """Return them as cells of a table."""

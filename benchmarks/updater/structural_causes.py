@@ -42,10 +42,10 @@ class Tally:
         self.away.append(float(np.linalg.norm(np.subtract(where["position"], hidden.position))))
         self.inside.append(any(_between(hidden.position, *ends) for ends in where["region"]))
         for name, true in hidden.parameters.items():
-            said = own[0]["parameters"].get(name)
-            if said:
-                self.error.setdefault(name, []).append(abs(said["value"] / true - 1))
-                self.within.setdefault(name, []).append(abs(said["value"] - true) < 2 * said["std"])
+            label = own[0]["parameters"].get(name)
+            if label:
+                self.error.setdefault(name, []).append(abs(label["value"] / true - 1))
+                self.within.setdefault(name, []).append(abs(label["value"] - true) < 2 * label["std"])
 
     def cells(self, name: str) -> Iterator[str]:
         """Return them as cells of a table."""

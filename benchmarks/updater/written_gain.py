@@ -46,11 +46,11 @@ def row(where: str, loops: list[Loop]) -> str:
         again += loop.again.explained.diagnosis.verdict == "nothing_to_explain"
     if not figures:
         return f"| {where.removesuffix(': ') or 'T-frame'} | {len(loops)} | 0 | | | | | |"
-    told, files, truth, change = np.array(figures).T
-    same = int((np.abs(told / files - 1) < 1e-3).sum())
+    reported, files, truth, change = np.array(figures).T
+    same = int((np.abs(reported / files - 1) < 1e-3).sum())
     return (
-        f"| {where.removesuffix(': ') or 'T-frame'} | {len(loops)} | {len(told)} | {same} | "
-        f"{_spread(told)} | {_spread(truth)} | {np.median(change):.3f} | {again} |"
+        f"| {where.removesuffix(': ') or 'T-frame'} | {len(loops)} | {len(reported)} | {same} | "
+        f"{_spread(reported)} | {_spread(truth)} | {np.median(change):.3f} | {again} |"
     )
 
 
@@ -100,10 +100,10 @@ def _missed(cell: str, number: int, loop: Loop) -> list[str]:
     found = loop.found.explained
     if loop.again is None or found.gained is None or loop.error is None:
         return [] if found.extended is None else [f"- {cell} {number}: no gain"]
-    told = found.gained.gain.frequency_error_percent.after or np.nan
+    reported = found.gained.gain.frequency_error_percent.after or np.nan
     text = []
-    if abs(told / loop.error - 1) > 1e-3:
-        text.append(f"{told:.3f} % stated, {loop.error:.3f} % by the file")
+    if abs(reported / loop.error - 1) > 1e-3:
+        text.append(f"{reported:.3f} % stated, {loop.error:.3f} % by the file")
     again = loop.again.explained.diagnosis
     if again.verdict != "nothing_to_explain":
         text.append(f"diagnosed again: {again.verdict}, {' + '.join(c.cause for c in again.causes) or 'no cause'}")

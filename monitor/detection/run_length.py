@@ -1,7 +1,7 @@
 """Limits from the run length: how far a detector may go by chance, once in the stated time.
 
 Of `n` modes, each detector looks at a distance that is chi-square distributed while nothing has changed, over a
-variance that a baseline has told with some degrees of freedom. A false alarm is the start of a run of windows over
+variance that a baseline has estimated with some degrees of freedom. A false alarm is the start of a run of windows over
 the limit; its rate is taken for a known variance first, successive windows being correlated as overlap and averaging
 make them, and then averaged over what the baseline leaves open of the variance.
 

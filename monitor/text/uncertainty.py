@@ -18,9 +18,7 @@ def unsure_text(found: Sequence[Unsure]) -> str:
     silent = max((one.silent_hours for one in found if one.silent_hours is not None), default=None)
     if silent is not None:
         where += f"{' and ' if where else ''}without a temperature reading for up to {silent:.1f} h,"
-    detectable = (
-        f"of changes of all frequencies alike only those of more than {worst.least_percent:.2g} % is detectable"
-    )
+    detectable = f"only changes of all frequencies alike by more than {worst.least_percent:.2g} % are detectable"
     return f"{where} {detectable}".lstrip()
 
 

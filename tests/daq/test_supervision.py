@@ -48,8 +48,8 @@ def test_thread_is_restarted_counted_and_reported_once() -> None:
     until(lambda: len(runs) == 3)
     assert failures.counts == {"courier": 2}
     assert (failures.problem or "").startswith("courier: OverflowError (test_super")
-    [(topic, said)] = failures.events()
-    assert (topic, said["thread"]) == ("/event/thread_failed", "courier")
+    [(topic, reported)] = failures.events()
+    assert (topic, reported["thread"]) == ("/event/thread_failed", "courier")
     until(lambda: failures.problem is None)
     assert list(failures.events()) == [("/event/thread_recovered", {"thread": "courier", "failures": 2})]
     thread.ending.set()
@@ -74,20 +74,20 @@ def test_thread_that_always_fails_still_ends_when_asked(error: BaseException) ->
 
 
 def test_reader_of_the_log_that_fails_costs_neither_the_log_nor_other_items(tmp_path: Path) -> None:
-    told: list[Item] = []
+    stated: list[Item] = []
 
     def take(item: Item) -> None:
         if isinstance(item, Event) and item.payload == {"n": 1}:
             raise ZeroDivisionError
-        told.append(item)
+        stated.append(item)
 
     before = FAILURES.counts.get("log readers", 0)
     events = [Event(topic="/event/x", time=n, payload={"n": n}) for n in range(3)]
     recorder = RotatingWriter(tmp_path, {}, 10**18)
-    with WriterThread(ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), told.append), take) as log:
+    with WriterThread(ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), stated.append), take) as log:
         for event in events:
             log.put(event)
-    assert [item.payload["n"] for item in told if isinstance(item, Event)] == [0, 2]
+    assert [item.payload["n"] for item in stated if isinstance(item, Event)] == [0, 2]
     assert len(list(read_log(recorder.paths[0]))) == 3
     assert FAILURES.counts["log readers"] == before + 1
 

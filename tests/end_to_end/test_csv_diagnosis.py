@@ -119,9 +119,9 @@ def test_channels_that_only_one_of_the_records_has_are_told(folder: Path, modalw
     write_csv(folder / "misnamed.csv", replace(recording, channels=tuple(channels)))
     assert modalwatch("import", folder / "misnamed.csv", "-o", folder / "misnamed.mcap").code == 0
     logs = (folder / "misnamed.mcap", "--reference", folder / "before.mcap")
-    said = modalwatch("diagnose", folder / "structure.toml", *logs)
-    assert "note: misnamed.mcap: no sensor of the structure, left out: col_112_x" in said.out
-    assert "note: misnamed.mcap: compared without col_111_x, which the reference has" in said.out
+    reported = modalwatch("diagnose", folder / "structure.toml", *logs)
+    assert "note: misnamed.mcap: no sensor of the structure, left out: col_112_x" in reported.out
+    assert "note: misnamed.mcap: compared without col_111_x, which the reference has" in reported.out
 
 
 def test_channels_that_carry_the_same_samples_are_told_before_the_answer(folder: Path, modalwatch: Commands) -> None:
@@ -133,9 +133,9 @@ def test_channels_that_carry_the_same_samples_are_told_before_the_answer(folder:
     write_csv(folder / "copied.csv", replace(recording, data=data))
     assert modalwatch("import", folder / "copied.csv", "-o", folder / "copied.mcap").code == 0
     logs = (folder / "copied.mcap", "--reference", folder / "before.mcap", "--json", folder / "copied.json")
-    said = modalwatch("diagnose", folder / "structure.toml", *logs).out.splitlines()
-    assert said[0].startswith("warning: copied.mcap: col_037_x and col_111_x contain identical samples (")
-    assert said[1] == "warning: copied.mcap: beam_mid_y is left out: constant"
+    reported = modalwatch("diagnose", folder / "structure.toml", *logs).out.splitlines()
+    assert reported[0].startswith("warning: copied.mcap: col_037_x and col_111_x contain identical samples (")
+    assert reported[1] == "warning: copied.mcap: beam_mid_y is left out: constant"
     (dead,) = json.loads((folder / "copied.json").read_text(encoding="utf-8"))["causes"]
     assert (dead["cause"], dead["where"]["channels"]) == ("sensor_dead", ["beam_mid_y"])
 

@@ -89,14 +89,14 @@ def test_a_record_has_the_modes_that_are_said() -> None:
     """Frequencies within four of the deviations that identification states, damping within a factor of two."""
     state = draw_state(5)
     found = identify(recorded(state, 120.0, np.random.default_rng(6)))
-    said = estimated(state, 1, np.random.default_rng(7), noise="law")[0]
+    reported = estimated(state, 1, np.random.default_rng(7), noise="law")[0]
     assert found.n_modes >= 8
     for mode in range(2, 8):  # the first two are 0.2 Hz apart and mix
-        nearest = int(np.argmin(np.abs(found.frequency - said.frequency[mode])))
+        nearest = int(np.argmin(np.abs(found.frequency - reported.frequency[mode])))
         off = abs(found.frequency[nearest] - state.claimed_frequency(8)[mode])
         assert off < 4 * found.frequency_std[nearest]
         assert 0.5 < found.damping[nearest] / state.modal_damping(8)[mode] < 2
-        assert abs(np.vdot(found.shape[nearest], said.shape[mode])) ** 2 > 0.99
+        assert abs(np.vdot(found.shape[nearest], reported.shape[mode])) ** 2 > 0.99
 
 
 @pytest.mark.parametrize("name", CAUSES)
@@ -132,7 +132,7 @@ GAIN = Hidden(cause="sensor_gain", channels=("a",))
 
 
 @pytest.mark.parametrize(
-    ("said", "hidden", "kind", "outcome"),
+    ("reported", "hidden", "kind", "outcome"),
     [
         (_said("explained", ("added_mass", [0, 0, 1.05], [], [])), [MASS], "detectable", "right"),
         (_said("explained", ("added_mass", [0, 0, 1.2], [], [])), [MASS], "detectable", "misplaced"),
@@ -151,8 +151,8 @@ GAIN = Hidden(cause="sensor_gain", channels=("a",))
         (_said("ambiguous", ("x", None, [], [])), [], "nothing", "wrong"),
     ],
 )
-def test_the_scorer_is_strict(said: dict[str, object], hidden: list[Hidden], kind: str, outcome: str) -> None:
-    assert score(said, hidden, kind).outcome == outcome
+def test_the_scorer_is_strict(reported: dict[str, object], hidden: list[Hidden], kind: str, outcome: str) -> None:
+    assert score(reported, hidden, kind).outcome == outcome
 
 
 def test_what_is_done_leaves_the_specimen_before_alone() -> None:

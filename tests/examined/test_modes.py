@@ -26,7 +26,7 @@ THOROUGH = [
     ("bridge: distributed_mass", 2318511296001),  # mixes two modes 1 % apart, whose damping differs
     ("added_mass + support_stiffness", 1131743107009),  # two stretches, one at the foot, fit at p = 0.07
     ("added_mass + support_stiffness", 1131743107016),  # one stretch at the foot with a factor for each axis: p = 0.16
-    ("portal: local_stiffness", 3529803145001),  # of a length between two kinds: was told as two that overlap
+    ("portal: local_stiffness", 3529803145001),  # of a length between two kinds: was reported as two that overlap
     ("added_mass", 1026725876004),  # taken off, and the calibration with it on had put it into the joint
     ("added_mass + added_mass", 3170573339005),  # a stretch with a factor for each axis fits them at p = 0.1
     ("one_sided + added_mass", 586223721002),  # likewise mass along a quarter of the column

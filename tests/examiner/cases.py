@@ -81,7 +81,9 @@ ELSEWHERE = (
 )  #: the grid's supports are rigid
 CELLS = (*CAUSES, ONE_SIDED, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
-_COMMON = 3e-3  # of all frequencies together, that a day may bring: not to be told from a global cause this small
+_COMMON = (
+    3e-3  # of all frequencies together, that a day may bring: not to be distinguished from a global cause this small
+)
 _TOGETHER = 3.0  # components of a shape that err as one
 _LEVEL, _POWER = 0.01, 0.99
 _HARDLY = 0.03

@@ -23,9 +23,9 @@ class Score:
     """One word, and how far off a place and sizes are."""
 
     outcome: str
-    said: str  #: verdict and names
+    reported: str  #: verdict and names
     away: float | None = None  #: m
-    errors: dict[str, float] = field(default_factory=dict)  #: of parameters, as said less true
+    errors: dict[str, float] = field(default_factory=dict)  #: of parameters, as stated less true
 
     @property
     def fine(self) -> bool:
@@ -60,7 +60,7 @@ def score(
     same = first is not None and first["cause"] == hidden[0].cause
     return Score(
         outcome=outcome,
-        said=_said(answer),
+        reported=_said(answer),
         away=_away(first, hidden[0]) if first is not None and same else None,
         errors=_errors(first, hidden[0]) if first is not None and same else {},
     )
@@ -79,10 +79,10 @@ def _outcome(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, nea
 
 def _named(causes: Sequence[Mapping[str, Any]], hidden: Sequence[Hidden], near: float, *, sure: bool) -> str:
     """Judge the names: the same multiset if it is sure of them, each in some set if not."""
-    said = sorted(str(cause["cause"]) for cause in causes)
+    reported = sorted(str(cause["cause"]) for cause in causes)
     done = sorted(one.cause for one in hidden)
     if sure:
-        if said != done:
+        if reported != done:
             return WRONG
         return RIGHT if all(any(_there(c, one, near) for c in causes) for one in hidden) else MISPLACED
     sets = [{str(cause["cause"]), *map(str, cause["cannot_be_told_from"])} for cause in causes]
@@ -100,8 +100,10 @@ def _there(cause: Mapping[str, Any], one: Hidden, near: float) -> bool:
 
 def _all_of(cause: Mapping[str, Any], one: Hidden) -> bool:
     """A channel is meant alone; of a device, its channels."""
-    said = set(cause["where"]["channels"])
-    return said <= set(one.channels) and (len(one.channels) == 1 or one.cause != "sensor_swap" or len(said) == 2)
+    reported = set(cause["where"]["channels"])
+    return reported <= set(one.channels) and (
+        len(one.channels) == 1 or one.cause != "sensor_swap" or len(reported) == 2
+    )
 
 
 def _away(cause: Mapping[str, Any] | None, one: Hidden) -> float | None:
@@ -111,8 +113,8 @@ def _away(cause: Mapping[str, Any] | None, one: Hidden) -> float | None:
 
 
 def _errors(cause: Mapping[str, Any], one: Hidden) -> dict[str, float]:
-    said = cause["parameters"]
-    return {name: said[name]["value"] - true for name, true in one.parameters.items() if name in said}
+    reported = cause["parameters"]
+    return {name: reported[name]["value"] - true for name, true in one.parameters.items() if name in reported}
 
 
 def _said(answer: Mapping[str, Any]) -> str:

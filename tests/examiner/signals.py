@@ -98,14 +98,14 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
         strict=True,
     ):
         acceleration += _modal_acceleration(push @ pushed, 2 * np.pi * f, z, 1 / fine)[:, None] * there
-    said = _delayed(acceleration * state.gain, state.delay, fine)[settling:, state.order]
-    said = upfirdn(firwin(129, 0.9 / _OVER), said, down=_OVER, axis=0)[: round(seconds * rate)]
-    said[:, [state.channels.index(c) for c in state.dead]] = 0.0
-    said += _NOISE * np.sqrt(rate / 2) * random.standard_normal(said.shape)
+    reported = _delayed(acceleration * state.gain, state.delay, fine)[settling:, state.order]
+    reported = upfirdn(firwin(129, 0.9 / _OVER), reported, down=_OVER, axis=0)[: round(seconds * rate)]
+    reported[:, [state.channels.index(c) for c in state.dead]] = 0.0
+    reported += _NOISE * np.sqrt(rate / 2) * random.standard_normal(reported.shape)
     sensors = state.sensors
     axes = {"x": 0, "y": 1, "z": 2}
     channels = tuple(Channel(name=s.channel, device=s.device, axis=axes[s.channel[-1]]) for s in sensors)
-    data: FloatArray = _QUANTUM * np.round(said / _QUANTUM)
+    data: FloatArray = _QUANTUM * np.round(reported / _QUANTUM)
     return Recording(channels=channels, data=data, rate=rate, start=START, temperature=state.temperature)
 
 

@@ -254,8 +254,8 @@ def crafted_mcap(_: bytes, random: Random) -> bytes:
         time = random.choice(_INTEGERS) if random.random() < 0.02 else block.time & ((1 << 63) - 1)
         writer.add_message(topic, time, block.SerializeToString(), time, number)
         if random.random() < 0.3:
-            said = json.dumps(json_value(random)) if random.random() < 0.8 else "[" * 30000
-            writer.add_message(events, time, said.encode(), time, number)
+            reported = json.dumps(json_value(random)) if random.random() < 0.8 else "[" * 30000
+            writer.add_message(events, time, reported.encode(), time, number)
     writer.finish()  # type: ignore[no-untyped-call]
     return file.getvalue()
 

@@ -444,11 +444,11 @@ def _log_seeds() -> tuple[Seed, ...]:
 def _state_seeds() -> tuple[Seed, ...]:
     memory = json.dumps({"modalwatch": 8, "sha256": "0" * 64}).encode() + b"\n" + b"{}"
     status = {"time": 1, "state": "normal", "devices": {"imu": {"rate": 1000.0}}, "problems": [], "windows": 3}
-    said = {"kind": "accept", "by": "ada", "cause": "new pump", "alarm": 1}
+    reported = {"kind": "accept", "by": "ada", "cause": "new pump", "alarm": 1}
     return (
         Seed(content=memory, mutate=mutated_text),
         Seed(content=json.dumps(status).encode(), mutate=mutated_json),
-        Seed(content=json.dumps(said).encode(), mutate=mutated_json),
+        Seed(content=json.dumps(reported).encode(), mutate=mutated_json),
     )
 
 

@@ -60,10 +60,10 @@ def run_case(reader: str, number: int, keep: Path | None = None) -> Outcome:
     _, status, used = os.wait4(child, 0)
     code = os.waitstatus_to_exitcode(status)
     seconds, megabytes = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3
-    said = [file.read_bytes() if file.exists() else b"" for file in (out, err)]
-    faults = [*_faults(*said)]
+    reported = [file.read_bytes() if file.exists() else b"" for file in (out, err)]
+    faults = [*_faults(*reported)]
     if code not in CODES:
-        faults.append(f"exit code {code}{' (killed)' if killed else ''}: {said[1][-300:]!r}")
+        faults.append(f"exit code {code}{' (killed)' if killed else ''}: {reported[1][-300:]!r}")
     if seconds > SECONDS or killed:
         faults.append(f"{seconds:.1f} s of processor time")
     if megabytes > MEGABYTES:
@@ -118,8 +118,8 @@ def _ended(child: int, seconds: float) -> bool:
 
 def _faults(out: bytes, err: bytes) -> Iterator[str]:
     """Yield the faults of a case's output."""
-    for name, said in (("output", out), ("error", err)):
-        text = said.decode("utf-8", "surrogateescape")
+    for name, reported in (("output", out), ("error", err)):
+        text = reported.decode("utf-8", "surrogateescape")
         if "Traceback" in text:
             yield f"traceback: {text.strip().splitlines()[-1]:.300}"
         if found := _CONTROL.search(text):

@@ -57,14 +57,14 @@ def named(folder: Path, spells: list[Spell]) -> tuple[list[str], bool]:
     for spell in spells:
         fault, late = spell.fault, spell.ended + int(100e9)  # a window, and what is tried again after a minute
         device = fault.device if fault.device not in (None, ANY) else None
-        said = {
+        label = {
             topic.removeprefix("/event/")
             for at, topic, of in events
             if spell.begun - 1e9 <= at <= late and (device is None or of in ("", device))
         }
-        there = all(name in said for name in fault.named)
+        there = all(name in label for name in fault.named)
         well &= there
-        words = ", ".join(f"`{name}`" if name in said else f"`{name}` MISSING" for name in fault.named)
+        words = ", ".join(f"`{name}`" if name in label else f"`{name}` MISSING" for name in fault.named)
         rows.append(
             f"| {fault.what}{f' ({device})' if device else ''} | {(spell.ended - spell.begun) / 1e9:.1f} | {words} |"
         )

@@ -67,6 +67,6 @@ def judged(seen: list[Series]) -> tuple[list[str], bool | None]:
             continue
         slope, deviation = growth
         judged_so[series.kind] = judged_so.get(series.kind, True) and slope <= MAX[series.kind]
-        told = ", ".join(f"{low:.1f}" for low in lows)
-        rows.append(f"| {series.kind} | {told} | {slope:+.2f} ± {deviation:.2f} | {MAX[series.kind]:g} |")
+        stated = ", ".join(f"{low:.1f}" for low in lows)
+        rows.append(f"| {series.kind} | {stated} | {slope:+.2f} ± {deviation:.2f} | {MAX[series.kind]:g} |")
     return rows, set(judged_so) == set(MAX) and all(judged_so.values())

@@ -135,10 +135,10 @@ def main() -> None:
     with (folder / LEDGER).open("w", encoding="utf-8", buffering=1) as ledger:
         while True:
             if select.select([0], [], [], _TICK)[0]:
-                said = os.read(0, 4096)
-                if not said:
+                label = os.read(0, 4096)
+                if not label:
                     return
-                *lines, text = (text + said).split(b"\n")
+                *lines, text = (text + label).split(b"\n")
                 for line in lines:
                     rig.obey(line.decode())
             rig.world.keep_up(time.time_ns())

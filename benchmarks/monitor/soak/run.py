@@ -81,8 +81,8 @@ class Hook(http.server.BaseHTTPRequestHandler):
                     self.flush_headers()
                     time.sleep(0.5)
             return
-        said = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
-        self.texts += [notice["text"] for notice in said["notices"]]
+        label = json.loads(self.rfile.read(int(self.headers["Content-Length"])))
+        self.texts += [notice["text"] for notice in label["notices"]]
         self.send_response(200)
         self.end_headers()
 
@@ -111,7 +111,7 @@ class Soak:
     def __init__(self, folder: Path, n: int, seconds: float) -> None:
         self.folder, self._n, self._seconds = folder, n, seconds
         self.viewer_port, self.web_port, self._hook_port = free_port(), free_port(), free_port()
-        self.told: list[str] = []
+        self.stated: list[str] = []
         self.lives: list[Life] = []
         self._hook: http.server.ThreadingHTTPServer | None = None
         self._rotate = _ROTATE
@@ -143,7 +143,7 @@ class Soak:
     def webhook(self, *, up: bool, hostile: str = "") -> None:
         """Let notices be accepted, refused, or answered by a hostile reply: "retry" or "trickle"."""
         if up:
-            handler = type("Kept", (Hook,), {"texts": self.told, "hostile": hostile})
+            handler = type("Kept", (Hook,), {"texts": self.stated, "hostile": hostile})
             self._hook = http.server.ThreadingHTTPServer(("127.0.0.1", self._hook_port), handler)
             threading.Thread(target=self._hook.serve_forever, daemon=True).start()
         elif self._hook:
@@ -170,7 +170,7 @@ class Soak:
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard:
             heard.bind(path)
             heard.settimeout(_START)
-            out = (self.folder / "said.jsonl").open("a", encoding="utf-8")
+            out = (self.folder / "console.jsonl").open("a", encoding="utf-8")
             environment = os.environ | {"NOTIFY_SOCKET": path}
             command = [*_RUN, str(self.folder / "site.toml"), "--json-log"]
             self._process = subprocess.Popen(command, stdout=out, stderr=out, env=environment)
@@ -178,7 +178,7 @@ class Soak:
                 while heard.recv(4096) != b"READY=1":
                     pass
             except TimeoutError:
-                raise SystemExit((self.folder / "said.jsonl").read_text(encoding="utf-8")) from None
+                raise SystemExit((self.folder / "console.jsonl").read_text(encoding="utf-8")) from None
         Path(path).unlink()
         self.monitor = psutil.Process(self._process.pid)
         self.lives.append(Life())
@@ -284,7 +284,7 @@ def soaked(folder: Path, n: int, seconds: float) -> bool:
     with soak.rig():
         soak.start_monitor()
         spells = played(soak, seconds, soak.look)
-        said = soak.metrics()
+        label = soak.metrics()
         rig_cpu = _cpu(soak.rig_process)
         end = time.time_ns() - int(_END * 1e9)
         code = soak.stop()
@@ -292,11 +292,11 @@ def soaked(folder: Path, n: int, seconds: float) -> bool:
     spells = sorted(spells + by_rig(folder, seconds) + stood_still(folder), key=lambda spell: spell.ended)
     looks = [[asdict(process) for process in life.processes.values()] for life in soak.lives]
     (folder / "looks.json").write_text(json.dumps(looks), encoding="utf-8")
-    return report(soak, spells, said, (code, end, rig_cpu), n, seconds)
+    return report(soak, spells, label, (code, end, rig_cpu), n, seconds)
 
 
 def report(
-    soak: Soak, spells: list[Spell], said: dict[str, float], ended: tuple[int, int, float], n: int, seconds: float
+    soak: Soak, spells: list[Spell], label: dict[str, float], ended: tuple[int, int, float], n: int, seconds: float
 ) -> bool:
     """Print the results."""
     code, end, rig_cpu = ended
@@ -324,12 +324,12 @@ def report(
         )
         print("\n".join(rows))
     for name in ("window", "alarm"):
-        late = said.get(f"modalwatch_{name}_latency_seconds")
+        late = label.get(f"modalwatch_{name}_latency_seconds")
         print(f"\nlast sample to {name}: {'-' if late is None else f'{late:.2f} s'}", end="")
-    print(f"\nnotices taken: {len(soak.told)}; /healthz answered: {soak.web_codes}; exit code {code}")
+    print(f"\nnotices taken: {len(soak.stated)}; /healthz answered: {soak.web_codes}; exit code {code}")
     print(f"the rig itself: {100 * rig_cpu / seconds:.0f} % of a core")
     checks = {"nothing missing without a reason": all_there, "every fault named": all_named, "ended with 0": code == 0}
-    checks["the mass at the end raised an alarm"] = said.get('modalwatch_state{state="alarm"}') == 1.0
+    checks["the mass at the end raised an alarm"] = label.get('modalwatch_state{state="alarm"}') == 1.0
     if flat is not None:
         checks["memory flat in the last hour"] = flat
     for what, well in checks.items():

@@ -40,13 +40,13 @@ def result_of(case: Case, noise: str, answer: Mapping[str, Any] | str, seconds: 
     done = "; ".join(f"{h.cause} {h.position or ', '.join(h.channels)} {h.parameters}" for h in case.done.hidden)
     both: dict[str, Any] = {"cell": case.cell, "seed": case.seed, "noise": noise, "kind": case.kind, "done": done}
     if isinstance(answer, str):
-        return Result(**both, outcome="refused", said=answer)
+        return Result(**both, outcome="refused", reported=answer)
     judged = score(answer, case.done.hidden, case.kind, near=case.near, built=case.built)
     gain = answer["gain"]["change_error_percent"] if answer["gain"] else {"before": None, "after": None}
     return Result(
         **both,
         outcome=judged.outcome,
-        said=judged.said,
+        reported=judged.reported,
         away=judged.away,
         errors=judged.errors,
         true=case.done.hidden[0].parameters if case.done.hidden else {},

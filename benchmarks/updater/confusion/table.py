@@ -23,7 +23,7 @@ class Result(BaseModel):
     noise: str
     kind: str
     outcome: str
-    said: str
+    reported: str
     done: str = ""
     away: float | None = None  #: m
     errors: dict[str, float] = {}
@@ -126,8 +126,8 @@ def _absolute(r: Result, name: str, unit: float) -> float | None:
 def _accuracies(results: Sequence[Result]) -> str:
     rows = ["| of those named alone | n | median | 90 % within | wanted |", "|:--|---:|---:|---:|---:|"]
     for cell, what, unit, wanted, figure in _FIGURES:
-        said = [figure(r) for r in results if r.cell == cell and r.outcome in {"right", "misplaced", "alias"}]
-        off = [x for x in said if x is not None]
+        reported = [figure(r) for r in results if r.cell == cell and r.outcome in {"right", "misplaced", "alias"}]
+        off = [x for x in reported if x is not None]
         if off:
             median, most = np.median(off), np.quantile(off, 0.9)
             rows.append(f"| {cell}: {what} | {len(off)} | {median:.3g} {unit} | {most:.3g} {unit} | {wanted} |")
@@ -156,7 +156,7 @@ def _accuracies(results: Sequence[Result]) -> str:
 
 def _misses(results: Sequence[Result]) -> str:
     lines = [
-        f"- {r.cell}, seed {r.seed}: {r.outcome}: {r.said}" + (f" (was {r.done})" if r.done else "")
+        f"- {r.cell}, seed {r.seed}: {r.outcome}: {r.reported}" + (f" (was {r.done})" if r.done else "")
         for r in sorted(results, key=lambda r: (_TASKS.index(r.kind), r.cell, r.seed))
         if r.outcome not in {"right", "alias"}
     ]

@@ -34,7 +34,7 @@ STRUCTURE = t_frame()
 class Line:
     """Conditions of one line of a table."""
 
-    said: str
+    label: str
     shares: tuple[float, ...] = SHARES  # of the structure's mass, in turn
     noise: float = 0.0  # of frequencies
     shape_noise: float = 0.0  # of a shape's rms component
@@ -55,25 +55,25 @@ class Line:
 
 LINES = {
     **{
-        f"{noise}/{shape}": Line(said=f"noise {noise} % / {shape} %", noise=noise / 100, shape_noise=shape / 100)
+        f"{noise}/{shape}": Line(label=f"noise {noise} % / {shape} %", noise=noise / 100, shape_noise=shape / 100)
         for noise, shape in ((0.05, 1), (0.1, 2), (0.3, 3))
     },
-    "drift": Line(said="noise 0.1 % / 2 %, all frequencies 0.5 % off", noise=1e-3, shape_noise=0.02, drift=5e-3),
+    "drift": Line(label="noise 0.1 % / 2 %, all frequencies 0.5 % off", noise=1e-3, shape_noise=0.02, drift=5e-3),
     **{
         f"law{seconds}": Line(
-            said=f"noise of {seconds} s by the law, shapes {shape} %", seconds=seconds, shape_noise=shape / 100
+            label=f"noise of {seconds} s by the law, shapes {shape} %", seconds=seconds, shape_noise=shape / 100
         )
         for seconds, shape in ((60, 1.0), (120, 0.7), (600, 0.3))
     },
     "304": Line(
-        said="304 g at location 1, noise 0.1 % / 2 %",
+        label="304 g at location 1, noise 0.1 % / 2 %",
         shares=(0.304 / TOTAL,),
         noise=1e-3,
         shape_noise=0.02,
         at=("crossbeam", 0.65),
     ),
     "152": Line(
-        said="152 g at location 2, noise 0.1 % / 2 %",
+        label="152 g at location 2, noise 0.1 % / 2 %",
         shares=(0.152 / TOTAL,),
         noise=1e-3,
         shape_noise=0.02,
@@ -193,7 +193,7 @@ def main() -> int:
         for name in sys.argv[2:] or LINES:
             line = LINES[name]
             judged = pool.map(one, [(name, number) for number in range(places)], chunksize=5)
-            print(row(line.said, judged), flush=True)
+            print(row(line.label, judged), flush=True)
             for share in line.shares if len(line.shares) > 1 else ():
                 these = [j for j in judged if np.isclose(j.share, share)]
                 print(row(f"of these {100 * share:g} % of the mass", these), flush=True)

@@ -98,10 +98,10 @@ def main() -> int:
         for seconds in map(float, sys.argv[2:] or ("60", "120", "600")):
             tasks = [(frame, places // FRAMES, seconds) for frame in range(FRAMES)]
             found = [j for judgements in pool.map(of_frame, tasks, chunksize=1) for j in judgements]
-            told = [j for j in found if j]
-            print(row(f"records of {seconds:.0f} s ({len(found) - len(told)} not answered)", told), flush=True)
+            stated = [j for j in found if j]
+            print(row(f"records of {seconds:.0f} s ({len(found) - len(stated)} not answered)", stated), flush=True)
             for share in SHARES:
-                these = [j for j in told if np.isclose(j.share, share)]
+                these = [j for j in stated if np.isclose(j.share, share)]
                 print(row(f"of these {100 * share:g} % of the mass", these), flush=True)
     return 0
 

@@ -38,7 +38,7 @@ APART = 0.3  # m
 SHOWN = 5.0  # standard deviations
 SHARES = (0.02, 0.04)  # of the structure's mass
 HEAD = (
-    "| | cases | counted rightly [%] | worse place off, median [mm] | 90 % [mm] | worse mass off, median [%] |\n"
+    "| | cases | counted correctly [%] | larger position error, median [mm] | 90 % [mm] | larger mass error, median [%] |\n"
     "| --- |" + " ---: |" * 5
 )
 
@@ -111,17 +111,17 @@ def main() -> int:
     with Pool() as pool:
         for name, number in itertools.product(NOISES, NUMBERS):
             found = pool.map(one, [(name, number, case) for case in range(cases)], chunksize=2)
-            print(row(f"{number} mass{'es' * (number > 1)}, {LINES[name].said}", found))
-            print(row("of these each of the masses shows", [f for f in found if f.seen]), flush=True)
+            print(row(f"{number} mass{'es' * (number > 1)}, {LINES[name].label}", found))
+            print(row("– each mass is detectable", [f for f in found if f.seen]), flush=True)
     return 0
 
 
-def row(said: str, found: list[Counted]) -> str:
+def row(label: str, found: list[Counted]) -> str:
     """Return a line of the table."""
     off = 1000 * np.array([f.off for f in found if f.right])
     error = 100 * np.array([f.mass_error for f in found if f.right])
     cells = [share([f.right for f in found]), f"{np.median(off):.1f}", f"{np.percentile(off, 90):.0f}"]
-    return " | ".join([f"| {said}", str(len(found)), *cells, f"{np.median(error):.1f}"]) + " |"
+    return " | ".join([f"| {label}", str(len(found)), *cells, f"{np.median(error):.1f}"]) + " |"
 
 
 if __name__ == "__main__":

@@ -96,7 +96,9 @@ def print_diagnosis(explained: DiagnosisResult) -> None:
     for cause in found.causes:
         values = ", ".join(f"{n} {q.value:.3g} ± {q.std:.2g} {q.unit}" for n, q in cause.parameters.items())
         at = f" at {np.round(cause.where.position, 3).tolist()}" if cause.where and cause.where.position else ""
-        print(f"- {cause.cause}{at}: {values}; not told from {', '.join(cause.cannot_be_told_from) or 'nothing'}")
+        print(
+            f"- {cause.cause}{at}: {values}; not distinguished from {', '.join(cause.cannot_be_told_from) or 'nothing'}"
+        )
     for mode in found.modes:
         f = mode.frequency
         if f.measured is not None and f.before is not None and f.after is not None:

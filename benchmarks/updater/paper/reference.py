@@ -33,14 +33,14 @@ def references(rig: Rig) -> dict[str, Reference]:
     paired = pair_baseline(model, modes, both.baseline)
     raw = replace(both.calibration, structure=structure, model=model, modes=modes, paired=paired)
     found = {}
-    for said, calibration in (("as in the file", raw), ("calibrated by sensitivities", both.calibration)):
+    for label, calibration in (("as in the file", raw), ("calibrated by sensitivities", both.calibration)):
         shape = calibration.modes.shape.copy()
         seen = both.rows(calibration.model) @ shape[:, calibration.paired]
         shape[:, calibration.paired] *= np.sign((seen * both.baseline.shape.T).sum(0))  # as the measured ones point
         plain = replace(both, calibration=calibration, frequency=calibration.modes.frequency, shape=shape)
         updated = first_stage(calibration.model, calibration.modes, calibration.paired, both.baseline)
-        found[said] = plain
-        found[f"{said}, one-step updated"] = replace(plain, frequency=updated.frequency, shape=updated.shape)
+        found[label] = plain
+        found[f"{label}, one-step updated"] = replace(plain, frequency=updated.frequency, shape=updated.shape)
     return found
 
 
@@ -64,7 +64,7 @@ def places(random: np.random.Generator, n: int) -> list[tuple[str, float]]:
 def main() -> int:
     """Print the table."""
     n = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    told: dict[str, list[tuple[float, float, bool]]] = {}
+    stated: dict[str, list[tuple[float, float, bool]]] = {}
     for seed in SEEDS:
         rig = Rig(seed)
         learnt = references(rig)
@@ -73,17 +73,17 @@ def main() -> int:
             at = tuple(t_frame().member_named(member).point(distance).tolist())
             modes = rig.truth.model(Body(at=at, mass=kilograms)).modes(8)
             windows = stack_tracks(rig.windows(modes, N_EVENT, 100 + i, NOISE), unmoved(N_EVENT))
-            for said, reference in learnt.items():
+            for label, reference in learnt.items():
                 answer = locate_mass(reference, reference.mean_of(windows))
-                told.setdefault(said, []).append(judge(answer, member, distance, kilograms))
+                stated.setdefault(label, []).append(judge(answer, member, distance, kilograms))
     print("| reference | place off, median | 90 % within | mass off, median | 95 % region holds the place | |")
     print("| --- | ---: | ---: | ---: | ---: | ---: |")
-    for said, answers in told.items():
-        print(line(said, np.array(answers)))
+    for label, answers in stated.items():
+        print(line(label, np.array(answers)))
     return 0
 
 
-def line(said: str, answers: FloatArray) -> str:
+def line(label: str, answers: FloatArray) -> str:
     """Return the table's line of one reference, with Clopper and Pearson's interval of the coverage."""
     away, mass, held = answers.T
     k, n = int(held.sum()), len(held)
@@ -93,7 +93,7 @@ def line(said: str, answers: FloatArray) -> str:
         f"{1000 * np.quantile(away, 0.9):.0f} mm",
         f"{100 * np.median(mass):.1f} %",
     ]
-    return f"| {said} | " + " | ".join([*cells, f"{k} of {n}", f"{100 * low:.0f} to {100 * high:.0f} %"]) + " |"
+    return f"| {label} | " + " | ".join([*cells, f"{k} of {n}", f"{100 * low:.0f} to {100 * high:.0f} %"]) + " |"
 
 
 if __name__ == "__main__":

@@ -114,13 +114,13 @@ def case(rigs: list[Rig], bodies: list[Body]) -> Case:
     return quiet, noisy
 
 
-def line(name: str, told: Case) -> str:
+def line(name: str, reported: Case) -> str:
     """Return the table's line of one case."""
-    quiet, noisy = told
+    quiet, noisy = reported
     exact = np.median([t.totals for t in quiet], axis=0)
     error = np.median([np.abs(t.totals - 1) for t in noisy], axis=0)
     cells = [" / ".join(f"{100 * v:+.0f}" for v in exact - 1), " / ".join(f"{100 * v:.0f}" for v in error)]
-    cells += [f"{np.median([t.away for t in told[i]]):.2f}" for i in (0, 1)]
+    cells += [f"{np.median([t.away for t in reported[i]]):.2f}" for i in (0, 1)]
     cells += [f"{100 * np.mean([t.flagged for t in noisy]):.0f} %"]
     cells += [f"{100 * np.median([t.equal_stiffness for t in quiet]):.2g} %"]
     found = np.median(np.abs([t.likelihood for t in noisy]), axis=0)
@@ -205,9 +205,9 @@ def main() -> int:
             print(line(f"{percent:g}", swept[name][-1]), flush=True)
     print("\n304 g smeared about location 1\n\n" + HEAD.format("over"))
     stretched = []
-    for said, (member, start, stop) in STRETCHES.items():
+    for stated, (member, start, stop) in STRETCHES.items():
         stretched.append(case(rigs, smeared(0.304, member, start, stop)))
-        print(line(said, stretched[-1]), flush=True)
+        print(line(stated, stretched[-1]), flush=True)
     stretched.append(case(rigs, everywhere(0.304)))
     print(line("all of the frame", stretched[-1]))
     print("\n| exact modes | 304 g at location 1: totals over it | peak off, m | 152 g at location 2 | peak off, m |")

@@ -18,11 +18,11 @@ def test_ports_are_listed_by_the_names_that_stay(tmp_path: Path, monkeypatch: py
     link = tmp_path / "by-id" / "usb-FTDI_A352-if00"
     link.parent.mkdir()
     link.symlink_to(usb)
-    said = [
+    reported = [
         SimpleNamespace(device=str(usb), vid=0x0403, description="FT232R"),
         SimpleNamespace(device=str(plain), vid=None, description="n/a"),
     ]
-    monkeypatch.setattr("daq.drivers.discovery.list_ports.comports", lambda: said)
+    monkeypatch.setattr("daq.drivers.discovery.list_ports.comports", lambda: reported)
     found = serial_ports(link.parent)
     assert [(p.device, p.by_id, p.path) for p in found] == [
         (str(plain), None, str(plain)),
@@ -33,8 +33,8 @@ def test_ports_are_listed_by_the_names_that_stay(tmp_path: Path, monkeypatch: py
 
 
 def test_adapters_are_those_of_python_can(monkeypatch: pytest.MonkeyPatch) -> None:
-    said = [{"interface": "pcan", "channel": "PCAN_USBBUS1", "supports_fd": True}]
-    monkeypatch.setattr("can.detect_available_configs", lambda interfaces: said if "pcan" in interfaces else [])
+    reported = [{"interface": "pcan", "channel": "PCAN_USBBUS1", "supports_fd": True}]
+    monkeypatch.setattr("can.detect_available_configs", lambda interfaces: reported if "pcan" in interfaces else [])
     assert can_adapters() == [("pcan", "PCAN_USBBUS1")]
 
 

@@ -77,11 +77,11 @@ class Delayed:
         return
 
 
-@pytest.mark.parametrize(("said", "taken"), [(None, 0.0625), (0.25, 0.25), (0.0, 0.0)])
-def test_times_are_of_the_motion(said: float | None, taken: float) -> None:
+@pytest.mark.parametrize(("message", "taken"), [(None, 0.0625), (0.25, 0.25), (0.0, 0.0)])
+def test_times_are_of_the_motion(message: float | None, taken: float) -> None:
     items: list[Item] = []
     driver = Delayed(HandClock())
-    reader = driver.reader = DeviceReader("d", driver, RATE, driver.clock, items.append, delay=said)
+    reader = driver.reader = DeviceReader("d", driver, RATE, driver.clock, items.append, delay=message)
     reader.connect()
     reader.run()
     opened, block = items

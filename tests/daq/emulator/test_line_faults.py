@@ -137,8 +137,8 @@ class Spoilt(EmulatedNode):
     """A node whose first hello is lost among the output at power-on."""
 
     def say(self, data: bytes) -> None:
-        self.said = getattr(self, "said", 0) + 1
-        super().say(data if self.said > 1 else b"\x55" + data[1:])
+        self.reported = getattr(self, "reported", 0) + 1
+        super().say(data if self.reported > 1 else b"\x55" + data[1:])
 
 
 @pytest.mark.live

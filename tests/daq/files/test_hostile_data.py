@@ -62,7 +62,7 @@ def mat_bomb(path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("make", "said"),
+    ("make", "message"),
     [
         (lambda p: archive(p / "a.npz", data=npy((10**10,), b"")), "data.npy: (10000000000,) of float64 are"),
         (lambda p: archive(p / "a.npz", data=npy((10**5, 10**5), bytes(99))), "are 80000000000 bytes, found 99"),
@@ -71,29 +71,29 @@ def mat_bomb(path: Path) -> Path:
         (lambda p: mat_bomb(p / "a.mat"), "bytes unpacked"),
     ],
 )
-def test_stated_and_packed_sizes(tmp_path: Path, make: object, said: str) -> None:
+def test_stated_and_packed_sizes(tmp_path: Path, make: object, message: str) -> None:
     path: Path = make(tmp_path)  # type: ignore[operator]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(DataError) as refused:
         read_measured(path, DataOptions(rate=100.0))
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MAX_KILOBYTES
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("time,a\n9999-12-31T23:59:58,1\n9999-12-31T23:59:59,2\n", "dates from 1970 to 2115"),
         ("t,a\n0,1e300\n1,2\n2,1\n", "column 'a': expected up to 1e+20 m/s2, found 1e+300"),
         (",".join(f"a{k}" for k in range(10_001)) + "\n1\n", "expected up to 10000 columns"),
     ],
 )
-def test_tables(tmp_path: Path, text: str, said: str) -> None:
+def test_tables(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(DataError) as refused:
         read_measured(path, DataOptions())
-    assert said in str(refused.value)
+    assert message in str(refused.value)
 
 
 def blf(container: bytes, stated: int = 100) -> bytes:
@@ -107,7 +107,7 @@ _TRC = b";$FILEVERSION=2.1\n;$STARTTIME=46023.0\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
 
 
 @pytest.mark.parametrize(
-    ("name", "content", "said"),
+    ("name", "content", "message"),
     [
         ("bomb.blf", blf(bytes(200 << 20)), "expected up to 16777216 bytes uncompressed"),
         ("zero.blf", blf(struct.pack("<4sHHLL", b"LOBJ", 16, 1, 0, 99) + bytes(64)), "object of 0 bytes"),
@@ -119,12 +119,12 @@ _TRC = b";$FILEVERSION=2.1\n;$STARTTIME=46023.0\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
         ("late.log", b"(1e300) can0 006#0000\n", "are none of CAN"),
     ],
 )
-def test_can_logs(tmp_path: Path, name: str, content: bytes, said: str) -> None:
+def test_can_logs(tmp_path: Path, name: str, content: bytes, message: str) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     sensor = LoggedSensor(device="imu", rate=400.0, sensor=imu(IMU))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(DataError) as refused:
         import_can_log(path, tmp_path / "out.mcap", [sensor], (Channel(name="deck", device="imu", axis=0),))
-    assert said in str(refused.value)
+    assert message in str(refused.value)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < MAX_KILOBYTES

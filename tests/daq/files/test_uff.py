@@ -81,8 +81,8 @@ def test_velocities_become_accelerations(tmp_path: Path) -> None:
     found = read_data(universal(tmp_path / "test.uff", *sets))
     plain = read_data(universal(tmp_path / "plain.uff", *(s | {"ordinate_spec_data_type": 12} for s in sets)))
     np.testing.assert_array_equal(found.data, differentiated(plain, ["1_x"]).data)
-    told = read_data(tmp_path / "plain.uff", velocities=["1_x"])
-    np.testing.assert_array_equal(told.data, found.data)
+    reported = read_data(tmp_path / "plain.uff", velocities=["1_x"])
+    np.testing.assert_array_equal(reported.data, found.data)
 
 
 @pytest.mark.parametrize(

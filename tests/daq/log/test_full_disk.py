@@ -20,10 +20,10 @@ from pathlib import Path
 from tests.support.daq.blocks import START, make_block
 from daq import DiskGuard, ResilientWriter, RotatingWriter, WriterThread, Retention, Rotation
 folder, out, ballast = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[1]) / "ballast"
-told = []
+reported = []
 recorder = RotatingWriter(folder, {"site.toml": "x"}, START, Rotation(size=100_000 if sys.argv[3] == "many" else 1e9))
 guard = DiskGuard(folder, Retention())
-keeper = ResilientWriter(recorder, guard, lambda event: told.append([event.topic, event.payload]))
+keeper = ResilientWriter(recorder, guard, lambda event: reported.append([event.topic, event.payload]))
 with WriterThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
     for k in range(400):
         log.put(make_block("a", 250 * k))
@@ -41,7 +41,7 @@ with WriterThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
             ballast.unlink()
 ballast.unlink(missing_ok=True)
 shutil.copytree(folder, out)
-print(json.dumps({"told": told, "dropped": log.dropped, "problem": keeper.problem}))
+print(json.dumps({"reported": reported, "dropped": log.dropped, "problem": keeper.problem}))
 """
 
 
@@ -76,8 +76,8 @@ def record(tmp_path: Path, megabytes: float, how: str) -> tuple[dict[str, object
 
 @needs_mount
 def test_recording_goes_on_once_there_is_room_and_nothing_is_lost(tmp_path: Path) -> None:
-    said, out = record(tmp_path, 3.0, "one")
-    assert (said["dropped"], said["problem"]) == (0, None)
+    reported, out = record(tmp_path, 3.0, "one")
+    assert (reported["dropped"], reported["problem"]) == (0, None)
     (log,) = as_logs([out])
     items = list(read_log(log))
     blocks = [item for item in items if isinstance(item, Block)]
@@ -85,20 +85,20 @@ def test_recording_goes_on_once_there_is_room_and_nothing_is_lost(tmp_path: Path
     topics = [item.topic for item in items if isinstance(item, Event)]
     assert topics[0] == "/event/recording_failed"
     assert topics[-1] == "/event/recording_recovered"
-    assert [topic for topic, _ in said["told"]] == topics  # type: ignore[attr-defined]
+    assert [topic for topic, _ in reported["reported"]] == topics  # type: ignore[attr-defined]
     assert all(inspect_log(path).whole for path in out.glob("*.mcap"))
 
 
 @needs_mount
 def test_the_oldest_files_make_room_and_the_rest_is_whole(tmp_path: Path) -> None:
-    said, out = record(tmp_path, 0.8, "many")
-    assert (said["dropped"], said["problem"]) == (0, None)
+    reported, out = record(tmp_path, 0.8, "many")
+    assert (reported["dropped"], reported["problem"]) == (0, None)
     (log,) = as_logs([out])
     items = list(read_log(log))
     indices = [item.first_index // 250 for item in items if isinstance(item, Block)]
     assert indices == list(range(indices[0], 400))  # the newest, without a gap
     assert 50 < len(indices) < 250  # 0.8 of 1.5 MB at the most
-    deleted = [payload["file"] for topic, payload in said["told"] if topic == "/event/log_deleted"]  # type: ignore[attr-defined]
+    deleted = [payload["file"] for topic, payload in reported["reported"] if topic == "/event/log_deleted"]  # type: ignore[attr-defined]
     assert deleted
     assert deleted == sorted(deleted)
     for path in out.glob("*.mcap"):

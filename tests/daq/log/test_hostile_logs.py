@@ -56,13 +56,13 @@ CHUNKS = [
 ]
 
 
-@pytest.mark.parametrize(("record", "said"), CHUNKS)
-def test_chunks(tmp_path: Path, record: tuple[int, bytes], said: str) -> None:
+@pytest.mark.parametrize(("record", "message"), CHUNKS)
+def test_chunks(tmp_path: Path, record: tuple[int, bytes], message: str) -> None:
     path = tmp_path / "log.mcap"
     content = log_of(record, (15, bytes(4)))
     path.write_bytes(content)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(LogError, match=said) as refused:
+    with pytest.raises(LogError, match=message) as refused:
         list(read_log(path))
     assert str(path) in str(refused.value)
     assert log_info(path).state.lost_chunks == 1
@@ -87,7 +87,7 @@ def written(path: Path, topic: str, data: bytes, *, log_time: int = 0, attachmen
 
 
 @pytest.mark.parametrize(
-    ("fields", "said"),
+    ("fields", "message"),
     [
         ({"rate": 0.0}, "rate: expected"),
         ({"rate": 1e-300}, "rate: expected"),
@@ -99,11 +99,11 @@ def written(path: Path, topic: str, data: bytes, *, log_time: int = 0, attachmen
         ({"time": 2**63 - 1}, "time: expected"),
     ],
 )
-def test_blocks(tmp_path: Path, fields: dict[str, float], said: str) -> None:
+def test_blocks(tmp_path: Path, fields: dict[str, float], message: str) -> None:
     sound = {"time": 10**18, "rate": 100.0, "n_axes": 1, "scale": 1.0}
     block = AccelBlock(**{**sound, **fields})  # type: ignore[arg-type]
     path = written(tmp_path / "log.mcap", "/accel/imu", block.SerializeToString())
-    with pytest.raises(LogError, match=f"message 0 of /accel/imu: {said}"):
+    with pytest.raises(LogError, match=f"message 0 of /accel/imu: {message}"):
         list(read_log(path))
 
 
@@ -133,7 +133,7 @@ def test_attachments_that_are_no_text(tmp_path: Path) -> None:
 def test_a_start_mends_or_names_what_lies_in_the_folder(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     (tmp_path / "b.mcap").mkdir()
-    assert all("mcap" in said for said in mend_logs(tmp_path))
+    assert all("mcap" in message for message in mend_logs(tmp_path))
 
 
 def test_a_pause_of_years_takes_no_time(tmp_path: Path) -> None:

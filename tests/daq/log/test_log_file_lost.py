@@ -72,10 +72,10 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
 ) -> None:
     """Every scan is in a file, once, or counted as lost."""
     monkeypatch.setattr(resilient_writer, "_LOOK_SECONDS", 0.05)
-    folder, told = tmp_path / "logs", list[Event]()
+    folder, reported = tmp_path / "logs", list[Event]()
     folder.mkdir()
     recorder = RotatingWriter(folder, {}, START)
-    keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), told.append)
+    keeper = ResilientWriter(recorder, DiskGuard(folder, Retention()), reported.append)
     put = 0
     with WriterThread(keeper, lambda item: None, chunk_seconds=0.02) as log:
 
@@ -93,7 +93,7 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
         record(60)
         until(lambda: len(recorder.paths) == 2)
         record(30)
-    [lost] = [event.payload for event in told if event.topic == "/event/log_file_lost"]
+    [lost] = [event.payload for event in reported if event.topic == "/event/log_file_lost"]
     assert lost["how"] == how
     files = [path for path in tmp_path.rglob("*") if path.is_file() and path.suffix == ".mcap"]
     kept = Counter(

@@ -109,10 +109,10 @@ def test_what_is_being_written_stays(tmp_path: Path) -> None:
 
 def test_a_file_is_deleted_after_it_was_said(tmp_path: Path) -> None:
     old = run_of(tmp_path, 3, START)
-    told: list[Event] = []
+    stated: list[Event] = []
 
     def tell(event: Event) -> None:
-        told.append(event)
+        stated.append(event)
         assert (tmp_path / event.payload.get("file", old[-1].name)).exists()
 
     recorder = RotatingWriter(tmp_path, {}, START + 10**12)
@@ -121,9 +121,9 @@ def test_a_file_is_deleted_after_it_was_said(tmp_path: Path) -> None:
     keeper.flush()
     keeper.close()
     assert [path.exists() for path in old] == [False, False, True]
-    said = [(event.topic, event.payload.get("file")) for event in told]
-    assert said == [("/event/log_deleted", p.name) for p in old[:2]] + [("/event/disk_low", None)]
-    assert contents(e for e in read_log(recorder.paths[0]) if isinstance(e, Event)) == contents(told)
+    reported = [(event.topic, event.payload.get("file")) for event in stated]
+    assert reported == [("/event/log_deleted", p.name) for p in old[:2]] + [("/event/disk_low", None)]
+    assert contents(e for e in read_log(recorder.paths[0]) if isinstance(e, Event)) == contents(stated)
     assert keeper.problem is None
 
 
@@ -133,12 +133,12 @@ def all_blocks(paths: list[Path]) -> list[Block]:
 
 def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_path: Path) -> None:
     blocks = [make_block("a", 250 * k) for k in range(60)]  # 3.7 kB each
-    told: list[Event] = []
+    stated: list[Event] = []
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, hard))
     try:
         recorder = RotatingWriter(tmp_path, {}, START)
-        keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), told.append)
+        keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), stated.append)
         for k, block in enumerate(blocks):
             keeper.write(block)
             if k % 4 == 3:
@@ -148,17 +148,17 @@ def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert contents(all_blocks(recorder.paths)) == contents(blocks)
     assert len(recorder.paths) > 3
-    topics = [event.topic for event in told]
+    topics = [event.topic for event in stated]
     assert topics == ["/event/recording_failed", "/event/recording_recovered"] * (len(recorder.paths) - 1)
-    assert {event.payload["why"] for event in told[::2]} == {"[Errno 27] File too large"}
+    assert {event.payload["why"] for event in stated[::2]} == {"[Errno 27] File too large"}
     for path in recorder.paths:
         assert inspect_log(path).lost_bytes == 0  # cut back to its last flush
 
 
 def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recorder = RotatingWriter(tmp_path, {"site.toml": "x = 1"}, START)
-    told: list[Event] = []
-    keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), told.append, kept=10)
+    stated: list[Event] = []
+    keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), stated.append, kept=10)
     monkeypatch.setattr("daq.log.resilient_writer._RETRY_SECONDS", 0.0)
     with monkeypatch.context() as failing:
         failing.setattr(os, "fdatasync", no_space)
@@ -172,7 +172,7 @@ def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatc
     keeper.close()
     assert stopped == "[Errno 28] No space left on device; lost: 2750 of a"
     assert keeper.problem == "lost: 3000 of a"  # nine blocks and an event were kept; the 21st came before the next try
-    assert told[-1].payload == {"kept": 10, "lost": {"a": 3000}}
+    assert stated[-1].payload == {"kept": 10, "lost": {"a": 3000}}
     indices = [block.first_index // 250 for block in all_blocks(recorder.paths)]
     assert indices == [*range(9), 21, 22, 23]
     assert newest_log(tmp_path) == PartedLog(tuple(recorder.paths))

@@ -58,7 +58,7 @@ axes_ = st.lists(st.integers(0, 5), max_size=3).map(tuple)
 packed_ = st.builds(Packed, axes_, starts_, st.lists(st.integers(0, 40), max_size=3).map(tuple), st.binary(max_size=60))
 
 
-def told(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
+def stated(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
     """Return the error of unpacking, or the shape."""
     try:
         found = unpacked()
@@ -69,5 +69,5 @@ def told(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
 
 @given(packed_, st.integers(0, 80))
 def test_what_is_no_packing_is_told(packed: Packed, n: int) -> None:
-    said = told(lambda: unpack(packed, n), (n, len(packed.order)))
-    assert not said or said.startswith("packed counts: expected")
+    reported = stated(lambda: unpack(packed, n), (n, len(packed.order)))
+    assert not reported or reported.startswith("packed counts: expected")

@@ -13,12 +13,12 @@ from tests.support.daq.blocks import contents, some_items
 
 
 def test_thread_writes_in_order_and_tells_of_each_item(tmp_path: Path) -> None:
-    told: list[Item] = []
-    with WriterThread(McapWriter(tmp_path / "log.mcap", {}), told.append, chunk_seconds=0.01) as thread:
+    reported: list[Item] = []
+    with WriterThread(McapWriter(tmp_path / "log.mcap", {}), reported.append, chunk_seconds=0.01) as thread:
         for item in some_items():
             thread.put(item)
             time.sleep(0.002)
-    assert contents(told) == contents(some_items()) == contents(read_log(tmp_path / "log.mcap"))
+    assert contents(reported) == contents(some_items()) == contents(read_log(tmp_path / "log.mcap"))
     assert (thread.dropped, thread.failure) == (0, None)
 
 
@@ -42,15 +42,15 @@ def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(writer, failing, fail)
-    told: list[Item] = []
-    thread = WriterThread(writer, told.append, chunk_seconds=0.0)
+    reported: list[Item] = []
+    thread = WriterThread(writer, reported.append, chunk_seconds=0.0)
     turned = thread.turned
     for item in some_items():
         thread.put(item)
     with thread:
         pass
     assert thread.turned == turned  # no sign of life of a disk that takes nothing
-    assert contents(told) == contents(some_items())
+    assert contents(reported) == contents(some_items())
     assert thread.failure is not None
     assert thread.failure.errno == 28
     assert contents(read_log(tmp_path / "log.mcap")) == contents(some_items()[:1])
@@ -59,21 +59,21 @@ def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest
 def test_thread_hands_on_when_the_file_cannot_grow(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     writer = McapWriter(path, {})
-    told: list[Item] = []
+    reported: list[Item] = []
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20_000, hard))
     try:
-        with WriterThread(writer, told.append, chunk_seconds=0.0) as thread:
+        with WriterThread(writer, reported.append, chunk_seconds=0.0) as thread:
             for item in some_items():
                 thread.put(item)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert contents(told) == contents(some_items())
+    assert contents(reported) == contents(some_items())
     assert thread.failure is not None
     assert thread.failure.errno == errno.EFBIG
     found = contents(read_log(path))
-    assert 0 < len(found) < len(told)
-    assert found == contents(told)[: len(found)]
+    assert 0 < len(found) < len(reported)
+    assert found == contents(reported)[: len(found)]
 
 
 class _Counted:

@@ -67,9 +67,11 @@ def test_hello_and_commands_come_back() -> None:
     decoder.feed(node.encode_scans(some_scans(1, 3)) + node.encode_hello(HELLO) + node.encode_scans(some_scans(2, 3)))
     assert decoder.hello == HELLO
     assert decoder.bad_bytes == 0
-    said = b"".join(node.encode_command(what) for what in (node.WHO, node.STOP)) + node.encode_command(node.START, 62.5)
+    reported = b"".join(node.encode_command(what) for what in (node.WHO, node.STOP)) + node.encode_command(
+        node.START, 62.5
+    )
     commands = CommandDecoder()
-    found = [command for byte in b"\0" + said for command in commands.feed(bytes([byte]))]
+    found = [command for byte in b"\0" + reported for command in commands.feed(bytes([byte]))]
     assert found == [(node.WHO, 0.0), (node.STOP, 0.0), (node.START, 62.5)]
 
 

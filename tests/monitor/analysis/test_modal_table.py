@@ -101,8 +101,8 @@ def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Comma
     assert f"{before}: the mode at" in modalwatch("diagnose", path, now, "--reference", before).err
     for option in ("--reference", "--held-out"):
         rest = () if option == "--reference" else ("--reference", with_units)
-        said = " ".join(modalwatch("diagnose", path, now, *rest, option, tmp_path / "khz.csv").err.split())
-        assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in said
+        reported = " ".join(modalwatch("diagnose", path, now, *rest, option, tmp_path / "khz.csv").err.split())
+        assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in reported
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -119,11 +119,11 @@ def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
     tables = [table(tmp_path / f"{k}.csv", window) for k, window in enumerate(windows)]
     done = modalwatch("diagnose", path, *tables, "--out", tmp_path / "out")
     assert done.code == 1
-    said = " ".join(done.out.split())
-    assert "no cause known here explains" in said
-    assert "its own parameters fitted the file's frequencies are off by" in said
+    reported = " ".join(done.out.split())
+    assert "no cause known here explains" in reported
+    assert "its own parameters fitted the file's frequencies are off by" in reported
     nearer = tmp_path / "out" / "structure_recalibrated.toml"
-    assert nearer.name in said
+    assert nearer.name in reported
     found = load_structure(nearer)
     assert found.material["steel"].youngs_modulus < 230e9
     again = modalwatch("diagnose", nearer, *tables, "--only", "model_parameters")

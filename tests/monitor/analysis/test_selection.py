@@ -25,7 +25,7 @@ class Found:
     """Output of a diagnosis, written and printed."""
 
     diagnosis: dict[str, Any]
-    said: str
+    message: str
     extended: Structure | None
 
 
@@ -109,7 +109,7 @@ def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
     whole = _diagnosed(modalwatch, measured, *MASS_ONLY)
     free = _steel(whole)
     assert free != 210e9
-    assert "model parameters fitted to the reference logs" in whole.said
+    assert "model parameters fitted to the reference logs" in whole.message
     assert _steel(_diagnosed(modalwatch, measured, *MASS_ONLY, "--fix", "column.E")) == 210e9
     between = 210e9 + (free - 210e9) / 2
     limits = f"{min(between, 209e9)}:{max(between, 211e9)}" if free > 210e9 else f"{between}:{220e9}"
@@ -118,7 +118,7 @@ def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (("--without", "added_mas"), "did you mean 'added_mass'"),
         (("--fix", "steal.E"), "there is no parameter 'steal.E'"),
@@ -129,6 +129,6 @@ def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
     ],
 )
 def test_a_choice_that_cannot_be_met_is_refused_in_one_line(
-    modalwatch: Commands, measured: Tables, options: tuple[str, str], said: str
+    modalwatch: Commands, measured: Tables, options: tuple[str, str], message: str
 ) -> None:
-    assert_refused(modalwatch("diagnose", measured.structure, measured.after, *options), said)
+    assert_refused(modalwatch("diagnose", measured.structure, measured.after, *options), message)

@@ -98,7 +98,7 @@ def test_a_change_that_no_body_explains_is_unexplained(tmp_path: Path, modalwatc
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ('name = "B"', 'name = "A"', "body: expected names that differ, found 'A' twice"),
         ("mass = ", "mas = ", "body 1: mass: expected a value, found none"),
@@ -114,11 +114,11 @@ def test_a_change_that_no_body_explains_is_unexplained(tmp_path: Path, modalwatc
     ],
     ids=["name", "field", "places", "off the beam", "deviations", "left over", "structure"],
 )
-def test_errors_name_file_and_field(tmp_path: Path, modalwatch: Commands, old: str, new: str, said: str) -> None:
+def test_errors_name_file_and_field(tmp_path: Path, modalwatch: Commands, old: str, new: str, message: str) -> None:
     path = bodies_file(tmp_path, ())
     path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
     done = modalwatch("bodies", path)
-    assert_refused(done, said, tmp_path)
+    assert_refused(done, message, tmp_path)
 
 
 def test_errors_of_reading_have_no_words_of_libraries(tmp_path: Path, modalwatch: Commands) -> None:

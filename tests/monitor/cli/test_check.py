@@ -141,11 +141,11 @@ def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monk
     clock = Clock()
     found = probe(Sending(clock), seconds=1.0, now=clock)
     monkeypatch.setattr("monitor.cli.site.check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)})
-    said = "device beam_left is of low grade: scans have no number"
+    message = "device beam_left is of low grade: scans have no number"
     for driver, is_low in (("witmotion", True), ("epson-uart", False)):
         text = SITE.format(driver=driver, port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y =")
         site.write_text(text.replace("rate = 500", "rate = 200"))
-        assert (said in modalwatch("check", site).out) == is_low
+        assert (message in modalwatch("check", site).out) == is_low
 
 
 def test_lack_of_a_thermometer_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:

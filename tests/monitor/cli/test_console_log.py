@@ -18,17 +18,17 @@ def event(what: str, **payload: object) -> Event:
     return Event(topic=f"/event/{what}", time=START, payload=payload)
 
 
-def said(*items: Event, as_json: bool = False) -> list[str]:
+def reported(*items: Event, as_json: bool = False) -> list[str]:
     stream = io.StringIO()
     with journal(as_json=as_json, stream=stream) as lines:
-        lines.take(make_block("left", 0))  # signals are not said
+        lines.take(make_block("left", 0))  # signals are not printed
         for item in items:
             lines.take(item)
     return stream.getvalue().splitlines()
 
 
 def test_lines_for_people() -> None:
-    lines = said(event("device_failed", device="left", why="the port is gone"), change(START, "alarm", "it moved"))
+    lines = reported(event("device_failed", device="left", why="the port is gone"), change(START, "alarm", "it moved"))
     assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ", line) for line in lines)
     assert [line.split(" ", 1)[1] for line in lines] == [
         'device_failed device=left why="the port is gone"',
@@ -37,7 +37,7 @@ def test_lines_for_people() -> None:
 
 
 def test_lines_for_programs() -> None:
-    lines = said(
+    lines = reported(
         event("device_recovered", device="left", serial="E1"),
         event("device_failed", device="left"),
         change(START, "alarm", "it moved"),
@@ -56,7 +56,7 @@ def test_lines_for_programs() -> None:
 
 def test_everything_that_a_run_finds_is_said_in_a_line() -> None:
     events = run_events()
-    lines = said(*events)
+    lines = reported(*events)
     assert len(lines) == len(events)
     assert sum("window" in line for line in lines) >= 10
     assert any("reference:" in line for line in lines)

@@ -53,12 +53,12 @@ def test_tables_that_follow_each_other_become_one_log(modalwatch: Commands, tabl
     log = tmp_path / "log.mcap"
     done = modalwatch("import", *reversed(tables), "-o", log)
     assert (done.code, done.err) == (0, "")
-    said = done.out.splitlines()
-    assert said[0].startswith(f"{log}: 2 channels, 20 s at 100 Hz, 0 gaps (0 samples), rms ")
-    assert said[1] == (
+    reported = done.out.splitlines()
+    assert reported[0].startswith(f"{log}: 2 channels, 20 s at 100 Hz, 0 gaps (0 samples), rms ")
+    assert reported[1] == (
         "4 files by their dates, 1 pauses between them, the longest 5 s; their mean temperatures: 20 to 40 degC"
     )
-    assert said[2].endswith("the first is 2026-01-01T00:00:00.000+00:00")
+    assert reported[2].endswith("the first is 2026-01-01T00:00:00.000+00:00")
     (found,) = load_recordings(log)
     assert (found.rate, len(found.data)) == (RATE, 2500)
     np.testing.assert_allclose(found.data[:1500], DATA[:1500], atol=1e-6)

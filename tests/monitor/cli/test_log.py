@@ -71,15 +71,15 @@ def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> 
 def test_a_start_mends_what_a_kill_left(log: Path) -> None:
     (log.parent / "rest.mcap").write_bytes(b"")
     writer = McapWriter(log.parent / "open.mcap", {})
-    said = list(mend_logs(log.parent))
+    reported = list(mend_logs(log.parent))
     writer.close()
-    assert said == [
+    assert reported == [
         f"{log}: repaired, 6 messages kept",
         f"{log.parent}/open.mcap: is being written: it cannot be repaired now",
         f"{log.parent}/rest.mcap: is not an MCAP log",
     ]
     assert inspect_log(log).whole
-    assert list(mend_logs(log.parent)) == said[2:]
+    assert list(mend_logs(log.parent)) == reported[2:]
 
 
 def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tmp_path: Path) -> None:

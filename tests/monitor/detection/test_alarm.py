@@ -25,11 +25,11 @@ LATCHING = replace(RULES, latched=True)
 def play(rules: AlarmRules, levels: list[float | str], step: int = 10 * MINUTE) -> tuple[Alarm, list[Change]]:
     """Return the alarm after windows of these levels, one every `step`, and acknowledgements ("ack")."""
     alarm = Alarm(rules=rules)
-    said: list[Change] = []
+    reported: list[Change] = []
     for i, level in enumerate(levels, 1):
         alarm, changes = alarm.acknowledge(i * step) if isinstance(level, str) else alarm.evaluate(i * step, level)
-        said += changes
-    return alarm, said
+        reported += changes
+    return alarm, reported
 
 
 RAISED: list[float | str] = [OVER, OVER]
@@ -81,7 +81,7 @@ def test_every_transition(rules: AlarmRules, levels: list[float | str], conditio
 
 
 @pytest.mark.parametrize(
-    ("rules", "levels", "said"),
+    ("rules", "levels", "reported"),
     [
         (RULES, [OVER, CALM], [("state", "watch"), ("state", "normal")]),
         (RULES, [OVER, BETWEEN, BETWEEN], [("state", "watch")]),
@@ -100,32 +100,32 @@ def test_every_transition(rules: AlarmRules, levels: list[float | str], conditio
         ),
     ],
 )
-def test_what_is_said(rules: AlarmRules, levels: list[float | str], said: list[tuple[str, str]]) -> None:
-    assert [(change.kind, change.state) for change in play(rules, levels)[1]] == said
+def test_what_is_said(rules: AlarmRules, levels: list[float | str], reported: list[tuple[str, str]]) -> None:
+    assert [(change.kind, change.state) for change in play(rules, levels)[1]] == reported
 
 
 def test_end_says_how_long_it_lasted() -> None:
     """Raised by the second window, cleared by the fifth: three steps later."""
-    _, said = play(RULES, [*RAISED, CALM, CALM, CALM])
-    assert said[-1] == Change(kind="state", state="normal", lasted=30 * MINUTE)
+    _, reported = play(RULES, [*RAISED, CALM, CALM, CALM])
+    assert reported[-1] == Change(kind="state", state="normal", lasted=30 * MINUTE)
 
 
 def test_alarm_raised_again_within_the_cooldown_goes_on() -> None:
     """It ends at 50 min; raised at 70 min it continues from its beginning, without a notice; at 120 min it is new."""
-    soon, said = play(RULES, [*RAISED, CALM, CALM, CALM, OVER, OVER])
-    assert (said[-1], soon.raised) == (Change(kind="reopened", state="alarm", quiet=True), 20 * MINUTE)
-    late, said = play(RULES, [*RAISED, *(8 * [CALM]), OVER, OVER])
-    assert (said[-1], late.raised) == (Change(kind="state", state="alarm"), 120 * MINUTE)
+    soon, reported = play(RULES, [*RAISED, CALM, CALM, CALM, OVER, OVER])
+    assert (reported[-1], soon.raised) == (Change(kind="reopened", state="alarm", quiet=True), 20 * MINUTE)
+    late, reported = play(RULES, [*RAISED, *(8 * [CALM]), OVER, OVER])
+    assert (reported[-1], late.raised) == (Change(kind="state", state="alarm"), 120 * MINUTE)
 
 
 def test_flapping_is_said_once_then_quiet_then_steady() -> None:
     """Two alarms that come and go are four changes."""
     cycle: list[float | str] = [OVER, OVER, CALM, CALM, CALM]
     rules = replace(RULES, cooldown=0)
-    alarm, said = play(rules, 3 * cycle)
-    assert [change.kind for change in said].count("flapping") == 1
+    alarm, reported = play(rules, 3 * cycle)
+    assert [change.kind for change in reported].count("flapping") == 1
     assert alarm.flapping
-    assert [c.quiet for c in said if c.kind == "state" and c.state != "watch"] == [
+    assert [c.quiet for c in reported if c.kind == "state" and c.state != "watch"] == [
         False,
         False,
         False,
@@ -152,8 +152,8 @@ def test_rules_as_they_are_unless_set() -> None:
     alarm, _ = play(AlarmRules(), [OVER, 1.0])
     assert alarm.condition == "watch"
     assert play(AlarmRules(), [OVER, 0.999])[0].condition == "normal"
-    alarm, said = play(AlarmRules(), [*RAISED, CALM, CALM, OVER, OVER], step=0)
-    assert (said[-1], alarm.raised) == (Change(kind="state", state="alarm"), 0)
+    alarm, reported = play(AlarmRules(), [*RAISED, CALM, CALM, OVER, OVER], step=0)
+    assert (reported[-1], alarm.raised) == (Change(kind="state", state="alarm"), 0)
     assert AlarmRules() == AlarmRules(
         hold_windows=2, clear_windows=2, latched=False, flapping_changes=6, flapping_span=0
     )
@@ -166,13 +166,13 @@ def test_window_at_the_share_of_calm_is_not_calm() -> None:
 
 def test_alarm_at_the_very_end_of_the_cooldown_is_new() -> None:
     """It ends at 50 min, the cooldown of 60 min at 110."""
-    at, said = play(RULES, [*RAISED, CALM, CALM, CALM, *(4 * [CALM]), OVER, OVER])
-    assert (said[-1], at.raised) == (Change(kind="state", state="alarm"), 110 * MINUTE)
+    at, reported = play(RULES, [*RAISED, CALM, CALM, CALM, *(4 * [CALM]), OVER, OVER])
+    assert (reported[-1], at.raised) == (Change(kind="state", state="alarm"), 110 * MINUTE)
 
 
 def test_alarm_that_comes_back_while_it_is_latched_wakes_nobody() -> None:
-    alarm, said = play(LATCHING, [*LATCHED, OVER, OVER])
-    assert said[-1] == Change(kind="reopened", state="alarm", quiet=True)
+    alarm, reported = play(LATCHING, [*LATCHED, OVER, OVER])
+    assert reported[-1] == Change(kind="reopened", state="alarm", quiet=True)
     assert (alarm.run, alarm.raised) == (0, 20 * MINUTE)
 
 
@@ -197,8 +197,8 @@ class AnySequence(RuleBasedStateMachine):
             assert self.levels[-3:] == 3 * [CALM]
         if before.state == "alarm" and self.alarm.state == "normal":
             assert before.condition == "acknowledged"  # a latching alarm never ends by itself
-        said = [change for change in changes if change.kind not in ("flapping", "steady")]
-        assert len(said) == (before.condition != self.alarm.condition)
+        reported = [change for change in changes if change.kind not in ("flapping", "steady")]
+        assert len(reported) == (before.condition != self.alarm.condition)
 
     @rule()
     def acknowledge(self) -> None:
@@ -236,10 +236,10 @@ def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
     for minute in range(1000, 1000 + 10 * 15, 10):
         alarm, _ = alarm.evaluate(minute * MINUTE, [OVER, OVER, CALM, CALM, CALM][minute // 10 % 5])
     assert alarm.flapping
-    for minute, told in ((10, ["steady"]), (20, ["state"])):
+    for minute, stated in ((10, ["steady"]), (20, ["state"])):
         alarm, changes = alarm.evaluate(minute * MINUTE, OVER)
         assert [(c.kind, c.quiet) for c in changes if c.state != "watch" or c.kind != "state"] == [
-            (k, False) for k in told
+            (k, False) for k in stated
         ]
     assert (alarm.condition, alarm.raised) == ("alarm", 20 * MINUTE)
 

@@ -99,7 +99,7 @@ def test_deviation_covers_the_rate_where_errors_are_autocorrelated(constant: flo
 def test_trend_is_reported_when_it_begins_changes_and_ends_and_not_in_between(monkeypatch: pytest.MonkeyPatch) -> None:
     """Scores that hover about the threshold report once."""
     scores = [1.0, 3.9, 4.2, 3.5, 4.5, 2.5, 4.1, 1.0, 1.5, 4.2, 20.0]
-    told, watch, weekly = [], NO_TREND, no_weeks((), 2)
+    reported, watch, weekly = [], NO_TREND, no_weeks((), 2)
     for week, score in enumerate(scores):
         found = Trend(rate=np.zeros(2), std=np.ones(2), common_rate=score, common_std=1.0, seconds=1.0)
         monkeypatch.setattr("monitor.detection.trend.trend_of", lambda _weekly, found=found: found)
@@ -107,8 +107,8 @@ def test_trend_is_reported_when_it_begins_changes_and_ends_and_not_in_between(mo
         for _ in range(2):  # within a week it is estimated once
             watch, new = follow_trend(watch, weekly)
             if new:
-                told.append((week, None if watch.present is None else watch.present.common_rate))
-    assert told == [(2, 4.2), (7, None), (9, 4.2), (10, 20.0)]
+                reported.append((week, None if watch.present is None else watch.present.common_rate))
+    assert reported == [(2, 4.2), (7, None), (9, 4.2), (10, 20.0)]
 
 
 def autoregressive(random: np.random.Generator, n: int, constant: float) -> FloatArray:

@@ -36,8 +36,8 @@ def server() -> Iterator[Server]:
 def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
     """A run that learns, watches and finds a mass; without a diagnosis there is nothing to add to the alarm."""
     news = NoticeFilter("bridge")
-    told = [notice for event in run_events() if (notice := news.of(event))]
-    assert [(notice.kind, notice.alarm == notice.time) for notice in told] == [("alarm", True)]
+    stated = [notice for event in run_events() if (notice := news.of(event))]
+    assert [(notice.kind, notice.alarm == notice.time) for notice in stated] == [("alarm", True)]
 
 
 def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
@@ -55,8 +55,8 @@ def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
     assert [notice.kind for event in events if (notice := news.of(event))] == ["alarm", "update"]
     resumed = change(20, "alarm", kind="resumed", quiet=True, since=10)  # by another analysis, or after a restart
     events = [resumed, window("distributed_mass", 0.21), window("added_mass", 0.2)]
-    for told in (news, NoticeFilter("bridge")):
-        assert [notice.kind for event in events if (notice := told.of(event))] == ["update"]
+    for stated in (news, NoticeFilter("bridge")):
+        assert [notice.kind for event in events if (notice := stated.of(event))] == ["update"]
 
 
 @pytest.mark.parametrize(
@@ -87,10 +87,10 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
     good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
     bad = replace(good, payload=good.payload | {"novelty": None, "modes": [], "problem": "no resonance stands out"})
     news = NoticeFilter("bridge")
-    told = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
-    assert [i for i, notice in enumerate(told) if notice] == [6, 9]
-    assert "no usable result from the last 3 windows: no resonance stands out" in told[6].text  # type: ignore[union-attr]
-    assert "again, after 5 without" in told[9].text  # type: ignore[union-attr]
+    stated = [news.of(event) for event in (good, bad, bad, good, bad, bad, bad, bad, bad, good, good)]
+    assert [i for i, notice in enumerate(stated) if notice] == [6, 9]
+    assert "no usable result from the last 3 windows: no resonance stands out" in stated[6].text  # type: ignore[union-attr]
+    assert "again, after 5 without" in stated[9].text  # type: ignore[union-attr]
 
 
 def test_failure_beside_the_verdict_is_told_once() -> None:
@@ -201,7 +201,7 @@ def test_server_that_is_down_gets_everything_later_in_one_message(server: Server
         until(lambda: sender.problem is None)
     [got] = server.got
     assert [notice["text"] for notice in got["notices"]] == ["ALARM: a mass", "over"]
-    assert [(topic, said.get("why")) for topic, said in sender.events()] == [
+    assert [(topic, reported.get("why")) for topic, reported in sender.events()] == [
         (TOPIC_FAILED, "webhook: 503 Service Unavailable"),
         (TOPIC_BACK, None),
     ]

@@ -71,8 +71,8 @@ def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> Non
 )
 def test_fields_of_a_message_are_those_of_what_matters_most(kinds: list[Any], index: int) -> None:
     """A program that pages a person by `kind` alone, or a template of `notice` alone, must not miss the alarm."""
-    said = message([replace(NOTICE, kind=kind, text=str(k)) for k, kind in enumerate(kinds)], "{{ notice.text }}")
-    assert (said.foremost.text, said.text) == (str(index), str(index))
+    reported = message([replace(NOTICE, kind=kind, text=str(k)) for k, kind in enumerate(kinds)], "{{ notice.text }}")
+    assert (reported.foremost.text, reported.text) == (str(index), str(index))
 
 
 def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:
@@ -112,9 +112,9 @@ def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(serv
     alarm, got = sorted(server.got, key=lambda message: message["kind"])
     assert [notice["text"] for notice in alarm["notices"]] == ["ALARM: a mass"]
     assert len(got["text"]) < 4000
-    told = len(got["notices"])
-    assert told <= 200
-    assert f"{20_000 - told} others" in got["text"]
+    stated = len(got["notices"])
+    assert stated <= 200
+    assert f"{20_000 - stated} others" in got["text"]
     assert list(tmp_path.iterdir()) == []
 
 

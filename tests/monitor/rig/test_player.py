@@ -62,8 +62,8 @@ class RigProcess:
         raise AssertionError(f"the rig did not get ready: {self.process.communicate()[1]}")
 
     def report(self) -> dict[str, Any]:
-        _, said = self.process.communicate(timeout=20)
-        assert (self.process.returncode, said) == (0, "")
+        _, reported = self.process.communicate(timeout=20)
+        assert (self.process.returncode, reported) == (0, "")
         found: dict[str, Any] = json.loads(self._report.read_text(encoding="utf-8"))
         return found
 

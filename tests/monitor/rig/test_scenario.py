@@ -108,7 +108,7 @@ def test_a_short_file_is_enough(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("seed = 1", "", "seed: Field required"),
         ("seed = 1", "seed = -1", "seed: .*, found -1"),
@@ -122,10 +122,10 @@ def test_a_short_file_is_enough(tmp_path: Path) -> None:
         ("seed = 1", "seed = ", "Invalid value .*line 3"),
     ],
 )
-def test_one_clear_error_names_file_key_and_what_was_found(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_one_clear_error_names_file_key_and_what_was_found(tmp_path: Path, old: str, new: str, message: str) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(SettingsError, match=said) as caught:
+    with pytest.raises(SettingsError, match=message) as caught:
         load_scenario(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)

@@ -141,8 +141,8 @@ def test_run_logs_the_nodes_and_a_signal_to_all_its_processes_ends_it(site: Path
         ) as process:
             wait_for(lambda: len({block.device for log in tmp_path.glob("log/*") for block in blocks_of(log)}) == 2)
             os.killpg(process.pid, signal.SIGTERM)
-            _, said = process.communicate(timeout=20)
-        assert (process.returncode, said) == (0, "")
+            _, reported = process.communicate(timeout=20)
+        assert (process.returncode, reported) == (0, "")
     (log,) = tmp_path.glob("log/*")
     assert {block.device for block in blocks_of(log)} == {"beam_left", "beam_right"}
     assert not [item for item in read_log(log) if isinstance(item, Event) and item.topic == "/event/gap"]

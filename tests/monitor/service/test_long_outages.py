@@ -31,8 +31,8 @@ def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
 def ports() -> Iterator[list[str]]:
     """Return where two devices stream."""
     now = time.time_ns()
-    with script_process(PORTS, 2, 1, now, now) as (_, said):
-        yield json.loads(said)
+    with script_process(PORTS, 2, 1, now, now) as (_, reported):
+        yield json.loads(reported)
 
 
 @pytest.mark.live
@@ -125,9 +125,9 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
         watched.flows("beam_right")
         watched.stop()
         report = ended.result()
-    [told] = watched.events("clock_changed")
+    [stated] = watched.events("clock_changed")
     assert len(shown) == 1  # a live view goes on with the new log: it ended over scans that are counted anew
-    assert told.payload["by_s"] == pytest.approx(3600 * hours, abs=1.0)
+    assert stated.payload["by_s"] == pytest.approx(3600 * hours, abs=1.0)
     before, after = ([b.arrival_time for b in blocks((log,), "beam_left")] for log in report.logs)
     assert after[0] - before[-1] == pytest.approx(hours * HOUR, abs=10 * 10**9)
     for times in (before, after):

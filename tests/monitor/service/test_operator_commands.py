@@ -138,8 +138,8 @@ def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
 
 
 def test_end_by_acknowledgement_says_how_long_it_was() -> None:
-    said = acknowledged_text(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), {})
-    assert said == "acknowledged, back to normal after 3 h 20 min of alarm"
+    reported = acknowledged_text(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), {})
+    assert reported == "acknowledged, back to normal after 3 h 20 min of alarm"
 
 
 @pytest.mark.parametrize(

@@ -41,7 +41,7 @@ print(before - resident())
 of_glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glibc's malloc alone")
 
 
-def said(script: str) -> int:
+def reported(script: str) -> int:
     """Return the number that a script prints, run in a process of its own."""
     return int(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
 
@@ -49,13 +49,13 @@ def said(script: str) -> int:
 @of_glibc
 def test_large_blocks_go_back_to_the_system_also_after_a_larger_one_was_freed() -> None:
     first = "from monitor.service.processes import give_back_memory\ngive_back_memory()"
-    assert said(MAPPED.format(first="")) == 0
-    assert said(MAPPED.format(first=first)) >= 1_000_000
+    assert reported(MAPPED.format(first="")) == 0
+    assert reported(MAPPED.format(first=first)) >= 1_000_000
 
 
 @of_glibc
 def test_small_blocks_go_back_to_the_system_from_between_those_that_are_kept() -> None:
-    assert said(TRIMMED) > 50_000_000  # of 100 million bytes
+    assert reported(TRIMMED) > 50_000_000  # of 100 million bytes
 
 
 def test_variables_are_as_before_once_the_processes_are_started(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,16 +33,16 @@ def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, mo
         Listener(str(tmp_path / "notify")),
     )
     now = time.time_ns()
-    with script_process(script, 3, 1, now, now) as (_, said):
-        left, right, spare = json.loads(said)
+    with script_process(script, 3, 1, now, now) as (_, reported):
+        left, right, spare = json.loads(reported)
         watched.write({"beam_left": (left, 500.0), "beam_right": (right, 500.0)})
         with watched.running() as ended:
             watched.until(lambda: watched.scans("beam_left") and watched.scans("beam_right"))
-            for place, rate, told in ((spare, 500.0, 1), (spare, -1.0, 1), (spare, 200.0, 2)):
+            for place, rate, stated in ((spare, 500.0, 1), (spare, -1.0, 1), (spare, 200.0, 2)):
                 watched.write({"beam_left": (left, 500.0), "beam_right": (place, rate)})
                 watched.reload()
                 what = "reloaded" if rate > 0 else "reload_refused"
-                watched.until_told(what, told)
+                watched.until_told(what, stated)
                 watched.flows("beam_right")
             QuietWorker.made[-1].died = True
             watched.until(lambda: len(QuietWorker.made) == 3)
@@ -61,8 +61,12 @@ def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, mo
     assert len([block for block in first if block.flags & Flag.RESTARTED]) == 1
     assert all(b.first_index >= a.end_index for a, b in pairwise(first))
     assert {block.rate for block in blocks(report.logs[1:], "beam_right")} == {200.0}
-    assert [said.split("=")[0] for said in heard.said if said.startswith(("READY", "REL"))] == ["READY", *_ANEW, *_ANEW]
-    assert {"WATCHDOG=1", "STATUS=no window yet; 2 of 2 devices"} <= set(heard.said)
+    assert [reported.split("=")[0] for reported in heard.reported if reported.startswith(("READY", "REL"))] == [
+        "READY",
+        *_ANEW,
+        *_ANEW,
+    ]
+    assert {"WATCHDOG=1", "STATUS=no window yet; 2 of 2 devices"} <= set(heard.reported)
 
 
 _ANEW = ("RELOADING", "READY")

@@ -32,8 +32,8 @@ HOSTILE = {  # what of the settings is replaced, and by what
 def test_watch_goes_on_with_the_settings_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     watched = watched_site(tmp_path, monkeypatch)
     script, now = Path(__file__).parents[2] / "support" / "daq" / "emulated_ports.py", time.time_ns()
-    with script_process(script, 1, 1, now, now) as (_, said):
-        [port] = json.loads(said)
+    with script_process(script, 1, 1, now, now) as (_, reported):
+        [port] = json.loads(reported)
         watched.write({"beam_left": (port, 500.0)})
         good = watched.path.read_text(encoding="utf-8")
         with watched.running() as ended:

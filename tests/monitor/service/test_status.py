@@ -41,9 +41,9 @@ def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
         assert status.silence == 0.0
         ages[0] += 30.0
         status.write(*WELL)
-        said = json.loads((tmp_path / FILE_NAME).read_text())
-        assert said["devices"]["left"]["silent"] == status.silence == 30.0
-        assert not said["window_overdue"]  # a first window may take its length and two steps
+        reported = json.loads((tmp_path / FILE_NAME).read_text())
+        assert reported["devices"]["left"]["silent"] == status.silence == 30.0
+        assert not reported["window_overdue"]  # a first window may take its length and two steps
     ages[0] += 700.0
     status.write(*WELL)
     assert json.loads((tmp_path / FILE_NAME).read_text())["window_overdue"]
@@ -98,31 +98,31 @@ def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkey
 
 def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> None:
     """Ports may have been reassigned: two exchanged sensors must be reported before the alarm."""
-    told = []
+    stated = []
     for serial in ("S1", "S1", "S2", "S2"):
         status = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock())
         payload = {"device": "left", "serial": serial, "filter_delay": 0.1}
         status.take(Event(topic="/event/device_open", time=1, payload=payload))
-        told.append(list(status.events()))
+        stated.append(list(status.events()))
         status.write(*WELL)
     replaced = {"device": "left", "before": {"serial": "S1"}, "now": {"serial": "S2"}}
-    assert told == [[], [], [("/event/device_replaced", replaced)], []]
+    assert stated == [[], [], [("/event/device_replaced", replaced)], []]
 
 
 def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_back(tmp_path: Path) -> None:
     """One window may miss a channel for a gap; copies are reported together; a window without modes reports nothing."""
     dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
     rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
-    status, told = MonitorStatus(tmp_path / FILE_NAME, (), PACE, SystemClock()), {}
+    status, stated = MonitorStatus(tmp_path / FILE_NAME, (), PACE, SystemClock()), {}
     for index, row in enumerate(rows):
         heard = [channel for channel in "abcd" if channel not in (row or {})]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
-        said = {"problem": "no resonance stands out"} if row is None else {"faults": row}
-        status.take(result_event(WindowResult.model_validate(window | said)))
+        reported = {"problem": "no resonance stands out"} if row is None else {"faults": row}
+        status.take(result_event(WindowResult.model_validate(window | reported)))
         if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in status.events()]:
-            told[index] = found
+            stated[index] = found
     copies = "contain identical samples (error of cabling or export?)"
-    assert told == {
+    assert stated == {
         3: [("channel_failed", "a, b", "constant")],
         6: [("channel_failed", "c, d", copies)],
         7: [("channel_recovered", "a, b")],
@@ -137,7 +137,7 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
     )
     gone = dict.fromkeys("ab", "0% of the samples are there")
     rows = [gone | {"c": "constant"}] * 3 + ["device_recovered"] + [{"a": "constant", "c": "constant"}] * 2
-    told = []
+    stated = []
     status.take(Event(topic="/event/device_failed", time=0, payload={"device": "left"}))
     for index, row in enumerate(rows):
         if isinstance(row, str):
@@ -146,8 +146,8 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
         heard = [channel for channel in "abc" if channel not in row]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         status.take(result_event(WindowResult.model_validate(window | {"faults": row})))
-        told += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in status.events()]
-    assert told == [(1, "channel_failed", "c"), (5, "channel_failed", "a")]
+        stated += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in status.events()]
+    assert stated == [(1, "channel_failed", "c"), (5, "channel_failed", "a")]
 
 
 class FastClock:

@@ -41,9 +41,9 @@ def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
     manager.reloading()
     manager.stopping()
     assert heard.heard("STOPPING=1", 1.0)
-    assert heard.said[:3] == ["READY=1", "WATCHDOG=1", "STATUS=watching"]
-    assert heard.said[3].startswith("RELOADING=1\nMONOTONIC_USEC=")
-    assert len(heard.said) == 5
+    assert heard.reported[:3] == ["READY=1", "WATCHDOG=1", "STATUS=watching"]
+    assert heard.reported[3].startswith("RELOADING=1\nMONOTONIC_USEC=")
+    assert len(heard.reported) == 5
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfL
     manager.feed(signs)
     manager.ready()
     assert heard.heard("READY=1", 1.0)
-    assert heard.said == ["READY=1"]
+    assert heard.reported == ["READY=1"]
     manager.feed(WELL)
     assert heard.heard("WATCHDOG=1", 1.0)
     manager.stopping()  # ends the listener
@@ -128,10 +128,10 @@ def test_unit_opens_the_ports_of_the_site_and_little_else(
     unit = site.parent / "modalwatch-test.service"
     unit.write_text(text)
     command = ["systemd-analyze", "security", "--offline=true", "--no-pager", str(unit)]
-    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    found = re.search(r"Overall exposure level for .*: ([\d.]+) ", said)
-    assert found is not None, said
-    assert float(found[1]) <= most, said
+    reported = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    found = re.search(r"Overall exposure level for .*: ([\d.]+) ", reported)
+    assert found is not None, reported
+    assert float(found[1]) <= most, reported
 
 
 def test_folder_of_roots_takes_a_user(modalwatch: Commands, site: Path) -> None:

@@ -142,5 +142,5 @@ def test_schema_is_for_editors(modalwatch: Commands) -> None:
     sections = [schema, *schema["$defs"].values()]
     assert all(section["additionalProperties"] is False for section in sections)
     assert set(schema["required"]) == {"structure", "device"}
-    told = [field for section in sections for field in section["properties"].values() if "$ref" not in str(field)]
-    assert all(field["description"] for field in told)
+    reported = [field for section in sections for field in section["properties"].values() if "$ref" not in str(field)]
+    assert all(field["description"] for field in reported)

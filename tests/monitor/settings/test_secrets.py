@@ -239,7 +239,7 @@ def test_no_secret_in_any_byte_that_is_written_or_served(
     assert server.refused
     assert all(served.values())
     log = next((tmp_path / "log").iterdir())
-    said = [
+    reported = [
         modalwatch("check", site),
         modalwatch("settings", site),
         modalwatch("history", site),
@@ -247,12 +247,12 @@ def test_no_secret_in_any_byte_that_is_written_or_served(
         modalwatch("replay", log, "-o", tmp_path / "watched.mcap", "--json", tmp_path / "found.json"),
         modalwatch("report", log, "-o", tmp_path / "report.html"),
     ]
-    assert "the same as live, to the last digit" in said[4].out
-    assert [done.code for done in said] == [1, 0, 2, 0, said[4].code, 0]
+    assert "the same as live, to the last digit" in reported[4].out
+    assert [done.code for done in reported] == [1, 0, 2, 0, reported[4].code, 0]
     found = {path.name for path, content in written(tmp_path) if MARK.encode() in content}
     found |= {path for path, content in served.items() if MARK.encode() in content}
     assert not found
-    assert not [done for done in said if MARK in done.out + done.err]
+    assert not [done for done in reported if MARK in done.out + done.err]
     assert not [path for path, _ in written(tmp_path / "log") if path.stat().st_mode & 0o007]
     assert not [path for path, _ in written(tmp_path / "state") if path.stat().st_mode & 0o007]
 

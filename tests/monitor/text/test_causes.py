@@ -214,5 +214,5 @@ def test_of_many_parameters_few_are_told_in_a_line() -> None:
         where=None,
         parameters={f"stiffness of {k}": quantity for k in "abcdefg"},
     )
-    told = "stiffness of a 0.950 ± 0.010, stiffness of b 0.950 ± 0.010, stiffness of c 0.950 ± 0.010, and 4 more"
-    assert cause_text(many) == f"model parameters: {told}"
+    reported = "stiffness of a 0.950 ± 0.010, stiffness of b 0.950 ± 0.010, stiffness of c 0.950 ± 0.010, and 4 more"
+    assert cause_text(many) == f"model parameters: {reported}"

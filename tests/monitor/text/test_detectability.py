@@ -37,8 +37,8 @@ def test_it_is_told_of_every_window_and_a_missing_thermometer_once(monkeypatch: 
     played = Played(5, monkeypatch)
     windows = (replace(w, temperature=np.nan) for w in played.windows(BASELINE + 2))
     results = run(played.pipeline(), windows)
-    said = [r.text for r in results if isinstance(r, AlarmResult)]
-    assert said == [f"baseline learnt from {BASELINE} windows; {NO_THERMOMETER}"]
+    reported = [r.text for r in results if isinstance(r, AlarmResult)]
+    assert reported == [f"baseline learnt from {BASELINE} windows; {NO_THERMOMETER}"]
     last = WindowResult.model_validate(judged(results)[-1].payload())
     assert last.novelty is not None
     assert last.novelty.detectable is not None

@@ -51,7 +51,7 @@ SITE = (
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "message"),
     [
         ("x = " + "[" * 30_000, "site.toml: expected tables and lists nested up to 64 deep"),
         ("x = 1" + "0" * 6000, "site.toml: "),
@@ -64,16 +64,16 @@ SITE = (
         ("[alarm]\nhold_windows = 9223372036854775807", "alarm.hold_windows: "),
     ],
 )
-def test_settings(commands: Commands, tmp_path: Path, more: str, said: str) -> None:
+def test_settings(commands: Commands, tmp_path: Path, more: str, message: str) -> None:
     (tmp_path / "t.toml").write_text(T_FRAME)
     (tmp_path / "site.toml").write_text(SITE + more + "\n")
     done = commands("settings", tmp_path / "site.toml")
-    assert_refused(done, said)
+    assert_refused(done, message)
     assert len(done.err) < 1200
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("youngs_modulus = ", "youngs_modulus = true #", "youngs_modulus: expected a number, found True"),
         ("density = ", "density = 1e-308 #", "density: "),
@@ -81,9 +81,9 @@ def test_settings(commands: Commands, tmp_path: Path, more: str, said: str) -> N
         ("elements = ", "elements = true #", "expected a number, found True"),
     ],
 )
-def test_numbers_of_structures(old: str, new: str, said: str) -> None:
+def test_numbers_of_structures(old: str, new: str, message: str) -> None:
     assert old in T_FRAME
-    with pytest.raises(StructureError, match=said):
+    with pytest.raises(StructureError, match=message):
         parse_structure(T_FRAME.replace(old, new, 1))
 
 

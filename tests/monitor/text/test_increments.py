@@ -25,8 +25,8 @@ def test_claimed_place_has_its_region() -> None:
 
 @pytest.mark.parametrize(("p", "words"), [(2.3e-3, "p = 0.0023"), (0.0, "p under 1e-12")])
 def test_increments_of_something_else_have_no_place(p: float, words: str) -> None:
-    said = text(fits=False, located=False, p_value=p)
-    assert said == (f"one-step update flags {N} nodes, not located: the increments do not fit one mass ({words})")
+    reported = text(fits=False, located=False, p_value=p)
+    assert reported == (f"one-step update flags {N} nodes, not located: the increments do not fit one mass ({words})")
 
 
 def test_wide_region_is_no_place() -> None:

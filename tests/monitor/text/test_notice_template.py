@@ -25,19 +25,19 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize(("template", "said"), HOSTILE)
-def test_hostile_templates_are_refused(template: str, said: str) -> None:
+@pytest.mark.parametrize(("template", "stated"), HOSTILE)
+def test_hostile_templates_are_refused(template: str, stated: str) -> None:
     begun = time.monotonic()
     with pytest.raises(ValueError, match="expected a jinja2 template") as refused:
         check_template(template)
-    assert said in str(refused.value)
+    assert stated in str(refused.value)
     assert time.monotonic() - begun < 30
 
 
 def test_a_notice_is_sent_in_the_own_words_where_the_template_fails() -> None:
-    said = message([NOTICE], LOOPS).text
-    assert said.startswith("bridge, then: a mass was added")
-    assert "template has failed" in said
+    stated = message([NOTICE], LOOPS).text
+    assert stated.startswith("bridge, then: a mass was added")
+    assert "template has failed" in stated
 
 
 def test_templates_see_what_they_always_saw() -> None:

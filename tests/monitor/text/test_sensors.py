@@ -18,8 +18,8 @@ def health(gain: list[float], delay: list[float], std: float = 0.005) -> SensorH
 
 
 def test_all_as_they_were_is_one_short_line() -> None:
-    said = health_text(health_result(health([1.004, 0.99, 1.0], [2e-5, -1e-5, 0.0])))
-    assert said == "sensors: all gains within 2.0 %, delays within 0.040 ms"
+    reported = health_text(health_result(health([1.004, 0.99, 1.0], [2e-5, -1e-5, 0.0])))
+    assert reported == "sensors: all gains within 2.0 %, delays within 0.040 ms"
 
 
 def test_what_is_wrong_is_named_with_its_deviation() -> None:

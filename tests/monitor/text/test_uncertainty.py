@@ -68,18 +68,18 @@ def test_report_does_not_say_that_nothing_has_changed_where_that_cannot_be_known
     celsius = np.concatenate([np.linspace(10.1, 11.2, BASELINE), np.full(4, 10.6), np.full(3, 21.5)])
     results = run(played.pipeline(), warmed(played.windows(len(celsius)), celsius))
 
-    def said(n: int) -> str:
+    def reported(n: int) -> str:
         windows = tuple(judged(results)[:n])
-        told = tuple(r for r in results if isinstance(r, AlarmResult))
+        events = tuple(r for r in results if isinstance(r, AlarmResult))
         reference = next(r for r in results if isinstance(r, ReferenceResult))
-        return headline(RunResults(name="frame", reference=reference, windows=windows, alarms=told), None)
+        return headline(RunResults(name="frame", reference=reference, windows=windows, alarms=events), None)
 
-    assert said(BASELINE + 4) == "Nothing has changed in 4 windows."
+    assert reported(BASELINE + 4) == "Nothing has changed in 4 windows."
     unsure = [w.novelty.unsure for w in judged(results) if w.novelty and w.novelty.unsure]
     least = max(one.least_percent for one in unsure)  # the past, which was colder, is less and less of it
-    assert said(BASELINE + 7) == (
+    assert reported(BASELINE + 7) == (
         "No large change: in the last 3 of 7 windows, at 21.5 degC, outside the range of the baseline (10.1 to "
-        f"11.2 degC), of changes of all frequencies alike only those of more than {least:.2g} % is detectable."
+        f"11.2 degC), only changes of all frequencies alike by more than {least:.2g} % are detectable."
     )
 
 

@@ -44,8 +44,8 @@ def levels(results: list[Result]) -> list[float]:
 
 
 def test_accepted_change_is_watched_by_and_undone(monkeypatch: pytest.MonkeyPatch) -> None:
-    played, pipeline, said = changed(11, monkeypatch, 7)
-    raised = next(r.time for r in said if isinstance(r, AlarmResult) and r.raised)
+    played, pipeline, reported = changed(11, monkeypatch, 7)
+    raised = next(r.time for r in reported if isinstance(r, AlarmResult) and r.raised)
     before, after = played.true_frequency(None), played.true_frequency(PUMP)
     [reference, accepted] = accept(pipeline, raised)
     assert isinstance(reference, ReferenceResult)
@@ -116,9 +116,9 @@ def test_next_change_is_found_beside_an_accepted_one(seed: int, monkeypatch: pyt
     assert accept(pipeline)[-1].payload()["kind"] == "accepted"
     assert max(levels(run(pipeline, played.windows(2)))) < 1
     played.put(SECOND)
-    said = run(pipeline, played.windows(2))
-    assert min(levels(said)) > 1
-    assert [r.kind for r in said if isinstance(r, AlarmResult) and r.raised] == ["state"]  # a new alarm
+    reported = run(pipeline, played.windows(2))
+    assert min(levels(reported)) > 1
+    assert [r.kind for r in reported if isinstance(r, AlarmResult) and r.raised] == ["state"]  # a new alarm
 
 
 def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,8 +151,8 @@ def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypa
     assert [mode.id for mode in hidden.modes] == left
 
     played.hidden = (4,)  # mode 3 is back, where the pump has moved it to
-    said = [r for r in run(pipeline, played.windows(2 * BASELINE)) if not isinstance(r, WindowResult)]
-    [reference, again] = said
+    reported = [r for r in run(pipeline, played.windows(2 * BASELINE)) if not isinstance(r, WindowResult)]
+    [reference, again] = reported
     assert isinstance(reference, ReferenceResult)
     assert isinstance(again, AlarmResult)
     assert (again.kind, again.state, again.quiet) == ("seen_again", "normal", True)
@@ -212,9 +212,9 @@ def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) 
     played, pipeline, _ = changed(15, monkeypatch, 3)
     accept(pipeline)
     played.put(None)
-    said = [r for r in run(pipeline, played.windows(2)) if isinstance(r, AlarmResult)]
-    assert [r.kind for r in said] == ["state", "refused"]
-    assert "the change has disappeared" in said[-1].text
+    reported = [r for r in run(pipeline, played.windows(2)) if isinstance(r, AlarmResult)]
+    assert [r.kind for r in reported] == ["state", "refused"]
+    assert "the change has disappeared" in reported[-1].text
     assert accept(pipeline)[0].payload()["text"] == "not accepted: no alarm is active"
     [refused] = pipeline.push(Event(topic=TOPIC_UNDO, time=9, payload={}))
     assert refused.payload()["text"] == "nothing is undone: no change has been accepted"

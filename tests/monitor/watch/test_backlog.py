@@ -61,8 +61,8 @@ def test_watch_goes_on_past_windows_that_were_left_out(monkeypatch: pytest.Monke
     assert windows[-1].start - windows[-2].start == STEP * 10**9
 
     news = NoticeFilter("frame")
-    told = [notice.text for w in windows if (notice := news.of(result_event(w))) is not None]
-    assert told == ["windows are left out: the analysis has fallen behind"] * 2  # each time once
+    reported = [notice.text for w in windows if (notice := news.of(result_event(w))) is not None]
+    assert reported == ["windows are left out: the analysis has fallen behind"] * 2  # each time once
 
 
 @pytest.mark.live

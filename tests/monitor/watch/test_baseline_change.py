@@ -30,8 +30,8 @@ def test_live_learning_begins_anew_at_a_change(seed: int, monkeypatch: pytest.Mo
     pipeline = played.pipeline()
     run(pipeline, played.windows(BASELINE - 5))
     played.put(PUMP)
-    said = run(pipeline, played.windows(5))
-    [text] = texts(said)
+    reported = run(pipeline, played.windows(5))
+    [text] = texts(reported)
     print(text)
     assert "the structure changed within the baseline at 2026-01-01 01:10:00 UTC" in text
     assert "learning begins anew with the 5 windows since" in text
@@ -51,15 +51,15 @@ def test_a_structure_that_keeps_changing_is_learnt_in_the_end(monkeypatch: pytes
     without_answers(monkeypatch)
     played = Played(43, monkeypatch)
     pipeline = played.pipeline()
-    said: list[str] = []
+    reported: list[str] = []
     for k in range(12):
         played.put(PUMP if k % 2 else None)
-        said += texts(run(pipeline, played.windows(5)))
-        if said and said[-1].startswith("baseline learnt"):
+        reported += texts(run(pipeline, played.windows(5)))
+        if reported and reported[-1].startswith("baseline learnt"):
             break
-    print(*said, sep="\n")
-    assert sum("begins anew" in text for text in said) == 3
-    assert said[-1].startswith(f"baseline learnt from {BASELINE} windows, though the structure changed within")
+    print(*reported, sep="\n")
+    assert sum("begins anew" in text for text in reported) == 3
+    assert reported[-1].startswith(f"baseline learnt from {BASELINE} windows, though the structure changed within")
 
 
 def observation(seed: int, bodies: list[Body | None]) -> Observation:

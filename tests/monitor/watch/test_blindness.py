@@ -32,12 +32,12 @@ def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
     assert looked == [last[-1]]
     assert DEAD not in looked[0].sensors
     assert len(looked[0].sensors) == 11
-    for n, said in ((0, []), (1, []), (2, [f"{DEAD} is left out: constant"])):
+    for n, message in ((0, []), (1, []), (2, [f"{DEAD} is left out: constant"])):
         status = MonitorStatus(tmp_path / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock())
         for window in (calm[-1], *last[:n]):
             status.take(result_event(window))
         status.write(*WELL)
-        assert problems(read_status(tmp_path / FILE_NAME)) == said
+        assert problems(read_status(tmp_path / FILE_NAME)) == message
     assert np.isfinite([window.novelty.t2 for window in last if window.novelty]).all()
 
 

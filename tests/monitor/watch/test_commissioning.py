@@ -65,9 +65,9 @@ def test_drill_by_what_the_monitor_remembers(
     # another mass, or elsewhere: not proven, which scales nothing and leaves the proof of before as it is
     for mass, at, failed in (("0.1", "0,0.5", ["place", "mass"]), (str(MASS), "0.3,1.48", ["place"])):
         wrong = modalwatch(*words[:3], mass, "--position", at, "--json", tmp_path / "wrong.json")
-        said = json.loads((tmp_path / "wrong.json").read_text(encoding="utf-8"))
-        assert [check["what"] for check in said["checks"] if not check["passed"]] == failed
-        assert (wrong.code, said["passed"], said["modes"], "NOT proven" in wrong.out) == (1, False, [], True)
+        reported = json.loads((tmp_path / "wrong.json").read_text(encoding="utf-8"))
+        assert [check["what"] for check in reported["checks"] if not check["passed"]] == failed
+        assert (wrong.code, reported["passed"], reported["modes"], "NOT proven" in wrong.out) == (1, False, [], True)
     assert modalwatch(*words[:3], "0.1", "--position", "0,0.9").code == 1
     names = sorted(path.name for path in (tmp_path / "state" / "proofs").iterdir())
     assert names == [kept.name, kept.name.replace(".json", "_2.json")]

@@ -57,7 +57,7 @@ def test_any_values_come_back_to_the_last_bit(
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "said"),
+    ("place", "value", "reported"),
     [
         ("whole", 1.5, "whole: expected int, found '1.5'"),
         ("whole", True, "whole: expected int, found 'True'"),
@@ -68,9 +68,9 @@ def test_any_values_come_back_to_the_last_bit(
         ("inside", {}, "inside: expected an object of"),
     ],
 )
-def test_values_of_another_kind_are_named(place: str, value: object, said: str) -> None:
+def test_values_of_another_kind_are_named(place: str, value: object, reported: str) -> None:
     held = encode(Held(np.ones(1), (), {}, None, 1, True, Alarm(rules=AlarmRules())))
-    with pytest.raises(CodecError, match=said):
+    with pytest.raises(CodecError, match=reported):
         decode(Held, held | {place: value})
 
 
@@ -80,7 +80,7 @@ def test_restarts_change_nothing_of_what_is_said(stops: tuple[int, ...], monkeyp
     played = Played(5, monkeypatch)
     without_answers(monkeypatch)
     windows = list(played.windows(BASELINE + 5))
-    through, split, said = played.pipeline(), played.pipeline(), []
+    through, split, reported = played.pipeline(), played.pipeline(), []
     for number, window in enumerate(windows):
         if number == BASELINE + 2:
             played.put(PUMP)
@@ -88,8 +88,10 @@ def test_restarts_change_nothing_of_what_is_said(stops: tuple[int, ...], monkeyp
             split = played.pipeline(parse_memory(memory_text(split.memory)))
         expected = [result.payload() for result in through.analyse(window)]
         assert [result.payload() for result in split.analyse(window)] == expected
-        said += expected
-    assert [s["kind"] for s in said if s.get("state") == "alarm" and "kind" in s] == ["state"]  # one alarm, raised once
+        reported += expected
+    assert [s["kind"] for s in reported if s.get("state") == "alarm" and "kind" in s] == [
+        "state"
+    ]  # one alarm, raised once
 
 
 def test_the_first_block_after_a_restart_says_what_is_watched_by(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -27,12 +27,14 @@ def test_alarm_is_raised_though_diagnosis_sensors_and_self_test_fail(monkeypatch
     calm = run(pipeline, played.windows(2 * BASELINE))
     played.put(Body(at=(0.0, 0.0, 0.9), mass=0.25))
     results = run(pipeline, played.windows(3))
-    said = [result for result in (*calm, *results) if isinstance(result, AlarmResult)]
-    assert [change.kind for change in said if change.raised] == ["state"]
-    failed = [change.text.partition(" has failed")[0] for change in said if change.kind == "failed"]
+    reported = [result for result in (*calm, *results) if isinstance(result, AlarmResult)]
+    assert [change.kind for change in reported if change.raised] == ["state"]
+    failed = [change.text.partition(" has failed")[0] for change in reported if change.kind == "failed"]
     assert set(failed) == {"the diagnosis", "the look at the sensors", "the self-test"}
     assert failed.count("the self-test") == 1  # not again with each window
-    assert all("IndexError: a case that nobody thought of" in change.text for change in said if change.kind == "failed")
+    assert all(
+        "IndexError: a case that nobody thought of" in change.text for change in reported if change.kind == "failed"
+    )
     assert not any(isinstance(result, SelfTestResult) for result in calm)
 
 
@@ -65,13 +67,13 @@ def test_parts_of_the_answer_that_fail_cost_only_themselves(
     run(pipeline, played.windows(BASELINE))
     played.put(Body(at=(0.0, 0.0, 0.9), mass=0.25))
     results = run(pipeline, played.windows(4))
-    said = [result for result in results if isinstance(result, AlarmResult)]
-    assert [change.kind for change in said if change.raised] == ["state"]
+    reported = [result for result in results if isinstance(result, AlarmResult)]
+    assert [change.kind for change in reported if change.raised] == ["state"]
     answered = [w for w in judged(results) if any(getattr(w, name) for name in left)]
     assert len(answered) >= 2
     names = ("increments", "diagnosis", "discrepancy", "answer")
     assert {name for name in names if getattr(answered[-1], name)} == left
-    failed = [change.text for change in said if change.kind == "failed"]
+    failed = [change.text for change in reported if change.kind == "failed"]
     faults = [text for text in failed if text.endswith("has failed: LinAlgError: Singular matrix")]
     assert len(faults) == len(parts) * len(answered)
     of_cause = ["internal error, axial force was not considered: IndexError: index 3 is out of bounds"]

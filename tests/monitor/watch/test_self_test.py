@@ -74,9 +74,9 @@ def test_what_weighs_enough_is_seen_and_nothing_is_not(
     played.settings = without_settings
     untested = played.pipeline(without.memory)
     after = judged(run(pipeline, iter(windows[1:4])))
-    said = run(untested, iter(windows[:4]))
-    assert self_tests(said) == []
-    assert [w.payload() for w in judged(said)][1:] == [w.payload() for w in after]
+    reported = run(untested, iter(windows[:4]))
+    assert self_tests(reported) == []
+    assert [w.payload() for w in judged(reported)][1:] == [w.payload() for w in after]
 
 
 def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,12 +100,12 @@ def test_one_that_failed_is_tried_again_the_next_day(
     played = Played(23, monkeypatch)
     played.settings = site_settings(f"self_test_days = 2.5\nself_test_percent = {percent}")
     pipeline = played.pipeline()
-    said = run(pipeline, played.windows(BASELINE + 6))
+    reported = run(pipeline, played.windows(BASELINE + 6))
     played.wait(3)
-    said += run(pipeline, played.windows(6))
+    reported += run(pipeline, played.windows(6))
     played.wait(1)
-    said += run(pipeline, played.windows(6))
-    assert [test.passed for test in self_tests(said)] == [passed] * tested
+    reported += run(pipeline, played.windows(6))
+    assert [test.passed for test in self_tests(reported)] == [passed] * tested
 
 
 TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=True, last_passed=10**18)
@@ -117,8 +117,8 @@ def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
     assert TEST.probability == pytest.approx(20 / 24)
     news = NoticeFilter("frame")
     assert news.of(result_event(TEST)) is None
-    told = [news.of(result_event(test)) for test in (FAILED, FAILED, TEST, TEST)]
-    assert [(notice.kind, notice.text) if notice else None for notice in told] == [
+    stated = [news.of(result_event(test)) for test in (FAILED, FAILED, TEST, TEST)]
+    assert [(notice.kind, notice.text) if notice else None for notice in stated] == [
         ("trouble", FAILED.text),
         None,
         ("trouble", TEST.text),
@@ -175,7 +175,7 @@ def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, day
     window = {"index": 0, "start": 0, "end": 1, "phase": phase, "channels": [], "modes": []}
     status.take(result_event(WindowResult.model_validate(window)))
     status.write(*WELL)
-    said = read_status(path)
-    assert said is not None
-    assert (said.self_test is None) == well
-    assert (problems(said) == []) == well
+    reported = read_status(path)
+    assert reported is not None
+    assert (reported.self_test is None) == well
+    assert (problems(reported) == []) == well

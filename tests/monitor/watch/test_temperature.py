@@ -44,7 +44,7 @@ def window(start: float, own: float = math.nan) -> Recording:
     )
 
 
-def told(*readings: tuple[float, float]) -> SiteTemperature:
+def stated(*readings: tuple[float, float]) -> SiteTemperature:
     weather = SiteTemperature(60.0)
     for minute, celsius in readings:
         weather.take(reading(round(minute * MINUTE), celsius, "air"))
@@ -52,29 +52,29 @@ def told(*readings: tuple[float, float]) -> SiteTemperature:
 
 
 def test_window_has_the_mean_of_its_readings_or_the_last_before() -> None:
-    weather = told((95, 2.0), (101, 4.0), (109, 6.0), (111, 50.0))
+    weather = stated((95, 2.0), (101, 4.0), (109, 6.0), (111, 50.0))
     assert weather.of(window(100)) == 5.0
     assert weather.of(window(112)) == 50.0
-    assert told((41, 3.0)).of(window(100)) == 3.0  # 59 minutes old
+    assert stated((41, 3.0)).of(window(100)) == 3.0  # 59 minutes old
 
 
 def test_devices_go_on_for_a_thermometer_that_fails_without_a_step() -> None:
     """Devices in the sun measure 8 K more: with this offset removed their temperature continues, without a step."""
-    weather = told((101, 4.0), (111, 5.0))
+    weather = stated((101, 4.0), (111, 5.0))
     assert weather.of(window(100, own=12.0)) == 4.0
     assert weather.of(window(110, own=13.0)) == 5.0
     assert weather.of(window(300, own=10.0)) == pytest.approx(2.0)
 
 
 def test_devices_replace_a_failed_thermometer_after_a_restart_too() -> None:
-    weather = told((101, 4.0))
+    weather = stated((101, 4.0))
     weather.of(window(100, own=12.0))
     assert SiteTemperature(60.0, weather.offset).of(window(300, own=10.0)) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("own", [21.0, math.nan])
 def test_nothing_is_made_up_before_the_first_reading(own: float) -> None:
-    assert math.isnan(told().of(window(100, own)))
+    assert math.isnan(stated().of(window(100, own)))
 
 
 def test_pipeline_judges_windows_by_the_thermometer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -187,19 +187,19 @@ def test_source_that_fails_is_told_once_and_again_when_it_is_back(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.service.acquisition.thermometer._POLL", 0.01)
-    path, said = tmp_path / "air.csv", list[Event]()
+    path, reported = tmp_path / "air.csv", list[Event]()
 
     def heard(topic: str, source: Thermometer) -> bool:
-        said.extend(source.read())
-        return any(event.topic == topic for event in said)
+        reported.extend(source.read())
+        return any(event.topic == topic for event in reported)
 
     with thermometer(TemperatureSettings(csv=str(path), stale_minutes=EVER), SystemClock()) as source:
         until(lambda: heard("/event/temperature_failed", source))
         path.write_text("t,temperature\n5,6.5\n")
         until(lambda: heard("/event/temperature_recovered", source))
-    topics = [event.topic for event in said]
+    topics = [event.topic for event in reported]
     assert sorted(topics) == ["/event/temperature_failed", "/event/temperature_recovered", "/measured/temperature"]
-    assert "No such file" in said[0].payload["why"]
+    assert "No such file" in reported[0].payload["why"]
 
 
 def test_broker_that_refuses_is_told_with_its_reason() -> None:
@@ -279,13 +279,13 @@ def test_check_reads_the_last_line(tmp_path: Path) -> None:
     (tmp_path / "site.toml").write_text(SITE + '[temperature]\ncsv = "air.csv"\n', encoding="utf-8")
     site = load_site(tmp_path / "site.toml")
 
-    def said() -> tuple[bool, str]:
+    def reported() -> tuple[bool, str]:
         return next((f.well, f.text) for f in look_around(site) if f.what == "temperature")
 
-    assert said()[0] is False
+    assert reported()[0] is False
     (tmp_path / "air.csv").write_text("t,temperature\n")
-    assert said() == (False, f"{tmp_path / 'air.csv'}: has no reading")
+    assert reported() == (False, f"{tmp_path / 'air.csv'}: has no reading")
     (tmp_path / "air.csv").write_text("t,temperature\n1767225600,-3.25\n")
-    assert (said()[0], "behind now" in said()[1]) == (False, True)
+    assert (reported()[0], "behind now" in reported()[1]) == (False, True)
     (tmp_path / "air.csv").write_text(f"t,temperature\n{time.time():.0f},-3.25\n")
-    assert (said()[0], "-3.25 degC at 20" in said()[1]) == (True, True)
+    assert (reported()[0], "-3.25 degC at 20" in reported()[1]) == (True, True)

@@ -36,10 +36,10 @@ def window() -> Recording:
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_fault_is_named_and_biases_no_mode(fault: str) -> None:
     found = identify_all(faulty(window(), fault, SEED))
-    said = {name: state for name, state in found.channels.items() if state != "ok"}
+    reported = {name: state for name, state in found.channels.items() if state != "ok"}
     expected = (GIVEN_UP | MENDED | UNHARMED)[fault]
-    assert said.keys() == expected.keys()
-    assert all(said[name].startswith(start) for name, start in expected.items())
+    assert reported.keys() == expected.keys()
+    assert all(reported[name].startswith(start) for name, start in expected.items())
     assert set(found.estimate.channels) == set(found.channels) - set(GIVEN_UP.get(fault, {}))
     kept = [SCENE.structure.channels.index(name) for name in found.estimate.channels]
     truth = replace(SCENE.structure, shapes=SCENE.structure.shapes[:, kept])

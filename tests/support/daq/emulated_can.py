@@ -21,7 +21,7 @@ from daq import (
     ScaledClock,
     unplugging,
 )
-from tests.support.daq.emulated_ports import Ramp, say, told
+from tests.support.daq.emulated_ports import Ramp, reported, say
 
 
 def imu(file: Path) -> DbcSensor:
@@ -51,7 +51,7 @@ def main() -> None:
     clock = ScaledClock(speed=speed, origin_wall=origin_wall, origin=origin)
     with unplugging([plugged(link, n, clock, dbc)]) as adapters:
         say("ready")
-        while (words := told()) != ["end"]:
+        while (words := reported()) != ["end"]:
             if words == ["unplug"]:
                 adapters[-1].close()
             elif words == ["plug"]:

@@ -36,7 +36,7 @@ def say(value: object) -> None:
     sys.stdout.flush()
 
 
-def told() -> list[str]:
+def reported() -> list[str]:
     """Return the words of a line if one is there within a millisecond."""
     ready, _, _ = select.select([0], [], [], 1e-3)
     return os.read(0, 100).decode().split() or ["end"] if ready else []
@@ -57,7 +57,7 @@ def main() -> None:
     with unplugging([KINDS[kind](clock, f"E{k:07}") for kind in kinds for k in range(n)]) as devices:
         say([device.port for device in devices])
         turn = 0
-        while (words := told()) != ["end"]:
+        while (words := reported()) != ["end"]:
             if words:
                 devices[int(words[1])].close()
             serve_all(devices, turn := turn + 1)

@@ -26,14 +26,14 @@ class Commands:
         self._monkeypatch.setattr(sys, "argv", ["modalwatch", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
             main()
-        said = self._capsys.readouterr()
-        return Done(int(end.value.code or 0), said.out, said.err)
+        reported = self._capsys.readouterr()
+        return Done(int(end.value.code or 0), reported.out, reported.err)
 
 
-def assert_refused(done: Done, *said: object) -> None:
+def assert_refused(done: Done, *reported: object) -> None:
     """Assert exit code 2 and one line of error with all these texts."""
     assert done.code == 2, done
     assert done.err.startswith("error: "), done
     assert done.err.count("\n") == 1, done
-    for text in said:
+    for text in reported:
         assert str(text) in done.err, done

@@ -28,7 +28,7 @@ class Tone:
 class Scene:
     """One kind of window."""
 
-    said: str
+    label: str
     structure: Structure
     duration: float = 300.0  # s
     noise: float = 0.05  # of the signals' rms
@@ -59,15 +59,15 @@ def _weak() -> Structure:
 
 
 SCENES = {
-    "clean": Scene(said="5 % noise", structure=tower()),
-    "noise": Scene(said="50 % noise", structure=tower(), noise=0.5),
-    "close": Scene(said="two modes 1.5 % apart", structure=_close()),
-    "harmonic": Scene(said="a tone as strong as all else", structure=tower(), tone=Tone(frequency=11.5, share=1.0)),
-    "weak": Scene(said="two modes at -26 dB", structure=_weak()),
-    "short": Scene(said="60 s", structure=tower(), duration=60.0),
-    "near tone": Scene(said="that tone 1.5 % beside a mode", structure=tower(), tone=Tone(frequency=9.87, share=1.0)),
+    "clean": Scene(label="5 % noise", structure=tower()),
+    "noise": Scene(label="50 % noise", structure=tower(), noise=0.5),
+    "close": Scene(label="two modes 1.5 % apart", structure=_close()),
+    "harmonic": Scene(label="a tone as strong as all else", structure=tower(), tone=Tone(frequency=11.5, share=1.0)),
+    "weak": Scene(label="two modes at -26 dB", structure=_weak()),
+    "short": Scene(label="60 s", structure=tower(), duration=60.0),
+    "near tone": Scene(label="that tone 1.5 % beside a mode", structure=tower(), tone=Tone(frequency=9.87, share=1.0)),
     "machine": Scene(
-        said="that tone, wandering by 0.1 %", structure=tower(), tone=Tone(frequency=11.5, share=1.0, wander=1e-3)
+        label="that tone, wandering by 0.1 %", structure=tower(), tone=Tone(frequency=11.5, share=1.0, wander=1e-3)
     ),
 }
 

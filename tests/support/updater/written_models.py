@@ -38,7 +38,7 @@ def closed_loop(case: Case, *, only: Sequence[str] = (), again_only: Sequence[st
     if found.explained.extended is None:
         return Loop(found=found, written=None)
     written = parse_structure(dump_structure(found.explained.extended))
-    told = after(case, random, known=written)
+    reported = after(case, random, known=written)
     mean = found.sought.mean_of(heldout.modes)
     seen = is_seen(case.done.after, N_MODES)
     shape = case.done.after.claimed_shape(N_MODES)[seen]
@@ -49,7 +49,7 @@ def closed_loop(case: Case, *, only: Sequence[str] = (), again_only: Sequence[st
         true_error=file_error(
             written, case.done.after.channels, case.done.after.claimed_frequency(N_MODES)[seen], shape
         ),
-        again=explain(written, None, told, only=again_only),
+        again=explain(written, None, reported, only=again_only),
     )
 
 

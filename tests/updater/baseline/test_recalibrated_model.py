@@ -23,15 +23,15 @@ def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
     """By ten per cent in frequency: the cause is the file's stiffness, and the written file explains new windows."""
     case = draw("built frame: nothing", seed)
     found = asked(case, stiffer(FRAME, TOO_STIFF))
-    said = found.explained.diagnosis
+    reported = found.explained.diagnosis
     assert found.sought.nominal is not None
-    assert (said.verdict, [cause.cause for cause in said.causes]) == ("explained", ["model_parameters"])
-    stiffness = said.causes[0].parameters["steel.E"]
+    assert (reported.verdict, [cause.cause for cause in reported.causes]) == ("explained", ["model_parameters"])
+    stiffness = reported.causes[0].parameters["steel.E"]
     assert (
         abs(stiffness.value / (TOO_STIFF * 210e9) - 1 / TOO_STIFF) < 0.1
     )  # the specimen's own differs by some per cents from the book's
-    assert said.gain is not None
-    error = said.gain.frequency_error_percent
+    assert reported.gain is not None
+    error = reported.gain.frequency_error_percent
     print(f"held-out frequency error {error.before:.2f} -> {error.after:.3f} %")
     assert error.before is not None
     assert error.after is not None

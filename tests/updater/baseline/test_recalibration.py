@@ -45,10 +45,10 @@ def test_a_loosened_foot_is_sized_within_its_deviations(seed: int) -> None:
     assert foot.where is not None
     assert foot.where.position == (0.0, 0.0, 0.0)
     for name in ("stiffness_rx", "stiffness_ry"):
-        told = foot.parameters[name]
-        print(f"  {name} {told.value:.0f} ± {told.std:.0f} N m/rad")
-        assert abs(told.value - LOOSE_FOOT) < 3 * told.std
-        assert told.std < 0.1 * LOOSE_FOOT
+        reported = foot.parameters[name]
+        print(f"  {name} {reported.value:.0f} ± {reported.std:.0f} N m/rad")
+        assert abs(reported.value - LOOSE_FOOT) < 3 * reported.std
+        assert reported.std < 0.1 * LOOSE_FOOT
 
 
 @pytest.mark.parametrize("seed", few_of([324, 325, 327, 329]))

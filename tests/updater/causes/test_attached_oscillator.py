@@ -133,10 +133,10 @@ def test_own_frequency_that_hardly_any_mode_tells_is_told_as_open(learnt: tuple[
     at, mass, frequency = (0.0877, 0.0, 1.48), 0.2136, 19.1
     event, _ = event_of(reference, hung(bare, at, 2, mass, frequency), seed)
     (cause,) = diagnose(reference, event).diagnosis.causes
-    told, weighed = cause.parameters["frequency"], cause.parameters["mass"]
+    stated, weighed = cause.parameters["frequency"], cause.parameters["mass"]
     assert cause.cause == "attached_oscillator"
-    assert told.std > 0.2 * told.value
-    assert abs(np.log(told.value / frequency)) < 2 * told.std / told.value
+    assert stated.std > 0.2 * stated.value
+    assert abs(np.log(stated.value / frequency)) < 2 * stated.std / stated.value
     assert abs(weighed.value - mass) < 3 * weighed.std
 
 
@@ -207,5 +207,5 @@ def test_what_to_measure_next_beside_an_oscillator(learnt: tuple[Reference, Mode
     open_ones = [singles[("attached_oscillator",)], singles[("added_mass",)]]
     bodies = weighing.causes["added_mass"]
     assert isinstance(bodies, AddedMass)
-    said = next_measurement(reference, event, weighing.data, bodies, open_ones)
-    assert "standard deviations" in said
+    reported = next_measurement(reference, event, weighing.data, bodies, open_ones)
+    assert "standard deviations" in reported

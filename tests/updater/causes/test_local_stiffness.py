@@ -140,8 +140,8 @@ def test_a_cut_from_one_side_is_found(
     assert found.extended is not None
     segment = found.extended.segment[-1]  # after welds of the calibration
     assert segment.stiffness == 1
-    said = [1 - cause.parameters[key].value for key in names]
-    assert [*segment.bending, segment.torsion] == pytest.approx(said, abs=0.1)
+    reported = [1 - cause.parameters[key].value for key in names]
+    assert [*segment.bending, segment.torsion] == pytest.approx(reported, abs=0.1)
 
 
 @pytest.mark.thorough

@@ -102,18 +102,18 @@ def test_a_file_is_told_and_mended(seed: int) -> None:
     )
     reference = nominal_reference(t_frame(), windows)
     found = diagnose(reference, matched(reference.baseline, reference.mean_of(windows)))
-    told = {cause.cause: cause for cause in found.diagnosis.causes}
-    print(found.diagnosis.verdict, sorted(told))
-    assert set(told) <= {"model_parameters", "support_stiffness", "joint_stiffness"}
-    if "model_parameters" in told and "steel.E" in told["model_parameters"].parameters:  # significantly off
-        stiffness = told["model_parameters"].parameters["steel.E"]
+    stated = {cause.cause: cause for cause in found.diagnosis.causes}
+    print(found.diagnosis.verdict, sorted(stated))
+    assert set(stated) <= {"model_parameters", "support_stiffness", "joint_stiffness"}
+    if "model_parameters" in stated and "steel.E" in stated["model_parameters"].parameters:  # significantly off
+        stiffness = stated["model_parameters"].parameters["steel.E"]
         steel, filed = truth.structure.material["steel"], t_frame().material["steel"]
         expected = steel.youngs_modulus / filed.youngs_modulus * filed.density / steel.density
         assert abs(stiffness.value / filed.youngs_modulus - expected) < 3 * stiffness.std / filed.youngs_modulus
     assert found.extended is not None
     again = nominal_reference(found.extended, others)
-    said = diagnose(again, matched(again.baseline, again.mean_of(others))).diagnosis
-    assert said.verdict == "nothing_to_explain"
+    reported = diagnose(again, matched(again.baseline, again.mean_of(others))).diagnosis
+    assert reported.verdict == "nothing_to_explain"
 
 
 @pytest.mark.thorough
@@ -138,9 +138,9 @@ def test_what_stays_as_rigid_as_the_file_has_it_is_not_told(name: str) -> None:
     found: Fit[Cause] = fit(data, cause)
     stays = (found.theta[0] <= cause.lower[0]) & np.array([not knob.mean for knob in cause.knobs])
     known = np.sqrt(np.diag(found.covariance[0])) < 0.7 * cause.prior_std
-    told = cause.parameters(found)
+    stated = cause.parameters(found)
     assert (stays & known).any()
-    assert not {cause.knobs[k].key for k in np.flatnonzero(stays).tolist()} & set(told)
+    assert not {cause.knobs[k].key for k in np.flatnonzero(stays).tolist()} & set(stated)
 
 
 def test_a_calibrated_reference_has_none() -> None:

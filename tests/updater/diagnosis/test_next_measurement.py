@@ -49,29 +49,29 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     beam = [m.name for m in structure.member].index("crossbeam")
     rows = [int(np.argmin(np.abs(masses.position - at) + 10 * (masses.member != beam))) for at in (0.2, 0.6)]
     left_or_right = [(SelectedCause(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
-    said = next_measurement(reference, event, data, masses, left_or_right)
+    reported = next_measurement(reference, event, data, masses, left_or_right)
     place = re.search(
         r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: "
         r"expected to separate the alternative places of the added mass by ([\d.]+) stand",
-        said,
+        reported,
     )
-    assert place is not None, said
+    assert place is not None, reported
     assert abs(float(place[1])) > 0.1
     assert float(place[2]) > 3
-    axis = said.split("m along ")[1][0]
+    axis = reported.split("m along ")[1][0]
     there = Sensor(channel="there", at=(float(place[1]) + 0.02, 0.0, 1.48), direction=AXES[axis])
     calibration = replace(reference.calibration, structure=with_sensors(reference.structure, there))
-    said = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
-    other = re.search(rf"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along {axis}:", said)
-    assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, said
+    reported = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
+    other = re.search(rf"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along {axis}:", reported)
+    assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, reported
 
 
 def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
     reference, _, event = learnt(503)
-    said = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
-    assert "A thermometer during both records" in said
-    assert "A tone of known frequency in both records" in said
-    assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", said), said
+    reported = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
+    assert "A thermometer during both records" in reported
+    assert "A tone of known frequency in both records" in reported
+    assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", reported), reported
 
 
 def test_what_nothing_tells_apart_is_said() -> None:
@@ -102,11 +102,11 @@ def test_a_frequency_that_fits_is_not_called_odd() -> None:
     masses = EvidenceComparison(reference, data).causes["added_mass"]
     assert isinstance(masses, AddedMass)
 
-    def said(kg: float) -> str:
+    def reported(kg: float) -> str:
         return oddest(
             replace(data, shaped=np.zeros_like(data.shaped)), [SelectedCause(masses, 5, np.array([kg, 0, 0, 0]))]
         )
 
-    assert "no frequency 2 standard deviations off by itself" in said(0.0)
-    assert "Hz 0 stand" not in said(0.0)
-    assert "standard deviations off." in said(3.0)
+    assert "no frequency 2 standard deviations off by itself" in reported(0.0)
+    assert "Hz 0 stand" not in reported(0.0)
+    assert "standard deviations off." in reported(3.0)

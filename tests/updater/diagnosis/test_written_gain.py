@@ -36,7 +36,7 @@ def test_the_gain_is_that_of_the_written_file(cell: str, seed: int) -> None:
     error, noise = gained.gain.frequency_error_percent, gained.gain.noise_percent
     assert error.after is not None
     assert noise is not None
-    print(f"{cell}: {error.after:.4f} % told, {loop.error:.4f} % by the file, {loop.true_error:.4f} % without noise")
+    print(f"{cell}: {error.after:.4f} % stated, {loop.error:.4f} % by the file, {loop.true_error:.4f} % without noise")
     assert gained.gain.n_modes == gained.gain.n_measured  # all, whether they chose the causes or not
     assert loop.error == pytest.approx(error.after, rel=1e-6)
     assert loop.true_error == pytest.approx(error.after, abs=3 * noise)
@@ -51,8 +51,8 @@ def test_what_is_told_of_each_mode_is_the_file_s() -> None:
     loop = closed_loop(draw("added_mass", 8002), only=("added_mass",), again_only=("model_parameters",))
     assert loop.written is not None
     own = build_model(loop.written, shear_flexible=True, mass="consistent").modes(30).frequency
-    told = [mode.frequency.after for mode in loop.found.explained.diagnosis.modes if mode.frequency.measured]
-    assert len(told) >= 8
-    for frequency in told:
+    reported = [mode.frequency.after for mode in loop.found.explained.diagnosis.modes if mode.frequency.measured]
+    assert len(reported) >= 8
+    for frequency in reported:
         assert frequency is not None
         assert min(abs(own / frequency - 1)) < 1e-9

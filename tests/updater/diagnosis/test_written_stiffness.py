@@ -8,7 +8,7 @@ from updater.diagnosis.naming import as_written
 from updater.quantities import Quantity, Where
 
 
-def told(name: str) -> Cause:
+def reported(name: str) -> Cause:
     where = Where(member=None, position=(0.0, 0.0, 0.0), position_std=0.0, region=(), channels=())
     stiffness = {"stiffness_rz": Quantity(value=8e5, std=4e4, unit="N m/rad")}
     return Cause(cause=name, probability=0.9, where=where, parameters=stiffness)
@@ -18,10 +18,10 @@ def test_a_foot_that_is_softer_in_the_file_too_is_told_as_it_is_written() -> Non
     frame = t_frame()
     [foot] = frame.support
     softer = foot.model_copy(update={"fixed": ("x", "y", "z", "rx", "ry"), "stiffness": {"rz": 6e5}})
-    found = as_written(told("support_stiffness"), frame.model_copy(update={"support": (softer,)}))
+    found = as_written(reported("support_stiffness"), frame.model_copy(update={"support": (softer,)}))
     assert found.parameters["stiffness_rz"].value == 6e5
     assert found.parameters["stiffness_rz"].std == pytest.approx(4e4 * (6 / 8) ** 2)
 
 
 def test_another_cause_is_told_as_it_was() -> None:
-    assert as_written(told("support_spring"), t_frame()) == told("support_spring")
+    assert as_written(reported("support_spring"), t_frame()) == reported("support_spring")

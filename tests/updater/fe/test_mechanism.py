@@ -43,8 +43,8 @@ def test_ways_in_which_all_of_it_moves_are_named(fixed: tuple[str, ...], ways: s
 
 
 def test_frame_without_a_foot_is_free_every_way() -> None:
-    said = _said(t_frame().model_copy(update={"support": ()}))
-    assert said == f"; all of it is free {EVERY_WAY}; {HANGS}"
+    reported = _said(t_frame().model_copy(update={"support": ()}))
+    assert reported == f"; all of it is free {EVERY_WAY}; {HANGS}"
 
 
 def test_a_frame_that_hangs_on_soft_springs_has_six_slow_modes_and_its_own() -> None:
@@ -78,8 +78,8 @@ def _portal(foot: Any, spans: list[tuple[int, int]], points: FloatArray) -> Stru
 
 def test_member_that_nothing_joins_is_named() -> None:
     points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
-    said = _said(_portal(ALL, [(0, 1), (1, 2), (3, 4)], points))
-    assert said.startswith("; free to move by itself: 2 at [3.0, 0.0, ")
+    reported = _said(_portal(ALL, [(0, 1), (1, 2), (3, 4)], points))
+    assert reported.startswith("; free to move by itself: 2 at [3.0, 0.0, ")
 
 
 def test_member_that_only_spins_is_named() -> None:
@@ -87,8 +87,8 @@ def test_member_that_only_spins_is_named() -> None:
     points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
     structure = _portal(ALL, [(0, 1), (1, 2), (3, 4)], points)
     balls = tuple(Support(at=(3.0, 0.0, z), fixed=("x", "y", "z")) for z in (0.0, 1.0))
-    said = _said(structure.model_copy(update={"support": (*structure.support, *balls)}))
-    assert said.startswith("; free to turn by itself: 2 at [3.0, 0.0, ")
+    reported = _said(structure.model_copy(update={"support": (*structure.support, *balls)}))
+    assert reported.startswith("; free to turn by itself: 2 at [3.0, 0.0, ")
 
 
 def test_nodes_that_only_move_hold_no_turn() -> None:

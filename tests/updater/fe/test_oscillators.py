@@ -82,15 +82,15 @@ def test_it_is_written_and_read_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("direction = [3, 0, 0]", "direction = [0, 0, 0]", "the direction is zero"),
         ("at = [1, 0, 0]\ndirection", "at = [1, 0, 1]\ndirection", "oscillator: [1.0, 0.0, 1.0] lies on no member"),
         ("frequency = 30.0", "frequency = -1", "oscillator.0.frequency"),
     ],
 )
-def test_a_wrong_one_is_named(old: str, new: str, said: str) -> None:
+def test_a_wrong_one_is_named(old: str, new: str, message: str) -> None:
     assert old in ROD
     with pytest.raises(StructureError) as caught:
         parse_structure(ROD.replace(old, new))
-    assert said in str(caught.value)
+    assert message in str(caught.value)

@@ -126,7 +126,7 @@ def test_segment_is_written_and_read_back() -> None:
 
 
 @pytest.mark.parametrize(
-    ("entry", "said"),
+    ("entry", "message"),
     [
         ('member = "mast"\nat = [0, 0, 0.5]\nextent = 0.1', "member 'mast' is not defined"),
         ('member = "column"\nat = [0, 0, 0.02]\nextent = 0.1', r"0.1 m about \[0.0, 0.0, 0.02\] are not all on it"),
@@ -137,6 +137,6 @@ def test_segment_is_written_and_read_back() -> None:
         ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nbending = [0.5]', "segment.0.bending.1: Field required"),
     ],
 )
-def test_what_is_wrong_with_a_segment_is_said(entry: str, said: str) -> None:
-    with pytest.raises(StructureError, match=said):
+def test_what_is_wrong_with_a_segment_is_said(entry: str, message: str) -> None:
+    with pytest.raises(StructureError, match=message):
         parse_structure(f"{dump_structure(t_frame())}\n[[segment]]\n{entry}\n")

@@ -155,10 +155,10 @@ def test_frequencies_alone_leave_left_and_right_open() -> None:
     assert sum(a.probability for a in change.alternatives) > 0.9
     assert all(abs(a.mass - 0.2) < 4 * a.mass_std for a in change.alternatives)
     assert open_question(t_frame(), change).startswith("left or right: not distinguishable; crossbeam at ")
-    told = locate_mass(reference, event)
-    assert told.is_unique
-    assert open_question(t_frame(), told) == ""
-    assert told.distance == pytest.approx(0.7, abs=0.03)
+    reported = locate_mass(reference, event)
+    assert reported.is_unique
+    assert open_question(t_frame(), reported) == ""
+    assert reported.distance == pytest.approx(0.7, abs=0.03)
 
 
 def test_a_mode_without_a_shape_counts_by_its_frequency() -> None:

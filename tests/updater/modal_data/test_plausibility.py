@@ -79,7 +79,7 @@ def test_a_wrong_unit_is_told_before_modes_are_matched(reference: Reference) -> 
 
 
 @pytest.mark.parametrize(
-    ("spoil", "said"),
+    ("spoil", "message"),
     [
         (with_mode(2, shape=0.0), "window 1, mode 2: the shape at .* Hz is zero at every channel"),
         (with_mode(0, frequency=0.0), "window 1, mode 0: expected a frequency over 0 Hz, found 0"),
@@ -87,9 +87,9 @@ def test_a_wrong_unit_is_told_before_modes_are_matched(reference: Reference) -> 
         (with_mode(5, shape=np.nan), "window 1, mode 5: .* has no value at channel col_037_x"),
     ],
 )
-def test_a_window_with_what_is_no_mode_is_refused(spoil: Spoil, said: str) -> None:
+def test_a_window_with_what_is_no_mode_is_refused(spoil: Spoil, message: str) -> None:
     first, second = windows(2, 1)
-    with pytest.raises(ModalDataError, match=said):
+    with pytest.raises(ModalDataError, match=message):
         stack_tracks([first, spoil(second)], unmoved(2))
 
 

@@ -149,8 +149,8 @@ def test_increments_scatter_as_they_say(rig: Rig, loaded: bool, draws: int, monk
         stated.append((found.increment_std, found.normalised_std, found.totals_std))
     for values, std in zip((raw, normalised, totals), zip(*stated, strict=True), strict=True):
         stated_std = np.mean(std, axis=0)
-        told = np.isfinite(stated_std) & (stated_std > 0)  # neither held nor left out
-        ratio = np.std(np.array(values)[:, told], axis=0) / stated_std[told]
+        reported = np.isfinite(stated_std) & (stated_std > 0)  # neither held nor left out
+        ratio = np.std(np.array(values)[:, reported], axis=0) / stated_std[reported]
         print(f"{ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f}")
         assert ratio.mean() == pytest.approx(1, abs=3 * error)
         assert np.abs(ratio - 1).max() < 5 * error

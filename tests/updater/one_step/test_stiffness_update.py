@@ -158,8 +158,8 @@ def test_increments_scatter_as_they_say(rig: Rig, draws: int, monkeypatch: pytes
         found = updater.update(mean_modes(stack_tracks(rig.windows(modes, N_EVENT, 5000 + seed), unmoved(N_EVENT))))
         raw.append(found.increment)
         stated.append(found.increment_std)
-    told = np.isfinite(found.normalised)
-    ratio = np.std(raw, axis=0)[told] / np.mean(stated, axis=0)[told]
+    reported = np.isfinite(found.normalised)
+    ratio = np.std(raw, axis=0)[reported] / np.mean(stated, axis=0)[reported]
     print(f"{ratio.mean():.3f}, {ratio.min():.3f} to {ratio.max():.3f}")
     assert ratio.mean() == pytest.approx(1, abs=3 * error)
     assert np.abs(ratio - 1).max() < 5 * error

@@ -135,9 +135,9 @@ def test_small_mass_on_a_node_gives_the_first_order_increments_and_is_largest_th
     t[:M] = scale_by_stiffness(vector * np.sign(np.diag(vector)), omega, np.sqrt(value))
     change = update_mass(frame.mass_times_modes, t, frame.replaced).diagonal()[frame.weighed]
     found = normalised_increments(change, 1 / mass, share / mass)
-    told = np.isfinite(found)
+    reported = np.isfinite(found)
     expected = kilograms * mass * (b @ b[at]) ** 2 / (b**2).sum(1)
-    np.testing.assert_allclose(found[told], expected[told], atol=1e-3 * np.abs(expected[told]).max())
+    np.testing.assert_allclose(found[reported], expected[reported], atol=1e-3 * np.abs(expected[reported]).max())
     assert np.nanargmax(found / mass) == at
 
 

@@ -84,6 +84,6 @@ def test_of_a_bending_and_a_twist_that_looks_like_it_neither_is_compared(away: f
     found, new = matched_and_new(reference, both)
     assert found[bending] == -1
     assert not len(new)
-    told = matched_surely(reference, both)
-    assert np.isnan(told.log_frequency[bending])
-    np.testing.assert_array_equal(np.delete(told.log_frequency, bending), np.delete(event.log_frequency, bending))
+    reported = matched_surely(reference, both)
+    assert np.isnan(reported.log_frequency[bending])
+    np.testing.assert_array_equal(np.delete(reported.log_frequency, bending), np.delete(event.log_frequency, bending))

@@ -44,8 +44,8 @@ def test_anything_in_the_place_of_anything(data: st.DataObject) -> None:
         inside[path[-1]] = data.draw(values)
     else:
         del inside[path[-1]]
-    said = _said(tomlkit.dumps(content))
-    assert said is None or (said.startswith("frame.toml: ") and "\n" not in said)
+    reported = _said(tomlkit.dumps(content))
+    assert reported is None or (reported.startswith("frame.toml: ") and "\n" not in reported)
 
 
 def _said(text: str) -> str | None:

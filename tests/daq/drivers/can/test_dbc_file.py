@@ -98,8 +98,8 @@ def test_a_damaged_file_is_read_or_refused_with_its_name(
     damaged = text[:start] + data.draw(st.sampled_from([b"", b"@", b"0", b"64|", text[start:stop] * 2])) + text[stop:]
     file = tmp_path_factory.getbasetemp() / "damaged.dbc"
     file.write_bytes(damaged)
-    said = refusal(DbcSensor(file=file, signals=AXES, counter="Counter", temperature="Temp"))
-    assert said is None or (said.startswith(f"{file}: ") and "\n" not in said)
+    reported = refusal(DbcSensor(file=file, signals=AXES, counter="Counter", temperature="Temp"))
+    assert reported is None or (reported.startswith(f"{file}: ") and "\n" not in reported)
 
 
 def refusal(sensor: DbcSensor) -> str | None:

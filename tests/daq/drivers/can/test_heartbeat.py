@@ -97,14 +97,14 @@ def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(heard: Heard) -> None:
 
 
 def test_missing_heartbeat_is_told_once_each_time(heard: Heard) -> None:
-    consumer, told = HeartbeatConsumer(heard.node), list[str]()
+    consumer, stated = HeartbeatConsumer(heard.node), list[str]()
     for second in range(12):
         heard.clock.now += 1.0
         if second == 5:
             heard.says(OPERATIONAL)
-        told.append(consumer.warning())
-    assert [k for k, text in enumerate(told) if text] == [2, 8]
-    assert told[2].startswith("no heartbeat for 2 s although scans arrive: the bus is overloaded")
+        stated.append(consumer.warning())
+    assert [k for k, text in enumerate(stated) if text] == [2, 8]
+    assert stated[2].startswith("no heartbeat for 2 s although scans arrive: the bus is overloaded")
 
 
 @contextmanager
@@ -160,8 +160,8 @@ def test_power_dip_and_emergency_are_told_at_once_and_hanging_by_the_heartbeat(m
     items: list[Item] = []
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7)
     with reading(node, items):
-        _, said = seconds_until(items, "device_warning", lambda: node.fail(0x8110))
-        assert said == "emergency 0x8110: Monitoring (register 0x01, data 0000000000)"
+        _, reported = seconds_until(items, "device_warning", lambda: node.fail(0x8110))
+        assert reported == "emergency 0x8110: Monitoring (register 0x01, data 0000000000)"
         seconds, why = seconds_until(items, "device_failed", node.power_cycle)
         assert why.endswith("node 3: it has restarted: its settings are lost")
         assert seconds < 1.0  # 0.1 s of a read, and a busy host; silence would take two

@@ -40,10 +40,10 @@ def test_temperature_is_in_the_first_block_and_followed_without_losing_a_scan(mo
             wait_for(lambda: blocks(items[3])[-1].temperature < 0)
             node.warm_to(85.0)
             wait_for(lambda: blocks(items[3])[-1].temperature > 80)
-    told = [block.temperature for block in blocks(items[3])]
-    assert told[0] == pytest.approx(21.0, abs=0.002)  # half a count
-    assert min(told) == pytest.approx(-30.0, abs=0.002)
-    assert told[-1] == pytest.approx(85.0, abs=0.002)
+    reported = [block.temperature for block in blocks(items[3])]
+    assert reported[0] == pytest.approx(21.0, abs=0.002)  # half a count
+    assert min(reported) == pytest.approx(-30.0, abs=0.002)
+    assert reported[-1] == pytest.approx(85.0, abs=0.002)
     assert all(math.isnan(block.temperature) for block in blocks(items[4]))
     for read in items.values():
         assert all(a.end_index == b.first_index for a, b in pairwise(blocks(read)))

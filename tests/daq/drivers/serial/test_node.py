@@ -51,7 +51,7 @@ GOOD = {"product": "p", "serial": "W", "axes": (0,), "scale": 1e-5, "rate": 1000
 
 @pytest.mark.live
 @pytest.mark.parametrize(
-    ("said", "rate", "why"),
+    ("reported", "rate", "why"),
     [
         ({"version": 2}, 1000.0, "protocol: expected version 1, found 2"),
         ({"scale": 0.0}, 1000.0, "hello: expected a scale and an axis, found Hello"),
@@ -61,8 +61,8 @@ GOOD = {"product": "p", "serial": "W", "axes": (0,), "scale": 1e-5, "rate": 1000
         ({}, 500.0, "rate: expected 1000 Hz, found 500 by the node's own clock"),
     ],
 )
-def test_node_that_is_not_as_it_should_be_is_refused(said: dict[str, object], rate: float, why: str) -> None:
-    hello = node.Hello(**{**GOOD, **said})  # type: ignore[arg-type]
+def test_node_that_is_not_as_it_should_be_is_refused(reported: dict[str, object], rate: float, why: str) -> None:
+    hello = node.Hello(**{**GOOD, **reported})  # type: ignore[arg-type]
     with plugged(Wrong(hello, rate)) as device:
         driver = driver_of(device)
         with pytest.raises(DriverError, match=f"{device.port}: no node answers: {why}"):

@@ -77,9 +77,9 @@ def test_accepted_change_is_marked_where_its_alarm_ended(
 
 def test_self_tests_are_told_in_a_line(modalwatch: Commands, file: Path, tmp_path: Path) -> None:
     assert "self-tests: none" in modalwatch("history", file).out
-    said: dict[str, Any] = {"mass": 0.15, "places": 24, "last_passed": None}
+    reported: dict[str, Any] = {"mass": 0.15, "places": 24, "last_passed": None}
     tests = [
-        SelfTestResult(time=START + k * HOUR, passed=detected >= 12, detected=detected, **said)
+        SelfTestResult(time=START + k * HOUR, passed=detected >= 12, detected=detected, **reported)
         for k, detected in enumerate((3, 20, 11), 1)
     ]
     first, last = ("self-tests: 1, 0 passed; the last ", "11 of 24 places; passed last 2026-01-01 02:00:00 UTC")

@@ -37,13 +37,13 @@ def attacked(folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.M
     """Record a run and many gaps, change the file, record more; yield the events, once it has ended."""
     monkeypatch.setattr(sqlite_file, "_CHECK_SECONDS", 0.3)
     monkeypatch.setattr(recorder, "_CHECK", 0.1)
-    said: Said = []
+    reported: Said = []
     file = folder / "history.sqlite"
     HistoryStore(sqlite_url(folder)).__exit__()
 
     def back() -> bool:
-        said.extend(made.events())
-        return any(topic == TOPIC_BACK for topic, _ in said)
+        reported.extend(made.events())
+        return any(topic == TOPIC_BACK for topic, _ in reported)
 
     with recording(sqlite_url(folder), folder / "spool.jsonl") as made:
         for event in (*EVENTS, *GAPS):
@@ -54,11 +54,11 @@ def attacked(folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.M
             made.put(event)
             time.sleep(0.002)
         until(back)
-    said += made.events()
+    reported += made.events()
     assert made.problem is None
     assert made.dropped == 0
     assert not (folder / "spool.jsonl").exists()
-    yield said
+    yield reported
 
 
 def _empty_journal(file: Path) -> None:
@@ -109,10 +109,10 @@ def test_file_that_is_taken_away_is_written_again_with_all_that_it_had(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None]
 ) -> None:
     """It is still open, and is copied; data written into it before the deletion was noticed are there, too."""
-    with attacked(tmp_path, attack, monkeypatch) as said:
-        topics = [topic for topic, _ in said]
+    with attacked(tmp_path, attack, monkeypatch) as reported:
+        topics = [topic for topic, _ in reported]
         assert topics[0] == TOPIC_DOWN
-        assert "the file was" in said[0][1]["why"]
+        assert "the file was" in reported[0][1]["why"]
         assert TOPIC_RENEWED in topics
         assert _times(tmp_path) == ALL
         assert len(rows(sqlite_url(tmp_path), "windows")) == 20
@@ -124,8 +124,8 @@ def test_damaged_file_is_set_aside_and_what_can_be_read_is_taken_over(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None], lost: int
 ) -> None:
     """Of pages that are overwritten their rows are lost, no others; later events and windows are all there."""
-    with attacked(tmp_path, attack, monkeypatch) as said:
-        found = dict(said)
+    with attacked(tmp_path, attack, monkeypatch) as reported:
+        found = dict(reported)
         assert set(found) == {TOPIC_DOWN, TOPIC_RENEWED, TOPIC_RESTORED, TOPIC_BACK}
         assert "damaged" in found[TOPIC_DOWN]["why"] or "not a database" in found[TOPIC_DOWN]["why"]
         missing = ALL - _times(tmp_path)

@@ -112,11 +112,11 @@ def test_what_says_the_same(now: Diagnosis, same: bool) -> None:
 def test_one_that_wavers_takes_no_more_than_a_few_rows_a_day() -> None:
     """Two verdicts in turn for three days: eight of each day, and the newest; of another version likewise."""
     for other in (NOTHING.model_dump_json(), '{"of": "a later version"}'):
-        told = [(START + n * STEP, (TEXT, other)[n % 2]) for n in range(3 * 144)]
-        gone = set(told_before(told, [START], []))
-        stay = [end for end, _ in told if end not in gone]
+        reported = [(START + n * STEP, (TEXT, other)[n % 2]) for n in range(3 * 144)]
+        gone = set(told_before(reported, [START], []))
+        stay = [end for end, _ in reported if end not in gone]
         assert [sum(end // schema.DAY == START // schema.DAY + day for end in stay) for day in range(3)] == [8, 8, 9]
-        assert stay[-1] == told[-1][0]
+        assert stay[-1] == reported[-1][0]
 
 
 @given(
@@ -128,16 +128,16 @@ def test_thinned_now_and_then_the_same_stays_as_at_once(
     masses: Sequence[float], raised: set[int], thinned: set[int]
 ) -> None:
     texts = {mass: weighing(mass).model_dump_json() for mass in set(masses)}
-    told = [(START + n * 20 * STEP, texts[mass]) for n, mass in enumerate(masses)]
+    reported = [(START + n * 20 * STEP, texts[mass]) for n, mass in enumerate(masses)]
     begun = [START + n * 20 * STEP for n in sorted(raised)]
     by_and_by: list[tuple[int, str]] = []
-    for number, row in enumerate(told):
+    for number, row in enumerate(reported):
         by_and_by.append(row)
         if number in thinned:
             gone = set(told_before(by_and_by, [t for t in begun if t <= row[0]], []))
             by_and_by = [row for row in by_and_by if row[0] not in gone]
-    for rows_now in (by_and_by, told):
+    for rows_now in (by_and_by, reported):
         gone = set(told_before(rows_now, begun, []))
         rows_now[:] = [row for row in rows_now if row[0] not in gone]
-    assert by_and_by == told
-    assert told[0][1] == texts[masses[0]]
+    assert by_and_by == reported
+    assert reported[0][1] == texts[masses[0]]

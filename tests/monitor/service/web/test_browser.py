@@ -58,5 +58,5 @@ def test_page_renews_itself_and_tells_the_monitor_by_its_button(tab: Tab, tmp_pa
     assert tab.value(f"{BUTTON}.textContent").startswith("Refused")  # what is put in anew says it too
     (tmp_path / "inbox").unlink()
     tab.value(f"{BUTTON}.click()")
-    tab.until(f"{BUTTON}.textContent == 'The monitor is told' && {BUTTON}.disabled")
+    tab.until(f"{BUTTON}.textContent == 'Acknowledgement sent' && {BUTTON}.disabled")
     assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == ["ada"]

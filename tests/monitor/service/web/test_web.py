@@ -148,15 +148,15 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
         assert well or "no watched mode was identified" in found["problems"][0]
 
 
-def test_page_says_what_could_be_told_where_the_law_is_unsure(source: Source) -> None:
+def test_page_states_the_detectable_change_where_the_law_is_unsure(source: Source) -> None:
     unsure = {"least_percent": 0.93, "temperature": 21.5, "coldest": 10.1, "warmest": None}
     novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "unsure": unsure}
     window = {"index": 30, "phase": "watching", "novelty": novelty}
     page = Client(changed(source, state="normal", window=window)).get("/").text
     assert "Normal (estimated)" in page
-    assert "at 21.5 degC of changes of all frequencies alike only those of more than 0.93 % is detectable" in page
+    assert "at 21.5 degC only changes of all frequencies alike by more than 0.93 % are detectable" in page
     sure = window | {"novelty": novelty | {"unsure": None}}
-    assert "could be told" not in Client(changed(source, state="normal", window=sure)).get("/").text
+    assert "are detectable" not in Client(changed(source, state="normal", window=sure)).get("/").text
 
 
 def test_smallest_detectable_change_stays_over_a_window_without_modes(source: Source) -> None:

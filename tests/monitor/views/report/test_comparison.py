@@ -55,14 +55,14 @@ def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp
     found, why = shown(), "* not used: no confident match in the reference"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
     say_evidence(terminal, answers.diagnosis(), found, [])
-    assert "extended model on held-out logs: " in (said := terminal.export_text(clear=False))
-    assert "cross-validated" not in said
+    assert "extended model on held-out logs: " in (reported := terminal.export_text(clear=False))
+    assert "cross-validated" not in reported
     assert why not in page_of(found, tmp_path).words + terminal.export_text()
     first, *others = found.modes
     marked = found.model_copy(update={"modes": (first.model_copy(update={"compared": False}), *others)})
     say_evidence(terminal, answers.diagnosis(), marked, [])
-    told = terminal.export_text()
-    assert told.count("* 10.800") == told.count(why) == 1
+    stated = terminal.export_text()
+    assert stated.count("* 10.800") == stated.count(why) == 1
     page = page_of(marked, tmp_path)
     assert page.words.count("* 10.800") == page.words.count(why) == 1
 

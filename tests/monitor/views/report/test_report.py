@@ -192,9 +192,9 @@ def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
         shift_std_percent=[0.1],
     )
     page = page_of(accepted_run(change), tmp_path)
-    said = f"as 'antenna <5 kg>' by Ada, {utc(change.time + 10**9)}"
-    assert f"A change was accepted {said}; nothing has changed in 2 windows since." in page.words
-    assert f"{said}; diagnosis: 302 g added" in page.words
+    reported = f"as 'antenna <5 kg>' by Ada, {utc(change.time + 10**9)}"
+    assert f"A change was accepted {reported}; nothing has changed in 2 windows since." in page.words
+    assert f"{reported}; diagnosis: 302 g added" in page.words
     again = [made.alarm(WHOLE["windows"][-2], "alarm", "again"), made.alarm(WHOLE["windows"][-1], "normal", "gone")]
     assert verdict(made.run_results(accepted_run(change, *again)), None).startswith("Back to normal after an alarm")
 
@@ -250,11 +250,11 @@ def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_outlook_stands_on_the_page_where_there_is_one(tmp_path: Path) -> None:
-    said = "more windows reduce the deviation with their square root, up to about 4 windows: 4 mm and 8 g at best"
+    reported = "more windows reduce the deviation with their square root, up to about 4 windows: 4 mm and 8 g at best"
     last = WHOLE["windows"][-1]
-    told = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": said})})
-    found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], told]}, tmp_path)
-    assert said in found.words
+    stated = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": reported})})
+    found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], stated]}, tmp_path)
+    assert reported in found.words
     assert "Forecast" not in page_of(WHOLE, tmp_path).words
 
 

@@ -89,14 +89,14 @@ def wait_until_served(port: int) -> None:
     raise AssertionError(f"nothing is served on port {port} within 30 s")
 
 
-def told(rrd: Rrd) -> list[int]:
+def reported(rrd: Rrd) -> list[int]:
     """Return the ends of the windows whose card was sent."""
     return [int(time) for time in rrd.rows("/now", "TextDocument:text")[0]]
 
 
 def whole(rrd: Rrd) -> bool:
     """Return whether all windows were sent, and the layout that shows the last one."""
-    return len(told(rrd)) == len(RUN["windows"]) and any(view.name == "Diagnosis" for view in rrd.views)
+    return len(reported(rrd)) == len(RUN["windows"]) and any(view.name == "Diagnosis" for view in rrd.views)
 
 
 class Client:
@@ -141,7 +141,7 @@ def test_clients_come_and_go_and_a_killed_server_does_no_harm(tmp_path: Path) ->
         shown(live, items[:-3])
         trend, raw = live_urls(port)
         ends = [w.end for w in RUN["windows"] if w.end <= items[-4].time]
-        first = Client(trend, tmp_path / "first.rrd").saved(lambda r: len(told(r)) > 6)
+        first = Client(trend, tmp_path / "first.rrd").saved(lambda r: len(reported(r)) > 6)
         assert (
             first.rows("/now", "TextDocument:text")[0].tolist()
             == ends[: len(first.rows("/now", "TextDocument:text")[0])]

@@ -74,11 +74,11 @@ def test_the_drawn_region_is_where_the_numbers_are(rrd: Rrd) -> None:
     unrolled = Unrolled(places(LAST))
     _, strips = rrd.rows("/posterior/region", "LineStrips2D:strips")
     drawn = [[float(p[0]) for p in strip] for strip in strips[-1]]
-    told = [
+    reported = [
         [200 * float(unrolled.along(r.member, np.array(p))) / unrolled.total for p in (r.start, r.end)]
         for r in LAST.region
     ]
-    np.testing.assert_allclose(drawn, told, atol=1e-4)  # single precision of some hundreds
+    np.testing.assert_allclose(drawn, reported, atol=1e-4)  # single precision of some hundreds
 
 
 def test_the_drawn_likelihood_has_the_depth_of_the_numbers(rrd: Rrd) -> None:
@@ -123,8 +123,8 @@ def test_increments_and_their_deviations_are_read_back_to_the_last_digit(directi
     for name in ("increment", "increment_std", "normalised", "normalised_std"):
         times, rows = rrd.rows(f"/increment_curves/{direction}/numbers", f"modalwatch.Increments:{name}")
         assert times.tolist() == [w.end for w in ANSWERED]
-        told: list[Any] = [row[column] for row in getattr(found, name)]
-        np.testing.assert_array_equal(np.array(rows[-1], float), np.array(told, float))  # None is not-a-number
+        reported: list[Any] = [row[column] for row in getattr(found, name)]
+        np.testing.assert_array_equal(np.array(rows[-1], float), np.array(reported, float))  # None is not-a-number
     _, limit = rrd.rows(f"/increment_curves/{direction}/numbers", "modalwatch.Increments:z_limit")
     assert limit[-1] == [found.z_limit]
 

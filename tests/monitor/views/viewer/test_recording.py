@@ -190,8 +190,8 @@ def test_events_are_told_in_order_and_long_ones_go_on(rrd: Rrd) -> None:
     assert texts[0] == "00:00:00  started: 12 channels"
     assert any("window 11 gave no modes: channel mid is flat" in t for t in texts)
     alarm = RUN["alarms"][-1]
-    told = " ".join(t.strip() for t, at in zip(texts, times, strict=True) if at == alarm.time)
-    assert told == f"00:09:20  {alarm.text.strip()}"
+    reported = " ".join(t.strip() for t, at in zip(texts, times, strict=True) if at == alarm.time)
+    assert reported == f"00:09:20  {alarm.text.strip()}"
     assert max(map(len, texts)) <= 78
 
 
