@@ -210,7 +210,8 @@ class IdentificationStream:
         Parameters
         ----------
         data : (n_samples, n_channels) array, optional
-            Signals of these blocks: they distinguish tones from modes (`oma.spectral.harmonics`). Without them, damping does.
+            Signals of these blocks, which distinguish tones from modes (`oma.spectral.harmonics`). Without them, the
+            damping does.
 
         Raises
         ------

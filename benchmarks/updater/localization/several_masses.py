@@ -38,7 +38,8 @@ APART = 0.3  # m
 SHOWN = 5.0  # standard deviations
 SHARES = (0.02, 0.04)  # of the structure's mass
 HEAD = (
-    "| | cases | counted correctly [%] | larger position error, median [mm] | 90 % [mm] | larger mass error, median [%] |\n"
+    "| | cases | counted correctly [%] | larger position error, median [mm] | 90 % [mm] "
+    "| larger mass error, median [%] |\n"
     "| --- |" + " ---: |" * 5
 )
 
