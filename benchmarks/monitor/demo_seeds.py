@@ -12,12 +12,17 @@ from typing import Any
 
 SEEDS = (101, 102, 103, 104, 105)
 TABLE = Path(__file__).parents[2] / "docs" / "seeds.md"
-HEAD = """# Five demos
+COLUMNS = (
+    "seed true_position true_mass estimated_position std estimated_mass std position_error mass_error alarm_after "
+    "scans_dropped result"
+)
+HEAD = f"""# Five demos
 
-Written by `make bench-seeds`: five whole demos, each with a rig drawn from its seed, started as a user starts it.
-`found` means within 0.10 m and 15 %, and no alarm before the body was there. Positions on the member's axis, in m.
+Written by `make bench-seeds`: results of five complete demos, started with the command for users. The rig of each demo
+is random, determined by its seed. `found` means an error of at most 0.10 m and 15 %, and no alarm before the addition
+of the body. Positions are points on the member axis, in m.
 
-| seed | truth | mass | answer | ± | mass | ± | off by | mass off | alarm after | scans dropped | |
+| {" | ".join(COLUMNS.split()).replace("_", " ")} |
 |---:|:--|---:|:--|---:|---:|---:|---:|---:|---:|---:|:--|
 """
 

@@ -65,7 +65,7 @@ def identified(folder: Path, number: int) -> Setup:
 
 def print_setups(setups: list[Setup]) -> None:
     """Print the distance of each set-up from the published values."""
-    print("| set-up | node | modes below 15 Hz | published ones found | largest difference | in standard deviations |")
+    print("| set-up | node | modes below 15 Hz | published modes found | largest difference | in standard deviations |")
     print("| --- | --- | --- | --- | --- | --- |")
     for number, setup in enumerate(setups, 1):
         below = setup.estimate.frequency < HIGHEST
@@ -81,7 +81,12 @@ def print_setups(setups: list[Setup]) -> None:
 
 def print_merged(merged: ModalEstimate, rigid: FloatArray) -> None:
     """Print the merged modes, and how far floors are from moving as rigid plates."""
-    print("\n| mode | published [Hz] | merged [Hz] | difference | damping [%] | MPC | not a rigid floor's motion |")
+    print(
+        print(
+            "\n| mode | published [Hz] | merged [Hz] | difference | damping [%] | MPC "
+            "| residual of the rigid floor motion |"
+        )
+    )
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for k in np.flatnonzero(merged.frequency < HIGHEST):
         published = min(PUBLISHED, key=lambda f: abs(f - merged.frequency[k]))

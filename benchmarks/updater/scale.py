@@ -240,12 +240,15 @@ def main() -> None:
     for n in (3_000, 10_000, 30_000, 100_000):
         if n <= options.largest:
             modes_row(n, solvers)
-    print("| DOFs | nodes | particles [s] | first update [s] | next [s] | localization [s] | mass [kg] | off by [m] |")
+    print(
+        "| DOFs | nodes | particles [s] | first update [s] | next update [s] | localization [s] "
+        "| mass [kg] | position error [m] |"
+    )
     frame_row()
     for n in (10_000, 100_000):
         if n <= options.largest:
             change_row(n)
-    print("| N | dense [s] | low rank [ms] | ratio | apart |")
+    print("| N | dense [s] | low rank [ms] | ratio | relative difference |")
     for n in (1_000, 4_000, 100_000, 1_000_000):
         one_step_row(n, dense=n <= 4_000)
 

@@ -301,16 +301,19 @@ def report(
     """Print the results."""
     code, end, rig_cpu = ended
     print(f"\n{3 * n} channels at 1000 Hz, {2 * n} of them analysed, {seconds / 60:.0f} minutes\n")
-    print("| fault | seconds | named in the history |\n| --- | ---: | --- |")
+    print("| fault | seconds | events in the history |\n| --- | ---: | --- |")
     rows, all_named = named(soak.folder, spells)
     print("\n".join(rows))
     print(
-        "\n| device | scans taken | missing | of them without a reason | twice | before the kill [s] |\n"
+        "\n| device | scans taken | missing | of these unexplained | repeated | lost before the kill [s] |\n"
         "| --- | ---: | ---: | ---: | ---: | ---: |"
     )
     rows, all_there = missing(soak.folder, spells, n, end)
     print("\n".join(rows))
-    print("\n| life | seconds | monitor | analysis | view and pages | RSS of the monitor after a minute [MB] | last |")
+    print(
+        "\n| monitor start | seconds | monitor | analysis | view and pages "
+        "| RSS of the monitor after one minute [MB] | last |"
+    )
     print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
     for number, life in enumerate(soak.lives, 1):
         shares = " | ".join(f"{100 * used / life.seconds:.1f} %" for used in life.cpu.values())
@@ -319,7 +322,7 @@ def report(
     rows, flat = judged([*soak.lives[-1].processes.values(), *soak.lives[-1].held])
     if rows:
         print(
-            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | an hour | at most |\n"
+            "\n| process | lowest RSS in each ten minutes of the last hour [MB] | slope per hour | limit |\n"
             "| --- | --- | ---: | ---: |"
         )
         print("\n".join(rows))

@@ -76,7 +76,12 @@ def main() -> int:
             for label, reference in learnt.items():
                 answer = locate_mass(reference, reference.mean_of(windows))
                 stated.setdefault(label, []).append(judge(answer, member, distance, kilograms))
-    print("| reference | place off, median | 90 % within | mass off, median | 95 % region holds the place | |")
+    print(
+        print(
+            "| reference | position error, median | 90 % within | mass error, median "
+            "| position in 95 % region | 95 % interval |"
+        )
+    )
     print("| --- | ---: | ---: | ---: | ---: | ---: |")
     for label, answers in stated.items():
         print(line(label, np.array(answers)))

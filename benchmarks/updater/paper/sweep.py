@@ -129,8 +129,9 @@ def line(name: str, reported: Case) -> str:
 
 
 HEAD = (
-    "| {} | totals x / y / z less the mass, % | the same with noise, absolute | peak off, m | with noise | flagged | "
-    "eq. 13 off, worst mode | likelihood: mass, place off | one body refused |\n| ---: " + "| ---: " * 8 + "|"
+    "| {} | totals x / y / z, less the mass, % | the same with noise, absolute | position error of the peak, m "
+    "| with noise | flagged | largest error of eq. 13 | likelihood: error of mass, of position | one body rejected |\n"
+    "| ---: " + "| ---: " * 8 + "|"
 )
 
 
@@ -210,7 +211,10 @@ def main() -> int:
         print(line(stated, stretched[-1]), flush=True)
     stretched.append(case(rigs, everywhere(0.304)))
     print(line("all of the frame", stretched[-1]))
-    print("\n| exact modes | 304 g at location 1: totals over it | peak off, m | 152 g at location 2 | peak off, m |")
+    print(
+        "\n| number of exact modes | 304 g at location 1: totals / mass | position error of the peak, m "
+        "| 152 g at location 2: totals / mass | position error of the peak, m |"
+    )
     print("| ---: | ---: | ---: | ---: | ---: |")
     for first, second in zip(by_modes("location 1", 0.304), by_modes("location 2", 0.152), strict=True):
         cells = [f"{' / '.join(f'{v:.2f}' for v in totals)} | {away:.2f}" for _, totals, away in (first, second)]
