@@ -82,10 +82,8 @@ def print_setups(setups: list[Setup]) -> None:
 def print_merged(merged: ModalEstimate, rigid: FloatArray) -> None:
     """Print the merged modes, and how far floors are from moving as rigid plates."""
     print(
-        print(
-            "\n| mode | published [Hz] | merged [Hz] | difference | damping [%] | MPC "
-            "| residual of the rigid floor motion |"
-        )
+        "\n| mode | published [Hz] | merged [Hz] | difference | damping [%] | MPC "
+        "| residual of the rigid floor motion |"
     )
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for k in np.flatnonzero(merged.frequency < HIGHEST):
