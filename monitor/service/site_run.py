@@ -57,7 +57,7 @@ class SiteRun:
         self._site, self._takers = site, takers
         self._clock = site_clock(site.settings)
         self._mended = mended
-        self._inbox, self._outlets = Inbox(site.state), Outputs(site, live)
+        self._inbox, self._outputs = Inbox(site.state), Outputs(site, live)
         settings = site.settings
         path, pace = site.state / FILE_NAME, pace_of(settings)
         self.status = MonitorStatus(path, _names(site), pace, self._clock, settings.device_of)
@@ -73,7 +73,7 @@ class SiteRun:
     def __enter__(self) -> Self:
         """Start everything; undo it if something does not start."""
         with ExitStack() as stack:
-            stack.enter_context(self._outlets)
+            stack.enter_context(self._outputs)
             stack.callback(lambda: self._thermometer.close())
             self._read_temperature()
             with suppress(OSError):  # a state folder without write permission is reported elsewhere
@@ -97,7 +97,7 @@ class SiteRun:
             time.sleep(_POLL)
         for part, events in (
             ("inbox", self._inbox.taken),
-            ("outlets", self._outlets.events),
+            ("outputs", self._outputs.events),
             ("status", self.status.events),
             ("threads", FAILURES.events),
         ):
@@ -169,7 +169,7 @@ class SiteRun:
         steps: dict[str, Callable[[], object]] = {
             "devices": lambda: self._renew_devices(old, changed, drivers),
             "temperature": self._read_temperature if before.temperature != now.temperature else lambda: None,
-            "outlets": lambda: parts.extend(self._outlets.renew(site, analysed_alike=alike)),
+            "outputs": lambda: parts.extend(self._outputs.renew(site, analysed_alike=alike)),
         }
         for name, step in steps.items():
             try:
@@ -204,7 +204,7 @@ class SiteRun:
         self._devices.stop()
         clock.follow()
         self.logs.renew("the clock was set")
-        self._outlets.show_again()  # scans are counted from the start
+        self._outputs.show_again()  # scans are counted from the start
         self._devices.resume(drivers, {})
 
     def _read_temperature(self) -> None:
@@ -215,7 +215,7 @@ class SiteRun:
 
     def _take(self, item: Item) -> None:
         """Hand on an item once it is logged; in the log's thread. One that fails takes it from no other."""
-        self._outlets.put(item)
+        self._outputs.put(item)
         FAILURES.attempt("status", self.status.take, item)
         for taker in self._takers:
             FAILURES.attempt("journal", taker, item)
@@ -223,16 +223,16 @@ class SiteRun:
     @property
     def _problems(self) -> PartProblems:
         temperature = self._reads.problem if self._reads else None
-        found = self._outlets.problems | self.logs.problems | {"temperature": temperature, "threads": FAILURES.problem}
+        found = self._outputs.problems | self.logs.problems | {"temperature": temperature, "threads": FAILURES.problem}
         return PartProblems(**found)
 
     @property
     def _counters(self) -> Counters:
         return Counters(
             dropped=self.logs.dropped,
-            history_dropped=self._outlets.history_dropped,
+            history_dropped=self._outputs.history_dropped,
             disk_free=_free(logs_of(self._site)),
-            waiting=self.logs.waiting | {"view": self._outlets.waiting},
+            waiting=self.logs.waiting | {"view": self._outputs.waiting},
             bad_bytes=self._devices.bad_bytes,
             thread_failures=FAILURES.counts,
         )

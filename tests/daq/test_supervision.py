@@ -43,15 +43,15 @@ def test_thread_is_restarted_counted_and_reported_once() -> None:
             raise OverflowError("year 99999999999 is out of range")
         thread.ending.wait()
 
-    thread = SupervisedThread("courier", work, longest_pause=0.05, failures=failures)
+    thread = SupervisedThread("sender", work, longest_pause=0.05, failures=failures)
     thread.start()
     until(lambda: len(runs) == 3)
-    assert failures.counts == {"courier": 2}
-    assert (failures.problem or "").startswith("courier: OverflowError (test_super")
+    assert failures.counts == {"sender": 2}
+    assert (failures.problem or "").startswith("sender: OverflowError (test_super")
     [(topic, reported)] = failures.events()
-    assert (topic, reported["thread"]) == ("/event/thread_failed", "courier")
+    assert (topic, reported["thread"]) == ("/event/thread_failed", "sender")
     until(lambda: failures.problem is None)
-    assert list(failures.events()) == [("/event/thread_recovered", {"thread": "courier", "failures": 2})]
+    assert list(failures.events()) == [("/event/thread_recovered", {"thread": "sender", "failures": 2})]
     thread.ending.set()
     thread.join(2.0)
     assert not thread.is_alive()

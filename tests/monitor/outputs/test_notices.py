@@ -284,7 +284,7 @@ def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Pa
     assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["alarm"]
 
 
-def test_courier_that_takes_over_waits_until_the_one_before_has_ended(server: Server, tmp_path: Path) -> None:
+def test_new_sender_waits_until_the_previous_one_has_ended(server: Server, tmp_path: Path) -> None:
     """Notices under way in the former sender would be sent twice from the same files; here each has its own."""
     target = NotifySettings(webhook=server.url)
     with NoticeSender(target, tmp_path / "before.jsonl", "bridge") as before:

@@ -115,7 +115,7 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
     """Within a log times are even; the devices are set up again, and the shift is reported once."""
     host, shown = SetClock(), list[object]()
     monkeypatch.setattr("daq.timing.host_clock.time", host)
-    monkeypatch.setattr("monitor.service.site_run.Outputs.show_again", lambda outlets: shown.append(outlets))
+    monkeypatch.setattr("monitor.service.site_run.Outputs.show_again", lambda outputs: shown.append(outputs))
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": (ports[1], 500.0)})
     with watched.running() as ended:
         watched.flows("beam_left")

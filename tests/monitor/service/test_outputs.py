@@ -54,26 +54,26 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     now = 100.0
     monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
     view = View()
-    outlets = Outputs(site, cast("LiveView", view))
-    assert list(outlets.events()) == []
+    outputs = Outputs(site, cast("LiveView", view))
+    assert list(outputs.events()) == []
     view.problem, view.port_taken = "its process ended with code -9", True
-    assert list(outlets.events()) == [("/event/viewer_failed", {"why": "its process ended with code -9"})]
-    assert list(outlets.events()) == []
+    assert list(outputs.events()) == [("/event/viewer_failed", {"why": "its process ended with code -9"})]
+    assert list(outputs.events()) == []
     now += 61.0
-    assert list(outlets.events()) == []  # tried, in vain
-    assert outlets.problems["viewer"] == "port 9876 is in use"
+    assert list(outputs.events()) == []  # tried, in vain
+    assert outputs.problems["viewer"] == "port 9876 is in use"
     view.port_taken = False
     now += 61.0
-    assert list(outlets.events()) == [("/event/viewer_recovered", {})]
-    assert outlets.problems["viewer"] is None
+    assert list(outputs.events()) == [("/event/viewer_recovered", {})]
+    assert outputs.problems["viewer"] is None
 
 
 def test_view_that_nobody_asked_for_is_not_said_to_be_new(site: Site) -> None:
-    outlets = Outputs(site, cast("LiveView", View()))
-    assert list(outlets.renew(site, analysed_alike=False)) == []
+    outputs = Outputs(site, cast("LiveView", View()))
+    assert list(outputs.renew(site, analysed_alike=False)) == []
     site.path.write_text(f"{SITE}[viewer]\n", encoding="utf-8")
     for _ in range(2):  # it is asked for; then it is to show another analysis
-        assert list(outlets.renew(load_site(site.path), analysed_alike=False)) == ["viewer"]
+        assert list(outputs.renew(load_site(site.path), analysed_alike=False)) == ["viewer"]
 
 
 @pytest.mark.live
@@ -82,18 +82,18 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
     site.path.write_text(f"{SITE}[web]\nport = {port}\n", encoding="utf-8")
     now = 100.0
     monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
-    with Outputs(load_site(site.path), None) as outlets:
+    with Outputs(load_site(site.path), None) as outputs:
         [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
         server.kill()
         server.join()
-        assert list(outlets.events()) == [("/event/web_failed", {"why": "its process ended with code -9"})]
+        assert list(outputs.events()) == [("/event/web_failed", {"why": "its process ended with code -9"})]
         now += 61.0
-        assert list(outlets.events()) == [("/event/web_recovered", {})]
-        assert outlets.problems["web"] is None
+        assert list(outputs.events()) == [("/event/web_recovered", {})]
+        assert outputs.problems["web"] is None
         socket.create_connection(("127.0.0.1", port), 5.0).close()
 
 
-def test_courier_that_comes_for_another_knows_what_was_told(tmp_path: Path) -> None:
+def test_new_sender_continues_the_notices_of_the_previous_one(tmp_path: Path) -> None:
     """An alarm with a notice from the old sender ends: the new one sends the notice of that end, and of which alarm."""
     over, waiting = change(START + 10**9, "normal", lasted=1.0), {}
     old = NoticeSender(NotifySettings(command=("true",)), tmp_path / "old.jsonl", "bridge")

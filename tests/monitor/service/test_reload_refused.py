@@ -60,7 +60,7 @@ def _fail_while_it_is_put_into_effect(watched: LawState, good: str, monkeypatch:
     def fails(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(Outputs, "_renew_couriers", fails)
+    monkeypatch.setattr(Outputs, "_renew_senders", fails)
     monkeypatch.setattr("monitor.service.log_and_analysis.new_analysis", fails)
     watched.path.write_text(
         good.replace("min_free_gb = 0", "min_free_gb = 0.001") + NOTIFY.format("x"), encoding="utf-8"
@@ -69,7 +69,7 @@ def _fail_while_it_is_put_into_effect(watched: LawState, good: str, monkeypatch:
     watched.until_told("reloaded", 1)
     [reloaded] = watched.events("reloaded")
     assert reloaded.payload["changed"] == "log and analysis"
-    assert reloaded.payload["failed"].startswith("outlets: MemoryError (test_reload_refused.py:")
+    assert reloaded.payload["failed"].startswith("outputs: MemoryError (test_reload_refused.py:")
     assert watched.events("analysis_failed")[0].payload["why"] == "MemoryError"
     monkeypatch.setattr("monitor.service.log_and_analysis.new_analysis", new_analysis)
     watched.until(lambda: len(QuietWorker.made) == 2)
