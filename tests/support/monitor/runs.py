@@ -106,7 +106,8 @@ class LawState:
     def events(self, what: str) -> list[Event]:
         return [item for item in tuple(self.items) if isinstance(item, Event) and item.topic == f"/event/{what}"]
 
-    def until(self, true: Callable[[], object], seconds: float = 20.0) -> None:
+    def until(self, true: Callable[[], object], seconds: float = 60.0) -> None:
+        """Wait: a reload may take 30 s for the check of a template, and 20 s for the last results of an analysis."""
         end = time.monotonic() + seconds
         while not true():
             assert time.monotonic() < end, [item for item in self.items if isinstance(item, Event)]
