@@ -220,7 +220,7 @@ def _on_member(structure: Structure, at: FloatArray) -> tuple[str, FloatArray]:
     off, name, nearest = min(found, key=lambda one: one[0])
     if off > _NEAR:
         raise ProofError(
-            f"--at: {at.tolist()} is {1000 * off:.0f} mm off the nearest member, {name}: expected within 50"
+            f"--position: {at.tolist()} is {1000 * off:.0f} mm off the nearest member, {name}: expected within 50"
         )
     return name, nearest
 

@@ -132,7 +132,7 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
     console.print("\nalarms" if alarms else "alarms: none")
     for alarm in alarms[-_MAX:]:
         lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
-        again = f", went on {alarm.reopened} times" if alarm.reopened else ""
+        again = f", reopened {alarm.reopened} times" if alarm.reopened else ""
         known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
         console.print(f"  {utc(alarm.raised)}   {lasted}{again}, {known}", soft_wrap=True)
         console.print(f"    {escape(alarm.text)}", soft_wrap=True)
