@@ -7,8 +7,6 @@ import pytest
 from tests.support.monitor.cli import Commands
 
 _LONG = (
-    "end_to_end/test_demo.py",
-    "end_to_end/test_restart.py",
     "test_hidden_mass.py",
     "diagnosis/test_diagnosis.py",
     "examined/test_modes.py",
