@@ -109,7 +109,7 @@ class Case:
 
     @property
     def built(self) -> bool:
-        """Whether nothing was measured before: the file, with errors everywhere, is the only knowledge."""
+        """Return whether nothing was measured before: the file, with errors everywhere, is the only knowledge."""
         return self.cell.startswith(("built ", "far "))
 
     @property

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 from updater.causes import Cause
-from updater.diagnosis.held_out_gain import Gained
+from updater.diagnosis.gain import Gained, WindowModes
 from updater.diagnosis.schema import Diagnosis
 from updater.diagnosis.weighing import Candidate, EvidenceComparison
-from updater.diagnosis.written_gain import WindowModes
 from updater.inference import Comparison, Fit
 from updater.modal_data import ModalMean
 from updater.reference import Calibration, Reference

@@ -13,7 +13,7 @@ from typing import Any
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import common
-from updater.diagnosis.held_out_gain import Gained
+from updater.diagnosis.gain import Gained, WindowModes, fit_of_compared, written_gain
 from updater.diagnosis.model_extension import agreeing, drift_beside, extended_structure, with_further_modes
 from updater.diagnosis.naming import (
     MIN_P,
@@ -31,7 +31,6 @@ from updater.diagnosis.schema import Diagnosis, Failed, Verdict
 from updater.diagnosis.search import beside_the_file, closer, fits, judged, nothing_changed, stepwise, within_noise
 from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, allowed_causes, ranked, say_nothing
-from updater.diagnosis.written_gain import WindowModes, fit_of_compared, written_gain
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, compare
 from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean

@@ -28,7 +28,7 @@ def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, mo
     """
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
     monkeypatch.setenv("WATCHDOG_USEC", "400000")
-    script, heard = (
+    script, notifications = (
         Path(__file__).parents[2] / "support" / "daq" / "emulated_ports.py",
         Listener(str(tmp_path / "notify")),
     )
@@ -51,7 +51,7 @@ def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, mo
             watched.flows("beam_right")
             watched.stop()
             report = ended.result()
-        assert heard.heard("STOPPING=1", 5.0)
+        assert notifications.received("STOPPING=1", 5.0)
     _assert_told(watched)
     assert len(report.logs) == 4  # another rate takes another log, and so does another analysis
     steady = blocks(report.logs, "beam_left")
@@ -61,12 +61,12 @@ def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, mo
     assert len([block for block in first if block.flags & Flag.RESTARTED]) == 1
     assert all(b.first_index >= a.end_index for a, b in pairwise(first))
     assert {block.rate for block in blocks(report.logs[1:], "beam_right")} == {200.0}
-    assert [reported.split("=")[0] for reported in heard.reported if reported.startswith(("READY", "REL"))] == [
+    assert [reported.split("=")[0] for reported in notifications.reported if reported.startswith(("READY", "REL"))] == [
         "READY",
         *_ANEW,
         *_ANEW,
     ]
-    assert {"WATCHDOG=1", "STATUS=no window yet; 2 of 2 devices"} <= set(heard.reported)
+    assert {"WATCHDOG=1", "STATUS=no window yet; 2 of 2 devices"} <= set(notifications.reported)
 
 
 _ANEW = ("RELOADING", "READY")

@@ -32,7 +32,7 @@ def listener(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Listener, 
 
 
 def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
-    heard, path = listener
+    notifications, path = listener
     manager = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "60000000", "WATCHDOG_PID": str(os.getpid())})
     manager.ready()
     manager.feed(WELL)
@@ -40,10 +40,10 @@ def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
     manager.status("watching\nand more")
     manager.reloading()
     manager.stopping()
-    assert heard.heard("STOPPING=1", 1.0)
-    assert heard.reported[:3] == ["READY=1", "WATCHDOG=1", "STATUS=watching"]
-    assert heard.reported[3].startswith("RELOADING=1\nMONOTONIC_USEC=")
-    assert len(heard.reported) == 5
+    assert notifications.received("STOPPING=1", 1.0)
+    assert notifications.reported[:3] == ["READY=1", "WATCHDOG=1", "STATUS=watching"]
+    assert notifications.reported[3].startswith("RELOADING=1\nMONOTONIC_USEC=")
+    assert len(notifications.reported) == 5
 
 
 @pytest.mark.parametrize(
@@ -55,17 +55,17 @@ def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
     ],
 )
 def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfLife, says: str) -> None:
-    heard = Listener(str(tmp_path / "notify"))
+    notifications = Listener(str(tmp_path / "notify"))
     manager = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "4"})
     assert says in str(signs.standing)
     manager.feed(signs)
     manager.ready()
-    assert heard.heard("READY=1", 1.0)
-    assert heard.reported == ["READY=1"]
+    assert notifications.received("READY=1", 1.0)
+    assert notifications.reported == ["READY=1"]
     manager.feed(WELL)
-    assert heard.heard("WATCHDOG=1", 1.0)
+    assert notifications.received("WATCHDOG=1", 1.0)
     manager.stopping()  # ends the listener
-    assert heard.heard("STOPPING=1", 1.0)
+    assert notifications.received("STOPPING=1", 1.0)
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,12 @@ class Listener:
         threading.Thread(target=self._listen, daemon=True).start()
 
     def _listen(self) -> None:
-        """Take datagrams at once, as systemd does: a full socket would hold up whoever speaks."""
+        """Take datagrams at once, as systemd does: a full socket would block the sender."""
         while not self.reported or self.reported[-1] != "STOPPING=1":
             self.reported.append(self.socket.recv(4096).decode())
         self.socket.close()
 
-    def heard(self, text: str, seconds: float) -> bool:
+    def received(self, text: str, seconds: float) -> bool:
         """Return whether a datagram with this beginning arrives within a time."""
         end = time.monotonic() + seconds
         while time.monotonic() < end and not any(reported.startswith(text) for reported in tuple(self.reported)):

@@ -9,7 +9,7 @@ from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, diagnose
 from updater.causes import prediction
-from updater.diagnosis.held_out_gain import change_gain_left_out, change_gain_on
+from updater.diagnosis.gain import change_gain_left_out, change_gain_on
 from updater.diagnosis.model_extension import agreeing
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare

@@ -45,7 +45,7 @@ class HandTime:
 
 
 @dataclass
-class Heard:
+class ControlledNode:
     """A node that a test controls, and the events of it."""
 
     clock: HandTime = field(default_factory=HandTime)
@@ -53,55 +53,55 @@ class Heard:
         default_factory=lambda: canopen.RemoteNode(3, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
     )
 
-    def says(self, state: int) -> None:
+    def send(self, state: int) -> None:
         self.node.nmt.on_heartbeat(0x703, bytes([state]), 0.0)  # type: ignore[no-untyped-call]
 
 
 @pytest.fixture
-def heard(monkeypatch: pytest.MonkeyPatch) -> Heard:
+def controlled(monkeypatch: pytest.MonkeyPatch) -> ControlledNode:
     """Return a node whose time is set by hand."""
-    found = Heard()
+    found = ControlledNode()
     monkeypatch.setattr(heartbeat, "time", found.clock)
     return found
 
 
-def test_state_it_was_in_before_it_was_started_is_no_trouble_and_later_is(heard: Heard) -> None:
-    consumer = HeartbeatConsumer(heard.node)
-    heard.says(PRE_OPERATIONAL)
-    heard.says(OPERATIONAL)
+def test_state_it_was_in_before_it_was_started_is_no_trouble_and_later_is(controlled: ControlledNode) -> None:
+    consumer = HeartbeatConsumer(controlled.node)
+    controlled.send(PRE_OPERATIONAL)
+    controlled.send(OPERATIONAL)
     assert consumer.trouble() == ""
-    heard.says(PRE_OPERATIONAL)
+    controlled.send(PRE_OPERATIONAL)
     assert consumer.trouble() == "state of its heartbeat: PRE-OPERATIONAL, expected OPERATIONAL"
 
 
-def test_boot_up_is_trouble_at_once_even_between_two_looks(heard: Heard) -> None:
-    consumer = HeartbeatConsumer(heard.node)
+def test_boot_up_is_trouble_at_once_even_between_two_looks(controlled: ControlledNode) -> None:
+    consumer = HeartbeatConsumer(controlled.node)
     for state in (OPERATIONAL, BOOT_UP, PRE_OPERATIONAL):
-        heard.says(state)
+        controlled.send(state)
     assert consumer.trouble() == "it has restarted: its settings are lost"
 
 
-def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(heard: Heard) -> None:
-    consumer = HeartbeatConsumer(heard.node)
+def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(controlled: ControlledNode) -> None:
+    consumer = HeartbeatConsumer(controlled.node)
     for _ in range(5):
-        heard.clock.now += 0.9
-        heard.says(OPERATIONAL)
+        controlled.clock.now += 0.9
+        controlled.send(OPERATIONAL)
         assert consumer.trouble() == ""
     for _ in range(5):
-        heard.clock.now += 0.9
+        controlled.clock.now += 0.9
         consumer.note_scans()
         assert consumer.trouble() == ""
     assert not consumer.alive
-    heard.clock.now += 1.1
+    controlled.clock.now += 1.1
     assert consumer.trouble() == "neither heartbeat nor scan for 1 s"
 
 
-def test_missing_heartbeat_is_told_once_each_time(heard: Heard) -> None:
-    consumer, stated = HeartbeatConsumer(heard.node), list[str]()
+def test_missing_heartbeat_is_told_once_each_time(controlled: ControlledNode) -> None:
+    consumer, stated = HeartbeatConsumer(controlled.node), list[str]()
     for second in range(12):
-        heard.clock.now += 1.0
+        controlled.clock.now += 1.0
         if second == 5:
-            heard.says(OPERATIONAL)
+            controlled.send(OPERATIONAL)
         stated.append(consumer.warning())
     assert [k for k, text in enumerate(stated) if text] == [2, 8]
     assert stated[2].startswith("no heartbeat for 2 s although scans arrive: the bus is overloaded")
