@@ -1,9 +1,11 @@
 """Player of a scenario on emulated devices: true structure, streaming ptys, timeline of events."""
 
+import tempfile
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from daq import (
     CanAddress,
@@ -73,7 +75,9 @@ def play(
     """Play a scenario until its duration is over or `stop` is set.
 
     The structure moves from the beginning; devices sample when they are started. The timeline counts from the start of
-    the last of them; a device that was not started yet delays everything.
+    the last of them; a device that was not started yet delays everything. Ports are links in a folder that is removed
+    at the end: the kernel gives the number of a closed pty to the next program, whose terminal a driver that reconnects
+    would open.
 
     Parameters
     ----------
@@ -85,8 +89,8 @@ def play(
     """
     world, sources = make_sources(structure, scenario)
     leashed = _LeashedClock(clock)
-    rig = _Rig()
-    with unplugging(rig.ports):
+    with tempfile.TemporaryDirectory(prefix="modalwatch-rig-") as links, unplugging([]) as ports:
+        rig = _Rig(Path(links), ports)
         for device, source in zip(scenario.device, sources, strict=True):
             rig.add(device, source, leashed)
         rig.plug_adapter()
@@ -101,8 +105,9 @@ def play(
 class _Rig:
     """Emulated devices, and the ports they are behind: a serial one each, or one adapter for all CAN nodes."""
 
+    links: Path  #: folder of links to the ports
+    ports: list[EmulatedPort]
     devices: dict[str, Emulated] = field(default_factory=dict)
-    ports: list[EmulatedPort] = field(default_factory=list)
     places: dict[str, Place] = field(default_factory=dict)
 
     def add(self, device: RigDevice, source: DeviceSource, clock: HostClock) -> None:
@@ -111,8 +116,7 @@ class _Rig:
         if device.node is None:
             serial = EmulatedEpson(source, clock, serial_number=serial_number(device), clock_error=error)
             self.devices[device.name] = serial
-            self.ports.append(serial)
-            self.places[device.name] = serial.port
+            self.places[device.name] = self._linked(serial)
         else:
             number = serial_word(device)
             self.devices[device.name] = EmulatedEpsonCan(
@@ -123,10 +127,16 @@ class _Rig:
         """Give the CAN nodes their adapter, if there are any."""
         nodes = {name: device for name, device in self.devices.items() if isinstance(device, EmulatedEpsonCan)}
         if nodes:
-            adapter = EmulatedSlcan(list(nodes.values()))
-            self.ports.append(adapter)
+            channel = self._linked(EmulatedSlcan(list(nodes.values())))
             for name, device in nodes.items():
-                self.places[name] = CanAddress(interface="slcan", channel=adapter.port, node=device.node)
+                self.places[name] = CanAddress(interface="slcan", channel=channel, node=device.node)
+
+    def _linked(self, port: EmulatedPort) -> str:
+        """Take a port, and return the path of its link."""
+        self.ports.append(port)
+        link = self.links / f"port{len(self.ports)}"
+        link.symlink_to(port.port)
+        return str(link)
 
 
 def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop: threading.Event) -> tuple[int, ...]:
