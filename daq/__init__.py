@@ -30,7 +30,7 @@ from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.mcap_log import McapWriter, log_span, read_attachments, read_events, read_log
 from daq.log.naming import as_logs, newest_log
 from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
-from daq.log.recordings import DEVICE_FAILED, HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
+from daq.log.recordings import HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
 from daq.log.repair import LogState, has_end, inspect_log, repair_log
 from daq.log.resilient_writer import ResilientWriter
 from daq.log.retention import DiskGuard, Retention
@@ -43,7 +43,19 @@ from daq.timing.clock_fit import ClockFit
 from daq.timing.host_clock import HostClock, ScaledClock, SystemClock
 from daq.timing.resampling import Assembler
 from daq.timing.scan_clocks import ScanClock, ScanClocks
-from daq.types import Block, Channel, Event, Flag, FloatArray, Gap, IndexArray, IntArray, Item, Recording
+from daq.types import (
+    Block,
+    Channel,
+    DeviceIdentity,
+    Event,
+    Flag,
+    FloatArray,
+    Gap,
+    IndexArray,
+    IntArray,
+    Item,
+    Recording,
+)
 
 __all__ = [
     "ACCELERATIONS",
@@ -51,7 +63,6 @@ __all__ = [
     "CAN_LOGS",
     "CHANNELS",
     "DAMAGED_FILE",
-    "DEVICE_FAILED",
     "END",
     "EPSON_SCALE",
     "FAILURES",
@@ -72,6 +83,7 @@ __all__ = [
     "DbcAddress",
     "DbcError",
     "DbcSensor",
+    "DeviceIdentity",
     "DeviceInfo",
     "DeviceLost",
     "DeviceReader",

@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+from daq.events import EventPayload, ThreadFailed, ThreadRecovered
 
 _FIRST_PAUSE_SECONDS, _LONGEST_PAUSE_SECONDS = 0.5, 60.0  # before a restart; doubled with each in a row
 _CALM_SECONDS = 2 * _LONGEST_PAUSE_SECONDS  # without another failure, after which a part works again
@@ -42,7 +43,7 @@ class Failures:
         self._lock, self._calm_seconds = threading.Lock(), calm_seconds
         self._current: dict[str, Failure] = {}
         self._counts: dict[str, int] = {}
-        self._events: deque[tuple[str, dict[str, Any]]] = deque(maxlen=1000)
+        self._events: deque[EventPayload] = deque(maxlen=1000)
 
     def add(self, part: str, error: BaseException) -> None:
         """Count an exception; an event is due if the part worked before."""
@@ -50,7 +51,7 @@ class Failures:
         with self._lock:
             self._counts[part] = self._counts.get(part, 0) + 1
             if part not in self._current:
-                self._events.append(("/event/thread_failed", {"thread": part, "why": why}))
+                self._events.append(ThreadFailed(thread=part, why=why))
             self._current[part] = Failure(why, time.monotonic() + self._calm_seconds)
 
     def attempt(self, part: str, action: Callable[..., object], *arguments: object) -> bool:
@@ -76,8 +77,8 @@ class Failures:
             texts = [f"{part}: {failure.why}, {self._counts[part]} times" for part, failure in self._current.items()]
         return "; ".join(texts) or None
 
-    def events(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of the failures and recoveries since the last call."""
+    def events(self) -> Iterator[EventPayload]:
+        """Yield the failures and recoveries since the last call."""
         with self._lock:
             self._expire()
             due = list(self._events)
@@ -89,7 +90,7 @@ class Failures:
         now = time.monotonic()
         for part in [part for part, failure in self._current.items() if now >= failure.ends]:
             del self._current[part]
-            self._events.append(("/event/thread_recovered", {"thread": part, "failures": self._counts[part]}))
+            self._events.append(ThreadRecovered(thread=part, failures=self._counts[part]))
 
 
 FAILURES = Failures()  #: failures of this process

@@ -1,7 +1,7 @@
 """Blocks as a device hands them on, and recordings on one time grid."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from enum import IntFlag
 from math import ceil
 from typing import Any
@@ -136,6 +136,25 @@ def _find_gaps(channels: tuple[Channel, ...], missing: npt.NDArray[np.bool_]) ->
         edges = np.flatnonzero(np.diff(np.r_[False, missing[:, own].any(1), False].astype(np.int8)))
         for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             yield Gap(device=device, start=start, stop=stop)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceIdentity:
+    """Properties of a device that stay the same; another identity at the same address is another device."""
+
+    product: str
+    serial: str = ""  #: serial number, empty if the device has none
+    hardware: str = ""
+    version: str = ""  #: of its firmware
+    details: Mapping[str, Any] = field(default_factory=dict)  #: JSON values of one kind of device: baud rate, axes, ..
+
+    def payload(self) -> dict[str, Any]:
+        """Return the known properties as JSON values."""
+        named = {"product": self.product, "hardware": self.hardware, "version": self.version, "serial": self.serial}
+        return {name: value for name, value in named.items() if value} | dict(self.details)
+
+    def __str__(self) -> str:
+        return " ".join(filter(None, (self.product, self.serial)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
+
+from daq.types import DeviceIdentity
 
 OURS = "slcan"  #: this name means the bus of `daq.drivers.can.bus`; any other one is opened by python-can
 
@@ -74,7 +76,7 @@ class Found:
 
     driver: str
     place: str | CanAddress
-    identity: dict[str, Any]
+    identity: DeviceIdentity
     rate: float = 1000.0  #: scans a second that it can [Hz]
     axes: tuple[int, ...] = (0, 1, 2)  #: measured axes
 

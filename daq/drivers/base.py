@@ -1,9 +1,9 @@
 """Interface of a driver: one kind of device, and the result of one read."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
-from daq.types import IndexArray, IntArray
+from daq.types import DeviceIdentity, IndexArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Driver(Protocol):
     scale: float  #: m/s2 a count; known once it is open
     modulus: int  #: counter values before the counter wraps
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         """Configure the device and start it; return its identity.
 
         Raises

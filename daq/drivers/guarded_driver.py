@@ -3,7 +3,9 @@
 from collections.abc import Callable
 from typing import TypeVar
 
+from daq.drivers.base import Driver
 from daq.errors import DriverError
+from daq.types import DeviceIdentity
 
 T = TypeVar("T")
 
@@ -33,3 +35,17 @@ def guarded(device: str, work: Callable[[], T]) -> T:
         raise
     except Exception as error:
         raise DriverCrashedError(device, error) from error
+
+
+def guarded_open(device: str, driver: Driver) -> DeviceIdentity:
+    """Open a device; a driver by others may return anything.
+
+    Raises
+    ------
+    DriverError
+        Whatever it raised, or if it returns no identity.
+    """
+    identity: object = guarded(device, driver.open)
+    if not isinstance(identity, DeviceIdentity):
+        raise DriverError(device, f"its driver returns no DeviceIdentity: {identity!r:.80}")
+    return identity

@@ -2,16 +2,25 @@
 
 import contextlib
 from collections.abc import Callable
-from typing import Any
 
 from daq.drivers.base import Driver
 from daq.drivers.block_builder import BlockBuilder
-from daq.drivers.guarded_driver import guarded
+from daq.drivers.guarded_driver import guarded, guarded_open
 from daq.drivers.rate_check import RateCheck
 from daq.errors import DeviceLost, DriverError
+from daq.events import (
+    DeviceFailed,
+    DeviceOpened,
+    DeviceRecovered,
+    DeviceWarning,
+    EventPayload,
+    ScansMissing,
+    WrongDevice,
+    WrongRate,
+)
 from daq.supervision import SupervisedThread
 from daq.timing.host_clock import HostClock
-from daq.types import Block, Event, Flag, Item
+from daq.types import Block, DeviceIdentity, Flag, Item
 
 _RETRY_SECONDS = 0.1
 
@@ -55,7 +64,7 @@ class DeviceReader(SupervisedThread):
         self._pace = RateCheck(rate, clock)
         self._end: int = after._end if after else 0  # index after the last block handed on
         self._shared: str = after._shared if after else ""  # clock of the last block, if devices share it
-        self._identity: dict[str, Any] = {}  # of the device that was there at the start
+        self._identity: DeviceIdentity | None = None  # of the device that was there at the start
         self._lost: DriverError | None = None  # why it is not open
 
     def connect(self) -> None:
@@ -66,15 +75,15 @@ class DeviceReader(SupervisedThread):
         DriverError
             If it does not answer.
         """
-        self._know(guarded(self.device, self._driver.open))
-        filtered = {"filter_delay": self._delay} if self._delay else {}
-        self._sink(self._event("device_open", {**self._identity, **filtered}))
+        identity = guarded_open(self.device, self._driver)
+        self._know(identity)
+        self._report(DeviceOpened(device=self.device, identity=identity, filter_delay=self._delay or None))
 
     def lose(self, why: DriverError) -> None:
         """Begin as if the device had been lost: the first to answer in its place is taken for it."""
         self._lost = why
 
-    def _know(self, identity: dict[str, Any]) -> None:
+    def _know(self, identity: DeviceIdentity) -> None:
         """Take a device for the one that is meant."""
         self._identity, before = identity, self._blocks
         self._blocks = self._new_blocks()  # some devices report their scale when they are opened
@@ -97,7 +106,7 @@ class DeviceReader(SupervisedThread):
             except DriverError as error:
                 self._lost = None
                 self._flush()
-                self._sink(self._event("device_failed", {"why": str(error)}))
+                self._report(DeviceFailed(device=self.device, why=str(error)))
                 self._close()
                 self._reconnect()
         self._flush()
@@ -115,7 +124,7 @@ class DeviceReader(SupervisedThread):
             self.bad_bytes += scans.bad_bytes
             now = self._moved() - round(scans.age * self._clock.speed)
             if scans.warning:
-                self._sink(self._event("device_warning", {"what": scans.warning}))
+                self._report(DeviceWarning(device=self.device, what=scans.warning))
             for block in self._blocks.add(scans, now):
                 self._hand_on(block)
             if len(scans.counts):
@@ -138,33 +147,34 @@ class DeviceReader(SupervisedThread):
         missing = block.first_index - self._end
         if missing > 0 and not began:
             exact = shared or not block.flags & Flag.RESTARTED
-            self._sink(self._event("gap", {"first_index": self._end, "missing": missing, "exact": exact}))
+            self._report(ScansMissing(device=self.device, first_index=self._end, missing=missing, exact=exact))
         self._end, self._shared = block.end_index, block.clock
         self._sink(block)
         if found := self._pace.differs(block):
-            self._sink(self._event("wrong_rate", {"expected": self._rate, "found": round(found, 3)}))
+            self._report(WrongRate(device=self.device, expected=self._rate, found=round(found, 3)))
 
     def _reconnect(self) -> None:
         """Wait for the same device: another one may be connected to the port meanwhile."""
-        refused: dict[str, Any] | None = None
+        refused: DeviceIdentity | None = None
         while not self.ending.wait(_RETRY_SECONDS):
             try:
-                identity = guarded(self.device, self._driver.open)
+                identity = guarded_open(self.device, self._driver)
             except DriverError:
                 self._close()
                 continue
-            if self._identity and identity != self._identity:
+            if self._identity is not None and identity != self._identity:
                 self._close()
                 if identity != refused:
-                    self._sink(self._event("wrong_device", {"expected": self._identity, "found": identity}))
+                    expected, found = self._identity.payload(), identity.payload()
+                    self._report(WrongDevice(device=self.device, expected=expected, found=found))
                 refused = identity
                 continue
-            if self._identity:
+            if self._identity is not None:
                 self._blocks.restart(self._moved())
             else:
                 self._know(identity)
-            self._sink(self._event("device_recovered", identity))
+            self._report(DeviceRecovered(device=self.device, identity=identity))
             return
 
-    def _event(self, what: str, payload: dict[str, Any]) -> Event:
-        return Event(topic=f"/event/{what}", time=self._clock.now(), payload={"device": self.device, **payload})
+    def _report(self, payload: EventPayload) -> None:
+        self._sink(payload.event(self._clock.now()))

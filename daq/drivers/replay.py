@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -17,7 +16,7 @@ from daq.log.mcap_log import read_log
 from daq.log.naming import as_logs
 from daq.log.parts import AnyLog
 from daq.log.recordings import HOW_TO_PLACE, read_channel_map
-from daq.types import Block, Flag
+from daq.types import Block, DeviceIdentity, Flag
 
 _WAIT_SECONDS = 0.1
 _PIECE_SECONDS = 0.02  # wall time of the data of one read [s], as from a port
@@ -57,14 +56,15 @@ class ReplayedDevice:
         self._next: Block | None = None
         self._open = False
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         """Start the log with its first device; for further devices continue at its position."""
         try:
             block = self._start()
         except (LogError, ValueError) as error:
             raise DriverError(str(self._address), f"cannot be played: {error}") from error
         self._open, self.scale = True, block.scale
-        return {"product": "replay", "serial": self._address.device, "log": self._address.path.name}
+        details = {"log": self._address.path.name}
+        return DeviceIdentity(product="replay", serial=self._address.device, details=details)
 
     def _start(self) -> Block:
         """Return the block that comes next, which must be near."""

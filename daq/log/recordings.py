@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from daq.errors import LogError
+from daq.events import DeviceFailed
 from daq.log.channel_map import CHANNELS, ChannelMap, parse_channel_map
 from daq.log.mcap_log import read_attachments, read_log
 from daq.log.parts import BEGINNING, AnyLog, LogExcerpt, files_of
 from daq.timing.resampling import NO_DELAYS, Assembler
 from daq.types import Block, Channel, Event, Recording, find_gaps
 
-DEVICE_FAILED = "/event/device_failed"
 HOW_TO_PLACE = (  #: advice if a site should contain the devices of an imported log
     "`modalwatch import DATA -o LOG.mcap --site SITE.toml` puts a file's channels on the devices of a site; --new-site "
     "writes one"
@@ -131,7 +131,7 @@ def _cut(
         by_record=by_record,
     )
     for device in missing | absent_devices(log, devices):
-        yield from assembler.push_event(Event(topic=DEVICE_FAILED, time=0, payload={"device": device}))
+        yield from assembler.push_event(DeviceFailed(device=device).event(0))
     try:
         for item in read_log(log):
             if isinstance(item, Event):

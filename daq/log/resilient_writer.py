@@ -5,9 +5,19 @@ import errno
 import time
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from daq.errors import ItemError, LogError
+from daq.events import (
+    DiskLow,
+    DiskRecovered,
+    EventPayload,
+    LogDeleted,
+    LogFileLost,
+    RecordingFailed,
+    RecordingRecovered,
+)
 from daq.log.mcap_log import Displacement
 from daq.log.repair import repair_log
 from daq.log.retention import DiskGuard, ExpiredFile
@@ -128,21 +138,21 @@ class ResilientWriter:
         unwritten = Counter[str]()
         for item in self._pending:
             unwritten[_name(item)] += _amount(item)
-        details: dict[str, object] = {"file": file.name, "how": displaced.how}
+        loss = LogFileLost(file=file.name, how=displaced.how)
         if displaced.how == "moved":
-            details["to"] = displaced.to
+            loss = replace(loss, to=displaced.to)
             with contextlib.suppress(OSError):
                 self._recorder.close()
             self._pending.clear()
         else:
             lost = self._recorder.contents - unwritten
             self.lost += lost
-            details |= {"lost": dict(lost), "bytes": bytes_written, "from": first, "until": self._recorder.newest}
+            loss = replace(loss, lost=dict(lost), bytes=bytes_written, from_=first, until=self._recorder.newest)
             self._recorder.forsake()
             self._cut = file if displaced.how == "cut short" else None
         self._stopped = f"{file}: {displaced.how}"
         self._resume()
-        self._say("log_file_lost", details)
+        self._report(loss)
 
     def _tidy(self) -> None:
         """Delete expired files, each after its event is on the disk; report if that is not enough."""
@@ -151,10 +161,11 @@ class ResilientWriter:
         low = self._guard.short
         if low != self._low:
             self._low = low
-            self._say("disk_low" if low else "disk_recovered", {"free_gb": round(self._guard.free / 1e9, 3)})
+            free_gb = round(self._guard.free / 1e9, 3)
+            self._report(DiskLow(free_gb=free_gb) if low else DiskRecovered(free_gb=free_gb))
 
     def _delete(self, surplus: ExpiredFile) -> None:
-        self._say("log_deleted", {"file": surplus.path.name, "bytes": surplus.size, "why": surplus.why})
+        self._report(LogDeleted(file=surplus.path.name, bytes=surplus.size, why=surplus.why))
         if not self._stopped:
             try:
                 self._recorder.flush()
@@ -168,7 +179,7 @@ class ResilientWriter:
         self._recorder.abandon()
         self._cut = self._recorder.paths[-1]
         self._stopped = str(error) if isinstance(error, OSError | LogError) else error_text(error)
-        self._say("recording_failed", {"why": self._stopped})
+        self._report(RecordingFailed(why=self._stopped))
         self._resume()
 
     def _resume(self) -> None:
@@ -186,7 +197,7 @@ class ResilientWriter:
         self.lost += self._lost_now
         self._lost_now.clear()
         self._pending.clear()
-        self._say("recording_recovered", {"kept": kept, "lost": lost})
+        self._report(RecordingRecovered(kept=kept, lost=lost))
         if self._cut and self._cut.exists():
             with contextlib.suppress(LogError):  # else the next start does
                 repair_log(self._cut)
@@ -221,8 +232,8 @@ class ResilientWriter:
             return error
         return None
 
-    def _say(self, what: str, payload: dict[str, object]) -> None:
-        event = Event(topic=f"/event/{what}", time=self._recorder.newest, payload=payload)
+    def _report(self, payload: EventPayload) -> None:
+        event = payload.event(self._recorder.newest)
         self._tell(event)
         self.write(event)
 

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from daq.events import DeviceFailed
 from daq.timing.clock_fit import ClockFit
 from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, Recording, find_gaps
 
@@ -241,7 +242,7 @@ class Assembler:
     def push_event(self, event: Event) -> Iterator[Recording]:
         """Take an event; a device that is lost no longer holds a window open."""
         device = self._devices.get(event.payload.get("device", ""))
-        if event.topic == "/event/device_failed" and device is not None:
+        if event.topic == DeviceFailed.topic and device is not None:
             device.lost = True
             yield from self._complete()
 

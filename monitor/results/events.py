@@ -13,10 +13,6 @@ from monitor.results.windows import (
     WindowResult,
 )
 
-TOPIC_STOPPED = "/event/stopped"  # the last item: later ones belong to no run
-TOPIC_ACKNOWLEDGE = "/event/acknowledge"
-TOPIC_ACCEPT, TOPIC_UNDO = "/event/accept", "/event/accept_undone"
-TOPIC_REFUSED = "/event/refused"  # an invalid file
 _TYPES: dict[str, type[Result]] = {
     TOPIC_WINDOW: WindowResult,
     TOPIC_REFERENCE: ReferenceResult,

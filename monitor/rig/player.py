@@ -89,7 +89,8 @@ def play(
     """
     world, sources = make_sources(structure, scenario)
     leashed = _LeashedClock(clock)
-    with tempfile.TemporaryDirectory(prefix="modalwatch-rig-") as links, unplugging([]) as ports:
+    rig_ports: list[EmulatedPort] = []
+    with tempfile.TemporaryDirectory(prefix="modalwatch-rig-") as links, unplugging(rig_ports) as ports:
         rig = _Rig(Path(links), ports)
         for device, source in zip(scenario.device, sources, strict=True):
             rig.add(device, source, leashed)

@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from daq import (
     CHANNELS,
@@ -25,8 +25,10 @@ from daq import (
     Rotation,
     WriterThread,
 )
+from daq.events import DeviceFailed, EventPayload
 from monitor.errors import StartError
-from monitor.results.events import TOPIC_STOPPED, result_event
+from monitor.results.events import result_event
+from monitor.results.service_events import AnalysisFailed, AnalysisLagging, BaselineReset, Stopped
 from monitor.results.windows import Result
 from monitor.service.site import Site
 from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
@@ -196,7 +198,7 @@ class LogAndAnalysis:
             self._analysis.worker.__enter__()
             stack.enter_context(self._memory)
             stack.enter_context(self._log)
-            self._say_refused()
+            self._report_refusal()
             self._undo = stack.pop_all()
         return self
 
@@ -208,9 +210,9 @@ class LogAndAnalysis:
         """Have something logged, and analysed; never waits."""
         self._log.put(item)
 
-    def say(self, what: str, payload: dict[str, Any]) -> None:
+    def report(self, payload: EventPayload) -> None:
         """Have an event logged that happens now."""
-        self._log.put(Event(topic=f"/event/{what}", time=self._clock.now(), payload=payload))
+        self._log.put(payload.event(self._clock.now()))
 
     def poll(self) -> None:
         """Log and pass on results, for a moment; restart parts that have died or cannot catch up."""
@@ -219,8 +221,8 @@ class LogAndAnalysis:
             self.renew("the analysis had died")
         waiting = self._worker.waiting if self._worker else 0
         if waiting > most_waiting(self.site):
-            self._say_behind(waiting)
-            self._say_stopped(why="the analysis was behind")
+            self._report_lag(waiting)
+            self._report_stop(why="the analysis was behind")
             self._worker = None
             self.renew("the analysis was behind")
 
@@ -231,7 +233,7 @@ class LogAndAnalysis:
         """
         old = self._analysis
         if self._worker is not None:
-            self._say_stopped(why=why)
+            self._report_stop(why=why)
             self._await_results(_LAST_RESULTS_SECONDS)
         try:
             new = new_analysis(self.site, self._clock, self._take, self._remembered())
@@ -243,13 +245,13 @@ class LogAndAnalysis:
         self._log.switch(new.keeper, partial(self._switch_analysis, old.keeper, new))
         FAILURES.attempt("analysis", new.worker.__enter__)  # one that does not start is found dead
         FAILURES.attempt("analysis", old.worker.__exit__)
-        self._say_refused()
+        self._report_refusal()
         for name in self._lost():
-            self.say("device_failed", {"device": name, "why": "it was lost before"})
+            self.report(DeviceFailed(device=name, why="it was lost before"))
 
     def finish(self) -> None:
         """Log the received data, and analyse them as far as possible in a while: service managers do not wait."""
-        self._say_stopped()
+        self._report_stop()
         self._await_results(_LAST_SECONDS)
 
     @property
@@ -307,18 +309,18 @@ class LogAndAnalysis:
         end = time.monotonic() + seconds
         while self._report():
             if time.monotonic() > end:
-                self._say_behind(self._analysis.worker.waiting)
+                self._report_lag(self._analysis.worker.waiting)
                 return
 
-    def _say_behind(self, waiting: int) -> None:
-        self.say("analysis_lagging", {"left_out_s": round(waiting / blocks_a_second(self.site), 1)})
+    def _report_lag(self, waiting: int) -> None:
+        self.report(AnalysisLagging(left_out_s=round(waiting / blocks_a_second(self.site), 1)))
 
-    def _say_stopped(self, **why: str) -> None:
-        self.say(TOPIC_STOPPED.removeprefix("/event/"), {"dropped": self._log.dropped, **why})
+    def _report_stop(self, why: str | None = None) -> None:
+        self.report(Stopped(dropped=self._log.dropped, why=why))
 
-    def _say_refused(self) -> None:
+    def _report_refusal(self) -> None:
         if self._refused:
-            self.say("baseline_reset", {"why": self._refused})
+            self.report(BaselineReset(why=self._refused))
             self._refused = None
 
     def _remembered(self) -> str:
@@ -367,7 +369,7 @@ class LogAndAnalysis:
         self._worker = None
         pause = self._backoff.next()
         self._restart_at = time.monotonic() + pause
-        self.say("analysis_failed", {"why": str(error) or type(error).__name__, "again_in_s": pause})
+        self.report(AnalysisFailed(why=str(error) or type(error).__name__, again_in_s=pause))
 
     def _take(self, item: Item) -> None:
         """Hand on an item once it is logged; in the log's thread."""

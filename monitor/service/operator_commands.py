@@ -8,11 +8,12 @@ import time
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from monitor.results.events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_REFUSED, TOPIC_UNDO
+from daq.events import EventPayload
+from monitor.results.service_events import AcceptanceUndone, Acknowledged, ChangeAccepted, CommandRefused
 
 _LONGEST = 4096  # bytes
 
@@ -55,7 +56,11 @@ class UndoAcceptance(OperatorCommand):
 
 
 Command = Acknowledgement | Acceptance | UndoAcceptance
-_TOPICS = {"acknowledge": TOPIC_ACKNOWLEDGE, "accept": TOPIC_ACCEPT, "undo": TOPIC_UNDO}
+_EVENTS: dict[str, type[EventPayload]] = {
+    "acknowledge": Acknowledged,
+    "accept": ChangeAccepted,
+    "undo": AcceptanceUndone,
+}
 _COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(union_mode="left_to_right")])
 
 
@@ -106,8 +111,8 @@ class Inbox:
         self._folder = state / "inbox"
         self._stuck: set[str] = set()
 
-    def taken(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of new commands; their files are removed.
+    def taken(self) -> Iterator[EventPayload]:
+        """Yield the events of new commands; their files are removed.
 
         A file that cannot be read or removed is refused once. Otherwise it would be executed again at each start.
         """
@@ -120,14 +125,14 @@ class Inbox:
                 path.unlink()
             except OSError as error:
                 self._stuck.add(path.name)
-                yield TOPIC_REFUSED, {"file": path.name, "why": f"it cannot be taken: {error.strerror}"}
+                yield CommandRefused(file=path.name, why=f"it cannot be taken: {error.strerror}")
                 continue
             yield _parse(path.name, text)
 
 
-def _parse(name: str, text: bytes) -> tuple[str, dict[str, Any]]:
+def _parse(name: str, text: bytes) -> EventPayload:
     try:
         command = _COMMAND.validate_json(text)
     except ValidationError as error:
-        return TOPIC_REFUSED, {"file": name, "why": str(error).splitlines()[0]}
-    return _TOPICS[command.kind], command.model_dump(exclude={"kind"})
+        return CommandRefused(file=name, why=str(error).splitlines()[0])
+    return _EVENTS[command.kind](**command.model_dump(exclude={"kind"}))

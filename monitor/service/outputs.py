@@ -3,18 +3,19 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from typing import Any, Self
+from typing import Self
 
 from daq import FAILURES, Item, error_text
+from daq.events import EventPayload
 from monitor.errors import StartError
 from monitor.outputs.history import HistoryRecorder
 from monitor.outputs.notices import NoticeSender
+from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
 from monitor.service.servers.live_view import LiveView
 from monitor.service.servers.web import WebServer, web_process
 from monitor.service.site import Site
 
 _AGAIN_SECONDS = 60.0  # interval until a failed server is restarted
-TopicPayload = tuple[str, dict[str, Any]]  #: topic and payload of an event
 
 
 class Outputs:
@@ -62,28 +63,28 @@ class Outputs:
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 
-    def events(self) -> Iterator[TopicPayload]:
+    def events(self) -> Iterator[EventPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
         yield from self._history.events()
         for sender in self._senders:
             yield from sender.events()
         yield from self._tend()
 
-    def _tend(self) -> Iterator[TopicPayload]:
+    def _tend(self) -> Iterator[EventPayload]:
         """Report once which server has failed and why; restart it a minute later."""
         now = time.monotonic()
-        for name, problem, again in (
-            ("viewer", self._live.problem if self._live else None, self.show_again),
-            ("web", self._web_problem, self._serve_again),
+        for name, problem, again, failed, recovered in (
+            ("viewer", self._live.problem if self._live else None, self.show_again, ViewerFailed, ViewerRecovered),
+            ("web", self._web_problem, self._serve_again, WebFailed, WebRecovered),
         ):
             if problem and name not in self._dead:
                 self._dead[name] = now + _AGAIN_SECONDS
-                yield f"/event/{name}_failed", {"why": problem}
+                yield failed(why=problem)
             elif name in self._dead and now >= self._dead[name]:
                 self._dead[name] = now + _AGAIN_SECONDS
                 if again() is None:
                     del self._dead[name]
-                    yield f"/event/{name}_recovered", {}
+                    yield recovered()
 
     def show_again(self) -> str | None:
         """Restart the live view, without earlier data; return the reason of a failure."""

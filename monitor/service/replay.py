@@ -10,7 +10,6 @@ from pathlib import Path
 
 from daq import (
     BEGINNING,
-    DEVICE_FAILED,
     END,
     HOW_TO_PLACE,
     AnyLog,
@@ -26,8 +25,10 @@ from daq import (
     read_events,
     read_log,
 )
-from monitor.results.events import TOPIC_STOPPED, event_result, result_event
+from daq.events import DeviceFailed
+from monitor.results.events import event_result, result_event
 from monitor.results.replay_comparison import ReplayComparison, compare_results
+from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
 from monitor.service.site import Site
 from monitor.service.worker import SavedState, Worker, WorkerMessage
@@ -189,7 +190,7 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
     stopped = False
     try:
         for device in absent_devices(log, devices):
-            worker.feed(Event(topic=DEVICE_FAILED, time=0, payload={"device": device}))
+            worker.feed(DeviceFailed(device=device).event(0))
         for item in read_log(log):
             if isinstance(item, Block) and item.device not in devices:
                 why = f"holds device {item.device!r}; the settings have {', '.join(devices)}"
@@ -202,11 +203,11 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
                 stopped = _is_last(item)
     finally:
         if not stopped:
-            worker.feed(Event(topic=TOPIC_STOPPED, time=0, payload={}))
+            worker.feed(Stopped().event(0))
 
 
 def _is_last(item: Item) -> bool:
-    return isinstance(item, Event) and item.topic == TOPIC_STOPPED
+    return isinstance(item, Event) and item.topic == Stopped.topic
 
 
 def _until_last(worker: Worker) -> Iterator[WorkerMessage]:

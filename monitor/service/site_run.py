@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
-from daq import FAILURES, Event, Item, SystemClock, error_text
+from daq import FAILURES, Item, SystemClock, error_text
+from daq.events import EventPayload
 from monitor.errors import SettingsError
+from monitor.results.service_events import ClockChanged, Reloaded, ReloadRefused, UncleanEnd
 from monitor.results.site_status import FILE_NAME, Counters, PartProblems
 from monitor.results.windows import Result
 from monitor.service.acquisition.devices import Devices, Drivers, site_clock, site_drivers
@@ -80,7 +82,7 @@ class SiteRun:
                 inbox_of(self._site.state)
             stack.enter_context(self.logs)
             if self._mended:
-                self.logs.say("unclean_end", {"why": "; ".join(self._mended)})
+                self.logs.report(UncleanEnd(why="; ".join(self._mended)))
             drivers = site_drivers(self._site.settings.device, self._clock.speed)
             self._devices.start(drivers, missing_is_lost=self.logs.learnt)
             self._undo = stack.pop_all()
@@ -107,9 +109,9 @@ class SiteRun:
         self._sweep()
         return FAILURES.attempt("status", self._write_status) and self._second_over
 
-    def _log_events(self, events: Callable[[], Iterable[tuple[str, dict[str, Any]]]]) -> None:
-        for topic, payload in events():
-            self.logs.put(Event(topic=topic, time=self._clock.now(), payload=payload))
+    def _log_events(self, events: Callable[[], Iterable[EventPayload]]) -> None:
+        for payload in events():
+            self.logs.report(payload)
 
     def _log_temperature(self) -> None:
         for reading in self._reads.read() if self._reads else ():
@@ -176,12 +178,12 @@ class SiteRun:
                 step()
             except Exception as error:  # noqa: BLE001 - the watch goes on with all the others
                 failed.append(f"{name}: {error_text(error)}")
-        failures = {"failed": "; ".join(failed)} if failed else {}
-        self.logs.say("reloaded", {"changed": ", ".join(sorted(parts)) or "nothing", **failures})
+        changes = ", ".join(sorted(parts)) or "nothing"
+        self.logs.report(Reloaded(changed=changes, failed="; ".join(failed) or None))
 
     def refuse(self, why: str) -> None:
         """Report that new settings are invalid."""
-        self.logs.say("reload_refused", {"why": why})
+        self.logs.report(ReloadRefused(why=why))
 
     def _renew_devices(self, old: Site, changed: Sequence[str], drivers: Drivers) -> None:
         """Stop devices and start those that come for them; with a log and an analysis of their own if they need one."""
@@ -199,7 +201,7 @@ class SiteRun:
         if not isinstance(clock, SystemClock) or abs(clock.off) < _STEP or time.monotonic() < self._step_due:
             return
         self._step_due = time.monotonic() + _STEP_AGAIN
-        self.logs.say("clock_changed", {"by_s": round(clock.off * 1e-9, 1)})
+        self.logs.report(ClockChanged(by_s=round(clock.off * 1e-9, 1)))
         drivers = site_drivers(self._site.settings.device, clock.speed)
         self._devices.stop()
         clock.follow()

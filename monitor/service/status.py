@@ -12,8 +12,17 @@ from types import MappingProxyType
 from typing import Any
 
 from daq import Block, Event, HostClock, Item
+from daq.events import DeviceFailed, DeviceOpened, DeviceRecovered, EventPayload, ScansMissing
 from monitor.detection.alarm import State
 from monitor.results.events import event_result
+from monitor.results.service_events import (
+    AnalysisCaughtUp,
+    AnalysisLagging,
+    ChannelFailed,
+    ChannelRecovered,
+    DeviceReplaced,
+    WindowsLeftOut,
+)
 from monitor.results.site_status import Counters, DeviceStatus, PartProblems, SiteStatus, WindowStatus, read_status
 from monitor.results.windows import (
     TOPIC_ALARM,
@@ -30,8 +39,6 @@ from monitor.watch.blindness import BlindWindows, MissingChannels
 
 _LAST = 10  # windows over which an overload is reported: one window in time does not end it
 
-TopicPayload = tuple[str, dict[str, Any]]  #: topic and payload of an event
-
 
 class Overload:
     """Count of the windows that were left out."""
@@ -41,16 +48,16 @@ class Overload:
         self._since = 0  # windows left out since the overload began
         self.total = 0  #: windows left out since the start
 
-    def take(self, *, left_out: bool) -> TopicPayload | None:
+    def take(self, *, left_out: bool) -> EventPayload | None:
         """Take a window, or a stretch of windows, that was left out or not; return an event if that is news."""
         before = any(self._last)
         self._last.append(left_out)
         self.total += left_out
         self._since = self._since * before + left_out
         if left_out and not before:
-            return "/event/windows_left_out", {"why": "the analysis has fallen behind"}
+            return WindowsLeftOut(why="the analysis has fallen behind")
         if before and not any(self._last):
-            return "/event/analysis_caught_up", {"left_out": self._since}
+            return AnalysisCaughtUp(left_out=self._since)
         return None
 
     @property
@@ -137,7 +144,7 @@ class MonitorStatus:
         before = read_status(path)
         self._self_test = before.self_test if before else None
         self._identities = dict(before.identities) if before else {}  # of devices, over restarts
-        self._events: deque[TopicPayload] = deque()
+        self._events: deque[EventPayload] = deque()
         self._due = 0.0
 
     def take(self, item: Item) -> None:
@@ -160,8 +167,8 @@ class MonitorStatus:
             self._devices = {name: self._devices.get(name, DeviceCounts()) for name in devices}
             self._pace, self._windowed, self._device_of = pace, time.monotonic(), device_of
 
-    def events(self) -> Iterator[TopicPayload]:
-        """Yield topic and payload of device events since the last time."""
+    def events(self) -> Iterator[EventPayload]:
+        """Yield the events of devices since the last time."""
         while self._events:
             yield self._events.popleft()
 
@@ -245,15 +252,13 @@ class MonitorStatus:
             self._self_test = result
 
     def _take_event(self, event: Event) -> None:
-        if event.topic == "/event/analysis_lagging":
+        if event.topic == AnalysisLagging.topic:
             self._note(self._overload.take(left_out=True))
         device = self._devices.get(str(event.payload.get("device", "")))
         if device is not None:
-            device.gaps += event.topic == "/event/gap"
-            device.lost = event.topic == "/event/device_failed" or (
-                device.lost and event.topic != "/event/device_recovered"
-            )
-            if event.topic == "/event/device_open":
+            device.gaps += event.topic == ScansMissing.topic
+            device.lost = event.topic == DeviceFailed.topic or (device.lost and event.topic != DeviceRecovered.topic)
+            if event.topic == DeviceOpened.topic:
                 self._compare_identity(event.payload)
 
     def _compare_identity(self, payload: dict[str, Any]) -> None:
@@ -262,10 +267,10 @@ class MonitorStatus:
         found = {key: value for key, value in payload.items() if key not in ("device", "filter_delay")}
         known = self._identities.get(name, found)
         if known != found:
-            self._events.append(("/event/device_replaced", {"device": name, "before": known, "now": found}))
+            self._events.append(DeviceReplaced(device=name, before=known, now=found))
         self._identities[name] = found
 
-    def _note(self, event: TopicPayload | None) -> None:
+    def _note(self, event: EventPayload | None) -> None:
         if event:
             self._events.append(event)
 
@@ -301,6 +306,6 @@ class MonitorStatus:
         faults = {c: why for c, why in window.faults.items() if self._device_of.get(c) not in lost}
         self._missing = self._missing.after(window.model_copy(update={"faults": faults}))
         for channels, why in self._missing.gone:
-            self._events.append(("/event/channel_failed", {"channels": ", ".join(channels), "why": why}))
+            self._events.append(ChannelFailed(channels=", ".join(channels), why=why))
         if self._missing.back:
-            self._events.append(("/event/channel_recovered", {"channels": ", ".join(self._missing.back)}))
+            self._events.append(ChannelRecovered(channels=", ".join(self._missing.back)))

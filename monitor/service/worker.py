@@ -23,7 +23,7 @@ from monitor.service.processes import (
 
 if TYPE_CHECKING:
     from monitor.watch.pipeline import Pipeline
-from monitor.results.events import TOPIC_STOPPED
+from monitor.results.service_events import Stopped
 
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
 #: glibc returns large blocks at once, for a monitor of years; it keeps them in a replay, which is a quarter faster so
@@ -159,7 +159,7 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
 
     pipeline = _pipeline(task)
     for item in received(inbox):
-        if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
+        if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
             return
         reported = False

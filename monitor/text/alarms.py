@@ -1,9 +1,7 @@
 """Texts on changes of the alarm."""
 
-from collections.abc import Mapping
-from typing import Any
-
 from monitor.detection.alarm import Change
+from monitor.results.service_events import AcceptanceUndone, Acknowledged
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.causes import change_text, increment_text
 from monitor.text.quantities import duration_text, utc
@@ -26,13 +24,11 @@ def alarm_change_text(change: Change, result: WindowResult) -> str:
     return f"back to normal{after}: {figures}"
 
 
-def acknowledged_text(change: Change, payload: Mapping[str, Any]) -> str:
+def acknowledged_text(change: Change, request: Acknowledged) -> str:
     """Return the text of an acknowledgement, with name and note."""
     if change.kind in ("flapping", "steady"):
         return _FLAPPING[change.kind]
-    by, note = (str(payload.get(name) or "") for name in ("by", "note"))
-    who = f" by {by}" if by else ""
-    why = f": {note}" if note else ""
+    who, why = _who_and_why(request)
     after = "" if change.lasted is None else f", back to normal after {duration_text(change.lasted * 1e-9)} of alarm"
     return f"acknowledged{who}{after}{why}"
 
@@ -78,11 +74,14 @@ def _modes(tracks: list[int]) -> str:
     return f"{'mode' if len(tracks) == 1 else 'modes'} {', '.join(str(track + 1) for track in tracks)}"
 
 
-def undone_text(change: AcceptedShift, payload: Mapping[str, Any]) -> str:
+def undone_text(change: AcceptedShift, request: AcceptanceUndone) -> str:
     """Return the text of an undone acceptance, with name and note."""
-    by, note = (str(payload.get(name) or "") for name in ("by", "note"))
-    who, why = f" by {by}" if by else "", f": {note}" if note else ""
+    who, why = _who_and_why(request)
     return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"
+
+
+def _who_and_why(request: Acknowledged | AcceptanceUndone) -> tuple[str, str]:
+    return f" by {request.by}" if request.by else "", f": {request.note}" if request.note else ""
 
 
 _FLAPPING = {

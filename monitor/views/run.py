@@ -28,10 +28,12 @@ from daq import (
     read_events,
     read_log,
 )
+from daq.events import DeviceFailed, ScansMissing
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.errors import ResultsError, SettingsError
-from monitor.results.events import TOPIC_STOPPED, event_result
+from monitor.results.events import event_result
 from monitor.results.run_results import RunResults
+from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, attachable, parse_attached
 from oma import aligned
@@ -178,8 +180,8 @@ class _Reading:
         result = event_result(item)
         if result is not None:
             self.results.append(result)
-        elif item.topic == TOPIC_STOPPED:
-            self.dropped, self.ended = item.payload.get("dropped"), True
+        elif item.topic == Stopped.topic:
+            self.dropped, self.ended = Stopped.read(item).dropped, True
         elif "device" in item.payload:
             self._event(item, self._quality(item.payload["device"]))
 
@@ -196,11 +198,12 @@ class _Reading:
             self.tail.popleft()
 
     def _event(self, event: Event, quality: DeviceQuality) -> None:
-        if event.topic == "/event/gap":
+        if event.topic == ScansMissing.topic:
+            gap = ScansMissing.read(event)
             quality.gaps += 1
-            quality.missing += int(event.payload.get("missing", 0))
-            quality.exact &= bool(event.payload.get("exact", False))
-        elif event.topic == "/event/device_failed":
+            quality.missing += gap.missing
+            quality.exact &= bool(gap.exact)
+        elif event.topic == DeviceFailed.topic:
             quality.lost += 1
 
 

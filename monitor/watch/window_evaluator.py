@@ -11,7 +11,7 @@ from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm, Change, Kind
 from monitor.optional import OptionalWork
 from monitor.results.convert import mode_results, reference_result
-from monitor.results.events import TOPIC_ACCEPT, TOPIC_ACKNOWLEDGE, TOPIC_UNDO
+from monitor.results.service_events import AcceptanceUndone, Acknowledged, ChangeAccepted
 from monitor.results.windows import AlarmResult, ModeResult, Phase, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings
 from monitor.text.alarms import (
@@ -109,12 +109,12 @@ class WindowEvaluator:
 
     def apply_command(self, event: Event) -> Iterator[Result]:
         """Execute the command of a person; other events have no effect."""
-        if event.topic == TOPIC_ACKNOWLEDGE:
-            yield from self._acknowledge(event)
-        elif event.topic == TOPIC_ACCEPT:
-            yield from self._request_acceptance(event)
-        elif event.topic == TOPIC_UNDO:
-            yield from self._undo(event)
+        if event.topic == Acknowledged.topic:
+            yield from self._acknowledge(event.time, Acknowledged.read(event))
+        elif event.topic == ChangeAccepted.topic:
+            yield from self._request_acceptance(event.time, ChangeAccepted.read(event))
+        elif event.topic == AcceptanceUndone.topic:
+            yield from self._undo(event.time, AcceptanceUndone.read(event))
 
     def resumed(self, time: int) -> Iterator[Result]:
         """Report the continued reference, so that this log alone has it."""
@@ -174,27 +174,25 @@ class WindowEvaluator:
     def _test(self, learned: LearnedBaseline, window: Window, *, over: bool) -> tuple[Result, ...]:
         return tuple(self._tests.after(learned, self._alarm, window, over=over))
 
-    def _acknowledge(self, event: Event) -> Iterator[Result]:
+    def _acknowledge(self, time: int, request: Acknowledged) -> Iterator[Result]:
         """Record the acknowledgement of the alarm."""
-        self._alarm, changes = self._alarm.acknowledge(event.time)
-        yield from (
-            self._alarm_result(event.time, change, acknowledged_text(change, event.payload)) for change in changes
-        )
+        self._alarm, changes = self._alarm.acknowledge(time)
+        yield from (self._alarm_result(time, change, acknowledged_text(change, request)) for change in changes)
 
-    def _request_acceptance(self, event: Event) -> Iterator[Result]:
+    def _request_acceptance(self, time: int, request: ChangeAccepted) -> Iterator[Result]:
         """Take a change as the new normal as soon as there are enough windows of it."""
-        request, raised = event.payload, self._alarm.raised
+        raised = self._alarm.raised
         if self._learned is None or self._alarm.state != "alarm" or not self._out:
-            yield self._notice(event.time, "refused", "not accepted: no alarm is active")
-        elif request["alarm"] is not None and request["alarm"] != raised:
+            yield self._notice(time, "refused", "not accepted: no alarm is active")
+        elif request.alarm is not None and request.alarm != raised:
             active = utc(raised) if raised is not None else "none"
-            yield self._notice(event.time, "refused", f"not accepted: the active alarm is of {active}")
+            yield self._notice(time, "refused", f"not accepted: the active alarm is of {active}")
         else:
-            self._requested = AcceptanceRequest(cause=request["cause"], by=request["by"])
-            yield from self._accept(event.time, self._learned)
+            self._requested = AcceptanceRequest(cause=request.cause, by=request.by)
+            yield from self._accept(time, self._learned)
             if self._requested:
-                text = f"to be accepted as {request['cause']!r} once there are {MIN_WINDOWS} windows since the change"
-                yield self._notice(event.time, "accepting", f"{text}; there are {len(self._changed_windows())}")
+                text = f"to be accepted as {request.cause!r} once there are {MIN_WINDOWS} windows since the change"
+                yield self._notice(time, "accepting", f"{text}; there are {len(self._changed_windows())}")
 
     def _accept(self, time: int, learned: LearnedBaseline) -> Iterator[Result]:
         """Make the changed structure the reference, if that is wanted and there are enough windows of it."""
@@ -230,21 +228,21 @@ class WindowEvaluator:
         yield self._reference(again, time)
         yield self._notice(time, "seen_again", restored_text(learned.accepted[-1].result, again.accepted[-1].result))
 
-    def _undo(self, event: Event) -> Iterator[Result]:
+    def _undo(self, time: int, request: AcceptanceUndone) -> Iterator[Result]:
         """Return to the reference before the last acceptance; or cancel one that waits for windows."""
         learned, wanted = self._learned, self._requested
         if wanted is not None:
             self._requested = None
-            yield self._notice(event.time, "undone", f"{wanted.cause!r} is not to be accepted any more")
+            yield self._notice(time, "undone", f"{wanted.cause!r} is not to be accepted any more")
             return
         if learned is None or not learned.accepted:
-            yield self._notice(event.time, "refused", "nothing is undone: no change has been accepted")
+            yield self._notice(time, "refused", "nothing is undone: no change has been accepted")
             return
         self._learned = undo_last(self._structure, learned, self._settings)
         self._out, self._calm = [], []
         self._tests.forget()
-        yield self._reference(self._learned, event.time)
-        yield self._notice(event.time, "undone", undone_text(learned.accepted[-1].result, event.payload))
+        yield self._reference(self._learned, time)
+        yield self._notice(time, "undone", undone_text(learned.accepted[-1].result, request))
 
     def _reference(self, learned: LearnedBaseline, time: int) -> ReferenceResult:
         return reference_result(

@@ -21,6 +21,7 @@ from daq import (
     error_text,
     read_log,
 )
+from daq.events import ThreadFailed, ThreadRecovered
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.notices import until
 
@@ -48,10 +49,11 @@ def test_thread_is_restarted_counted_and_reported_once() -> None:
     until(lambda: len(runs) == 3)
     assert failures.counts == {"sender": 2}
     assert (failures.problem or "").startswith("sender: OverflowError (test_super")
-    [(topic, reported)] = failures.events()
-    assert (topic, reported["thread"]) == ("/event/thread_failed", "sender")
+    [reported] = failures.events()
+    assert isinstance(reported, ThreadFailed)
+    assert reported.thread == "sender"
     until(lambda: failures.problem is None)
-    assert list(failures.events()) == [("/event/thread_recovered", {"thread": "sender", "failures": 2})]
+    assert list(failures.events()) == [ThreadRecovered(thread="sender", failures=2)]
     thread.ending.set()
     thread.join(2.0)
     assert not thread.is_alive()

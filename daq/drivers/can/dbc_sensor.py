@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from daq.drivers.rates import positive_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.can_scan import DecodedScans, ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, concatenate
+from daq.types import DeviceIdentity
 
 _READ_SECONDS = 0.1
 _MIN_SECONDS, _SCANS = 1.0, 10  # of silence until a device counts as absent: a second, or so many scans
@@ -43,7 +43,7 @@ class CanDbc:
         self._member: Member | None = None
         self._decoder = ScanDecoder(self._layout)
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         """Join the bus and wait for a scan; such a sensor cannot be identified."""
         self._member = join_bus(self._address, self._layout.all_identifiers)
         self._decoder = ScanDecoder(self._layout)
@@ -53,7 +53,7 @@ class CanDbc:
             self.close()
             raise
         frames = [f"{message.name} {message.identifier & NUMBER:#x}" for message in self._layout.messages]
-        return {"product": self._address.sensor.file.stem, "messages": ", ".join(frames)}
+        return DeviceIdentity(product=self._address.sensor.file.stem, details={"messages": ", ".join(frames)})
 
     def _wait_for_scan(self, member: Member) -> None:
         received = [NO_FRAMES]

@@ -1,7 +1,6 @@
 """Epson M-A552AC1x on a CAN bus that several devices share."""
 
 import time
-from typing import Any
 
 import can
 import canopen
@@ -20,7 +19,7 @@ from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
 from daq.protocol.epson_filters import FILTERS, group_delay
 from daq.protocol.frames import concatenate
-from daq.types import IndexArray, IntArray
+from daq.types import DeviceIdentity, IndexArray, IntArray
 
 _READ_SECONDS = 0.1
 _QUIET_SECONDS = 0.03
@@ -60,7 +59,7 @@ class EpsonCan:
         self._held: list[DeviceFrames] = []  # of another start of SYNC than those before
         self._was_open = False
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         """Join the bus, check who answers, set rate, filter, process data and heartbeat, start it."""
         number = self._address.node
         part = SyncPart(self._rate, self._address.sync == "producer") if self._address.sync else None
@@ -74,7 +73,7 @@ class EpsonCan:
         self._was_open = True
         return identity
 
-    def _begin(self, member: Member, node: canopen.RemoteNode) -> dict[str, Any]:
+    def _begin(self, member: Member, node: canopen.RemoteNode) -> DeviceIdentity:
         node.nmt.send_command(_PRE_OPERATIONAL)
         self._wait_until_quiet(member)
         identity = identify(node)

@@ -1,7 +1,6 @@
 """Setup of an M-A552 by service data before it samples."""
 
 import time
-from typing import Any
 
 import canopen
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
@@ -10,6 +9,7 @@ from daq.drivers.addresses import CanAddress
 from daq.drivers.can.heartbeat import PERIOD_MS
 from daq.protocol import epson_can as epson
 from daq.protocol.epson_filters import FILTERS
+from daq.types import DeviceIdentity
 
 _APPLY_SECONDS = 4.0  # a device takes about one
 _ASK_SECONDS = 0.05
@@ -64,14 +64,14 @@ def end_sync(network: canopen.Network, number: int) -> None:
     network.send_message(_SDO_REQUEST + number, bytes([_EXPEDITED]) + place + epson.SYNC.to_bytes(4, "little"))
 
 
-def identify(node: canopen.RemoteNode) -> dict[str, Any]:
+def identify(node: canopen.RemoteNode) -> DeviceIdentity:
     """Read the identity of a node; `canopen.SdoError` if it does not answer."""
-    return {
-        "product": _text(node, epson.DEVICE_NAME),
-        "hardware": _text(node, epson.HARDWARE),
-        "version": _text(node, epson.SOFTWARE),
-        "serial": _serial(node),
-    }
+    return DeviceIdentity(
+        product=_text(node, epson.DEVICE_NAME),
+        hardware=_text(node, epson.HARDWARE),
+        version=_text(node, epson.SOFTWARE),
+        serial=_serial(node),
+    )
 
 
 def _text(node: canopen.RemoteNode, place: tuple[int, int]) -> str:

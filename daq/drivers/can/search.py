@@ -2,7 +2,6 @@
 
 import re
 import time
-from typing import Any
 
 import can
 import canopen
@@ -15,6 +14,7 @@ from daq.drivers.can.hub import join_bus, leave_bus
 from daq.drivers.serial.port import PORT_ERRORS
 from daq.errors import DriverError
 from daq.protocol import slcan
+from daq.types import DeviceIdentity
 
 _ACCELEROMETER = "A552"  # in the name of a node that the driver epson-can is for
 _ADAPTER_SECONDS = 0.4
@@ -63,7 +63,7 @@ def find_nodes(bus: CanPlace) -> list[Found]:
         for number in sorted(network.scanner.nodes):
             identity = _node_identity(member.hub.add_node(number))
             del network[number]
-            if identity and _ACCELEROMETER in identity["product"]:
+            if identity and _ACCELEROMETER in identity.product:
                 address = CanAddress(interface=bus.interface, channel=bus.channel, bitrate=bus.bitrate, node=number)
                 found.append(Found(driver="epson-can", place=address, identity=identity))
         return found
@@ -73,7 +73,7 @@ def find_nodes(bus: CanPlace) -> list[Found]:
         leave_bus(member)
 
 
-def _node_identity(node: canopen.RemoteNode) -> dict[str, Any] | None:
+def _node_identity(node: canopen.RemoteNode) -> DeviceIdentity | None:
     """Return the identity of a node, None if it does not answer."""
     try:
         return identify(node)

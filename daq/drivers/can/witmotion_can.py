@@ -1,7 +1,6 @@
 """WitMotion WT901 on a CAN bus: low grade, because it has no counter."""
 
 import time
-from typing import Any
 
 import can
 import numpy as np
@@ -13,6 +12,7 @@ from daq.drivers.rates import known_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import witmotion as wit
 from daq.protocol.frames import concatenate
+from daq.types import DeviceIdentity
 
 _READ_SECONDS = 0.1
 _COMMAND_SECONDS = 0.01
@@ -45,7 +45,7 @@ class WitmotionCan:
         self._member: Member | None = None
         self._number = 0  # of the next scan
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         """Join the bus, set content, rate and filter, and wait for a scan; the device cannot be identified."""
         self._member = member = join_bus(self._address, frozenset({self._address.node}))
         try:
@@ -57,7 +57,7 @@ class WitmotionCan:
         except (can.CanError, OSError, ValueError) as error:
             self.close()
             raise DriverError(str(self._address), f"no WT901 answers: {error}") from error
-        return {"product": "WT901"}
+        return DeviceIdentity(product="WT901")
 
     def _wait_for_scan(self, member: Member) -> None:
         """Discard data sent before the settings, and wait for later data."""

@@ -2,11 +2,12 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
-from typing import Any, ClassVar, Generic, Protocol, TypeVar
+from typing import ClassVar, Generic, Protocol, TypeVar
 
 from daq.drivers.base import Scans
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError
+from daq.types import DeviceIdentity
 
 
 class Decoder(Protocol):
@@ -38,7 +39,7 @@ class SerialDriver(ABC, Generic[D]):
         self._path = port
         self._port: SerialPort | None = None
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         """Open the port, identify and configure the device, start sampling; return the identity.
 
         Raises
@@ -83,7 +84,7 @@ class SerialDriver(ABC, Generic[D]):
         """Open the port of the device."""
 
     @abstractmethod
-    def _start(self, port: SerialPort) -> dict[str, Any]:
+    def _start(self, port: SerialPort) -> DeviceIdentity:
         """Identify and configure the device, start sampling; return the identity."""
 
     @abstractmethod

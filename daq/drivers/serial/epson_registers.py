@@ -1,11 +1,11 @@
 """The registers of an Epson M-A352 (and alike M-A370, M-A552AR1) behind an open serial port."""
 
 import time
-from typing import Any
 
 from daq.drivers.serial.port import SerialPort
 from daq.protocol import epson
 from daq.protocol.epson_filters import FILTERS
+from daq.types import DeviceIdentity
 
 _STALL = 400e-6  # s between commands, at least 350 us
 _FILTER_SECONDS = 2.0
@@ -24,7 +24,7 @@ class EpsonRegisters:
     def __init__(self, port: SerialPort) -> None:
         self._port = port
 
-    def identify(self) -> dict[str, Any]:
+    def identify(self) -> DeviceIdentity:
         """Identify the device; it stops sampling."""
         self.stop()
         time.sleep(0.02)  # a frame that was on its way ends
@@ -32,11 +32,11 @@ class EpsonRegisters:
         found = self._read(0, epson.ID)
         if found != epson.IDENTITY:
             raise ValueError(f"identity: expected {epson.IDENTITY:#06x}, found {found:#06x}")
-        return {
-            "product": self._text(epson.PRODUCT),
-            "serial": self._text(epson.SERIAL),
-            "version": f"{self._read(1, epson.VERSION):04x}",
-        }
+        return DeviceIdentity(
+            product=self._text(epson.PRODUCT),
+            serial=self._text(epson.SERIAL),
+            version=f"{self._read(1, epson.VERSION):04x}",
+        )
 
     def configure(self, rate: int) -> None:
         """Set a rate of `epson.RATES` [Hz], the filter that fits it, and burst frames."""

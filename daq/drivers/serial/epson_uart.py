@@ -1,7 +1,5 @@
 """Epson M-A352 (and alike M-A370, M-A552AR1) over a serial line."""
 
-from typing import Any
-
 import numpy as np
 
 from daq.drivers.addresses import Found, PortAnswer
@@ -12,6 +10,7 @@ from daq.drivers.serial.epson_registers import EpsonRegisters
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.protocol import epson
 from daq.protocol.epson_filters import FILTERS, group_delay
+from daq.types import DeviceIdentity
 
 BAUD = 460800
 _REPLY_SECONDS = 1.0
@@ -44,7 +43,7 @@ class EpsonUart(SerialDriver[epson.BurstDecoder]):
     def _connect(self) -> SerialPort:
         return SerialPort(self._path, BAUD, _REPLY_SECONDS)
 
-    def _start(self, port: SerialPort) -> dict[str, Any]:
+    def _start(self, port: SerialPort) -> DeviceIdentity:
         registers = EpsonRegisters(port)
         identity = registers.identify()
         registers.configure(self._rate)
@@ -79,4 +78,4 @@ def search(path: str, _: int) -> PortAnswer | None:
     finally:
         port.close()
     found = Found(driver="epson-uart", place=path, identity=identity)
-    return PortAnswer(who=f"{identity['product']} {identity['serial']}", devices=(found,))
+    return PortAnswer(who=str(identity), devices=(found,))

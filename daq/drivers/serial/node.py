@@ -1,7 +1,6 @@
 """A home-built node on a serial line: docs/node.md is its side of the protocol."""
 
 import time
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +12,7 @@ from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import node
+from daq.types import DeviceIdentity
 
 BAUD = 460800  #: nodes that are USB devices themselves do not care
 _HELLO_SECONDS = 1.5  # interval of the hello of a node that does not receive commands, with a margin [s]
@@ -51,7 +51,7 @@ class ModalwatchNode(SerialDriver[node.NodeDecoder]):
     def _connect(self) -> SerialPort:
         return SerialPort(self._path, BAUD)
 
-    def _start(self, port: SerialPort) -> dict[str, Any]:
+    def _start(self, port: SerialPort) -> DeviceIdentity:
         """Request scans; check protocol version, scale, rate and clock of the node."""
         self._decoder, self._validator = node.NodeDecoder(), FrameValidator(self._rate)
         port.discard_input()
@@ -65,7 +65,8 @@ class ModalwatchNode(SerialDriver[node.NodeDecoder]):
             raise ValueError(f"rate: expected {self._rate:g} Hz, found {hello.rate:g}")
         self._check_clock(port)
         self.scale = hello.scale
-        return {"product": hello.product, "serial": hello.serial, "axes": list(hello.axes), "scale": hello.scale}
+        details = {"axes": list(hello.axes), "scale": hello.scale}
+        return DeviceIdentity(product=hello.product, serial=hello.serial, details=details)
 
     def identify(self) -> node.Hello:
         """Identify the node and free the port; a sampling node continues."""
@@ -129,7 +130,7 @@ def search(path: str, _: int) -> PortAnswer | None:
         hello = ModalwatchNode(path, 1.0).identify()
     except DriverError:
         return None
-    identity = {"product": hello.product, "serial": hello.serial}
+    identity = DeviceIdentity(product=hello.product, serial=hello.serial)
     found = Found(driver="modalwatch-node", place=path, identity=identity, rate=hello.rate, axes=hello.axes)
     return PortAnswer(who=f"{hello.product} {hello.serial}", devices=(found,))
 

@@ -1,7 +1,6 @@
 """WitMotion WT901 on a serial line: low grade, because it has no counter."""
 
 import time
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost
 from daq.protocol import witmotion as wit
+from daq.types import DeviceIdentity
 
 BAUDS = (115_200, 9600, 230_400, 460_800, 921_600, 57_600)  #: a device keeps the rate it was set to
 _LISTEN_SECONDS = 0.35  # at each of them: at ten scans a second three packets
@@ -48,7 +48,7 @@ class Witmotion(SerialDriver[wit.WitDecoder]):
         port, self._baud = listen(self._path)
         return port
 
-    def _start(self, port: SerialPort) -> dict[str, Any]:
+    def _start(self, port: SerialPort) -> DeviceIdentity:
         most = self._baud // (_BITS_A_BYTE * wit.PACKET_SIZE)
         if self._rate > most:
             raise ValueError(f"rate: expected at most {most} Hz at {self._baud} bit/s, found {self._rate}")
@@ -58,7 +58,7 @@ class Witmotion(SerialDriver[wit.WitDecoder]):
         time.sleep(_SETTLE_SECONDS)
         port.discard_input()
         self._decoder = wit.WitDecoder()
-        return {"product": self.product, "baud": self._baud}
+        return DeviceIdentity(product=self.product, details={"baud": self._baud})
 
     def _decode(self, data: bytes) -> Scans:
         found = self._decoder.feed(data)
@@ -99,7 +99,7 @@ def search(path: str, _: int) -> PortAnswer | None:
     except (*PORT_ERRORS, DeviceLost, ValueError):
         return None
     port.close()
-    identity = {"product": "WT901", "baud": baud}
+    identity = DeviceIdentity(product="WT901", details={"baud": baud})
     rate = max(rate for rate in wit.RATES if rate <= baud // (_BITS_A_BYTE * wit.PACKET_SIZE))
     found = Found(driver="witmotion", place=path, identity=identity, rate=float(rate))
     return PortAnswer(who=f"WT901 at {baud} bit/s", devices=(found,))

@@ -22,12 +22,13 @@ from daq.drivers.block_builder import BlockBuilder
 from daq.drivers.can.bus import frames_of
 from daq.drivers.can.dbc_file import read_layout
 from daq.errors import DataError
+from daq.events import ScansMissing
 from daq.files.can.blf import BoundedBlfReader
 from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.mcap_log import McapWriter
 from daq.protocol.can_scan import ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, CanFrames, concatenate
-from daq.types import Block, Channel, Event, IndexArray, Item
+from daq.types import Block, Channel, IndexArray, Item
 
 _READERS: dict[str, tuple[Callable[..., Iterable[can.Message]], str]] = {
     ".asc": (can.ASCReader, "r"),
@@ -167,8 +168,8 @@ class _Stream:
     def _counted(self, block: Block) -> Iterator[Item]:
         missing = block.first_index - self._end
         if missing > 0:
-            payload = {"device": block.device, "first_index": self._end, "missing": missing, "exact": True}
-            yield Event(topic="/event/gap", time=block.arrival_time, payload=payload)
+            gap = ScansMissing(device=block.device, first_index=self._end, missing=missing, exact=True)
+            yield gap.event(block.arrival_time)
             self._missing += missing
         self._n, self._end = self._n + block.n_scans, block.end_index
         yield block

@@ -98,7 +98,7 @@ def _table(site: Site, found: dict[str, Probe | str]) -> Table:
         if isinstance(what, str):
             table.add_row(escape(device.name), "[red]no answer[/]")
             continue
-        who = " ".join(value for value in what.identity.values() if isinstance(value, str))
+        who = " ".join(value for value in what.identity.payload().values() if isinstance(value, str))
         temperature = f"{what.temperature:.1f}" if np.isfinite(what.temperature) else "-"
         axes = [AXES.index(axis) for axis in device.channels]
         mean, rms = (" ".join(f"{values[axis]:.3g}" for axis in axes) for values in (what.mean, what.rms))

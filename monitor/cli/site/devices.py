@@ -86,7 +86,7 @@ def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]],
         who = answer.who if isinstance(answer, PortAnswer) else answer or "no known device"
         if isinstance(answer, PortAnswer):
             nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
-            who += "".join(f"\nnode {_node(d)}: {_name_of(d)}" for d in nodes)
+            who += "".join(f"\nnode {_node(d)}: {d.identity}" for d in nodes)
         system = port.device if port.by_id else ""
         table.add_row(*(escape(text) for text in (port.path, system, port.description or "serial port", who)))
     for interface, channel in adapters:
@@ -100,10 +100,6 @@ def _node(device: Found) -> int:
     return device.place.node if isinstance(device.place, CanAddress) else 0
 
 
-def _name_of(device: Found) -> str:
-    return " ".join(str(device.identity[key]) for key in ("product", "serial") if device.identity.get(key))
-
-
 def settings_for(found: Sequence[Found]) -> str:
     """Return the devices as settings (TOML): names and sensors are to be changed, the rest is as found."""
     if not found:
@@ -111,12 +107,12 @@ def settings_for(found: Sequence[Found]) -> str:
     lines: list[str] = []
     names: set[str] = set()
     for number, device in enumerate(found, 1):
-        name = re.sub(r"\W+", "_", f"device_{device.identity.get('serial') or number}")
+        name = re.sub(r"\W+", "_", f"device_{device.identity.serial or number}")
         name = f"{name}_{number}" if name in names else name
         names.add(name)
         axes = ", ".join(f'{AXES[axis]} = "{name}_{AXES[axis]}"' for axis in device.axes)
         lines += [
-            f"[[device]]  # {_name_of(device)}",
+            f"[[device]]  # {device.identity}",
             f'name = "{name}"',
             f'driver = "{device.driver}"',
             _place(device.place),
@@ -142,7 +138,10 @@ def _as_json(
     def answer_of(port: SerialPortInfo) -> dict[str, Any]:
         answer = seen.get(port.path)
         if isinstance(answer, PortAnswer):
-            return {"who": answer.who, "devices": [asdict(device) for device in answer.devices]}
+            return {
+                "who": answer.who,
+                "devices": [asdict(d) | {"identity": d.identity.payload()} for d in answer.devices],
+            }
         return {"who": None, "devices": [], "why": answer if port.path in seen else "not queried"}
 
     return {

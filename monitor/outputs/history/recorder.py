@@ -6,17 +6,17 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from daq import Event, Item, SupervisedThread
+from daq.events import EventPayload
 from monitor.outputs.history.engines import file_of, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.renewal import Takeover, renew_file
 from monitor.outputs.history.store import HistoryStore
 from monitor.outputs.spool import Spool
+from monitor.results.service_events import HistoryFailed, HistoryRecovered
 
-TOPIC_DOWN, TOPIC_BACK = "/event/history_failed", "/event/history_recovered"
-TOPIC_RENEWED, TOPIC_RESTORED = "/event/history_renewed", "/event/history_restored"
 _CHECK = 1.0  # s between looks at whether the file is still the one that was opened
 _RENEW = 10.0  # s between new files: a disk that damages each of them is not to be filled with them
 _CAPACITY = 10_000  # items that may wait in memory
@@ -42,7 +42,7 @@ class HistoryRecorder:
         self._url, self._spool, self._retry_seconds = url, Spool(spool), retry_seconds
         self._keep_events, self._forget_due = keep_events, 0.0
         self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
-        self._events: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
+        self._events: queue.SimpleQueue[EventPayload] = queue.SimpleQueue()
         self._thread = SupervisedThread("history", self._run)
         self._store: HistoryStore | None = None
         self._due = 0.0  # monotonic time of the next look at the database
@@ -71,8 +71,8 @@ class HistoryRecorder:
         mute = 0.0 if asked is None else time.monotonic() - asked
         return f"{shown_url(self._url)}: no answer for {mute:.0f} s" if mute > _MUTE else self._failed
 
-    def events(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of events of the database since the last call."""
+    def events(self) -> Iterator[EventPayload]:
+        """Yield the events of the database since the last call."""
         if problem := self.problem:
             self._say_down(problem)
         while not self._events.empty():
@@ -133,20 +133,20 @@ class HistoryRecorder:
         self._renew_due = time.monotonic() + _RENEW
         store, self._store = self._store, None
         try:
-            done = renew_file(path, store)
+            renewed = renew_file(path, store, why)
         except OSError as error:
             self._failed = f"{why}; it cannot be renamed: {error}"
             return
         self._keep(list(self._unproven))
         self._unproven.clear()
-        self._events.put((TOPIC_RENEWED, {"why": why, **done}))
+        self._events.put(renewed)
         self._due = 0.0
 
     def _take_over(self) -> None:
         """Copy rows of the previous file for a moment; new items wait on disk, in their order."""
         done = self._takeover.advance(_POLL)
         if done:
-            self._events.put((TOPIC_RESTORED, done))
+            self._events.put(done)
             self._due = 0.0
 
     def _gather(self) -> tuple[list[Event], bool]:
@@ -186,7 +186,7 @@ class HistoryRecorder:
                 self._keep(batch)
         else:
             if self._down or kept:  # by an earlier run, maybe
-                self._events.put((TOPIC_BACK, {"brought_in": kept}))
+                self._events.put(HistoryRecovered(brought_in=kept))
             self._failed, self._down = None, False
 
     def _write(self, items: list[Event]) -> None:
@@ -219,7 +219,7 @@ class HistoryRecorder:
     def _say_down(self, why: str) -> None:
         if not self._down:
             self._down = True
-            self._events.put((TOPIC_DOWN, {"why": why}))
+            self._events.put(HistoryFailed(why=why))
 
     def _fail(self, error: Exception) -> None:
         self._failed = str(error)

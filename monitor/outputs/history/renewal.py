@@ -4,14 +4,14 @@ import sqlite3
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from monitor.outputs.history.salvage import salvage
 from monitor.outputs.history.sqlite_file import mark_read, remove_leftovers, set_aside, unread, unread_name
 from monitor.outputs.history.store import HistoryStore
+from monitor.results.service_events import HistoryRenewed, HistoryRestored
 
 
-def renew_file(path: Path, store: HistoryStore | None) -> dict[str, Any]:
+def renew_file(path: Path, store: HistoryStore | None, why: str) -> HistoryRenewed:
     """Make room for a new file; the old database is closed.
 
     A damaged file is renamed. One that was moved, deleted or replaced is still open, and copied: to its place if that
@@ -21,11 +21,7 @@ def renew_file(path: Path, store: HistoryStore | None) -> dict[str, Any]:
     ----------
     path : of the file
     store : that had it open, if it could be opened at all
-
-    Returns
-    -------
-    dict
-        The actions, as the fields of an event.
+    why : the file cannot be used any more
 
     Raises
     ------
@@ -35,16 +31,16 @@ def renew_file(path: Path, store: HistoryStore | None) -> dict[str, Any]:
     if store is None or not store.displaced:
         if store:
             store.__exit__()
-        return {"set_aside": set_aside(path).name}
+        return HistoryRenewed(why=why, set_aside=set_aside(path).name)
     copy = unread_name(path)
     copied = store.copy_to(copy)
     store.__exit__()  # before there is another file: it removes its journal by its name
     if path.exists():
-        return {"copied_to": copy.name if copied else None}
+        return HistoryRenewed(why=why, copied_to=copy.name if copied else None)
     remove_leftovers(path)
     if copied:
         copy.rename(path)
-    return {"restored": copied}
+    return HistoryRenewed(why=why, restored=copied)
 
 
 class Takeover:
@@ -70,7 +66,7 @@ class Takeover:
     def _left(self) -> list[Path]:
         return [] if self._path is None else [path for path in unread(self._path) if path not in self._failed]
 
-    def advance(self, seconds: float) -> dict[str, Any] | None:
+    def advance(self, seconds: float) -> HistoryRestored | None:
         """Copy rows for a while; return the report once a file has been read.
 
         The present file must be there.
@@ -84,10 +80,10 @@ class Takeover:
                 found = next(self._rows, None)
                 if found is None:
                     self._source = None
-                    return {"rows": self._count, "of": mark_read(source).name}
+                    return HistoryRestored(rows=self._count, of=mark_read(source).name)
                 self._count += found
         except (sqlite3.Error, OSError) as error:
             self._source = None
             self._failed |= {source} if source else set()
-            return {"rows": self._count, "of": source.name if source else "", "why": str(error)}
+            return HistoryRestored(rows=self._count, of=source.name if source else "", why=str(error))
         return None

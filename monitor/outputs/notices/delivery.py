@@ -6,17 +6,18 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from daq import Block, Item
+from daq.events import EventPayload
 from monitor.outputs.notices.filter import NoticeFilter
 from monitor.outputs.notices.lane import Lane, Quota
 from monitor.outputs.notices.transports import make_sender
+from monitor.results.service_events import NoticeFailed, NoticeRecovered
 from monitor.settings import NotifySettings
 from monitor.text.notices import Notice
 from monitor.text.quantities import utc
 
-TOPIC_FAILED, TOPIC_BACK = "/event/notice_failed", "/event/notice_recovered"
 _RETRY_FIRST = 10.0  # s
 _DATA_SECONDS = 5.0  # without data, after which the heart no longer beats
 _OTHERS = ("trouble", "trend")  # kinds of notices that are no change of an alarm
@@ -36,7 +37,7 @@ class NoticeSender:
 
     def __init__(self, target: NotifySettings, spool: Path, site: str, *, retry_seconds: float = _RETRY_FIRST) -> None:
         self._target, self._site, self._news = target, site, NoticeFilter(site)
-        self._events: queue.SimpleQueue[tuple[str, dict[str, Any]]] = queue.SimpleQueue()
+        self._events: queue.SimpleQueue[EventPayload] = queue.SimpleQueue()
         self._lock, self._failing = threading.Lock(), False
         quota = Quota(target.max_per_hour)
         common = quota, retry_seconds, self._report
@@ -62,8 +63,8 @@ class NoticeSender:
         if notice is not None and notice.kind in self._target.events:
             (self.others if notice.kind in _OTHERS else self.alarms).put(notice)
 
-    def events(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield topic and payload of events of the deliveries since the last call."""
+    def events(self) -> Iterator[EventPayload]:
+        """Yield the events of the deliveries since the last call."""
         while not self._events.empty():
             yield self._events.get()
 
@@ -98,9 +99,9 @@ class NoticeSender:
             problem, before = self.problem, self._failing
             self._failing = problem is not None
             if problem is not None and not before:
-                self._events.put((TOPIC_FAILED, {"to": self._where(), "why": problem}))
+                self._events.put(NoticeFailed(to=self._where(), why=problem))
             if problem is None and (before or changed.left):
-                self._events.put((TOPIC_BACK, {"to": self._where()}))
+                self._events.put(NoticeRecovered(to=self._where()))
 
     def _where(self) -> str:
         """Name the target without possible secrets in its address."""

@@ -4,11 +4,10 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from daq import Driver, DriverError, FloatArray
+from daq import DeviceIdentity, Driver, DriverError, FloatArray
 from monitor.service.acquisition.devices import device_driver
 from monitor.settings import DeviceSettings, Settings
 
@@ -21,7 +20,7 @@ _RATE_TOLERANCE = 0.1  # of the rate seen: reads come in bursts, on a busy machi
 class Probe:
     """Observations of a device."""
 
-    identity: dict[str, Any]
+    identity: DeviceIdentity
     rate: float  #: scans a second of data [Hz]
     lost: int  #: scans missing while it was listened to
     bad_bytes: int
@@ -40,14 +39,14 @@ def probe_devices(settings: Settings) -> dict[str, Probe | str]:
 
     drivers: dict[str, Driver] = {}
 
-    def open_one(device: DeviceSettings) -> dict[str, Any] | str:
+    def open_one(device: DeviceSettings) -> DeviceIdentity | str:
         try:
             drivers[device.name] = driver = device_driver(device, speed)
             return driver.open()
         except (DriverError, ValueError) as error:
             return str(error)
 
-    def look(device: DeviceSettings, identity: dict[str, Any] | str) -> Probe | str:
+    def look(device: DeviceSettings, identity: DeviceIdentity | str) -> Probe | str:
         try:
             return identity if isinstance(identity, str) else _look(drivers[device.name], identity, speed)
         except DriverError as error:
@@ -89,7 +88,7 @@ def probe(
 
 def _look(
     driver: Driver,
-    identity: dict[str, Any],
+    identity: DeviceIdentity,
     speed: float,
     seconds: float = _SECONDS,
     now: Callable[[], float] = time.monotonic,
@@ -101,7 +100,7 @@ def _look(
     return _listen(driver, identity, speed, seconds, now)
 
 
-def _listen(driver: Driver, identity: dict[str, Any], speed: float, seconds: float, now: Callable[[], float]) -> Probe:
+def _listen(driver: Driver, identity: DeviceIdentity, speed: float, seconds: float, now: Callable[[], float]) -> Probe:
     first = driver.read()
     start = now()
     reads = []
@@ -110,7 +109,7 @@ def _listen(driver: Driver, identity: dict[str, Any], speed: float, seconds: flo
     elapsed = now() - start
     counts = np.concatenate([scans.counts for scans in reads]) * driver.scale
     if not len(counts):
-        raise DriverError(str(identity.get("serial", "device")), "answers, but sends no scans")
+        raise DriverError(identity.serial or "device", "answers, but sends no scans")
     counter = np.concatenate([first.counter[-1:], *(scans.counter for scans in reads)]).astype(np.int64)
     steps = np.diff(counter) % driver.modulus
     temperatures = [scans.temperature for scans in reads if np.isfinite(scans.temperature)]

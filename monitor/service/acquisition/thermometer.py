@@ -12,6 +12,7 @@ from urllib.parse import unquote, urlsplit
 
 from daq import Event, HostClock, SupervisedThread, SystemClock, parse_json
 from monitor.analysis.temperature import reading
+from monitor.results.service_events import TemperatureFailed, TemperatureRecovered
 from monitor.settings import TemperatureSettings
 from monitor.settings.redaction import revealed, shown_address
 from monitor.text.quantities import utc
@@ -58,8 +59,8 @@ class Thermometer(ABC):
             self.problem = f"no reading for {silent / 60:.0f} min"
         if bool(self.problem) != self._told:
             self._told = bool(self.problem)
-            topic = f"/event/temperature_{'failed' if self.problem else 'recovered'}"
-            yield Event(topic=topic, time=self._clock.now(), payload={"why": self.problem} if self.problem else {})
+            news = TemperatureFailed(why=self.problem) if self.problem else TemperatureRecovered()
+            yield news.event(self._clock.now())
 
     @abstractmethod
     def _run(self) -> None:

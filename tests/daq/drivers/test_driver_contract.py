@@ -145,8 +145,8 @@ def check_life(found: Device, name: str) -> None:
     """Open, read, be alone at the port, close, open again, be unplugged."""
     driver, other = (make(name, found.place, RATES[name]) for _ in range(2))
     identity = driver.open()
-    assert identity == json.loads(json.dumps(identity))
-    assert identity.get("serial") == DRIVERS[name][1]
+    assert identity.payload() == json.loads(json.dumps(identity.payload()))
+    assert (identity.serial or None) == DRIVERS[name][1]
     check_stream(driver, RATES[name], TEMPERATURES[name])
     taken = "no .* answers: the port is in use by another program$" if isinstance(found.place, str) else ""
     with pytest.raises(DriverError, match=found.where + taken):

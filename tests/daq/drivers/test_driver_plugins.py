@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from daq import CanAddress, driver_names, make_driver
+from daq import CanAddress, DeviceIdentity, driver_names, make_driver
 
 MODULE = '''
 """A driver of somebody's own."""
+
+from daq import DeviceIdentity
 
 class Mine:
     scale, modulus = 1e-3, 256
@@ -16,7 +18,7 @@ class Mine:
         self.place, self.rate = place, rate
 
     def open(self):
-        return {"product": "mine"}
+        return DeviceIdentity(product="mine")
 
     def read(self):
         return []
@@ -50,7 +52,7 @@ def test_driver_of_an_installed_distribution_is_made_by_its_name() -> None:
     assert {"epson-uart", "mine"} <= set(driver_names())
     for place in ("COM3", CanAddress(interface="virtual", channel="a", node=1)):
         driver = make_driver("mine", place, 42.0)
-        assert (type(driver).__module__, driver.open()) == ("a_driver_of_mine", {"product": "mine"})
+        assert (type(driver).__module__, driver.open()) == ("a_driver_of_mine", DeviceIdentity(product="mine"))
         assert (driver.place, driver.rate) == (place, 42.0)  # type: ignore[attr-defined]
 
 

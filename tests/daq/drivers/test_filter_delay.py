@@ -1,13 +1,12 @@
 """Times are those of the motion, not of the filter's output: tested with a device that filters as hardware does."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
 from scipy.signal import firwin
 
-from daq import Block, DeviceReader, EmulatedEpson, Event, FloatArray, IntArray, Item, Scans
+from daq import Block, DeviceIdentity, DeviceReader, EmulatedEpson, Event, FloatArray, IntArray, Item, Scans
 from daq.protocol import epson
 from daq.protocol.epson_filters import CUTOFF, FILTERS, TAPS, group_delay
 from tests.support.daq.blocks import START, HandClock
@@ -65,8 +64,8 @@ class Delayed:
     modulus: int = 1 << 16
     reader: DeviceReader | None = None
 
-    def open(self) -> dict[str, Any]:
-        return {"serial": "S1"}
+    def open(self) -> DeviceIdentity:
+        return DeviceIdentity(product="P", serial="S1")
 
     def read(self) -> Scans:
         assert self.reader is not None

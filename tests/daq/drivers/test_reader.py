@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq import Block, DeviceLost, DeviceReader, DriverError, Event, Flag, Item, Scans
+from daq import Block, DeviceIdentity, DeviceLost, DeviceReader, DriverError, Event, Flag, Item, Scans
 from tests.support.daq.blocks import START, HandClock
 
 pytestmark = pytest.mark.live
@@ -33,15 +33,15 @@ class ScriptedDriver:
     reader: DeviceReader | None = None
     step: int = 0
 
-    def open(self) -> dict[str, Any]:
+    def open(self) -> DeviceIdentity:
         self.opened += 1
         if self.stumbles and self.opened == 2:
             raise KeyError("a register that nobody knows")
         if 1 < self.opened <= 1 + self.refusals:
             raise DriverError("port", "nobody there")
         if 1 < self.opened <= 1 + self.strangers:
-            return {"serial": "S2"}
-        return {"serial": "S1"}
+            return DeviceIdentity(product="P", serial="S2")
+        return DeviceIdentity(product="P", serial="S1")
 
     def read(self) -> Scans:
         if self.step == len(self.script):
@@ -104,7 +104,7 @@ def test_steady_stream_becomes_whole_blocks_across_wraps() -> None:
 def test_identity_is_the_first_event() -> None:
     first = played(steady(0, 50))[0]
     assert isinstance(first, Event)
-    assert (first.topic, first.payload) == ("/event/device_open", {"device": "beam", "serial": "S1"})
+    assert (first.topic, first.payload) == ("/event/device_open", {"device": "beam", "product": "P", "serial": "S1"})
 
 
 @pytest.mark.parametrize("missing", [1, 37, 5_000, 65_535, 65_537, 200_003])
@@ -200,7 +200,7 @@ def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
     """Another device responds at two attempts: reported once, none of its scans accepted; then the device is back."""
     items = played([*steady(0, 400), (0.1, None), *steady(0, 500)], strangers=2)
     (wrong,) = events_of(items, "wrong_device")
-    assert wrong["found"] == {"serial": "S2"}
+    assert wrong["found"] == {"product": "P", "serial": "S2"}
     assert len(events_of(items, "device_recovered")) == 1
 
 

@@ -147,7 +147,7 @@ def test_a_node_whose_hello_is_spoilt_is_asked_again(monkeypatch: pytest.MonkeyP
     device = Spoilt(Ramp(), SystemClock(), serial_number="E")
     with serving(device.serve):
         driver = make_driver("modalwatch-node", device.port, RATE)
-        assert driver.open()["serial"] == "E"
+        assert driver.open().serial == "E"
         driver.close()
     device.close()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import make_driver
+from daq import DeviceIdentity, make_driver
 from tests.support.daq.node_frames import MAIN, compiled
 
 pytestmark = [
@@ -25,12 +25,11 @@ def test_firmware_of_the_docs_is_read_by_the_driver(tmp_path: Path) -> None:
     with subprocess.Popen([program], stdin=master, stdout=master) as process:
         driver = make_driver("modalwatch-node", os.ttyname(slave), 800.0)
         try:
-            assert driver.open() == {
-                "product": "adxl355",
-                "serial": "C0000007",
-                "axes": [0, 1, 2],
-                "scale": float(np.float32(3.8e-5)),
-            }
+            assert driver.open() == DeviceIdentity(
+                product="adxl355",
+                serial="C0000007",
+                details={"axes": [0, 1, 2], "scale": float(np.float32(3.8e-5))},
+            )
             reads = [driver.read()]
             while sum(len(scans.counts) for scans in reads) < 800:  # a second's
                 reads.append(driver.read())

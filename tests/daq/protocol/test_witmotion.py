@@ -9,6 +9,7 @@ from hypothesis import given, settings
 
 from daq import (
     CanAddress,
+    DeviceIdentity,
     DriverError,
     EmulatedWitmotion,
     LineFaults,
@@ -104,7 +105,7 @@ def test_driver_refuses_what_the_line_cannot_carry(monkeypatch: pytest.MonkeyPat
         with pytest.raises(DriverError, match="rate: expected at most 87 Hz at 9600 bit/s, found 100"):
             make_driver("witmotion", device.port, 100.0).open()
         driver = make_driver("witmotion", device.port, 50.0)
-        assert driver.open() == {"product": "WT901", "baud": 9600}
+        assert driver.open() == DeviceIdentity(product="WT901", details={"baud": 9600})
         reads = [driver.read() for _ in range(3)]
         driver.close()
     device.close()

@@ -5,12 +5,11 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from daq import DriverError, Scans
+from daq import DeviceIdentity, DriverError, Scans
 from monitor.service.acquisition.probe import probe
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.processes import script_process
@@ -50,8 +49,8 @@ class Sending:
         self._clock, self._skipped, self._silent, self._k = clock, skipped, silent, 0
         self.closed = False
 
-    def open(self) -> dict[str, Any]:
-        return {"serial": "S1"}
+    def open(self) -> DeviceIdentity:
+        return DeviceIdentity(product="P", serial="S1")
 
     def read(self) -> Scans:
         self._clock.seconds += 0.2

@@ -11,8 +11,9 @@ import pytest
 from daq import EPSON_SCALE, Block, Event, Item, McapWriter, read_data
 from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
-from monitor.results.events import TOPIC_STOPPED, result_event
+from monitor.results.events import result_event
 from monitor.results.run_results import RunResults
+from monitor.results.service_events import Stopped
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import replay, write_watched
 from monitor.settings import parse_settings
@@ -47,7 +48,7 @@ class InProcess:
         pass
 
     def feed(self, item: Item) -> None:
-        if isinstance(item, Event) and item.topic == TOPIC_STOPPED:
+        if isinstance(item, Event) and item.topic == Stopped.topic:
             self._results.put(None)
             return
         for result in self._pipeline.push(item):

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from monitor.outputs.notices import NoticeSender
+from monitor.results.service_events import NoticeFailed, NoticeRecovered
 from monitor.settings import NotifySettings
 from tests.support.daq.blocks import make_block
 
@@ -88,7 +89,7 @@ def test_failures_of_both_lanes_are_reported_once_and_a_success_makes_both_try_a
     for lane in (made.alarms, made.others, made.alarms):
         lane.problem, lane.due = "no answer", 300.0
         made._report(lane)
-    assert list(made.events()) == [("/event/notice_failed", {"to": kind, "why": "no answer"})]
+    assert list(made.events()) == [NoticeFailed(to=kind, why="no answer")]
     assert (made.alarms.due, made.others.due) == (300.0, 300.0)
     made.alarms.problem = None
     made._report(made.alarms)
@@ -97,12 +98,12 @@ def test_failures_of_both_lanes_are_reported_once_and_a_success_makes_both_try_a
     assert made.problem == "no answer"
     made.others.problem = None
     made._report(made.others)
-    assert [topic for topic, _ in made.events()] == ["/event/notice_recovered"]
+    assert [type(event) for event in made.events()] == [NoticeRecovered]
     made._report(made.others)
     assert list(made.events()) == []
     made.others.left = True  # by an earlier run
     made._report(made.others)
-    assert [topic for topic, _ in made.events()] == ["/event/notice_recovered"]
+    assert [type(event) for event in made.events()] == [NoticeRecovered]
 
 
 @pytest.mark.parametrize(("takes", "second"), [(0.25, 3.75), (10.0, 0.0)])

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 
 from daq import Event
 from monitor.outputs.notices import NoticeError, NoticeFilter, NoticeSender, make_sender
-from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
+from monitor.results.service_events import NoticeFailed, NoticeRecovered
 from monitor.settings import NotifySettings
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import change, run_events
@@ -201,9 +201,9 @@ def test_server_that_is_down_gets_everything_later_in_one_message(server: Server
         until(lambda: sender.problem is None)
     [got] = server.got
     assert [notice["text"] for notice in got["notices"]] == ["ALARM: a mass", "over"]
-    assert [(topic, reported.get("why")) for topic, reported in sender.events()] == [
-        (TOPIC_FAILED, "webhook: 503 Service Unavailable"),
-        (TOPIC_BACK, None),
+    assert list(sender.events()) == [
+        NoticeFailed(to="webhook", why="webhook: 503 Service Unavailable"),
+        NoticeRecovered(to="webhook"),
     ]
     assert not spool.exists()
 
@@ -246,7 +246,7 @@ def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server
         file.write('{"of": "another version"}\n{"cut')
     with NoticeSender(NotifySettings(webhook=server.url), spool, "bridge") as sender:
         until(lambda: server.got)
-    assert list(sender.events()) == [(TOPIC_BACK, {"to": "webhook"})]
+    assert list(sender.events()) == [NoticeRecovered(to="webhook")]
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from daq import Event
 from monitor.outputs.notices import NoticeSender, make_sender
-from monitor.outputs.notices.delivery import TOPIC_BACK, TOPIC_FAILED
+from monitor.results.service_events import NoticeFailed, NoticeRecovered
 from monitor.settings import NotifySettings
 from monitor.text.notice_template import TemplateFailure
 from monitor.text.notices import message, render
@@ -84,7 +84,7 @@ def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, t
         until(lambda: sender.problem)
         server.answer = 200
         until(lambda: sender.problem is None)
-    assert [topic for topic, _ in sender.events()] == [TOPIC_FAILED, TOPIC_BACK]
+    assert [type(event) for event in sender.events()] == [NoticeFailed, NoticeRecovered]
 
 
 def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from daq import Event, SystemClock
+from daq import SystemClock
 from monitor.detection.alarm import Alarm, AlarmRules, Change
-from monitor.results.events import TOPIC_ACKNOWLEDGE, TOPIC_REFUSED
+from monitor.results.service_events import Acknowledged, CommandRefused
 from monitor.results.site_status import FILE_NAME
 from monitor.results.windows import AlarmResult
 from monitor.service.operator_commands import Acknowledgement, Inbox, write_command
@@ -45,7 +45,7 @@ def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path
     assert list(Inbox(site.parent / "state").taken()) == []
     done = modalwatch("acknowledge", site, "--by", "Ada", "--note", "a crane")
     assert done.code == 0, done.err
-    expected = [(TOPIC_ACKNOWLEDGE, {"by": "Ada", "note": "a crane"})]
+    expected = [Acknowledged(by="Ada", note="a crane")]
     assert list(Inbox(site.parent / "state").taken()) == expected
     assert list(Inbox(site.parent / "state").taken()) == []
 
@@ -54,23 +54,23 @@ def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path
 def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, text: str) -> None:
     path = write_command(tmp_path, Acknowledgement())
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
-    [(topic, payload)] = Inbox(tmp_path).taken()
-    assert (topic, payload["file"]) == (TOPIC_REFUSED, path.name)
+    [refused] = Inbox(tmp_path).taken()
+    assert isinstance(refused, CommandRefused)
+    assert refused.file == path.name
     assert not path.exists()
 
 
 def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
     """A zero byte would be refused by PostgreSQL, with everything that waits behind it, for good."""
     write_command(tmp_path, Acknowledgement(by="Ada\0", note="a crane\n2026 ALARM \u00e4"))
-    [(_, payload)] = Inbox(tmp_path).taken()
-    assert payload == {"by": "Ada", "note": "a crane 2026 ALARM \u00e4"}
+    assert list(Inbox(tmp_path).taken()) == [Acknowledged(by="Ada", note="a crane 2026 ALARM \u00e4")]
 
 
 def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
     """Accepted, undone, accepted again while no monitor ran: another order would have another result."""
     for k in range(12):
         write_command(tmp_path, Acknowledgement(by=str(k)))
-    assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
+    assert [command.payload()["by"] for command in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
 
 
 def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,7 +81,7 @@ def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch
 
     path, inbox = write_command(tmp_path, Acknowledgement()), Inbox(tmp_path)
     monkeypatch.setattr(Path, "unlink", forbidden)
-    assert list(inbox.taken()) == [(TOPIC_REFUSED, {"file": path.name, "why": "it cannot be taken: Permission denied"})]
+    assert list(inbox.taken()) == [CommandRefused(file=path.name, why="it cannot be taken: Permission denied")]
     assert list(inbox.taken()) == []
 
 
@@ -126,7 +126,7 @@ def test_command_waits_until_the_word_is_taken(
 def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
     structure, settings = parse_structure(t_structure_toml()), parse_settings(SITE)
     pipeline = Pipeline(structure, settings)
-    event = Event(topic=TOPIC_ACKNOWLEDGE, time=7, payload={"by": "Ada", "note": "a crane"})
+    event = Acknowledged(by="Ada", note="a crane").event(7)
     assert list(pipeline.push(event)) == []  # of no alarm
     raised = Alarm(rules=AlarmRules(), condition="alarm", raised=5)
     pipeline = Pipeline(structure, settings, replace(pipeline.memory, alarm=raised))
@@ -138,7 +138,7 @@ def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
 
 
 def test_end_by_acknowledgement_says_how_long_it_was() -> None:
-    reported = acknowledged_text(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), {})
+    reported = acknowledged_text(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), Acknowledged())
     assert reported == "acknowledged, back to normal after 3 h 20 min of alarm"
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from daq import Item
 from monitor.outputs.notices import NoticeSender
+from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
 from monitor.service.outputs import Outputs
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site, load_site
@@ -57,14 +58,14 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     outputs = Outputs(site, cast("LiveView", view))
     assert list(outputs.events()) == []
     view.problem, view.port_taken = "its process ended with code -9", True
-    assert list(outputs.events()) == [("/event/viewer_failed", {"why": "its process ended with code -9"})]
+    assert list(outputs.events()) == [ViewerFailed(why="its process ended with code -9")]
     assert list(outputs.events()) == []
     now += 61.0
     assert list(outputs.events()) == []  # tried, in vain
     assert outputs.problems["viewer"] == "port 9876 is in use"
     view.port_taken = False
     now += 61.0
-    assert list(outputs.events()) == [("/event/viewer_recovered", {})]
+    assert list(outputs.events()) == [ViewerRecovered()]
     assert outputs.problems["viewer"] is None
 
 
@@ -86,9 +87,9 @@ def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pyte
         [server] = [child for child in multiprocessing.active_children() if child.name == "web"]
         server.kill()
         server.join()
-        assert list(outputs.events()) == [("/event/web_failed", {"why": "its process ended with code -9"})]
+        assert list(outputs.events()) == [WebFailed(why="its process ended with code -9")]
         now += 61.0
-        assert list(outputs.events()) == [("/event/web_recovered", {})]
+        assert list(outputs.events()) == [WebRecovered()]
         assert outputs.problems["web"] is None
         socket.create_connection(("127.0.0.1", port), 5.0).close()
 

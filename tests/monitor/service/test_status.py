@@ -8,6 +8,7 @@ import pytest
 
 from daq import Event, SystemClock
 from monitor.results.events import event_result, result_event
+from monitor.results.service_events import AnalysisCaughtUp, DeviceReplaced, WindowsLeftOut
 from monitor.results.site_status import FILE_NAME
 from monitor.results.windows import WindowResult
 from monitor.service.status import MonitorStatus, Pace
@@ -105,8 +106,8 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
         status.take(Event(topic="/event/device_open", time=1, payload=payload))
         stated.append(list(status.events()))
         status.write(*WELL)
-    replaced = {"device": "left", "before": {"serial": "S1"}, "now": {"serial": "S2"}}
-    assert stated == [[], [], [("/event/device_replaced", replaced)], []]
+    replaced = DeviceReplaced(device="left", before={"serial": "S1"}, now={"serial": "S2"})
+    assert stated == [[], [], [replaced], []]
 
 
 def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_back(tmp_path: Path) -> None:
@@ -119,7 +120,7 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         reported = {"problem": "no resonance stands out"} if row is None else {"faults": row}
         status.take(result_event(WindowResult.model_validate(window | reported)))
-        if found := [(topic.removeprefix("/event/"), *payload.values()) for topic, payload in status.events()]:
+        if found := [(event.topic.removeprefix("/event/"), *event.payload().values()) for event in status.events()]:
             stated[index] = found
     copies = "contain identical samples (error of cabling or export?)"
     assert stated == {
@@ -146,7 +147,7 @@ def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Pat
         heard = [channel for channel in "abc" if channel not in row]
         window = {"index": index, "start": 0, "end": 1, "phase": "watching", "channels": heard, "modes": []}
         status.take(result_event(WindowResult.model_validate(window | {"faults": row})))
-        stated += [(index, topic.removeprefix("/event/"), payload["channels"]) for topic, payload in status.events()]
+        stated += [(index, e.topic.removeprefix("/event/"), e.payload()["channels"]) for e in status.events()]
     assert stated == [(1, "channel_failed", "c"), (5, "channel_failed", "a")]
 
 
@@ -187,10 +188,10 @@ def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_
 
     assert take(window) == ([], None)
     assert take(skipped, skipped, window, skipped) == (
-        [("/event/windows_left_out", {"why": "the analysis has fallen behind"})],
+        [WindowsLeftOut(why="the analysis has fallen behind")],
         "3 of the last 5 windows left out: the analysis has fallen behind",
     )
     assert take(*[window] * 9)[1] == "1 of the last 10 windows left out: the analysis has fallen behind"
-    assert take(window) == ([("/event/analysis_caught_up", {"left_out": 3})], None)
+    assert take(window) == ([AnalysisCaughtUp(left_out=3)], None)
     status.take(Event(topic="/event/analysis_lagging", time=1, payload={"left_out_s": 6000.0}))
-    assert [topic for topic, _ in status.events()] == ["/event/windows_left_out"]
+    assert [type(event) for event in status.events()] == [WindowsLeftOut]

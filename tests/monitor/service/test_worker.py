@@ -13,14 +13,14 @@ import psutil
 import pytest
 
 from daq import Event
-from monitor.results.events import TOPIC_STOPPED
+from monitor.results.service_events import Stopped
 from monitor.service.worker import AnalysisError, Worker, WorkerMessage
 from tests.support.monitor.recorded_runs import START, site_toml
 from updater import t_structure_toml
 
 pytestmark = pytest.mark.live
 
-STOPPED = Event(topic=TOPIC_STOPPED, time=START, payload={})
+STOPPED = Stopped().event(START)
 
 
 def worker() -> Worker:

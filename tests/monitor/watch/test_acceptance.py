@@ -7,7 +7,8 @@ import pytest
 
 from daq import Event
 from monitor.outputs.history import HistoryStore, Reader, Span, database_url
-from monitor.results.events import TOPIC_ACCEPT, TOPIC_REFUSED, TOPIC_UNDO, result_event
+from monitor.results.events import result_event
+from monitor.results.service_events import AcceptanceUndone, ChangeAccepted, CommandRefused
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.operator_commands import Acceptance, Inbox, UndoAcceptance, write_command
 from monitor.watch.memory import memory_text, parse_memory
@@ -35,7 +36,7 @@ def changed(seed: int, monkeypatch: pytest.MonkeyPatch, n: int) -> tuple[Played,
 
 def accept(pipeline: Pipeline, alarm: int | None = None) -> list[Result]:
     payload = {"cause": "pump, 250 g", "by": "Ada", "alarm": alarm}
-    return list(pipeline.push(Event(topic=TOPIC_ACCEPT, time=7, payload=payload)))
+    return list(pipeline.push(Event(topic=ChangeAccepted.topic, time=7, payload=payload)))
 
 
 def levels(results: list[Result]) -> list[float]:
@@ -66,7 +67,9 @@ def test_accepted_change_is_watched_by_and_undone(monkeypatch: pytest.MonkeyPatc
     assert [r.payload() for r in restored.analyse(window)] == [r.payload() for r in pipeline.analyse(window)]
 
     without_answers(monkeypatch)
-    [reference, undone] = pipeline.push(Event(topic=TOPIC_UNDO, time=8, payload={"by": "Bob", "note": "wrong one"}))
+    [reference, undone] = pipeline.push(
+        Event(topic=AcceptanceUndone.topic, time=8, payload={"by": "Bob", "note": "wrong one"})
+    )
     assert isinstance(reference, ReferenceResult)
     assert isinstance(undone, AlarmResult)
     assert reference.accepted == []
@@ -168,7 +171,7 @@ def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypa
     assert abs(moved - 100 * (after / before - 1)) < 4 * std
     assert max(levels(run(pipeline, played.windows(6)))) < 1
 
-    [reference, _] = pipeline.push(Event(topic=TOPIC_UNDO, time=8, payload={"by": "Bob"}))
+    [reference, _] = pipeline.push(Event(topic=AcceptanceUndone.topic, time=8, payload={"by": "Bob"}))
     assert isinstance(reference, ReferenceResult)
     assert [mode.id for mode in reference.modes] == [mode.id for mode in first.modes]
     assert [mode.frequency for mode in reference.modes] == [mode.frequency for mode in first.modes]
@@ -216,7 +219,7 @@ def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) 
     assert [r.kind for r in reported] == ["state", "refused"]
     assert "the change has disappeared" in reported[-1].text
     assert accept(pipeline)[0].payload()["text"] == "not accepted: no alarm is active"
-    [refused] = pipeline.push(Event(topic=TOPIC_UNDO, time=9, payload={}))
+    [refused] = pipeline.push(Event(topic=AcceptanceUndone.topic, time=9, payload={}))
     assert refused.payload()["text"] == "nothing is undone: no change has been accepted"
 
 
@@ -225,7 +228,7 @@ def test_acceptance_that_waits_is_taken_back(monkeypatch: pytest.MonkeyPatch) ->
     without_answers(monkeypatch)
     played, pipeline, _ = changed(16, monkeypatch, 3)
     [waits] = accept(pipeline)
-    [undone] = pipeline.push(Event(topic=TOPIC_UNDO, time=8, payload={"by": "Ada", "note": ""}))
+    [undone] = pipeline.push(Event(topic=AcceptanceUndone.topic, time=8, payload={"by": "Ada", "note": ""}))
     assert [waits.payload()["kind"], undone.payload()["kind"]] == ["accepting", "undone"]
     later = run(pipeline, played.windows(6))
     assert not any(isinstance(result, AlarmResult) and result.kind == "accepted" for result in later)
@@ -241,12 +244,12 @@ def test_other_alarm_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_words_of_the_inbox(tmp_path: Path) -> None:
     write_command(tmp_path, Acceptance(cause="pump", by="Ada", alarm=5))
-    assert list(Inbox(tmp_path).taken()) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump", "alarm": 5})]
+    assert list(Inbox(tmp_path).taken()) == [ChangeAccepted(by="Ada", cause="pump", alarm=5)]
     write_command(tmp_path, UndoAcceptance(by="Bob"))
-    assert list(Inbox(tmp_path).taken()) == [(TOPIC_UNDO, {"by": "Bob", "note": ""})]
+    assert list(Inbox(tmp_path).taken()) == [AcceptanceUndone(by="Bob")]
     path = write_command(tmp_path, UndoAcceptance())
     path.write_text('{"kind": "accept", "by": "Ada"}')  # as what?
-    assert [topic for topic, _ in Inbox(tmp_path).taken()] == [TOPIC_REFUSED]
+    assert [type(event) for event in Inbox(tmp_path).taken()] == [CommandRefused]
 
 
 @pytest.fixture
@@ -271,9 +274,9 @@ def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Pat
     assert (done.code, done.err) == (0, "")
     assert "ALARM: 198 g" in done.out
     assert "no monitor is running: the command is executed at the next start" in done.out
-    assert list(Inbox(state).taken()) == [(TOPIC_ACCEPT, {"by": "Ada", "cause": "pump, 150 g", "alarm": 10**18})]
+    assert list(Inbox(state).taken()) == [ChangeAccepted(by="Ada", cause="pump, 150 g", alarm=10**18)]
     assert modalwatch("accept", site, "--undo", "--by", "Bob").code == 0
-    assert [topic for topic, _ in Inbox(state).taken()] == [TOPIC_UNDO]
+    assert [type(event) for event in Inbox(state).taken()] == [AcceptanceUndone]
 
     text = "accepted by Ada as 'pump, 150 g'"
     closed = AlarmResult(time=10**18 + minute, state="normal", text=text, window=9, kind="accepted", lasted=60.0)

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from daq import Event, Item, McapWriter
+from daq import Item, McapWriter
 from monitor.outputs.notices.filter import NoticeFilter
-from monitor.results.events import TOPIC_STOPPED, result_event
+from monitor.results.events import result_event
+from monitor.results.service_events import Stopped
 from monitor.results.windows import Result, WindowResult
 from monitor.service.replay import replay
 from monitor.service.worker import SavedState, Worker
@@ -69,7 +70,7 @@ def test_watch_goes_on_past_windows_that_were_left_out(monkeypatch: pytest.Monke
 def test_what_was_left_out_live_is_left_out_in_replay(tmp_path: Path) -> None:
     """All signals come at once, before the first window is looked at: only the last one is analysed."""
     blocks = [make_block("beam_left", first) for first in range(0, SECONDS * 1000, 250)]
-    stopped = Event(topic=TOPIC_STOPPED, time=START, payload={"dropped": 0})
+    stopped = Stopped(dropped=0).event(START)
     found: list[Result] = []
     with Worker(t_structure_toml(), SITE) as worker:
         items: tuple[Item, ...] = (*blocks, stopped)

@@ -75,7 +75,7 @@ def test_node_that_does_not_listen_is_read_too_and_has_no_temperature() -> None:
     with plugged(device):
         driver = driver_of(device, 500.0)
         identity = driver.open()
-        assert (identity["product"], identity["serial"], identity["axes"]) == ("emulated", "deaf", [2])
+        assert (identity.product, identity.serial, identity.details["axes"]) == ("emulated", "deaf", [2])
         scans = driver.read()
         assert np.isnan(scans.temperature)
         driver.close()

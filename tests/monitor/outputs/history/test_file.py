@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 from sqlalchemy.exc import OperationalError
 
 from daq import Event
+from daq.events import EventPayload
 from monitor.outputs.history import HistoryRecorder, HistoryStore, recorder, sqlite_file
-from monitor.outputs.history.recorder import TOPIC_BACK, TOPIC_DOWN, TOPIC_RENEWED, TOPIC_RESTORED
+from monitor.results.service_events import HistoryFailed, HistoryRecovered, HistoryRenewed, HistoryRestored
 from tests.support.monitor.history import rows, run_events, sqlite_url
 
 EVENTS = run_events()
@@ -22,7 +22,6 @@ N_GAPS = 1000
 GAPS = [Event(topic="/event/gap", time=k, payload={"device": "left", "missing": k}) for k in range(N_GAPS)]
 LATER = [Event(topic="/event/gap", time=N_GAPS + k, payload={"device": "left"}) for k in range(100)]
 recording = partial(HistoryRecorder, keep_events=10**6, retry_seconds=0.2)
-Said = list[tuple[str, dict[str, Any]]]
 
 
 def until(condition: Callable[[], object], seconds: float = 10.0) -> None:
@@ -33,17 +32,19 @@ def until(condition: Callable[[], object], seconds: float = 10.0) -> None:
 
 
 @contextmanager
-def attacked(folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch) -> Iterator[Said]:
+def attacked(
+    folder: Path, attack: Callable[[Path], None], monkeypatch: pytest.MonkeyPatch
+) -> Iterator[list[EventPayload]]:
     """Record a run and many gaps, change the file, record more; yield the events, once it has ended."""
     monkeypatch.setattr(sqlite_file, "_CHECK_SECONDS", 0.3)
     monkeypatch.setattr(recorder, "_CHECK", 0.1)
-    reported: Said = []
+    reported: list[EventPayload] = []
     file = folder / "history.sqlite"
     HistoryStore(sqlite_url(folder)).__exit__()
 
     def back() -> bool:
         reported.extend(made.events())
-        return any(topic == TOPIC_BACK for topic, _ in reported)
+        return any(isinstance(event, HistoryRecovered) for event in reported)
 
     with recording(sqlite_url(folder), folder / "spool.jsonl") as made:
         for event in (*EVENTS, *GAPS):
@@ -110,10 +111,9 @@ def test_file_that_is_taken_away_is_written_again_with_all_that_it_had(
 ) -> None:
     """It is still open, and is copied; data written into it before the deletion was noticed are there, too."""
     with attacked(tmp_path, attack, monkeypatch) as reported:
-        topics = [topic for topic, _ in reported]
-        assert topics[0] == TOPIC_DOWN
-        assert "the file was" in reported[0][1]["why"]
-        assert TOPIC_RENEWED in topics
+        assert isinstance(reported[0], HistoryFailed)
+        assert "the file was" in reported[0].why
+        assert any(isinstance(event, HistoryRenewed) for event in reported)
         assert _times(tmp_path) == ALL
         assert len(rows(sqlite_url(tmp_path), "windows")) == 20
     assert _whole(tmp_path / "history.sqlite")
@@ -125,16 +125,17 @@ def test_damaged_file_is_set_aside_and_what_can_be_read_is_taken_over(
 ) -> None:
     """Of pages that are overwritten their rows are lost, no others; later events and windows are all there."""
     with attacked(tmp_path, attack, monkeypatch) as reported:
-        found = dict(reported)
-        assert set(found) == {TOPIC_DOWN, TOPIC_RENEWED, TOPIC_RESTORED, TOPIC_BACK}
-        assert "damaged" in found[TOPIC_DOWN]["why"] or "not a database" in found[TOPIC_DOWN]["why"]
+        found = {type(event): event for event in reported}
+        assert set(found) == {HistoryFailed, HistoryRenewed, HistoryRestored, HistoryRecovered}
+        why = found[HistoryFailed].payload()["why"]
+        assert "damaged" in why or "not a database" in why
         missing = ALL - _times(tmp_path)
-        print(f"{attack.__name__}: {len(missing)} of {len(ALL)} gaps lost, {found[TOPIC_RESTORED]}")
+        print(f"{attack.__name__}: {len(missing)} of {len(ALL)} gaps lost, {found[HistoryRestored]}")
         assert len(missing) <= lost
         assert not missing & {event.time for event in LATER}
     assert _whole(tmp_path / "history.sqlite")
     [aside] = tmp_path.glob("history_before_*.sqlite")
-    assert aside.name == found[TOPIC_RESTORED]["of"]
+    assert aside.name == found[HistoryRestored].payload()["of"]
 
 
 def _whole(file: Path) -> bool:
@@ -151,7 +152,7 @@ def test_rows_that_were_not_taken_over_before_the_end_are_at_the_next_start(tmp_
     with recording(url, tmp_path / "spool.jsonl") as made:
         until(lambda: not list(tmp_path.glob("*_unread*")))
     assert len(rows(url, "windows")) == 20
-    assert [topic for topic, _ in made.events()] == [TOPIC_RESTORED]
+    assert [type(event) for event in made.events()] == [HistoryRestored]
 
 
 def test_file_that_is_deleted_twice_within_the_pause_is_restored(

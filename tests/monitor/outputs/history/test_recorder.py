@@ -10,7 +10,7 @@ import pytest
 
 from daq import Event
 from monitor.outputs.history import HistoryRecorder, HistoryStore, engines, recorder
-from monitor.outputs.history.recorder import TOPIC_BACK, TOPIC_DOWN
+from monitor.results.service_events import HistoryFailed, HistoryRecovered
 from tests.support.monitor.history import change, rows, run_events, sqlite_url
 
 EVENTS = run_events()
@@ -50,9 +50,10 @@ def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pyte
         until(lambda: made.problem is None)
         assert not spool.exists()
     assert len(rows(url, "windows")) == 20
-    (down, why), (back, brought) = made.events()
-    assert (down, back, brought) == (TOPIC_DOWN, TOPIC_BACK, {"brought_in": len(EVENTS)})
-    assert "locked" in why["why"]
+    failed, recovered = made.events()
+    assert isinstance(failed, HistoryFailed)
+    assert "locked" in failed.why
+    assert recovered == HistoryRecovered(brought_in=len(EVENTS))
 
 
 def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -69,8 +70,9 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
         until(lambda: mute.problem)
         for event in EVENTS[1:]:
             mute.put(event)
-        [(topic, payload)] = mute.events()
-        assert (topic, "history.sqlite: no answer for" in payload["why"]) == (TOPIC_DOWN, True)
+        [failed] = mute.events()
+        assert isinstance(failed, HistoryFailed)
+        assert "history.sqlite: no answer for" in failed.why
     lines = spool.read_text(encoding="utf-8").splitlines()
     assert len(lines) == len(EVENTS)
     lock.execute("ROLLBACK")
@@ -80,7 +82,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     with recording(url, spool) as made:
         until(lambda: not spool.exists())
     assert len(rows(url, "windows")) == 20
-    assert list(made.events()) == [(TOPIC_BACK, {"brought_in": len(EVENTS)})]
+    assert list(made.events()) == [HistoryRecovered(brought_in=len(EVENTS))]
 
 
 def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
@@ -90,9 +92,10 @@ def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(
         for event in EVENTS:
             made.put(event)
             time.sleep(0.01)
-    [(topic, payload)] = made.events()
-    assert (topic, made.dropped) == (TOPIC_DOWN, 0)
-    assert "unable to open database file" in payload["why"]
+    [failed] = made.events()
+    assert isinstance(failed, HistoryFailed)
+    assert made.dropped == 0
+    assert "unable to open database file" in failed.why
     file.rmdir()
     with spool.open("ab") as cut:
         cut.write(b'{"topic": "/event/g')  # a kill amid a line

@@ -59,4 +59,4 @@ def test_page_renews_itself_and_tells_the_monitor_by_its_button(tab: Tab, tmp_pa
     (tmp_path / "inbox").unlink()
     tab.value(f"{BUTTON}.click()")
     tab.until(f"{BUTTON}.textContent == 'Acknowledgement sent' && {BUTTON}.disabled")
-    assert [payload["by"] for _, payload in Inbox(tmp_path).taken()] == ["ada"]
+    assert [command.payload()["by"] for command in Inbox(tmp_path).taken()] == ["ada"]

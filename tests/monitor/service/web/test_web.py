@@ -248,13 +248,13 @@ def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> N
 def test_acknowledging_takes_the_token(source: Source, headers: dict[str, str], code: int) -> None:
     answer = Client(source).post("/acknowledge?by=Ada", headers=headers)
     assert answer.status_code == code
-    assert [payload["by"] for _, payload in Inbox(source.state).taken()] == (["Ada"] if code == 202 else [])
+    assert [command.payload()["by"] for command in Inbox(source.state).taken()] == (["Ada"] if code == 202 else [])
 
 
 def test_password_of_any_user_is_the_token(source: Source) -> None:
     answer = Client(source).post("/acknowledge", headers={"X-Modalwatch": "test"}, auth=("ada", TOKEN))
     assert answer.status_code == 202
-    assert [payload["by"] for _, payload in Inbox(source.state).taken()] == ["ada"]
+    assert [command.payload()["by"] for command in Inbox(source.state).taken()] == ["ada"]
 
 
 def test_folder_that_takes_no_word_is_told(source: Source) -> None:

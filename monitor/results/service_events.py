@@ -1,0 +1,256 @@
+"""Events of the service: one class for each topic. Those of devices and of the log are in `daq.events`."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from daq.events import EventPayload
+
+
+@dataclass(frozen=True, kw_only=True)
+class Acknowledged(EventPayload):
+    """A person has acknowledged the alarm."""
+
+    topic = "/event/acknowledge"
+    by: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChangeAccepted(EventPayload):
+    """A person has accepted the change as the new reference."""
+
+    topic = "/event/accept"
+    by: str = ""
+    cause: str = ""
+    alarm: int | None = None  #: time at which the alarm was raised [ns UTC]; None for the active one
+
+    def payload(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return super().payload() | {"alarm": self.alarm}
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceptanceUndone(EventPayload):
+    """A person has undone the last acceptance."""
+
+    topic = "/event/accept_undone"
+    by: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CommandRefused(EventPayload):
+    """A file in the inbox is no command."""
+
+    topic = "/event/refused"
+    file: str
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stopped(EventPayload):
+    """Last item of a run, or of its log and analysis if others follow."""
+
+    topic = "/event/stopped"
+    dropped: int | None = None  #: items that found the log's queue full
+    why: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncleanEnd(EventPayload):
+    """An earlier run was killed; its log is repaired."""
+
+    topic = "/event/unclean_end"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reloaded(EventPayload):
+    """The run continues with other settings."""
+
+    topic = "/event/reloaded"
+    changed: str  #: restarted parts
+    failed: str | None = None  #: parts that could not be restarted, and the reasons
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReloadRefused(EventPayload):
+    """New settings are invalid."""
+
+    topic = "/event/reload_refused"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockChanged(EventPayload):
+    """The clock of the host was set."""
+
+    topic = "/event/clock_changed"
+    by_s: float  #: [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnalysisFailed(EventPayload):
+    """The process of the analysis has died."""
+
+    topic = "/event/analysis_failed"
+    why: str
+    again_in_s: float  #: time until it is started again [s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnalysisLagging(EventPayload):
+    """The analysis is restarted without its backlog."""
+
+    topic = "/event/analysis_lagging"
+    left_out_s: float  #: [s of data]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WindowsLeftOut(EventPayload):
+    """A window was left out because the analysis is behind."""
+
+    topic = "/event/windows_left_out"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnalysisCaughtUp(EventPayload):
+    """None of the last windows was left out."""
+
+    topic = "/event/analysis_caught_up"
+    left_out: int  #: windows
+
+
+@dataclass(frozen=True, kw_only=True)
+class BaselineReset(EventPayload):
+    """The saved state cannot be used; a new baseline is learned."""
+
+    topic = "/event/baseline_reset"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceReplaced(EventPayload):
+    """Another device is at the address of the device of the run before."""
+
+    topic = "/event/device_replaced"
+    device: str
+    before: dict[str, Any]  #: identity
+    now: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelFailed(EventPayload):
+    """Channels are without valid data."""
+
+    topic = "/event/channel_failed"
+    channels: str
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChannelRecovered(EventPayload):
+    """Channels have valid data again."""
+
+    topic = "/event/channel_recovered"
+    channels: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TemperatureFailed(EventPayload):
+    """The thermometer gives no valid readings."""
+
+    topic = "/event/temperature_failed"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class TemperatureRecovered(EventPayload):
+    """The thermometer gives valid readings again."""
+
+    topic = "/event/temperature_recovered"
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryFailed(EventPayload):
+    """The history cannot be written."""
+
+    topic = "/event/history_failed"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryRecovered(EventPayload):
+    """The history can be written again."""
+
+    topic = "/event/history_recovered"
+    brought_in: int  #: entries that were kept on disk meanwhile
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryRenewed(EventPayload):
+    """A new SQLite file has begun."""
+
+    topic = "/event/history_renewed"
+    why: str
+    set_aside: str | None = None  #: new name of the damaged file
+    copied_to: str | None = None  #: name of the copy of a displaced file
+    restored: bool | None = None  #: whether a displaced file is back at its place
+
+
+@dataclass(frozen=True, kw_only=True)
+class HistoryRestored(EventPayload):
+    """Rows of an earlier SQLite file are in the present one."""
+
+    topic = "/event/history_restored"
+    rows: int
+    of: str  #: name of the earlier file
+    why: str | None = None  #: reason why it was not read to its end
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoticeFailed(EventPayload):
+    """A target of notices is not available."""
+
+    topic = "/event/notice_failed"
+    to: str
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoticeRecovered(EventPayload):
+    """A target of notices is available again."""
+
+    topic = "/event/notice_recovered"
+    to: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewerFailed(EventPayload):
+    """The live view has failed."""
+
+    topic = "/event/viewer_failed"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewerRecovered(EventPayload):
+    """The live view works again."""
+
+    topic = "/event/viewer_recovered"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WebFailed(EventPayload):
+    """The pages are not served."""
+
+    topic = "/event/web_failed"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class WebRecovered(EventPayload):
+    """The pages are served again."""
+
+    topic = "/event/web_recovered"
