@@ -18,12 +18,12 @@ def first_words(source: str) -> list[tuple[int, str]]:
     return [(line, text.split(maxsplit=1)[0]) for line, text in texts if text]
 
 
-def test_a_question_is_found() -> None:
+def test_question_word_at_start_of_docstring_is_detected() -> None:
     assert first_words('def f():\n    """What is asked."""\n') == [(1, "What")]
 
 
 @pytest.mark.parametrize("package", ["daq", "oma", "updater", "monitor"])
-def test_no_docstring_is_a_question(package: str) -> None:
+def test_no_docstring_begins_with_a_question_word(package: str) -> None:
     found = []
     for path in FILES:
         if path.relative_to(ROOT).parts[0] == package:

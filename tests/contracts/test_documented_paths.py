@@ -11,12 +11,12 @@ PAGES = [*sorted(ROOT.glob("docs/*.md")), ROOT / "README.md", ROOT / "CONTRIBUTI
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_pages_name_files_that_exist(page: Path) -> None:
+def test_files_named_in_pages_exist(page: Path) -> None:
     named = set(PATH.findall(page.read_text(encoding="utf-8")))
     assert [name for name in sorted(named) if not (ROOT / name).is_file()] == []
 
 
-def test_sources_name_files_that_exist() -> None:
+def test_files_named_in_sources_exist() -> None:
     folders = ("daq", "oma", "updater", "monitor", "benchmarks")
     sources = [path for folder in folders for path in (ROOT / folder).rglob("*.py")]
     named = {name for path in sources for name in PATH.findall(path.read_text(encoding="utf-8"))}

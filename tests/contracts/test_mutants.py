@@ -37,14 +37,14 @@ CHANGES = {
 }
 
 
-def test_every_fault_is_made_once_and_texts_annotations_and_decorators_are_left() -> None:
+def test_mutants_are_made_once_and_skip_texts_annotations_and_decorators() -> None:
     found: dict[int, list[str]] = {}
     for mutant in mutants("m.py", SOURCE):
         found.setdefault(mutant.line, []).append(mutant.change)
     assert found == CHANGES
 
 
-def test_mutant_differs_from_its_source_in_its_line_only() -> None:
+def test_mutant_differs_from_source_in_one_line() -> None:
     plain = ast.unparse(ast.parse(SOURCE)).splitlines()
     for mutant in mutants("m.py", SOURCE):
         changed = mutated(SOURCE, mutant.number).splitlines()
@@ -53,7 +53,7 @@ def test_mutant_differs_from_its_source_in_its_line_only() -> None:
         assert mutant.line in mutant.lines
 
 
-def test_table_names_files_and_lines_that_there_are() -> None:
+def test_files_and_lines_in_mutant_table_exist() -> None:
     table = tomllib.loads(TABLE.read_text())
     for module, files in table["tests"].items():
         assert (ROOT / module).is_file()
@@ -64,12 +64,12 @@ def test_table_names_files_and_lines_that_there_are() -> None:
         assert mutant["reason"]
 
 
-def test_two_faults_of_a_line_that_look_alike_are_numbered() -> None:
+def test_equal_mutants_in_one_line_are_numbered() -> None:
     assert [m.change for m in mutants("m.py", "x = 1, 1\n")] == ["1 -> 2", "1 -> 2 (2)"]
 
 
 @pytest.mark.parametrize(
     "source", ["f(a, strict=True)\n", '"""Text."""\n', "class A(B, n=1): ...\n", "x: int | None\n"]
 )
-def test_nothing_is_changed_that_changes_nothing(source: str) -> None:
+def test_source_parts_without_effect_are_not_mutated(source: str) -> None:
     assert [m.change for m in mutants("m.py", source) if not m.change.endswith("-> pass")] == []

@@ -17,12 +17,12 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("package", [daq, oma, updater, monitor], ids=lambda p: str(p.__name__))
-def test_package_is_this_checkout(package: object) -> None:
+def test_package_is_imported_from_this_checkout(package: object) -> None:
     assert Path(str(package.__file__)).parent.parent == ROOT  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("package", [daq, oma, updater], ids=lambda p: str(p.__name__))
-def test_front_door_lists_what_it_exports_in_order(package: object) -> None:
+def test_package_exports_are_unique_and_exist(package: object) -> None:
     names = package.__all__  # type: ignore[attr-defined]
     assert sorted(names) == sorted(set(names))
     assert all(hasattr(package, name) for name in names)
@@ -33,7 +33,7 @@ def test_all_four_packages_are_in_the_wheel() -> None:
     assert content["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == ["daq", "oma", "updater", "monitor"]
 
 
-def test_command_line_loads_nothing_heavy() -> None:
+def test_command_line_imports_no_large_packages() -> None:
     """`--help` answers at once: no numpy, no rerun, no analysis is loaded for it."""
     script = (
         "import monitor.cli.main, sys; print(sorted({'numpy', 'rerun', 'oma', 'updater', 'daq'} & set(sys.modules)))"
@@ -42,14 +42,14 @@ def test_command_line_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_lock_names_no_place() -> None:
+def test_lock_files_contain_no_urls_or_paths() -> None:
     lock, tools = ((ROOT / name).read_text(encoding="utf-8") for name in ("requirements.lock", "requirements-dev.lock"))
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", word) for word in tools.split())
     for requirement in lock.replace("\\\n", "").splitlines():
         assert re.fullmatch(r"[\w.-]+==[\w.]+( +--hash=sha256:[0-9a-f]{64})+", requirement), requirement
 
 
-def test_locks_hold_what_the_project_asks_for() -> None:
+def test_lock_files_contain_all_project_dependencies() -> None:
     """The file with hashes holds the requirements of the program, and no tool of development."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     runtime, tools = (

@@ -31,7 +31,7 @@ def rows_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
             yield f"| `{prefix}{name}` | {default_of(field)} | {field.description} |"
 
 
-def test_table_of_settings_says_what_the_program_says() -> None:
+def test_settings_table_in_docs_matches_the_program() -> None:
     text = DOCS.read_text(encoding="utf-8").split("## Settings")[1].split("\n## ")[0]
     without_links = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text)
     rows = [line for line in without_links.splitlines() if line.startswith("| `")]

@@ -35,7 +35,7 @@ PLAIN = {
 }
 
 
-def test_thread_is_restarted_counted_and_reported_once() -> None:
+def test_failing_thread_is_restarted_counted_and_reported_once() -> None:
     failures, runs = Failures(calm_seconds=0.3), []
 
     def work() -> None:
@@ -60,7 +60,7 @@ def test_thread_is_restarted_counted_and_reported_once() -> None:
 
 
 @pytest.mark.parametrize("error", [MemoryError(), RecursionError("deep"), SystemExit(3), KeyError("x")])
-def test_thread_that_always_fails_still_ends_when_asked(error: BaseException) -> None:
+def test_permanently_failing_thread_ends_on_request(error: BaseException) -> None:
     def work() -> None:
         raise error
 
@@ -75,7 +75,7 @@ def test_thread_that_always_fails_still_ends_when_asked(error: BaseException) ->
     assert error_text(error).startswith(type(error).__name__)
 
 
-def test_reader_of_the_log_that_fails_costs_neither_the_log_nor_other_items(tmp_path: Path) -> None:
+def test_exception_in_log_reader_affects_only_one_item(tmp_path: Path) -> None:
     stated: list[Item] = []
 
     def take(item: Item) -> None:
@@ -95,7 +95,7 @@ def test_reader_of_the_log_that_fails_costs_neither_the_log_nor_other_items(tmp_
 
 
 @pytest.mark.parametrize("payload", [{"why": {1, 2}}, {"why": 1.0, (1, 2): "x"}])
-def test_item_that_no_log_can_hold_costs_only_itself(tmp_path: Path, payload: dict[Any, Any]) -> None:
+def test_unserializable_event_is_dropped_and_other_items_are_written(tmp_path: Path, payload: dict[Any, Any]) -> None:
     recorder = RotatingWriter(tmp_path, {}, 10**18)
     keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), lambda event: None)
     written = Event(topic="/event/y", time=1, payload={})

@@ -16,7 +16,7 @@ def recording(shape: tuple[int, ...] = (500, 2), rate: float = 200.0) -> Recordi
 
 
 @pytest.mark.parametrize("counts", [np.zeros((3, 3)), np.zeros(3, np.int32), np.zeros((3, 3), np.int64)])
-def test_block_refuses_other_than_int32_scans(counts: IntArray) -> None:
+def test_block_with_counts_other_than_int32_matrix_is_refused(counts: IntArray) -> None:
     with pytest.raises(ValueError, match=r"counts of beam: expected int32 \(n_scans, n_axes\), found "):
         Block(
             device="beam",
@@ -30,23 +30,23 @@ def test_block_refuses_other_than_int32_scans(counts: IntArray) -> None:
         )
 
 
-def test_block_knows_its_end() -> None:
+def test_block_scan_count_and_end_index() -> None:
     block = make_block("beam", 1000, n=37)
     assert (block.n_scans, block.end_index) == (37, 1037)
 
 
 @pytest.mark.parametrize("shape", [(500,), (500, 3)])
-def test_recording_refuses_data_of_other_channels(shape: tuple[int, ...]) -> None:
+def test_recording_with_wrong_number_of_data_columns_is_refused(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match=re.escape(f"data: expected (n_samples, 2), found {shape}")):
         recording(shape)
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, float("nan")])
-def test_recording_refuses_a_rate_that_is_none(rate: float) -> None:
+def test_recording_with_nonpositive_or_nan_rate_is_refused(rate: float) -> None:
     with pytest.raises(ValueError, match=f"rate: expected a positive number of Hz, found {rate}"):
         recording(rate=rate)
 
 
-def test_recording_knows_its_end() -> None:
+def test_recording_duration_and_end_time() -> None:
     assert recording().duration == 2.5
     assert recording().end == START + 2_500_000_000

@@ -56,7 +56,7 @@ def diagnosed(folder: Path, modalwatch: Commands) -> Diagnose:
     return command
 
 
-def test_its_modes_are_those_of_the_rig(folder: Path, modalwatch: Commands) -> None:
+def test_identified_modes_match_the_rig(folder: Path, modalwatch: Commands) -> None:
     out = folder / "modes.json"
     named = ("--structure", folder / "structure.toml", "--json", out, "--window", "25")
     assert modalwatch("identify", folder / "before.mcap", *named).code == 0
@@ -72,7 +72,7 @@ def test_its_modes_are_those_of_the_rig(folder: Path, modalwatch: Commands) -> N
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("undrawn")
-def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
+def test_body_of_300_g_is_diagnosed(diagnosed: Diagnose) -> None:
     random = np.random.default_rng(SEED)
     x, side = random.uniform(-0.35, 0.35), random.uniform(-0.02, 0.02)
     body = Body(at=(x, 0, 1.48), mass=0.3, offset=(0, side, 0.02), inertia=(1e-4, 1e-4, 1e-4))
@@ -87,7 +87,7 @@ def test_a_body_of_300_g(diagnosed: Diagnose) -> None:
 
 
 @pytest.mark.thorough
-def test_a_loosened_foot(diagnosed: Diagnose) -> None:
+def test_loosened_foot_is_diagnosed(diagnosed: Diagnose) -> None:
     code, found = diagnosed("foot", Rig(seed=SEED, foot=(0.4, 0.4, 0.4)).record(2, SECONDS, rate=RATE))
     assert (code, found["verdict"]) == (0, "explained")
     assert [cause["cause"] for cause in found["causes"]] == ["support_stiffness"]
@@ -95,7 +95,7 @@ def test_a_loosened_foot(diagnosed: Diagnose) -> None:
 
 
 @pytest.mark.thorough
-def test_a_swapped_pair(diagnosed: Diagnose) -> None:
+def test_swapped_channels_are_diagnosed(diagnosed: Diagnose) -> None:
     recording = swapped(Rig(seed=SEED).record(3, SECONDS, rate=RATE), "col_037_x", "col_111_x")
     code, found = diagnosed("swap", recording)
     assert (code, found["verdict"]) == (0, "explained")
@@ -105,7 +105,7 @@ def test_a_swapped_pair(diagnosed: Diagnose) -> None:
 
 @pytest.mark.thorough
 @pytest.mark.usefixtures("undrawn")
-def test_nothing(diagnosed: Diagnose) -> None:
+def test_unchanged_structure_has_no_causes(diagnosed: Diagnose) -> None:
     code, found = diagnosed("nothing", Rig(seed=SEED).record(4, SECONDS, rate=RATE), drawn=True)
     assert (code, found["verdict"], found["causes"]) == (0, "nothing_to_explain", [])
     assert found["gain"] is None
@@ -113,7 +113,7 @@ def test_nothing(diagnosed: Diagnose) -> None:
 
 
 @pytest.mark.thorough
-def test_channels_that_only_one_of_the_records_has_are_told(folder: Path, modalwatch: Commands) -> None:
+def test_channels_present_in_only_one_record_are_reported(folder: Path, modalwatch: Commands) -> None:
     recording = Rig(seed=SEED).record(5, 75.0, rate=RATE)
     channels = [replace(c, name={"col_111_x": "col_112_x"}.get(c.name, c.name)) for c in recording.channels]
     write_csv(folder / "misnamed.csv", replace(recording, channels=tuple(channels)))
@@ -124,7 +124,7 @@ def test_channels_that_only_one_of_the_records_has_are_told(folder: Path, modalw
     assert "note: misnamed.mcap: compared without col_111_x, which the reference has" in reported.out
 
 
-def test_channels_that_carry_the_same_samples_are_told_before_the_answer(folder: Path, modalwatch: Commands) -> None:
+def test_channels_with_identical_samples_are_reported_before_the_result(folder: Path, modalwatch: Commands) -> None:
     recording = Rig(seed=SEED).record(5, SECONDS, rate=RATE)
     names = [channel.name for channel in recording.channels]
     data = recording.data.copy()
@@ -140,7 +140,7 @@ def test_channels_that_carry_the_same_samples_are_told_before_the_answer(folder:
     assert (dead["cause"], dead["where"]["channels"]) == ("sensor_dead", ["beam_mid_y"])
 
 
-def test_without_a_reference_the_model_itself_is_asked(folder: Path, modalwatch: Commands) -> None:
+def test_diagnosis_without_reference_log_names_no_added_mass(folder: Path, modalwatch: Commands) -> None:
     """E, density, foot and joint are all a little off: a verdict that a person may have to judge, never a mass."""
     out = folder / "model.json"
     code = modalwatch("diagnose", folder / "structure.toml", folder / "before.mcap", "--json", out).code
@@ -159,7 +159,7 @@ def test_without_a_reference_the_model_itself_is_asked(folder: Path, modalwatch:
         (("structure.toml", "before.mcap", "--window", "119"), "before.mcap"),
     ],
 )
-def test_bad_input_is_one_clear_error(
+def test_bad_input_gives_one_clear_error(
     folder: Path, modalwatch: Commands, arguments: tuple[str, ...], named: str
 ) -> None:
     done = modalwatch("diagnose", *(folder / a if "." in a else a for a in arguments))

@@ -29,7 +29,7 @@ def short_demo(out: Path) -> dict[str, Any]:
 
 
 @pytest.mark.timeout(500)
-def test_short_demo_finds_the_body_and_replay_repeats_it_to_the_last_digit(tmp_path: Path) -> None:
+def test_short_demo_finds_the_body_and_replay_is_identical(tmp_path: Path) -> None:
     """No scan is lost between rig and log; the log alone gives the same modes and the same alarm."""
     print(f"seed {SEED}")
     for out in (tmp_path / "first", tmp_path / "second"):
@@ -46,7 +46,7 @@ def test_short_demo_finds_the_body_and_replay_repeats_it_to_the_last_digit(tmp_p
     assert report.same
 
 
-def test_ctrl_c_stops_cleanly_with_the_log_whole(tmp_path: Path) -> None:
+def test_ctrl_c_stops_cleanly_with_a_complete_log(tmp_path: Path) -> None:
     command = [*MODALWATCH, "demo", "--short", "--seed", "8", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     log = _growing_log(tmp_path, process)

@@ -41,7 +41,7 @@ def through_a_table(log: Path) -> Path:
 
 
 @pytest.mark.thorough
-def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_of_an_imported_table_finds_the_hidden_mass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Within 0.10 m and 15 %, though windows are short and only six or seven modes are in the band.
 
     The repository's own log, straight from a rig, is replayed in test_replay_data.py.
@@ -59,7 +59,7 @@ def test_replay_finds_the_hidden_mass_through_a_table(tmp_path: Path, capsys: py
     assert answer["mass"] == pytest.approx(mass, rel=0.15)
 
 
-def test_replay_of_nothing_raises_no_alarm_and_repeats_itself(tmp_path: Path) -> None:
+def test_replay_without_change_raises_no_alarm_and_is_repeatable(tmp_path: Path) -> None:
     """Results do not depend on later data, either: the second log is cut."""
     log, _, _ = hidden(tmp_path, 41, added=False)
     cut = tmp_path / "cut.mcap"

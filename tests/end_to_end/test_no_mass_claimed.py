@@ -40,7 +40,7 @@ def watch(folder: Path, seed: int, after: Rig) -> list[WindowResult]:
 
 
 @pytest.mark.thorough
-def test_a_loosened_foot_is_no_mass(tmp_path: Path) -> None:
+def test_loosened_foot_is_not_reported_as_a_mass(tmp_path: Path) -> None:
     windows = watch(tmp_path, 61, Rig(seed=61, foot=(0.5, 0.5, 1.0)))
     diagnoses = [w.diagnosis for w in windows if w.diagnosis]
     print(*(change_text(d) for d in diagnoses), sep="\n")

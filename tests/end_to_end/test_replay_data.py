@@ -40,7 +40,7 @@ def test_replay_repeats_the_live_run_and_finds_the_mass(replayed: tuple[dict[str
     assert answer.mass == pytest.approx(entry["mass"], rel=0.15)
 
 
-def test_drill_with_the_recorded_mass_proves_the_site(replayed: tuple[dict[str, Any], ReplayReport]) -> None:
+def test_commissioning_with_the_recorded_mass_passes(replayed: tuple[dict[str, Any], ReplayReport]) -> None:
     """The rig's frame differs from the model; its mass is found within the stated deviation, and scales the modes.
 
     The rig draws its density within 1 % of the model's, and its modes differ from the model's by as much again.

@@ -65,7 +65,7 @@ def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-def test_killed_monitor_watches_on_at_once(tmp_path: Path) -> None:
+def test_killed_monitor_resumes_monitoring_after_restart(tmp_path: Path) -> None:
     command = [*MODALWATCH, "run", str(make_site(tmp_path))]
     with started(command) as first:
         memory = remembered(tmp_path / "state", first, 6)

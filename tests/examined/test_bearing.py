@@ -17,7 +17,7 @@ _LOCKED = 100.0  # times as stiff about the axis that it turned about
 
 
 @pytest.mark.parametrize("seed", few_of([1, 3]))
-def test_a_bearing_that_locked_is_named(seed: int) -> None:
+def test_locked_bearing_is_diagnosed(seed: int) -> None:
     """As itself, or as its alias; a model's mode along the bridge is paired with none across it."""
     print(f"seed {seed}")
     state = FOOTBRIDGE.draw(seed)

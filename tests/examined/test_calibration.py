@@ -24,7 +24,7 @@ def _off(reference: Reference) -> float:
 
 
 @pytest.mark.thorough
-def test_what_a_weld_takes_of_flexibility_is_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flexibility_reduction_by_welds_is_calibrated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half of the 0.2 % that calibration allows for a beam model remains, and half of the error without welds."""
     seeds = range(7000, 7006)
     welded = [_off(_learnt(seed)) for seed in seeds]
@@ -35,7 +35,7 @@ def test_what_a_weld_takes_of_flexibility_is_calibrated(monkeypatch: pytest.Monk
     assert np.median(welded) < 0.5 * np.median(plain)
 
 
-def test_a_frame_without_a_weld_has_none() -> None:
+def test_frame_without_welds_has_no_calibrated_weld_effect() -> None:
     """Less than a fifth of that of a whole one, by two of the parameter's standard deviations."""
     state = draw_state(7010)
     frame = state.frame

@@ -33,7 +33,7 @@ def t_frame(size: float, **changes: object) -> Frame:
     )
 
 
-def test_nothing_of_what_is_judged_is_in_the_generator() -> None:
+def test_generator_does_not_import_code_under_test() -> None:
     """Only the way to it (tests.examiner.path) may import it; the analysis it uses gives a type and a law, no modes."""
     folder = Path(__file__).parents[1] / "examiner"
     files = [p for p in folder.rglob("*.py") if p.name != "path.py"]
@@ -47,7 +47,7 @@ def test_nothing_of_what_is_judged_is_in_the_generator() -> None:
             assert all(name.startswith("tests.examiner") and name != "tests.examiner.path" for name in ours), path
 
 
-def test_the_frame_has_the_frequencies_of_its_data_sheet() -> None:
+def test_frame_frequencies_match_data_sheet() -> None:
     """10 mm Timoshenko elements gave these; two digits after the point are printed, 0.005 Hz is half of the last."""
     sheet = [10.78, 10.97, 38.84, 68.77, 92.53, 158.02, 253.11, 270.96]
     loaded = [10.36, 10.55, 36.65, 66.37, 91.93, 153.98, 241.08, 269.60]
@@ -59,7 +59,7 @@ def test_the_frame_has_the_frequencies_of_its_data_sheet() -> None:
 
 
 @pytest.mark.parametrize("name", DESIGNS)
-def test_what_stands_is_near_what_its_file_says(name: str) -> None:
+def test_frequencies_of_drawn_structures_are_near_nominal_design(name: str) -> None:
     """The file's numbers, solved by the examiner: those of bars on springs that are not scattered."""
     design = DESIGNS[name]
     drawn = np.median([design.draw(seed).motion(4).frequency for seed in range(5)], axis=0)
@@ -69,7 +69,7 @@ def test_what_stands_is_near_what_its_file_says(name: str) -> None:
     np.testing.assert_allclose(drawn, frame.solved(4).frequency, rtol=0.03)
 
 
-def test_the_bridge_bends_as_a_beam_on_two_springs() -> None:
+def test_bridge_bending_frequency_is_near_simply_supported_beam() -> None:
     """f = n^2 pi / 2 sqrt(E I / m L^4) of a beam on pins; springs, shear and turning take some of it."""
     girder = BRIDGE.bars[0]
     line = girder.density * girder.area
@@ -78,14 +78,14 @@ def test_the_bridge_bends_as_a_beam_on_two_springs() -> None:
     assert 0.98 < upright / pinned < 1.0
 
 
-def test_frequencies_converge_with_the_fourth_order() -> None:
+def test_frequencies_converge_with_fourth_order() -> None:
     """Quadratic elements: halving them divides the error of the eighth mode by 16 (8 to 32 while it is coarse)."""
     fine = t_frame(0.01).solved(8).frequency[7]
     coarse, half = (t_frame(size).solved(8).frequency[7] for size in (0.2, 0.1))
     assert 8 < (coarse - fine) / (half - fine) < 32
 
 
-def test_a_record_has_the_modes_that_are_said() -> None:
+def test_modes_of_simulated_record_match_stated_modes() -> None:
     """Frequencies within four of the deviations that identification states, damping within a factor of two."""
     state = draw_state(5)
     found = identify(recorded(state, 120.0, np.random.default_rng(6)))
@@ -100,13 +100,13 @@ def test_a_record_has_the_modes_that_are_said() -> None:
 
 
 @pytest.mark.parametrize("name", CAUSES)
-def test_what_is_done_can_be_detected_and_is_told(name: str) -> None:
+def test_drawn_cause_is_detectable_and_recorded(name: str) -> None:
     case = draw(name, 8)
     assert [one.cause for one in case.done.hidden] == [name]
     assert detection_power(case.done) >= 0.99
 
 
-def test_nothing_can_be_detected_in_nothing_and_little_in_what_is_small() -> None:
+def test_detection_power_is_low_for_no_change_and_small_changes() -> None:
     """By its definition the test detects something in one of a hundred cases without a change."""
     assert detection_power(draw("nothing", 9).done) == pytest.approx(0.01, abs=1e-3)
     assert detection_power(draw("small", 10).done) <= 0.03
@@ -151,17 +151,19 @@ GAIN = Hidden(cause="sensor_gain", channels=("a",))
         (_said("ambiguous", ("x", None, [], [])), [], "nothing", "wrong"),
     ],
 )
-def test_the_scorer_is_strict(reported: dict[str, object], hidden: list[Hidden], kind: str, outcome: str) -> None:
+def test_scorer_outcome_for_each_verdict_and_case(
+    reported: dict[str, object], hidden: list[Hidden], kind: str, outcome: str
+) -> None:
     assert score(reported, hidden, kind).outcome == outcome
 
 
-def test_what_is_done_leaves_the_specimen_before_alone() -> None:
+def test_change_does_not_modify_the_initial_specimen() -> None:
     done: Done = draw("support_stiffness", 11).done
     assert done.before.frame == draw_state(11).frame
     assert done.after.frame != done.before.frame
 
 
-def test_a_stretch_too_long_for_the_crossbeam_is_shorter() -> None:
+def test_stretch_too_long_for_crossbeam_is_shortened() -> None:
     """Of the 30 cm that may be drawn, 27 have a place between the joint and an end; a draw of more had no end."""
     (hidden,) = draw("local_stiffness", 676400012).done.hidden
     assert 0.26 < hidden.parameters["extent"] < 0.28

@@ -66,7 +66,7 @@ THOROUGH = [
 
 
 @pytest.mark.parametrize(("cell", "seed"), few_of(CASES + THOROUGH, len(CASES)))
-def test_what_was_done_is_what_is_said(cell: str, seed: int) -> None:
+def test_diagnosis_from_modes_matches_the_applied_change(cell: str, seed: int) -> None:
     """Fixed seeds; benchmarks/updater/confusion/modes.py draws hundreds, and measures the failure rate."""
     case = draw(cell, seed)
     print(cell, seed, case.done.hidden)

@@ -44,9 +44,7 @@ def log_of(case: Case, folder: Path, when: str) -> Path:
 
 
 @pytest.mark.parametrize("share", few_of([0.004, 0.1]))
-def test_channels_that_a_machine_overdrives_are_reported_and_are_no_cause(
-    logs: Path, modalwatch: Commands, share: float
-) -> None:
+def test_overdriven_channels_are_not_diagnosed_as_cause(logs: Path, modalwatch: Commands, share: float) -> None:
     """Nothing changed; a tone 1 % from a mode clips the two loudest channels in the current record only."""
     case = draw("nothing", 401)
     structure, answer = logs / "structure.toml", logs / "answer.json"
@@ -74,7 +72,9 @@ def overdriven(state: State, recording: Recording, share: float) -> Recording:
 
 
 @pytest.mark.parametrize(("cell", "seed"), few_of(CASES))
-def test_what_was_done_is_what_is_said(logs: Path, modalwatch: Commands, cell: str, seed: int) -> None:
+def test_diagnosis_from_records_matches_the_applied_change(
+    logs: Path, modalwatch: Commands, cell: str, seed: int
+) -> None:
     """Fixed seeds; benchmarks/updater/confusion/records.py draws others, and measures the failure rate."""
     case = draw(cell, seed)
     print(cell, seed, case.done.hidden)

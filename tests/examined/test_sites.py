@@ -14,14 +14,14 @@ def kind_named(name: str) -> SiteKind:
     return next(kind for kind in KINDS if kind.name == name)
 
 
-def test_the_simulator_imports_numpy_only() -> None:
+def test_simulator_imports_only_numpy() -> None:
     tree = ast.parse(Path(sites.__file__).read_text())
     found = {a.name.split(".")[0] for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
     found |= {(n.module or "").split(".")[0] for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
     assert found <= {"numpy", "dataclasses", "typing"}
 
 
-def test_records_continue_in_time_and_repeat_by_seed() -> None:
+def test_windows_continue_in_time_and_repeat_for_equal_seed() -> None:
     first, second = (SimulatedSites(KINDS[0], 3, seed=5) for _ in range(2))
     pieces = [first.windows(20), first.windows(30)]
     whole = second.windows(50)
@@ -30,7 +30,7 @@ def test_records_continue_in_time_and_repeat_by_seed() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_errors_have_the_stated_deviation_about_the_line_of_temperature(seed: int) -> None:
+def test_frequency_errors_about_temperature_line_have_stated_deviation(seed: int) -> None:
     """20 sites, 8 modes, 400 windows: a ratio of variances is known to 0.6 %, five deviations are allowed."""
     sites = SimulatedSites(kind_named("linear temperature"), 20, seed)
     w = sites.windows(400)
@@ -44,7 +44,7 @@ def test_errors_have_the_stated_deviation_about_the_line_of_temperature(seed: in
 @pytest.mark.parametrize(
     ("name", "share", "length"), [("single wrong poles", 0.01, 1.0), ("bursts of one wrong pole", 0.01, 4.0)]
 )
-def test_wrong_poles_are_as_frequent_and_as_long_as_stated(name: str, share: float, length: float) -> None:
+def test_wrong_poles_have_stated_share_and_burst_length(name: str, share: float, length: float) -> None:
     """30 sites, 2000 windows: 600 / length bursts; number and length known within 8 % (one sigma)."""
     wrong = SimulatedSites(kind_named(name), 30, seed=3).windows(2000).wrong
     one = np.asarray(wrong.any(-1))
@@ -55,7 +55,7 @@ def test_wrong_poles_are_as_frequent_and_as_long_as_stated(name: str, share: flo
     assert one.sum() / begun == pytest.approx(length, rel=0.25)
 
 
-def test_gaps_outages_and_wind_are_as_stated() -> None:
+def test_gaps_outages_and_wind_scatter_match_stated_values() -> None:
     gaps = SimulatedSites(kind_named("missing windows"), 1, seed=4).windows(6000).time
     assert 1 - len(gaps) * 600 / gaps[-1] == pytest.approx(0.2, abs=0.06)
     silent = SimulatedSites(kind_named("thermometer silent for 6 h"), 20, seed=4).windows(2000)
@@ -68,7 +68,7 @@ def test_gaps_outages_and_wind_are_as_stated() -> None:
     assert np.median(stated / w.scatter) == pytest.approx(1.0, abs=0.02)
 
 
-def test_frost_stiffens_a_summer_baseline_by_what_is_stated_in_its_first_winter() -> None:
+def test_frost_stiffening_after_summer_baseline_has_stated_size() -> None:
     sites = SimulatedSites(SiteKind(name="frost", frost=(0.02, 0.02), summer_start=True, step=6 * 3600.0), 20, seed=6)
     w = sites.windows(4 * 250)
     frozen, summer = w.structure < -3.5, w.structure > 15

@@ -24,7 +24,7 @@ REAL = os.environ.get("MODALWATCH_REAL_DATA")
 CLAMP = (*PLAIN, "clamp_shifts", "clamp_turns", "near_clamp", "near_clamp_at")
 
 
-def test_bending_modes_of_the_hypotheses_are_those_of_the_structure_written_out() -> None:
+def test_bending_modes_of_a_hypothesis_match_the_written_structure() -> None:
     values = {
         "stiffness": -0.05,
         "mass": 0.028,
@@ -48,7 +48,7 @@ def test_bending_modes_of_the_hypotheses_are_those_of_the_structure_written_out(
 
 
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
-def test_clamp_of_a_measured_cantilever_explains_layouts_that_were_not_used() -> None:
+def test_clamp_fitted_to_measured_cantilever_predicts_held_out_layouts() -> None:
     measured = read_layouts(Path(REAL or "") / "beam-six-masses", slice(0, 24))
     share = share_explained(measured)
     assert np.argmax(share.sum(axis=1)) == 0  # without any model: only the place of the first decides the shifts
@@ -71,7 +71,7 @@ def test_clamp_of_a_measured_cantilever_explains_layouts_that_were_not_used() ->
 
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
 @pytest.mark.parametrize(("state", "off"), [("2.96", ["L1"]), ("5.92", ["L1", "L3"])])
-def test_command_names_the_masses_taken_off_a_measured_cantilever(
+def test_bodies_command_identifies_masses_removed_from_measured_cantilever(
     tmp_path: Path, modalwatch: Commands, state: str, off: list[str]
 ) -> None:
     """Four layouts, the clamp as docs/beam_six_masses.md has it from the first state."""

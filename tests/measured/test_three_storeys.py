@@ -13,7 +13,7 @@ from updater import build_model, diagnose, matched, nominal_reference, stack_tra
 REAL = os.environ.get("MODALWATCH_REAL_DATA")
 
 
-def test_simulation_is_the_shear_building_it_is_documented_as() -> None:
+def test_simulation_matches_the_documented_shear_building() -> None:
     legs = 12 * 70e9 * 2.25e-10 / LEG**3  # N/m a storey
     chain = legs / FLOOR * np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 1]])
     frequency = np.sqrt(np.linalg.eigvalsh(chain)) / 2 / np.pi
@@ -24,7 +24,7 @@ def test_simulation_is_the_shear_building_it_is_documented_as() -> None:
 
 
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
-def test_floors_of_a_measured_frame_are_weighed_by_their_modes_and_its_simulation_is_refused() -> None:
+def test_measured_modes_give_floor_masses_and_reject_the_simulation() -> None:
     frame = read_frame(Path(REAL or "") / "soton-3storey-frf")
     masses = frame.floor_masses()
     off = np.abs(np.diag(masses.value) - FLOOR)

@@ -34,5 +34,5 @@ def mode(frequency: float, shape: np.ndarray, support: float) -> Mode:
         (10.30, SHAPE, 0.9, 2),
     ],
 )
-def test_what_is_one_mode_is_kept_once(frequency: float, shape: np.ndarray, support: float, n: int) -> None:
+def test_only_duplicate_modes_are_removed(frequency: float, shape: np.ndarray, support: float, n: int) -> None:
     assert len(distinct([mode(10.0, SHAPE, 0.5), mode(frequency, shape, support)], Selection())) == n

@@ -54,17 +54,17 @@ def check(found: ModalEstimate, truth: Structure, duration: float, shapes: Float
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_all_modes_of_a_frame_are_found_and_none_false(seed: int) -> None:
+def test_all_frame_modes_are_identified_without_false_modes(seed: int) -> None:
     check(estimate(seed), frame(), 60.0)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_all_modes_of_a_chain_are_found_and_none_false(seed: int) -> None:
+def test_all_chain_modes_are_identified_without_false_modes(seed: int) -> None:
     check(identify(simulate(chain(), 300.0, 50.0, seed)), chain(), 300.0)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_half_the_rate_and_the_window_are_enough_for_the_modes_below(seed: int) -> None:
+def test_lower_modes_are_identified_at_half_rate_and_half_duration(seed: int) -> None:
     whole = frame()
     truth = replace(whole, frequency=whole.frequency[:6], damping=whole.damping[:6], shapes=whole.shapes[:6])
     found = identify(simulate(truth, 30.0, 500.0, seed))
@@ -72,7 +72,7 @@ def test_half_the_rate_and_the_window_are_enough_for_the_modes_below(seed: int) 
     assert np.all(np.abs(found.frequency - truth.frequency) < 9 * law(truth, 30.0)[0])
 
 
-def test_claimed_standard_deviations_cover_and_errors_are_near_the_law() -> None:
+def test_stated_deviations_cover_errors_near_the_uncertainty_law() -> None:
     truth = frame()
     frequency = np.array([estimate(seed).frequency - truth.frequency for seed in SEEDS])
     damping = np.array([estimate(seed).damping - truth.damping for seed in SEEDS])
@@ -90,7 +90,7 @@ def test_claimed_standard_deviations_cover_and_errors_are_near_the_law() -> None
         assert np.all(bias < 0.5 + 4 * 1.25 / np.sqrt(len(SEEDS)))
 
 
-def test_claimed_shape_deviations_cover() -> None:
+def test_stated_shape_deviations_cover_the_errors() -> None:
     truth = frame().shapes
     inside = []
     for seed in SEEDS:
@@ -101,26 +101,26 @@ def test_claimed_shape_deviations_cover() -> None:
     assert np.mean(inside) >= stats.binom.ppf(1e-4, 96, 0.93) / 96
 
 
-def test_equal_data_give_equal_digits() -> None:
+def test_identification_is_exactly_repeatable() -> None:
     again = identify(simulate(frame(), 60.0, 1000.0, 0))
     for name in ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "law_ratio"):
         assert np.array_equal(getattr(again, name), getattr(estimate(0), name)), name
 
 
-def test_units_of_the_data_do_not_matter() -> None:
+def test_results_are_independent_of_data_unit() -> None:
     scaled = identify(replace(window(0), data=window(0).data / 1024))
     # a power of two is exact in floating point: nothing but the data's exponents changes
     assert np.array_equal(scaled.frequency, estimate(0).frequency)
     assert np.array_equal(scaled.shape, estimate(0).shape)
 
 
-def test_constant_offsets_do_not_matter() -> None:
+def test_results_are_independent_of_constant_offsets() -> None:
     gravity = window(0).data + 9.81 * (np.arange(12) % 3 == 0)
     # rounding: 9.81 x 2.2e-16 against signals of about 1
     assert np.allclose(identify(replace(window(0), data=gravity)).frequency, estimate(0).frequency, rtol=1e-9)
 
 
-def test_gaps_are_bridged() -> None:
+def test_all_modes_are_identified_from_data_with_gaps() -> None:
     data = window(1).data.copy()
     data[10_000:13_000, 8:10] = np.nan
     data[40_000:40_050, :4] = np.nan
@@ -128,7 +128,7 @@ def test_gaps_are_bridged() -> None:
     check(identify(replace(window(1), data=data)), frame(), 60.0)
 
 
-def test_a_lost_device_and_a_stuck_channel_are_left_out() -> None:
+def test_lost_device_and_constant_channel_are_excluded() -> None:
     data = window(2).data.copy()
     data[:, 8:10] = np.nan
     data[:, 3] = 0.25
@@ -138,7 +138,7 @@ def test_a_lost_device_and_a_stuck_channel_are_left_out() -> None:
     check(found, frame(), 60.0, frame().shapes[:, kept])
 
 
-def test_delays_between_devices_lose_no_mode() -> None:
+def test_all_modes_are_identified_despite_device_delays() -> None:
     data = window(3).data.copy()
     spectrum = np.fft.rfft(data, axis=0)
     delay = np.repeat([0.0, 0.3e-3, 0.0, 0.3e-3, 0.15e-3, 0.0], 2)
@@ -151,21 +151,21 @@ def test_delays_between_devices_lose_no_mode() -> None:
 
 @pytest.mark.parametrize("damping", [0.002, 0.01])
 @pytest.mark.parametrize("seed", range(2))
-def test_light_and_heavy_damping(damping: float, seed: int) -> None:
+def test_modes_of_light_and_heavy_damping_are_identified(damping: float, seed: int) -> None:
     truth = frame(damping)
     found = identify(simulate(truth, 60.0, 1000.0, seed))
     assert found.n_modes == 8
     assert np.all(np.abs(found.frequency - truth.frequency) < 9 * law(truth, 60.0)[0])
 
 
-def test_strong_sensor_noise_makes_no_modes() -> None:
+def test_strong_sensor_noise_causes_no_false_modes() -> None:
     found = identify(simulate(frame(), 60.0, 1000.0, 5, noise=0.5))
     assert found.n_modes == 8
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-3])
 @pytest.mark.parametrize("seed", few_of(range(2)))
-def test_an_anti_alias_filter_and_modes_beyond_the_band_hide_no_mode(seed: int, noise: float) -> None:
+def test_all_modes_are_identified_despite_anti_alias_filter(seed: int, noise: float) -> None:
     truth = frame_with_higher_modes()
     found = identify(
         anti_aliased(simulate(truth, 60.0, 4000.0, seed, noise=0.0, forced=slice(4, None, 2)), 4, noise, seed)
@@ -175,7 +175,7 @@ def test_an_anti_alias_filter_and_modes_beyond_the_band_hide_no_mode(seed: int, 
 
 
 @pytest.mark.parametrize(("frequency", "share"), [(50.0, 0.5), (150.0, 1.0), (23.3, 0.5)])
-def test_a_strong_tone_is_no_mode(frequency: float, share: float) -> None:
+def test_strong_tone_is_not_reported_as_mode(frequency: float, share: float) -> None:
     shape = np.random.default_rng(9).standard_normal(12)
     tone = np.outer(np.sin(2 * np.pi * frequency * np.arange(60_000) / 1000.0), shape)
     data = window(6).data + share * window(6).data.std() * tone
@@ -184,12 +184,12 @@ def test_a_strong_tone_is_no_mode(frequency: float, share: float) -> None:
     assert np.any(np.abs(found.harmonics - frequency) < 0.01)
 
 
-def test_a_band_restricts_the_search() -> None:
+def test_frequency_band_restricts_the_search() -> None:
     found = identify(window(0), band=(30.0, 100.0))
     assert np.allclose(found.frequency, [38.84, 68.77, 92.53], rtol=0.01)
 
 
-def test_poles_of_the_diagram_surround_the_modes() -> None:
+def test_stabilization_diagram_has_stable_poles_at_each_mode() -> None:
     everything = identify_all(window(4))
     for f in everything.estimate.frequency:
         near = np.abs(everything.poles.frequency / f - 1) < 0.01
@@ -208,12 +208,12 @@ def test_short_recordings_are_refused(n_samples: int) -> None:
         identify(noise(n_samples, 4))
 
 
-def test_too_short_says_what_is_needed() -> None:
+def test_error_for_short_recording_states_required_length() -> None:
     with pytest.raises(TooShort, match=r"1 s is too short: at least"):
         identify(noise(100, 4))
 
 
-def test_one_channel_is_too_few() -> None:
+def test_single_usable_channel_is_refused() -> None:
     recording = noise(6000, 3)
     recording.data[:, 0] = np.nan
     recording.data[:, 1] = 1.0
@@ -223,7 +223,7 @@ def test_one_channel_is_too_few() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_noise_has_no_modes(seed: int) -> None:
+def test_no_modes_are_identified_in_noise(seed: int) -> None:
     recording = noise(60_000, 12, rate=1000.0)
     recording.data[:] = np.random.default_rng(seed).standard_normal(recording.data.shape)
     with pytest.raises(TooFewModes):
@@ -231,7 +231,7 @@ def test_noise_has_no_modes(seed: int) -> None:
 
 
 @pytest.mark.parametrize("band", [(10.0, 5.0), (0.0, 10.0), (1.0, 60.0)])
-def test_impossible_bands_are_refused(band: tuple[float, float]) -> None:
+def test_invalid_bands_are_refused(band: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="band: expected"):
         identify(noise(6000, 4), band=band)
 
@@ -240,12 +240,12 @@ def test_impossible_bands_are_refused(band: tuple[float, float]) -> None:
     "options",
     [{"block_rows": 1}, {"max_order": 1}, {"max_order": 0}, {"order_step": 0}, {"n_blocks": 2}, {"decimation": 1}],
 )
-def test_impossible_options_are_refused(options: dict[str, int]) -> None:
+def test_invalid_options_are_refused(options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="expected"):
         CovarianceSSI(**options)  # type: ignore[arg-type]
 
 
-def test_two_modes_that_a_short_window_mixes_are_both_found() -> None:
+def test_close_modes_mixed_in_short_window_are_both_identified() -> None:
     """In 30 s, 0.09 Hz apart and 0.07 Hz wide each, their shapes mix with complex factors."""
     frequency, damping = frame().frequency.copy(), frame().damping.copy()
     frequency[0], damping[:2] = 10.88, (0.006, 0.008)
@@ -255,7 +255,7 @@ def test_two_modes_that_a_short_window_mixes_are_both_found() -> None:
     assert np.sum([estimate.n_modes == 2 for estimate in found]) >= 8
 
 
-def test_more_modes_than_the_usual_orders_have_poles_for() -> None:
+def test_more_modes_than_default_model_orders_are_identified() -> None:
     """24 modes at 12 sensors: up to order 50 two of them were not found, and dampings erred by four deviations."""
     every = chain(24, 2.0, 0.005)
     truth = replace(every, shapes=every.shapes[:, ::2], channels=every.channels[::2])

@@ -7,7 +7,7 @@ from tests.support.oma.structures import FRAME_SHAPES
 TURN = np.exp(1.2j) * 3.7
 
 
-def test_mac_ignores_scale_and_phase() -> None:
+def test_mac_is_independent_of_scale_and_phase() -> None:
     assert mac(FRAME_SHAPES[0], TURN * FRAME_SHAPES[0]) == pytest.approx(1.0, abs=1e-14)
 
 
@@ -15,7 +15,7 @@ def test_mac_of_orthogonal_shapes_is_zero() -> None:
     assert np.allclose(mac_matrix(np.eye(3), np.eye(3)), np.eye(3), atol=0)
 
 
-def test_mac_refuses_different_channels() -> None:
+def test_mac_of_different_channel_counts_is_refused() -> None:
     with pytest.raises(ValueError, match="found 3 and 4"):
         mac_matrix(np.eye(3), np.eye(4))
 
@@ -33,7 +33,7 @@ def test_normalising_minimises_the_imaginary_part() -> None:
     assert np.sum(shape.imag**2) <= np.min(np.sum((turns[:, None] * shape).imag ** 2, axis=1)) + 1e-12
 
 
-def test_normalise_refuses_a_zero_shape() -> None:
+def test_normalising_a_zero_shape_is_refused() -> None:
     with pytest.raises(ValueError, match="zero"):
         normalise(np.zeros(3))
 
@@ -51,16 +51,16 @@ def test_mpc_equals_the_eigenvalue_form() -> None:
     assert mpc(shape) == pytest.approx(((high - low) / (high + low)) ** 2, rel=1e-10)
 
 
-def test_mpd_of_a_constant_phase_error_is_its_angle_from_the_line() -> None:
+def test_mpd_of_two_components_is_half_their_phase_difference() -> None:
     # two equal components 40 degrees apart lie 20 degrees either side of the best line
     assert mpd(np.array([1.0, np.exp(1j * np.radians(40.0))])) == pytest.approx(np.radians(20.0), rel=1e-10)
 
 
-def test_comac_is_one_where_all_shapes_agree_whatever_their_scale() -> None:
+def test_comac_of_equal_shapes_is_one_for_any_scale() -> None:
     assert comac(FRAME_SHAPES, (TURN * FRAME_SHAPES)) == pytest.approx(np.ones(12), abs=1e-12)
 
 
-def test_comac_points_at_the_channel_that_is_wrong() -> None:
+def test_comac_is_lowest_at_the_wrong_channel() -> None:
     damaged = FRAME_SHAPES.copy()
     damaged[:, 4] = damaged[::-1, 4]  # right in norm, wrong in each mode
     found = comac(FRAME_SHAPES, damaged)
@@ -71,7 +71,7 @@ def test_comac_points_at_the_channel_that_is_wrong() -> None:
     assert two == pytest.approx((24 / 25) ** 2)
 
 
-def test_comac_says_nothing_of_a_channel_that_does_not_move() -> None:
+def test_comac_of_motionless_channel_is_nan() -> None:
     still = np.array([[1.0, 0.0, 2.0]])
     assert np.isnan(comac(still, still)).tolist() == [False, True, False]
     with pytest.raises(ValueError, match="expected as many pairs"):

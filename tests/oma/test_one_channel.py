@@ -18,7 +18,7 @@ def one_channel(seed: int, column: int) -> Recording:
 
 
 @pytest.mark.parametrize("name", ["ssi-data", "fsdd"])
-def test_every_mode_is_found_and_none_besides(name: str) -> None:
+def test_all_modes_are_identified_from_one_channel(name: str) -> None:
     z = []
     for seed, column in ((0, 0), (1, 3), (2, 0), (3, 3)):
         estimate = identify_all(one_channel(seed, column), METHODS[name]()).estimate

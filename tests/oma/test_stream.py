@@ -11,7 +11,7 @@ BAND = (1.0, 20.0)
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_rolling_window_forgets_what_it_dropped(seed: int) -> None:
+def test_rolling_window_is_unaffected_by_dropped_blocks(seed: int) -> None:
     before, now = simulate(chain(first=2.2), 240.0, 50.0, seed), simulate(chain(), 300.0, 50.0, seed + 100)
     names = tuple(channel.name for channel in now.channels)
     rolling = IdentificationStream(names, 50.0, BAND, start=before.start)
@@ -33,7 +33,7 @@ def test_a_rolling_window_forgets_what_it_dropped(seed: int) -> None:
 
 @pytest.mark.parametrize("method", [CovarianceSSI, DataSSI])
 @pytest.mark.parametrize("seed", range(2))
-def test_two_references_are_enough(method: type[CovarianceSSI], seed: int) -> None:
+def test_modes_are_identified_with_two_reference_channels(method: type[CovarianceSSI], seed: int) -> None:
     truth = frame()
     found = identify(simulate(truth, 60.0, 1000.0, seed), method(references=("beam_left_y", "beam_left_z")))
     agreement = mac_matrix(found.shape, truth.shapes)
@@ -42,19 +42,19 @@ def test_two_references_are_enough(method: type[CovarianceSSI], seed: int) -> No
     assert (np.abs(found.frequency - truth.frequency[partner]) < 5 * found.frequency_std).all()
 
 
-def test_references_that_are_not_there_are_refused() -> None:
+def test_missing_reference_channels_are_refused() -> None:
     with pytest.raises(TooFewChannels, match="roof: a reference that is not there or carries no signal"):
         identify(simulate(chain(), 60.0, 50.0, 0), DataSSI(references=("roof",)))
 
 
-def test_an_empty_stream_is_too_short() -> None:
+def test_stream_of_ten_samples_is_too_short() -> None:
     stream = IdentificationStream(("a", "b"), 50.0, BAND)
     stream.add(np.zeros((10, 2)))
     with pytest.raises(TooShort):
         stream.identify()
 
 
-def test_nothing_of_the_process_is_touched(capfd: pytest.CaptureFixture[str]) -> None:
+def test_identification_leaves_global_state_and_output_unchanged(capfd: pytest.CaptureFixture[str]) -> None:
     np.random.seed(5)  # noqa: NPY002 - the global state is what must stay
     before = np.random.get_state(legacy=False)["state"]["key"].copy(), np.geterr()  # noqa: NPY002
     identify(simulate(chain(), 300.0, 50.0, 0))

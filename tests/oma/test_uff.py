@@ -28,7 +28,7 @@ def estimate(channels: tuple[str, ...], n_modes: int = 8) -> ModalEstimate:
     )
 
 
-def test_names_say_nodes_and_directions() -> None:
+def test_nodes_and_directions_are_parsed_from_channel_names() -> None:
     found = places_by_name(["12_x", "12_-y", "top_z", "near", "toP_X", "7_+Z"])
     assert {name: place.node for name, place in found.items()} == {
         "12_x": 12, "12_-y": 12, "top_z": 13, "near": 14, "toP_X": 15, "7_+Z": 7,
@@ -38,7 +38,7 @@ def test_names_say_nodes_and_directions() -> None:
     assert found["7_+Z"].direction == (0, 0, 1)
 
 
-def test_modes_are_read_back_as_they_were(tmp_path: Path) -> None:
+def test_modes_written_to_universal_file_are_read_back(tmp_path: Path) -> None:
     modes = estimate(frame().channels)
     path = tmp_path / "modes.unv"
     path.write_text("something old")
@@ -56,7 +56,7 @@ def test_modes_are_read_back_as_they_were(tmp_path: Path) -> None:
             assert motion @ places[channel].direction == pytest.approx(value, abs=1e-5)
 
 
-def test_oblique_channels_are_put_together_and_places_drawn(tmp_path: Path) -> None:
+def test_oblique_channels_are_combined_to_motion_of_their_node(tmp_path: Path) -> None:
     """Three beams that meet at a node, as those of a laser do: their motion is that of the node."""
     beams = np.array([[0.8, 0.6, 0.0], [0.0, 0.8, 0.6], [0.6, 0.0, 0.8]])
     modes = estimate(("a", "b", "c"), 2)
@@ -72,6 +72,6 @@ def test_oblique_channels_are_put_together_and_places_drawn(tmp_path: Path) -> N
     np.testing.assert_allclose(beams @ motion, modes.shape[1], atol=1e-5)
 
 
-def test_a_place_that_cannot_be_written_is_an_os_error(tmp_path: Path) -> None:
+def test_unwritable_path_raises_os_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         write_universal(tmp_path / "none" / "modes.unv", estimate(("a", "b"), 1))

@@ -44,7 +44,7 @@ gaps = st.lists(st.tuples(st.integers(1, 300), st.integers(0, 200_000)), min_siz
 
 
 @given(gaps, st.lists(st.integers(1, 80), min_size=1, max_size=5))
-def test_gaps_are_exact_however_often_the_counter_wrapped(runs: list[tuple[int, int]], reads: list[int]) -> None:
+def test_gaps_are_exact_over_any_number_of_counter_wraps(runs: list[tuple[int, int]], reads: list[int]) -> None:
     parts, at = [], 0
     for n, missing in runs:
         parts.append(np.arange(at, at + n, dtype=np.int32))
@@ -68,7 +68,7 @@ def _sizes(total: int, reads: list[int]) -> Iterator[int]:
         k += 1
 
 
-def test_gap_amid_a_read_is_exact() -> None:
+def test_gap_within_one_read_is_exact() -> None:
     index = np.concatenate([np.arange(105), np.arange(107, 900), np.arange(5_000, 5_010)]).astype(np.int32)
     blocks = list(cut(index, [50] * 30))
     assert_true(blocks)
@@ -78,7 +78,7 @@ def test_gap_amid_a_read_is_exact() -> None:
     ]  # a block ends with the read that brings it nearest to its length
 
 
-def test_what_was_waiting_during_a_stall_keeps_its_place() -> None:
+def test_scans_buffered_during_stall_keep_their_indices() -> None:
     index = np.concatenate([np.arange(500), np.arange(90_000, 90_300)]).astype(np.int32)
     blocks = list(cut(index, [100, 100, 250, 100, 250]))  # the fourth read: 50 old scans, then new ones
     assert_true(blocks)
@@ -87,7 +87,7 @@ def test_what_was_waiting_during_a_stall_keeps_its_place() -> None:
 
 @pytest.mark.parametrize("false", [1, 12_345, 32_769, 60_000, -3])
 @pytest.mark.parametrize("at", [2_000, 2_003, 2_009])  # first, amid, last of a read
-def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
+def test_wrong_counter_value_loses_at_most_two_reads(false: int, at: int) -> None:
     blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N)
     found: list[Block] = []
     for start in range(0, 80_000, 10):
@@ -103,7 +103,7 @@ def test_false_counter_costs_the_scans_around_it(false: int, at: int) -> None:
     assert all(b.arrival_time >= START + b.arrival_index * 1_000_000 for b in found)
 
 
-def test_pair_of_a_block_is_its_earliest_arrival() -> None:
+def test_block_arrival_time_is_from_the_least_delayed_read() -> None:
     blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, 100)
     late = [900_000, 300_000, 100_000, 700_000]
     found: list[Block] = []
@@ -114,7 +114,7 @@ def test_pair_of_a_block_is_its_earliest_arrival() -> None:
     assert [(b.arrival_index, b.arrival_time) for b in found] == [(74, START + 74_000_000 + 100_000)]
 
 
-def test_damage_is_flagged() -> None:
+def test_block_with_damaged_bytes_is_flagged() -> None:
     blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, 10)
     index = np.arange(10, dtype=np.int32)
     (first,) = blocks.add(Scans(index[:, None], index, 20.0, 24), START)
@@ -122,7 +122,7 @@ def test_damage_is_flagged() -> None:
     assert (first.flags, second.flags) == (Flag.BAD_FRAMES, Flag.NONE)
 
 
-def test_indices_go_on_by_the_hosts_clock_after_a_restart() -> None:
+def test_indices_continue_by_host_clock_after_restart() -> None:
     blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N)
     before = list(cut(np.arange(600, dtype=np.int32), [100] * 6, blocks=blocks))
     assert [b.n_scans for b in before] == [200, 200, 200]

@@ -11,7 +11,7 @@ from tests.support.daq.can_buses import pty, serving
 from tests.support.daq.emulated_ports import Ramp
 
 
-def test_ports_are_listed_by_the_names_that_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ports_are_listed_by_persistent_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usb, plain = tmp_path / "ttyUSB0", tmp_path / "ttyS0"
     usb.touch()
     plain.touch()
@@ -32,13 +32,13 @@ def test_ports_are_listed_by_the_names_that_stay(tmp_path: Path, monkeypatch: py
     assert [p.path for p in serial_ports(tmp_path / "none")] == [str(plain), str(usb)]
 
 
-def test_adapters_are_those_of_python_can(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_can_adapters_are_those_detected_by_python_can(monkeypatch: pytest.MonkeyPatch) -> None:
     reported = [{"interface": "pcan", "channel": "PCAN_USBBUS1", "supports_fd": True}]
     monkeypatch.setattr("can.detect_available_configs", lambda interfaces: reported if "pcan" in interfaces else [])
     assert can_adapters() == [("pcan", "PCAN_USBBUS1")]
 
 
-def test_port_that_is_not_there_or_no_port_is_named(tmp_path: Path) -> None:
+def test_missing_or_invalid_port_is_named_in_the_error(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     for path in (tmp_path / "none", tmp_path / "file"):
         with pytest.raises(DriverError, match=f"^{path}: cannot be opened: "):
@@ -46,7 +46,7 @@ def test_port_that_is_not_there_or_no_port_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.live
-def test_port_in_use_is_left_alone() -> None:
+def test_search_does_not_disturb_port_in_use() -> None:
     device = EmulatedNode(Ramp(), SystemClock(), serial_number="N")
     with serving(device.serve):
         driver = make_driver("modalwatch-node", device.port, 1000.0)
@@ -62,7 +62,7 @@ def test_port_in_use_is_left_alone() -> None:
 
 
 @pytest.mark.live
-def test_modem_is_no_device_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_echoing_modem_is_not_detected_as_device(monkeypatch: pytest.MonkeyPatch) -> None:
     """It echoes every line, and responds to it."""
     monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200,))
     monkeypatch.setattr("daq.drivers.serial.node._HELLO_SECONDS", 0.3)

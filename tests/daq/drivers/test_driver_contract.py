@@ -159,19 +159,19 @@ def check_life(found: Device, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", DRIVERS)
-def test_driver_keeps_the_contract(name: str, ports: Emulators, tmp_path: Path) -> None:
+def test_driver_satisfies_the_driver_contract(name: str, ports: Emulators, tmp_path: Path) -> None:
     with device(name, ports, tmp_path) as found:
         check_life(found, name)
 
 
 @pytest.mark.parametrize("name", DRIVERS)
-def test_port_that_is_not_there_is_named(name: str) -> None:
+def test_missing_port_is_named_in_the_error(name: str) -> None:
     with pytest.raises(DriverError, match=r"/dev/none.*: (no .* answers|the bus cannot be opened): .*No such file"):
         make(name, DRIVERS[name][0], RATES[name]).open()
 
 
 @pytest.mark.parametrize("name", DRIVERS)
 @pytest.mark.parametrize("rate", [0.0, -1000.0, float("nan")])
-def test_rate_that_is_none_is_refused(name: str, rate: float) -> None:
+def test_nonpositive_or_nan_rate_is_refused(name: str, rate: float) -> None:
     with pytest.raises(ValueError, match=r"rate of .*/dev/none.*: expected "):
         make(name, DRIVERS[name][0], rate)

@@ -48,7 +48,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("installed")
-def test_driver_of_an_installed_distribution_is_made_by_its_name() -> None:
+def test_plugin_driver_is_created_by_name() -> None:
     assert {"epson-uart", "mine"} <= set(driver_names())
     for place in ("COM3", CanAddress(interface="virtual", channel="a", node=1)):
         driver = make_driver("mine", place, 42.0)
@@ -57,7 +57,7 @@ def test_driver_of_an_installed_distribution_is_made_by_its_name() -> None:
 
 
 @pytest.mark.usefixtures("installed")
-def test_driver_of_ours_is_not_replaced() -> None:
+def test_plugin_does_not_replace_builtin_driver() -> None:
     assert type(make_driver("epson-uart", "COM3", 500.0)).__module__ == "daq.drivers.serial.epson_uart"
     assert driver_names().count("epson-uart") == 1
 
@@ -72,10 +72,10 @@ def test_driver_of_ours_is_not_replaced() -> None:
         ("nobody", "driver: expected one of .*mine, misspelt.*, found 'nobody'"),
     ],
 )
-def test_what_cannot_be_used_is_named(name: str, why: str) -> None:
+def test_unusable_plugin_driver_is_named_in_the_error(name: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         make_driver(name, "COM3", 42.0)
 
 
-def test_without_it_there_is_no_such_driver() -> None:
+def test_plugin_driver_is_absent_without_its_distribution() -> None:
     assert "mine" not in driver_names()

@@ -55,7 +55,7 @@ def assert_continuous(blocks: list[Block]) -> None:
     np.testing.assert_array_equal(np.concatenate([b.counts for b in blocks]), np.stack([k, -k, 3 * k], axis=1))
 
 
-def test_six_devices_at_ten_times_real_time_lose_nothing() -> None:
+def test_six_devices_at_tenfold_speed_lose_no_scans() -> None:
     items: list[Item] = []
     with emulators(6, speed=10) as found:
         with reading(found, items):
@@ -76,7 +76,7 @@ def test_six_devices_at_ten_times_real_time_lose_nothing() -> None:
     ]
 
 
-def test_arrival_is_never_before_the_scan_and_close_to_it() -> None:
+def test_arrival_delays_vary_by_less_than_100_ms() -> None:
     items: list[Item] = []
     with emulators(1) as found, reading(found, items):
         time.sleep(1.5)
@@ -87,7 +87,7 @@ def test_arrival_is_never_before_the_scan_and_close_to_it() -> None:
     assert np.ptp(late) < 100e6  # ns; the process slept that long only if the machine is far overloaded
 
 
-def test_unplugged_device_is_lost_and_the_others_go_on() -> None:
+def test_unplugged_device_fails_and_other_devices_continue() -> None:
     items: list[Item] = []
     with emulators(3) as found:
         with reading(found, items):
@@ -139,7 +139,7 @@ def answering(reply: bytes) -> Iterator[str]:
     ],
     ids=["silence", "other identity", "modem"],
 )
-def test_wrong_device_is_an_error_that_names_the_port(reply: bytes, why: str) -> None:
+def test_wrong_device_raises_error_naming_the_port(reply: bytes, why: str) -> None:
     with answering(reply) as port:
         driver = make_driver("epson-uart", port, RATE)
         with pytest.raises(DriverError, match=why) as found:
@@ -148,12 +148,12 @@ def test_wrong_device_is_an_error_that_names_the_port(reply: bytes, why: str) ->
         assert str(found.value).startswith(f"{port}: no M-A352 answers: ")
 
 
-def test_missing_port_is_an_error_that_names_it() -> None:
+def test_missing_port_raises_error_naming_the_port() -> None:
     with pytest.raises(DriverError, match=r"/dev/none: no M-A352 answers: .*No such file"):
         make_driver("epson-uart", "/dev/none", RATE).open()
 
 
-def test_taken_port_is_an_error(tmp_path: Path) -> None:
+def test_port_in_use_by_another_driver_is_an_error(tmp_path: Path) -> None:
     with emulators(1) as found:
         first, second = (make_driver("epson-uart", found.ports[0], RATE) for _ in range(2))
         first.open()
@@ -163,11 +163,11 @@ def test_taken_port_is_an_error(tmp_path: Path) -> None:
         first.close()
 
 
-def test_wrong_rate_is_refused() -> None:
+def test_unsupported_rate_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected one of \[50, 100, 200, 500, 1000\] Hz, found 250"):
         make_driver("epson-uart", "/dev/none", 250.0)
 
 
-def test_wrong_driver_is_refused() -> None:
+def test_unknown_driver_name_is_refused() -> None:
     with pytest.raises(ValueError, match=r"driver: expected one of can-dbc, epson-can, epson-uart.*, found 'epsom'"):
         make_driver("epsom", "/dev/none", RATE)

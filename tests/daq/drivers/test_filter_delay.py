@@ -45,7 +45,7 @@ def lateness(signal: FloatArray, t: FloatArray) -> float:
     return float(turned / (2 * np.pi * TONES[0]))
 
 
-def test_a_filter_is_as_late_as_is_said() -> None:
+def test_measured_filter_delay_equals_stated_group_delay() -> None:
     low_pass = np.asarray(firwin(512, 460.0, window=("kaiser", 5.65), fs=4000.0))  # 60 dB
     sensed = Sensed(low_pass)
     sensed.start(START, RATE)
@@ -77,7 +77,7 @@ class Delayed:
 
 
 @pytest.mark.parametrize(("message", "taken"), [(None, 0.0625), (0.25, 0.25), (0.0, 0.0)])
-def test_times_are_of_the_motion(message: float | None, taken: float) -> None:
+def test_arrival_times_are_corrected_for_filter_delay(message: float | None, taken: float) -> None:
     items: list[Item] = []
     driver = Delayed(HandClock())
     reader = driver.reader = DeviceReader("d", driver, RATE, driver.clock, items.append, delay=message)
@@ -90,7 +90,7 @@ def test_times_are_of_the_motion(message: float | None, taken: float) -> None:
     assert block.arrival_time == START - round(taken * 1e9)
 
 
-def test_emulated_devices_send_as_late_as_their_filters_make_them() -> None:
+def test_emulated_device_delays_scans_by_its_filter_delay() -> None:
     clock = HandClock()
     device = EmulatedEpson(Sensed(np.ones(1)), clock, serial_number="E")
     for window, address, value in ((1, epson.FILTER_CTRL, 10), (0, epson.MODE_CTRL, epson.MODE_SAMPLING)):
@@ -104,12 +104,12 @@ def test_emulated_devices_send_as_late_as_their_filters_make_them() -> None:
     assert sent == {0: 0, 63: 0, 64: 1, 65: 2}
 
 
-def test_lateness_is_measured_in_seconds() -> None:
+def test_lateness_of_signal_delayed_10_ms_is_10_ms() -> None:
     t = np.arange(1200) / RATE
     assert lateness(motion(t - 0.01), t) == pytest.approx(0.01, abs=1e-3)  # other tones leak into that one
 
 
-def test_filters_are_those_of_the_vendors_driver_and_end_below_half_the_rate() -> None:
+def test_filters_match_vendor_driver_and_cut_off_below_nyquist() -> None:
     assert {FILTERS[rate]: (TAPS[FILTERS[rate]], CUTOFF[FILTERS[rate]]) for rate in FILTERS} == {
         10: (512, 460),
         9: (512, 210),

@@ -91,7 +91,7 @@ def steady(first: int, n: int, size: int = 50) -> list[Step]:
     return [(size / RATE, range(k, k + size)) for k in range(first, first + n, size)]
 
 
-def test_steady_stream_becomes_whole_blocks_across_wraps() -> None:
+def test_steady_stream_gives_full_blocks_across_counter_wraps() -> None:
     blocks = blocks_of(played(steady(0, 140_000)))
     assert [b.first_index for b in blocks] == list(range(0, 140_000, 250))
     assert {b.n_scans for b in blocks} == {250}
@@ -101,14 +101,14 @@ def test_steady_stream_becomes_whole_blocks_across_wraps() -> None:
     assert {b.arrival_time - b.arrival_index * 1_000_000 for b in blocks} == {START + 1_000_000}
 
 
-def test_identity_is_the_first_event() -> None:
+def test_device_identity_is_the_first_event() -> None:
     first = played(steady(0, 50))[0]
     assert isinstance(first, Event)
     assert (first.topic, first.payload) == ("/event/device_open", {"device": "beam", "product": "P", "serial": "S1"})
 
 
 @pytest.mark.parametrize("missing", [1, 37, 5_000, 65_535, 65_537, 200_003])
-def test_gap_is_counted_to_the_scan(missing: int) -> None:
+def test_gap_length_is_exact(missing: int) -> None:
     script = steady(0, 1000)
     script.append(((missing + 50) / RATE, range(1000 + missing, 1050 + missing)))
     script += steady(1050 + missing, 950)
@@ -131,7 +131,7 @@ def test_gap_inside_a_read_splits_the_block() -> None:
     )  # none arrives before it is taken
 
 
-def test_stall_of_the_host_loses_nothing_that_was_kept() -> None:
+def test_scans_buffered_by_the_kernel_survive_host_stall() -> None:
     # 40 s pass unread; what arrives first was kept by the kernel and goes on without a gap
     script = [*steady(0, 1000), (40.0, range(1000, 1170)), (0.05, range(41_000, 41_050)), *steady(41_050, 950)]
     items = played(script)
@@ -140,19 +140,19 @@ def test_stall_of_the_host_loses_nothing_that_was_kept() -> None:
     assert [(g["first_index"], g["missing"]) for g in events_of(items, "gap")] == [(1170, 39_830)]
 
 
-def test_late_reads_leave_the_pair_to_the_earliest() -> None:
+def test_block_arrival_time_is_unaffected_by_late_reads() -> None:
     script: list[Step] = [(0.05, range(50)), (0.08, range(50, 100)), (0.02, range(100, 150)), *steady(150, 100)]
     (block,) = blocks_of(played(script))
     assert block.arrival_time - block.arrival_index * 1_000_000 == START + 1_000_000
 
 
-def test_damage_is_flagged_on_its_block() -> None:
+def test_damaged_bytes_are_flagged_on_their_block() -> None:
     blocks = blocks_of(played(steady(0, 1000), bad={8: 24}))  # the 8th read holds scans 350 to 399
     assert [b.first_index for b in blocks if b.flags & Flag.BAD_FRAMES] == [250]
 
 
 @pytest.mark.parametrize("counter", [0, 7, 65_530])
-def test_lost_device_is_taken_back_with_a_new_origin(counter: int) -> None:
+def test_recovered_device_continues_with_new_index_origin(counter: int) -> None:
     script = [*steady(0, 400), (0.5, None), *steady(counter, 600)]
     items = played(script, refusals=1)
     blocks = blocks_of(items)
@@ -170,7 +170,7 @@ def test_lost_device_is_taken_back_with_a_new_origin(counter: int) -> None:
     assert (gap["first_index"], gap["exact"]) == (400, False)
 
 
-def test_driver_that_stumbles_ends_its_device_for_no_longer_than_a_loss() -> None:
+def test_driver_exception_is_handled_as_temporary_device_loss() -> None:
     """A thread that ends with an error of the program would be silent for good."""
     clock, items = HandClock(speed=1000.0), list[Item]()
     script: list[Step] = [(0.25, range(250)), (0.25, None), (0.25, range(250)), (0.25, range(250, 500))]
@@ -189,14 +189,14 @@ def test_driver_that_stumbles_ends_its_device_for_no_longer_than_a_loss() -> Non
     assert sum(len(item.counts) for item in items if isinstance(item, Block)) == 750
 
 
-def test_silent_device_is_lost() -> None:
+def test_silent_device_is_reported_as_failed() -> None:
     items = played([*steady(0, 400), *[(500.0, range(0))] * 5, *steady(0, 500)])
     (lost,) = events_of(items, "device_failed")
     assert lost["why"] == "beam: silent for 1.7 s"
     assert len(events_of(items, "device_recovered")) == 1
 
 
-def test_another_device_at_the_port_is_not_taken_for_this_one() -> None:
+def test_different_device_at_the_port_is_not_accepted() -> None:
     """Another device responds at two attempts: reported once, none of its scans accepted; then the device is back."""
     items = played([*steady(0, 400), (0.1, None), *steady(0, 500)], strangers=2)
     (wrong,) = events_of(items, "wrong_device")
@@ -226,15 +226,13 @@ def arriving(n: int, stalls: dict[int, float]) -> list[Step]:
 @pytest.mark.parametrize(
     ("n", "found"), [(250, None), (245, None), (255, None), (230, 920.0), (270, 1080.0), (100, 400.0), (300, 1200.0)]
 )
-def test_a_device_that_sends_at_another_rate_is_told_once(
-    n: int, found: float | None, stalls: dict[int, float]
-) -> None:
+def test_wrong_device_rate_is_reported_once(n: int, found: float | None, stalls: dict[int, float]) -> None:
     """A stall of the host for seconds neither looks like another rate nor hides one."""
     expected = [] if found is None else [{"device": "beam", "expected": RATE, "found": pytest.approx(found, rel=0.01)}]
     assert events_of(played(arriving(n, stalls), speed=1.0), "wrong_rate") == expected
 
 
-def test_host_that_is_busy_for_longer_than_is_looked_at_is_no_device_at_another_rate() -> None:
+def test_busy_host_is_not_reported_as_wrong_device_rate() -> None:
     """Each read is three seconds late for half a minute, amid which a part of 20 s lies."""
     script: list[Step] = [(0.25 + 3.0 * (k == 60), range(k * 250, (k + 1) * 250)) for k in range(180)]
     script[180:] = [(0.25 * (k >= 192), range(k * 250, (k + 1) * 250)) for k in range(180, 400)]

@@ -90,7 +90,7 @@ def counts_of(items: list[Item]) -> IntArray:
 
 
 @pytest.mark.live
-def test_devices_of_a_log_send_the_same_again_and_keep_their_times(log: Path) -> None:
+def test_replayed_devices_repeat_scans_gaps_and_relative_times(log: Path) -> None:
     found = played(log, "ab", 0.6)
     for device, first in (("a", [0, 250, 500, 750, 2000, 2250, 2500, 2750]), ("b", range(0, 3000, 250))):
         expected = np.concatenate([make_block(device, k).counts for k in first])
@@ -113,7 +113,7 @@ def test_devices_of_a_log_send_the_same_again_and_keep_their_times(log: Path) ->
 
 
 @pytest.mark.live
-def test_end_of_the_log_is_the_loss_of_the_device(log: Path) -> None:
+def test_replayed_device_is_lost_at_the_end_of_the_log(log: Path) -> None:
     driver = make_driver("replay", LogAddress(path=log, device="b", speed=100.0), RATE)
     driver.open()
     sizes: list[int] = []
@@ -128,7 +128,7 @@ def test_end_of_the_log_is_the_loss_of_the_device(log: Path) -> None:
 
 
 @pytest.mark.live
-def test_device_that_was_lost_is_lost_again_and_goes_on_where_it_did(tmp_path: Path) -> None:
+def test_device_loss_and_recovery_in_the_log_are_replayed(tmp_path: Path) -> None:
     """8 s at ten times real time are more than the 0.25 s that a device may be silent."""
     late = [at_time("a", first) for first in (8_000, 8_250)]
     log = write_log(tmp_path / "lost.mcap", [at_time("a", 0), at_time("a", 250), *late])
@@ -158,7 +158,7 @@ def other_version(folder: Path) -> Iterator[tuple[Path, str, float, str]]:
     yield folder, "a", RATE, "the folder holds 3 logs: name one of them"
 
 
-def test_what_cannot_be_played_is_one_line_with_the_log(tmp_path: Path) -> None:
+def test_unplayable_log_gives_one_line_error_naming_the_log(tmp_path: Path) -> None:
     for path, device, rate, why in other_version(tmp_path):
         driver = make_driver("replay", LogAddress(path=path, device=device), rate)
         with pytest.raises(DriverError, match=f"{path} device {device}: cannot be played: .*{why}") as error:
@@ -166,7 +166,7 @@ def test_what_cannot_be_played_is_one_line_with_the_log(tmp_path: Path) -> None:
         assert "\n" not in str(error.value)
 
 
-def test_rate_speed_and_place_are_checked(log: Path) -> None:
+def test_invalid_rate_speed_or_address_is_refused(log: Path) -> None:
     for rate, speed, name in ((0.0, 1.0, "rate"), (1.0, -1.0, "speed")):
         with pytest.raises(ValueError, match=f"{name} of .*run.mcap device a: expected a positive number"):
             make_driver("replay", LogAddress(path=log, device="a", speed=speed), rate)

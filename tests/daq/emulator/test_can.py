@@ -30,7 +30,7 @@ def adapter(*nodes: int) -> EmulatedSlcan:
     return EmulatedSlcan([EmulatedEpsonCan(Ramp(), clock, node=k, serial_number=40 + k, product=NAME) for k in nodes])
 
 
-def test_canopen_alone_reads_identity_and_makes_it_operational() -> None:
+def test_canopen_master_reads_identity_and_starts_the_node() -> None:
     with served(adapter(3, 4)) as emulated, SlcanBus(emulated.port) as bus:
         network = canopen.Network(bus)
         network.connect()
@@ -66,7 +66,7 @@ def test_canopen_alone_reads_identity_and_makes_it_operational() -> None:
     assert scans.tolist() == [[k, -k, 3 * k] for k in range(1, 20)]
 
 
-def test_python_cans_own_slcan_opens_it_and_reads_frames() -> None:
+def test_python_can_slcan_interface_reads_emulated_frames() -> None:
     with (
         served(adapter(5)) as emulated,
         can.Bus(interface="slcan", channel=emulated.port, bitrate=1_000_000, sleep_after_open=0) as bus,
@@ -81,7 +81,7 @@ def test_python_cans_own_slcan_opens_it_and_reads_frames() -> None:
     assert scans == [0x185, 0x285] * 5
 
 
-def test_an_adapter_answers_as_adapters_do() -> None:
+def test_emulated_adapter_replies_to_slcan_commands() -> None:
     emulated = adapter(1)
     host = os.open(emulated.port, os.O_RDWR | os.O_NOCTTY)
     os.write(host, b"\rV\rN\rF\rt0000\rS8\rO\rt0000\rT000000010\rt9\rq\r")
@@ -93,7 +93,7 @@ def test_an_adapter_answers_as_adapters_do() -> None:
     emulated.serve()  # unplugged: does nothing
 
 
-def test_full_line_never_stops_it_and_what_is_dropped_is_counted() -> None:
+def test_full_line_does_not_block_adapter_and_drops_are_counted() -> None:
     clock = ScaledClock(speed=1000.0, origin_wall=time.time_ns(), origin=START)
     nodes = [EmulatedEpsonCan(Ramp(), clock, node=k, serial_number=k) for k in (1, 2)]
     emulated = EmulatedSlcan(nodes)

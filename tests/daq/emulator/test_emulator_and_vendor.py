@@ -68,7 +68,7 @@ def served(*devices: EmulatedEpson) -> Iterator[None]:
             device.close()
 
 
-def test_vendors_driver_reads_the_emulator(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_vendor_driver_reads_the_emulated_device(monkeypatch: pytest.MonkeyPatch) -> None:
     esensorlib = pytest.importorskip("esensorlib.sensor_device")
     monkeypatch.setattr(serial.Serial, "set_low_latency_mode", lambda *_: None)  # a pty has none
     device = EmulatedEpson(Steps(), SystemClock(), serial_number="T0000042")
@@ -87,7 +87,7 @@ def test_vendors_driver_reads_the_emulator(monkeypatch: pytest.MonkeyPatch) -> N
     assert {sample[1] for sample in found} == {temperature_raw(21.0)}
 
 
-def test_full_line_never_stops_it_and_what_is_dropped_is_counted() -> None:
+def test_full_line_does_not_block_device_and_drops_are_counted() -> None:
     clock = ScaledClock(speed=1000.0, origin_wall=time.time_ns(), origin=ORIGIN)
     device = EmulatedEpson(Steps(), clock, serial_number="A")
     port = serial.Serial(device.port, timeout=0)
@@ -111,7 +111,7 @@ def test_full_line_never_stops_it_and_what_is_dropped_is_counted() -> None:
     assert longest < 0.4
 
 
-def test_unplugged_device_is_silent_and_may_be_unplugged_again() -> None:
+def test_unplugged_device_sends_nothing_and_can_be_closed_twice() -> None:
     device = EmulatedEpson(Steps(), SystemClock(), serial_number="A")
     device.close()
     device.close()
@@ -119,7 +119,7 @@ def test_unplugged_device_is_silent_and_may_be_unplugged_again() -> None:
     assert (device.sent, device.dropped) == (0, 0)
 
 
-def test_who_looks_for_an_unplugged_device_finds_no_other() -> None:
+def test_port_of_unplugged_device_is_not_reused() -> None:
     """The kernel gives the lowest number that is free to the next pty."""
     device = EmulatedEpson(Steps(), SystemClock(), serial_number="A")
     adapter = EmulatedSlcan([])
@@ -131,7 +131,7 @@ def test_who_looks_for_an_unplugged_device_finds_no_other() -> None:
     another.close()
 
 
-def test_port_that_goes_amid_the_handshake_is_a_driver_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_port_lost_during_handshake_raises_driver_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(_: serial.Serial) -> None:
         raise termios.error(5, "Input/output error")
 
@@ -148,7 +148,7 @@ def wait_for(items: list[Item], topic: str) -> None:
         time.sleep(0.02)
 
 
-def test_device_is_taken_back_when_its_link_points_to_a_port_again(tmp_path: Path) -> None:
+def test_device_recovers_when_its_link_points_to_new_port(tmp_path: Path) -> None:
     items: list[Item] = []
     clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=ORIGIN)
     before, after = (EmulatedEpson(Steps(), clock, serial_number="A") for _ in range(2))

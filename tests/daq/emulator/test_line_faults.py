@@ -47,7 +47,7 @@ KINDS: dict[str, Callable[[HostClock, LineFaults], SerialEmulator]] = {
 
 @pytest.mark.live
 @pytest.mark.parametrize("name", ["epson-uart", "modalwatch-node"])
-def test_poor_line_costs_the_frames_it_harms_and_nothing_false_is_read(name: str) -> None:
+def test_poor_line_loses_damaged_frames_and_gives_no_false_scans(name: str) -> None:
     device = KINDS[name](SystemClock(), POOR)  # which harms one frame in fourteen
     with serving(device.serve):
         driver = make_driver(name, device.port, RATE)
@@ -70,7 +70,7 @@ def test_poor_line_costs_the_frames_it_harms_and_nothing_false_is_read(name: str
     assert np.median([len(scans.counts) for scans in reads if len(scans.counts)]) >= 10
 
 
-def test_as_many_bytes_are_harmed_as_are_said() -> None:
+def test_share_of_damaged_bytes_equals_the_stated_share() -> None:
     line, n = FaultyLine(LineFaults(flipped=0.01, lost=0.02, seed=1)), 100_000
     arrived = line.carried(bytes(n))
     # five deviations of binomial counts: 0.02 n, and 0.01 n of those that arrive
@@ -105,9 +105,7 @@ def payloads(items: list[Item], what: str) -> list[dict[str, Any]]:
 
 @pytest.mark.live
 @pytest.mark.parametrize(("name", "modulus", "glued"), [("epson-uart", 2**16, 0), ("modalwatch-node", 2**31, 1)])
-def test_what_is_lost_is_counted_to_the_scan_and_told_and_what_comes_twice_is_one(
-    name: str, modulus: int, glued: int
-) -> None:
+def test_line_losses_give_exact_gaps_and_repeated_frames_are_ignored(name: str, modulus: int, glued: int) -> None:
     clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
     spells = (
         LineSpell(what="lost", at=0.68, seconds=0.04),  # the counter wraps meanwhile
@@ -142,7 +140,7 @@ class Spoilt(EmulatedNode):
 
 
 @pytest.mark.live
-def test_a_node_whose_hello_is_spoilt_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hello_request_is_repeated_after_damaged_hello(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("daq.drivers.serial.node._AGAIN_SECONDS", 0.05)
     device = Spoilt(Ramp(), SystemClock(), serial_number="E")
     with serving(device.serve):
@@ -153,7 +151,7 @@ def test_a_node_whose_hello_is_spoilt_is_asked_again(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.live
-def test_a_device_that_is_dead_says_nothing_and_hears_nothing() -> None:
+def test_silent_device_sends_and_receives_nothing() -> None:
     device = KINDS["epson-uart"](SystemClock(), LineFaults(spells=(LineSpell(what="silent", at=0.0, seconds=100.0),)))
     line = os.open(device.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     os.write(line, epson.read_register(epson.ID))
@@ -179,7 +177,7 @@ def answered(device: SerialEmulator, line: int) -> bool:
 
 
 @pytest.mark.live
-def test_a_device_at_another_baud_rate_is_not_understood_and_says_nothing_sensible(
+def test_device_at_wrong_baud_rate_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("daq.drivers.serial.epson_uart._REPLY_SECONDS", 0.1)
@@ -195,12 +193,12 @@ def test_a_device_at_another_baud_rate_is_not_understood_and_says_nothing_sensib
 @pytest.mark.parametrize(
     "wrong", [{"flipped": -0.1}, {"lost": 1.5}, {"babble": -1}, {"latency": -1.0}, {"counter": -1}]
 )
-def test_faults_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
+def test_invalid_line_faults_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=f"{next(iter(wrong))}.*: expected "):
         LineFaults(**wrong)  # type: ignore[arg-type]
 
 
-def test_spells_that_cannot_be_are_refused() -> None:
+def test_invalid_fault_intervals_are_refused() -> None:
     with pytest.raises(ValueError, match="what: expected lost, repeated, cut or silent, found 'dull'"):
         LineSpell(what="dull", at=0.0, seconds=1.0)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="at, seconds: expected a time and a length, found 1, 0"):

@@ -61,7 +61,7 @@ def written(path: Path, messages: list[can.Message]) -> Path:
 
 
 @pytest.mark.parametrize("ending", [".log", ".blf", ".asc", ".trc"])
-def test_every_scan_is_found_with_its_time(tmp_path: Path, ending: str) -> None:
+def test_all_scans_are_imported_with_their_times(tmp_path: Path, ending: str) -> None:
     data, out = written(tmp_path / f"bus{ending}", traffic()), tmp_path / "bus.mcap"
     (found,) = import_can_log(data, out, [IMU], CHANNELS)
     # the last acceleration waits for the counter after it: it has none of its own
@@ -79,7 +79,7 @@ def test_every_scan_is_found_with_its_time(tmp_path: Path, ending: str) -> None:
         assert abs(recording.start * 1e-9 - BEGIN) < 0.1
 
 
-def test_lost_frames_are_gaps_and_the_rest_stays_in_its_place(tmp_path: Path) -> None:
+def test_lost_frames_become_gaps_and_other_scans_keep_their_indices(tmp_path: Path) -> None:
     lost = {3 * k for k in (300, 301, 302, 700)}  # counters
     messages = [m for m in traffic() if m.arbitration_id != 98]
     data = written(tmp_path / "bus.log", [m for k, m in enumerate(messages) if k not in lost])
@@ -93,7 +93,7 @@ def test_lost_frames_are_gaps_and_the_rest_stays_in_its_place(tmp_path: Path) ->
             np.testing.assert_array_equal(block.counts[:, 0], np.arange(block.first_index, block.end_index))
 
 
-def test_a_start_that_is_given_moves_it(tmp_path: Path) -> None:
+def test_given_start_time_replaces_that_of_the_file(tmp_path: Path) -> None:
     data, out = written(tmp_path / "bus.log", traffic()), tmp_path / "bus.mcap"
     import_can_log(data, out, [IMU], CHANNELS, start=10**18)
     (recording,) = load_recordings(out)
@@ -113,7 +113,7 @@ def test_a_start_that_is_given_moves_it(tmp_path: Path) -> None:
     ],
     ids=["rate", "no frames", "empty"],
 )
-def test_what_is_wrong_is_named_and_leaves_no_log(
+def test_failed_import_names_the_cause_and_writes_no_log(
     tmp_path: Path, messages: list[can.Message], sensor: LoggedSensor, says: str
 ) -> None:
     data, out = written(tmp_path / "bus.log", messages), tmp_path / "bus.mcap"
@@ -124,7 +124,7 @@ def test_what_is_wrong_is_named_and_leaves_no_log(
 
 
 @pytest.mark.parametrize("name", ["none.log", "words.log", "words.blf", "words.asc", "bus.doc"])
-def test_what_is_no_can_log_is_named(tmp_path: Path, name: str) -> None:
+def test_missing_or_invalid_can_log_is_named_in_the_error(tmp_path: Path, name: str) -> None:
     data = tmp_path / name
     if name != "none.log":
         data.write_text("what is this, then?\n")
@@ -132,7 +132,7 @@ def test_what_is_no_can_log_is_named(tmp_path: Path, name: str) -> None:
         import_can_log(data, tmp_path / "out.mcap", [IMU], CHANNELS)
 
 
-def test_a_damaged_line_is_placed(tmp_path: Path) -> None:
+def test_error_for_damaged_line_states_its_position(tmp_path: Path) -> None:
     data = written(tmp_path / "bus.log", traffic(50))
     lines = data.read_text().splitlines()
     data.write_text("\n".join([*lines[:20], lines[20][:-1] + "x", *lines[21:]]))
@@ -140,7 +140,7 @@ def test_a_damaged_line_is_placed(tmp_path: Path) -> None:
         import_can_log(data, tmp_path / "out.mcap", [IMU], CHANNELS)
 
 
-def test_a_clock_that_runs_backwards_is_named(tmp_path: Path) -> None:
+def test_backward_time_step_is_refused_with_frame_and_times(tmp_path: Path) -> None:
     data = written(tmp_path / "bus.log", traffic(50))
     lines = data.read_text().splitlines()
     data.write_text("\n".join([*lines[100:], *(line.replace("(17672256", "(17672255") for line in lines[:50])]))
@@ -149,7 +149,7 @@ def test_a_clock_that_runs_backwards_is_named(tmp_path: Path) -> None:
         import_can_log(data, tmp_path / "out.mcap", [IMU], CHANNELS)
 
 
-def test_an_old_log_is_not_written_over(tmp_path: Path) -> None:
+def test_existing_log_is_not_overwritten(tmp_path: Path) -> None:
     data, out = written(tmp_path / "bus.log", traffic(50)), tmp_path / "bus.mcap"
     out.write_text("mine")
     with pytest.raises(LogError, match="cannot be written: File exists"):

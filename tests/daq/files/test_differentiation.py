@@ -13,7 +13,7 @@ def recording(*columns: FloatArray) -> Recording:
 
 
 @pytest.mark.parametrize(("frequency", "within"), [(0.5, 1e-3), (5.0, 1e-4), (20.0, 1e-4), (42.0, 1e-4)])
-def test_the_derivative_of_a_sine_is_its_cosine(frequency: float, within: float) -> None:
+def test_derivative_of_sine_is_cosine(frequency: float, within: float) -> None:
     omega = 2 * np.pi * frequency
     found = differentiated(recording(np.sin(omega * TIME), np.sin(omega * TIME)), ["b"]).data
     np.testing.assert_array_equal(found[:, 0], np.sin(omega * TIME))
@@ -22,7 +22,7 @@ def test_the_derivative_of_a_sine_is_its_cosine(frequency: float, within: float)
     assert np.isnan(found[-32:, 1]).all()
 
 
-def test_a_gap_widens_by_what_the_filter_reaches_over() -> None:
+def test_gap_is_widened_by_half_the_filter_length() -> None:
     velocity = 3.0 * TIME
     velocity[500:510] = np.nan
     found = differentiated(recording(velocity, TIME), ["a"])
@@ -31,7 +31,7 @@ def test_a_gap_widens_by_what_the_filter_reaches_over() -> None:
     assert np.nanmax(np.abs(found.data[:, 0] - 3.0)) < 4e-3
 
 
-def test_what_cannot_be_differentiated_is_said() -> None:
+def test_unknown_channel_or_too_short_record_is_refused() -> None:
     with pytest.raises(ValueError, match="expected some of a, found 'z'"):
         differentiated(recording(TIME), ["z"])
     with pytest.raises(ValueError, match="at least 65 samples to differentiate, found 1"):

@@ -54,7 +54,7 @@ def through_a_log(recording: Recording, path: Path) -> Recording:
     st.sampled_from([",", ";", "\t"]),
 )
 @example(np.full((2, 1), 5e-324), 1.0, ",")
-def test_table_comes_back_from_the_log(
+def test_table_round_trip_through_log(
     tmp_path_factory: pytest.TempPathFactory, data: FloatArray, rate: float, delimiter: str
 ) -> None:
     folder = tmp_path_factory.mktemp("table")
@@ -68,7 +68,7 @@ def test_table_comes_back_from_the_log(
     assert (found.rate, found.start, found.channels, found.gaps) == (rate, START, read.channels, ())
 
 
-def test_a_long_gap_stays_in_the_recording_of_a_whole_log(tmp_path: Path) -> None:
+def test_long_gap_is_kept_in_recording_of_whole_log(tmp_path: Path) -> None:
     values = np.full((300, 1), np.nan)
     values[[0, 200, 299]] = 1.0
     found = through_a_log(read_data(write_csv(tmp_path / "data.csv", values, 100.0)), tmp_path / "log.mcap")
@@ -76,7 +76,7 @@ def test_a_long_gap_stays_in_the_recording_of_a_whole_log(tmp_path: Path) -> Non
 
 
 @given(st.data())
-def test_what_is_missing_in_the_table_is_missing_in_the_recording(
+def test_missing_table_values_are_gaps_in_the_recording(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     missing = data.draw(hnp.arrays(np.bool_, st.tuples(st.integers(2, 300), st.integers(1, 3))))
@@ -89,7 +89,7 @@ def test_what_is_missing_in_the_table_is_missing_in_the_recording(
     assert found.gaps == read.gaps
 
 
-def test_missing_rows_are_a_gap(tmp_path: Path) -> None:
+def test_missing_rows_become_a_gap(tmp_path: Path) -> None:
     path = write_csv(tmp_path / "data.csv", np.random.default_rng(2).standard_normal((100, 2)), 50.0)
     lines = path.read_text().splitlines()
     path.write_text("\n".join(lines[:31] + lines[61:]))  # line 32 is sample 30
@@ -98,12 +98,12 @@ def test_missing_rows_are_a_gap(tmp_path: Path) -> None:
     assert len(found.data) == 100
 
 
-def test_times_of_few_digits_give_the_exact_rate(tmp_path: Path) -> None:
+def test_rounded_times_give_the_exact_rate(tmp_path: Path) -> None:
     data = np.random.default_rng(3).standard_normal((5000, 1))
     assert read_data(write_csv(tmp_path / "data.csv", data, 1024.0, decimals=4)).rate == 1024.0
 
 
-def test_comments_quotes_and_decimal_commas(tmp_path: Path) -> None:
+def test_comments_quotes_and_decimal_commas_are_read(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text('\ufeff# made by hand\n\n"t"; "left x" ;b\n0,00;1,5;NaN\n# amid\n0,01;-2,5;\n0,02;3;4e-3\n')
     found = read_data(path)
@@ -114,7 +114,7 @@ def test_comments_quotes_and_decimal_commas(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("rate", [None, 4.0])
-def test_chosen_columns_only(tmp_path: Path, rate: float | None) -> None:
+def test_only_chosen_columns_are_read(tmp_path: Path, rate: float | None) -> None:
     path = tmp_path / "data.csv"
     path.write_text("Time (s),note,acc 1,,acc 2\n0,start,1,,2\n0.25,,3,,\n0.5,x,5,,6\n")
     found = read_data(path, rate=rate, time="Time (s)", columns={"acc 2": "right", "acc 1": "left"})
@@ -124,7 +124,7 @@ def test_chosen_columns_only(tmp_path: Path, rate: float | None) -> None:
 
 
 @pytest.mark.parametrize("name", ["t", "time", "Time", "TIME [s]", "t (s)", "Time (sec)"])
-def test_times_are_known_by_what_they_are_usually_called(tmp_path: Path, name: str) -> None:
+def test_time_column_is_recognized_by_usual_names(tmp_path: Path, name: str) -> None:
     path = tmp_path / "data.csv"
     path.write_text(f"left;{name}\n1;0\n2;0,5\n3;1,0\n")
     found = read_data(path)
@@ -151,7 +151,7 @@ def test_times_are_known_by_what_they_are_usually_called(tmp_path: Path, name: s
         ("t [s]", "ms", 500.0),
     ],
 )
-def test_the_unit_of_times_is_heeded(tmp_path: Path, name: str, given: str | None, rate: float) -> None:
+def test_time_unit_is_applied(tmp_path: Path, name: str, given: str | None, rate: float) -> None:
     path = tmp_path / "data.csv"
     path.write_text(f"{name},left\n0,1\n2,2\n4,3\n")
     found = read_data(path, time_unit=given)
@@ -168,7 +168,7 @@ def test_the_unit_of_times_is_heeded(tmp_path: Path, name: str, given: str | Non
         *(("[m/s2]", 1.0), ("[m/s^2]", 1.0), ("(m/s²)", 1.0), ("[mm/s**2]", 1e-3), ("[m s-2]", 1.0), ("", 1.0)),
     ],
 )
-def test_the_unit_of_a_channel_is_heeded(tmp_path: Path, unit: str, worth: float) -> None:
+def test_channel_unit_is_applied(tmp_path: Path, unit: str, worth: float) -> None:
     path = tmp_path / "data.csv"
     path.write_text(f"t,left {unit},right [m/s2]\n0,1,1\n0.5,-2,1\n")
     found = read_data(path)
@@ -179,7 +179,7 @@ def test_the_unit_of_a_channel_is_heeded(tmp_path: Path, unit: str, worth: float
     np.testing.assert_allclose(read_data(tmp_path / "data.npz").data[:, 0], [worth, 2 * worth], rtol=1e-12)
 
 
-def test_columns_with_units_are_chosen_by_either_name(tmp_path: Path) -> None:
+def test_columns_are_chosen_with_or_without_unit_in_name(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t,a [g],b (mg),c (left),c (right)\n0,1,1,1,1\n0.5,2,2,2,2\n")
     for columns, names in (
@@ -197,7 +197,7 @@ def test_columns_with_units_are_chosen_by_either_name(tmp_path: Path) -> None:
     assert [c.name for c in read_data(path, factor=1.0).channels] == whole
 
 
-def test_the_unit_of_velocities_is_heeded(tmp_path: Path) -> None:
+def test_velocity_unit_is_applied(tmp_path: Path) -> None:
     path, t = tmp_path / "data.csv", np.arange(400) / 100
     rows = [f"{a!r},{a!r}" for a in np.sin(20 * t).tolist()]
     path.write_text("\n".join(["v [mm/s],a", *rows]))
@@ -223,7 +223,7 @@ def test_the_unit_of_velocities_is_heeded(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("columns", [None, {"a": "left"}])
-def test_a_column_of_temperatures_is_no_channel(
+def test_temperature_column_is_not_a_channel(
     tmp_path: Path, name: str, cells: tuple[float, float], celsius: tuple[float, float], columns: dict[str, str] | None
 ) -> None:
     path = tmp_path / "data.csv"
@@ -237,7 +237,7 @@ def test_a_column_of_temperatures_is_no_channel(
     assert found.remarks == (f"temperature of the structure: {name!r}: {low:.4g} to {high:.4g} degC",)
 
 
-def test_the_column_of_temperatures_that_is_asked_for(tmp_path: Path) -> None:
+def test_requested_temperature_column_is_used(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t,a,air [C],steel [C],th1\n0,1,10,20,30\n1,1,12,20,30\n")
     found = read_measured(path, DataOptions(columns={"a": "a"}))
@@ -257,7 +257,7 @@ def test_the_column_of_temperatures_that_is_asked_for(tmp_path: Path) -> None:
         read_data(path, temperature="b")
 
 
-def test_seldom_readings_of_temperature_go_with_the_windows_of_the_log(tmp_path: Path) -> None:
+def test_sparse_temperature_readings_are_interpolated_to_windows(tmp_path: Path) -> None:
     path, out = tmp_path / "data.csv", tmp_path / "log.mcap"
     rows = [f"{k},1,{'' if k % 600 else 10 + k / 600}" for k in range(6001)]
     rows += [f"{k},1," for k in range(6001, 9001)]
@@ -281,7 +281,7 @@ def test_seldom_readings_of_temperature_go_with_the_windows_of_the_log(tmp_path:
         (",", "time", "31.12.2025 23:59:{:06.3f}", START - 60_000_000_000),
     ],
 )
-def test_times_may_be_dates(tmp_path: Path, delimiter: str, name: str, form: str, start: int) -> None:
+def test_dates_are_accepted_as_times(tmp_path: Path, delimiter: str, name: str, form: str, start: int) -> None:
     path = tmp_path / "data.csv"
     rows = [(form.format(k / 200), str(k), "note") for k in range(2000) if k not in (700, 701)]
     text = "\n".join(delimiter.join(row) for row in [(name, "left", "note"), *rows])
@@ -307,7 +307,7 @@ def test_times_may_be_dates(tmp_path: Path, delimiter: str, name: str, form: str
         (",", "date,time,left", "2026-01-01,00:00:{:06.3f},{}", {"columns": {"left": "left"}}),
     ],
 )
-def test_dates_may_stand_in_a_column_of_their_own(
+def test_date_and_time_in_separate_columns_are_combined(
     tmp_path: Path, delimiter: str, head: str, cells: str, options: dict[str, Any]
 ) -> None:
     path = tmp_path / "data.csv"
@@ -320,7 +320,7 @@ def test_dates_may_stand_in_a_column_of_their_own(
     assert "are dates, UTC where they state no zone: the first is 2026-01-01T00:00:00.000+00:00" in found.remarks[0]
 
 
-def test_midnight_between_two_columns_is_no_step(tmp_path: Path) -> None:
+def test_midnight_in_separate_date_and_time_columns_is_no_gap(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     rows = [
         f"2026-01-0{1 if k < 50 else 2},{'23:59:59' if k < 50 else '00:00:00'}.{k % 50 * 2:02d},{k}" for k in range(100)
@@ -330,7 +330,7 @@ def test_midnight_between_two_columns_is_no_step(tmp_path: Path) -> None:
     assert (found.rate, found.gaps, found.start) == (50.0, (), START + 86_399 * 10**9)
 
 
-def test_a_date_that_is_wrong_amid_a_column(tmp_path: Path) -> None:
+def test_error_for_invalid_date_states_its_line(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     good = "date,time,a\n2026-01-01,00:00:00,1\n2026-01-01,00:00:01,1\n"
     for row, says in (
@@ -343,7 +343,7 @@ def test_a_date_that_is_wrong_amid_a_column(tmp_path: Path) -> None:
             read_data(path)
 
 
-def test_a_column_of_dates_beside_seconds_is_a_column_like_others(tmp_path: Path) -> None:
+def test_date_column_is_ordinary_data_if_times_are_seconds(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("date,time,a\n2026-01-01,0,1\n2026-01-01,1,2\n")
     assert read_data(path, columns={"a": "a"}).rate == 1.0
@@ -351,7 +351,7 @@ def test_a_column_of_dates_beside_seconds_is_a_column_like_others(tmp_path: Path
         read_data(path)
 
 
-def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
+def test_column_named_t_is_preferred_as_time_column(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t_s,t\n5,0\n6,0.5\n8,1\n")
     found = read_data(path)
@@ -360,14 +360,14 @@ def test_a_column_called_by_the_bare_name_goes_first(tmp_path: Path) -> None:
         read_data(path, time_unit="week")
 
 
-def test_a_column_t_beside_times_may_be_of_temperatures(tmp_path: Path) -> None:
+def test_column_t_is_data_if_another_column_is_time(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("T,time [s],left\n20,0,1\n20,0.5,2\n20,1,3\n")
     found = read_data(path)
     assert ([c.name for c in found.channels], found.rate) == (["T", "left"], 2.0)
 
 
-def test_the_first_date_is_told_to_its_digits(tmp_path: Path) -> None:
+def test_first_date_is_reported_with_exact_milliseconds(tmp_path: Path) -> None:
     """Some of these thousandths of a second lie under their numbers as floats do, some over."""
     path = tmp_path / "data.csv"
     for ms in range(40):
@@ -378,14 +378,14 @@ def test_the_first_date_is_told_to_its_digits(tmp_path: Path) -> None:
         assert found.remarks[0].endswith(f"the first is {first}+00:00")
 
 
-def test_two_columns_are_not_one_channel(tmp_path: Path) -> None:
+def test_duplicate_channel_names_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t,a [g],y\n0,1,2\n1,1,2\n2,2,1\n")
     with pytest.raises(DataError, match="expected channels of different names, found a, a"):
         read_data(path, columns={"a [g]": "a [g]", "y": "a"})
 
 
-def test_chosen_arrays_only(tmp_path: Path) -> None:
+def test_only_chosen_array_channels_are_read(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, data=np.arange(12.0).reshape(4, 3), seconds=np.arange(4) / 2)
     found = read_data(path, time="seconds", columns={"ch3": "top", "ch1": "foot"})
@@ -396,7 +396,7 @@ def test_chosen_arrays_only(tmp_path: Path) -> None:
         read_data(path, time="seconds", columns={"ch4": "x"})
 
 
-def test_chosen_columns_that_are_wrong(tmp_path: Path) -> None:
+def test_invalid_column_choice_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t,a,b,b\n0,1,2,3\n1,x,2,3\n")
     for columns, says in (
@@ -410,7 +410,7 @@ def test_chosen_columns_that_are_wrong(tmp_path: Path) -> None:
         read_data(path, columns={"a": "z", "b": "z"})
 
 
-def test_unit_and_start(tmp_path: Path) -> None:
+def test_factor_and_start_time_are_applied(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("a\n1\n2\n")
     found = read_data(path, rate=2.0, factor=9.80665, start=START)
@@ -419,7 +419,7 @@ def test_unit_and_start(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["npz", "mat"])
-def test_arrays(tmp_path: Path, ending: str) -> None:
+def test_arrays_are_read_from_npz_and_mat_files(tmp_path: Path, ending: str) -> None:
     path, data = tmp_path / f"data.{ending}", np.random.default_rng(4).standard_normal((50, 2))
     names = np.array(["left_x", "b"])
     if ending == "npz":
@@ -436,7 +436,7 @@ def test_arrays(tmp_path: Path, ending: str) -> None:
 
 
 @pytest.mark.parametrize("ending", ["csv", "npz", "mat"])
-def test_what_is_exported_is_imported_again(tmp_path: Path, ending: str) -> None:
+def test_exported_recording_is_imported_unchanged(tmp_path: Path, ending: str) -> None:
     data = np.random.default_rng(7).standard_normal((500, 3))
     data[100:120, 1] = np.nan
     devices = ("import", "import-2", "import")
@@ -453,7 +453,7 @@ def test_what_is_exported_is_imported_again(tmp_path: Path, ending: str) -> None
 
 
 @pytest.mark.parametrize("n", [1, 3])
-def test_a_universal_file_that_is_exported_is_imported_again(tmp_path: Path, n: int) -> None:
+def test_exported_universal_file_is_imported_unchanged(tmp_path: Path, n: int) -> None:
     data = np.random.default_rng(8).standard_normal((500, n))
     channels = tuple(Channel(name=name, device="import", axis=k) for k, name in enumerate(("a b", "é", "c")[:n]))
     path, recording = tmp_path / "data.uff", Recording(channels=channels, data=data, rate=51.2, start=START)
@@ -470,7 +470,7 @@ def test_a_universal_file_that_is_exported_is_imported_again(tmp_path: Path, n: 
     assert not (tmp_path / "gap.uff").exists()
 
 
-def test_arrays_one_a_channel_with_times(tmp_path: Path) -> None:
+def test_one_array_per_channel_with_time_array_is_read(tmp_path: Path) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, t=np.arange(6) / 8, left=np.arange(6.0), right=np.ones(6))
     found = read_data(path)
@@ -535,7 +535,7 @@ TABLES = {
 
 
 @pytest.mark.parametrize(("text", "says"), TABLES.values(), ids=list(TABLES))
-def test_a_table_that_is_wrong(tmp_path: Path, text: str, says: str) -> None:
+def test_invalid_table_is_refused(tmp_path: Path, text: str, says: str) -> None:
     path = tmp_path / "data.csv"
     path.write_text(text)
     with pytest.raises(DataError, match=rf"data\.csv: {says}") as found:
@@ -547,7 +547,9 @@ PIECES = ["t", "a", "0", "1", "1e9", "-2", "nan", ",", ",", ";", "\t", "\n", "\n
 
 
 @given(st.one_of(st.text(max_size=200), st.lists(st.sampled_from(PIECES)).map("".join)), st.sampled_from([None, 10.0]))
-def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, text: str, rate: float | None) -> None:
+def test_arbitrary_text_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, text: str, rate: float | None
+) -> None:
     path = tmp_path_factory.mktemp("any") / "data.csv"
     path.write_text(text, encoding="utf-8", newline="")
     with suppress(DataError):  # and nothing else
@@ -556,7 +558,7 @@ def test_any_text_is_read_or_refused(tmp_path_factory: pytest.TempPathFactory, t
         assert not np.isinf(found.data).any()
 
 
-def test_a_table_that_a_spreadsheet_wrote_in_latin_1(tmp_path: Path) -> None:
+def test_table_in_latin_1_encoding_is_read(tmp_path: Path) -> None:
     path, text = tmp_path / "data.csv", "t;Brücke [m/s²];T (°C)\n0;1,5;20\n1;2,5;21\n"
     found = []
     for encoding in ("cp1252", "utf-8", "utf-8-sig"):
@@ -571,7 +573,7 @@ def test_a_table_that_a_spreadsheet_wrote_in_latin_1(tmp_path: Path) -> None:
         read_data(path)
 
 
-def test_names_that_end_as_if_in_a_unit_are_told(tmp_path: Path) -> None:
+def test_column_names_with_unit_like_endings_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("t,ax_g,deck y_mg,z,temperature_C\n0,1,1,1,20\n1,2,2,2,20\n")
     found = read_measured(path, DataOptions())
@@ -580,7 +582,7 @@ def test_names_that_end_as_if_in_a_unit_are_told(tmp_path: Path) -> None:
     assert len(read_measured(path, DataOptions(factor=9.8)).remarks) == 1
 
 
-def test_a_file_that_is_no_table(tmp_path: Path) -> None:
+def test_missing_or_binary_table_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     with pytest.raises(DataError, match=r"data\.csv: cannot be read: No such file"):
         read_data(path)
@@ -604,14 +606,14 @@ ARRAYS: dict[str, tuple[dict[str, object], str]] = {
 
 
 @pytest.mark.parametrize(("arrays", "says"), ARRAYS.values(), ids=list(ARRAYS))
-def test_arrays_that_are_wrong(tmp_path: Path, arrays: dict[str, object], says: str) -> None:
+def test_invalid_arrays_are_refused(tmp_path: Path, arrays: dict[str, object], says: str) -> None:
     path = tmp_path / "data.npz"
     np.savez(path, **arrays)  # type: ignore[arg-type]
     with pytest.raises(DataError, match=rf"data\.npz: {says}"):
         read_data(path)
 
 
-def test_a_matlab_file_of_hdf5_says_how_to_save_it(tmp_path: Path) -> None:
+def test_error_for_matlab_7_3_file_recommends_older_format(tmp_path: Path) -> None:
     path = tmp_path / "data.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n")
     with pytest.raises(DataError, match=r"data\.mat: is a Matlab 7.3 file: save it with -v7"):
@@ -620,13 +622,13 @@ def test_a_matlab_file_of_hdf5_says_how_to_save_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["data.npz", "data.mat"])
 @pytest.mark.parametrize("content", [b"", b"no arrays at all, only text", b"PK\x03\x04 cut"])
-def test_a_file_that_holds_no_arrays(tmp_path: Path, name: str, content: bytes) -> None:
+def test_file_without_arrays_is_refused(tmp_path: Path, name: str, content: bytes) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(DataError, match=rf"{name}: holds no arrays"):
         read_data(tmp_path / name, rate=1.0)
 
 
-def test_a_log_is_cut_in_windows(tmp_path: Path) -> None:
+def test_log_is_split_into_windows(tmp_path: Path) -> None:
     data = np.random.default_rng(5).standard_normal((1000, 3))
     channels = tuple(Channel(name=n, device="d", axis=i) for i, n in enumerate("xyz"))
     write_recording(tmp_path / "log.mcap", Recording(channels=channels, data=data, rate=100.0, start=START))
@@ -636,7 +638,7 @@ def test_a_log_is_cut_in_windows(tmp_path: Path) -> None:
     assert [len(w.data) for w in load_recordings(tmp_path / "log.mcap", window_seconds=30.0)] == [1000]
 
 
-def test_a_channel_without_a_scan_stays(tmp_path: Path) -> None:
+def test_channel_without_scans_is_kept_as_a_gap(tmp_path: Path) -> None:
     data = np.column_stack([np.arange(300.0), np.full(300, np.nan)])
     channels = (Channel(name="a", device="d", axis=0), Channel(name="b", device="e", axis=0))
     found = through_a_log(Recording(channels=channels, data=data, rate=100.0, start=START), tmp_path / "log.mcap")
@@ -650,7 +652,7 @@ def test_a_channel_without_a_scan_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("window", [0.0, -1.0, float("nan")])
-def test_a_window_is_positive(tmp_path: Path, window: float) -> None:
+def test_nonpositive_window_length_is_refused(tmp_path: Path, window: float) -> None:
     with pytest.raises(ValueError, match="window_seconds: expected a positive number"):
         list(load_recordings(tmp_path / "log.mcap", window_seconds=window))
 

@@ -24,7 +24,7 @@ def commands(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
     return Commands(monkeypatch, capsys)
 
 
-def test_arrays_on_their_side_are_asked_about(commands: Commands, tmp_path: Path) -> None:
+def test_wide_array_is_refused_without_transpose_option(commands: Commands, tmp_path: Path) -> None:
     path = tmp_path / "side.npz"
     np.savez(path, data=np.tile(DATA.T, 20), rate=100.0)
     done = commands("import", path, "-o", tmp_path / "a.mcap")
@@ -35,7 +35,7 @@ def test_arrays_on_their_side_are_asked_about(commands: Commands, tmp_path: Path
 
 
 @pytest.mark.parametrize("known", ["names", "times"])
-def test_short_records_of_many_channels_are_read_where_names_or_times_tell(tmp_path: Path, known: str) -> None:
+def test_short_many_channel_record_with_names_or_times_is_read(tmp_path: Path, known: str) -> None:
     path = tmp_path / "short.npz"
     more = {"channels": [f"c{k}" for k in range(200)]} if known == "names" else {"t": np.arange(3) / 100}
     np.savez(path, data=DATA.T, **({"rate": 100.0} if known == "names" else {}), **more)  # type: ignore[arg-type]
@@ -71,7 +71,7 @@ def mat_bomb(path: Path) -> Path:
         (lambda p: mat_bomb(p / "a.mat"), "bytes unpacked"),
     ],
 )
-def test_stated_and_packed_sizes(tmp_path: Path, make: object, message: str) -> None:
+def test_excessive_array_size_is_refused_without_using_memory(tmp_path: Path, make: object, message: str) -> None:
     path: Path = make(tmp_path)  # type: ignore[operator]
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(DataError) as refused:
@@ -88,7 +88,7 @@ def test_stated_and_packed_sizes(tmp_path: Path, make: object, message: str) -> 
         (",".join(f"a{k}" for k in range(10_001)) + "\n1\n", "expected up to 10000 columns"),
     ],
 )
-def test_tables(tmp_path: Path, text: str, message: str) -> None:
+def test_table_with_extreme_values_or_size_is_refused(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(DataError) as refused:
@@ -119,7 +119,9 @@ _TRC = b";$FILEVERSION=2.1\n;$STARTTIME=46023.0\n;$COLUMNS=N,O,T,B,I,d,R,L,D\n"
         ("late.log", b"(1e300) can0 006#0000\n", "are none of CAN"),
     ],
 )
-def test_can_logs(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+def test_crafted_can_log_is_refused_without_using_memory(
+    tmp_path: Path, name: str, content: bytes, message: str
+) -> None:
     path = tmp_path / name
     path.write_bytes(content)
     sensor = LoggedSensor(device="imu", rate=400.0, sensor=imu(IMU))

@@ -61,7 +61,7 @@ def expanded(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRe
     return folder / "view.mcap", written
 
 
-def test_a_stock_reader_finds_every_scan_in_order_and_no_other(expanded: tuple[Path, list[Block]]) -> None:
+def test_stock_mcap_reader_finds_all_scans_in_order(expanded: tuple[Path, list[Block]]) -> None:
     path, written = expanded
     for device, values in (("beam", _acceleration), ("bar", _data)):
         with path.open("rb") as file:
@@ -92,7 +92,7 @@ def _data(message: object) -> list[float]:
     return list(message.data)  # type: ignore[attr-defined]
 
 
-def test_rerun_plots_it(expanded: tuple[Path, list[Block]], tmp_path: Path) -> None:
+def test_rerun_reads_the_expanded_log(expanded: tuple[Path, list[Block]], tmp_path: Path) -> None:
     path, written = expanded
     rerun = Path(sys.executable).with_name("rerun")
     subprocess.run([rerun, "mcap", "convert", path, "-o", tmp_path / "view.rrd"], check=True, capture_output=True)
@@ -104,7 +104,7 @@ def test_rerun_plots_it(expanded: tuple[Path, list[Block]], tmp_path: Path) -> N
     assert len(times) == len(own)
 
 
-def test_a_log_without_a_scan_and_an_existing_file_are_refused(tmp_path: Path) -> None:
+def test_log_without_scans_or_existing_output_file_is_refused(tmp_path: Path) -> None:
     McapWriter(tmp_path / "empty.mcap", {}).close()
     with pytest.raises(LogError, match=r"empty\.mcap: holds no scan to expand"):
         expand_log(tmp_path / "empty.mcap", tmp_path / "view.mcap")
@@ -136,7 +136,7 @@ def times_of(path: Path, device: str) -> IndexArray:
 
 
 @pytest.mark.parametrize(("clock", "one"), [("SYNC of a bus 1", True), ("", False)])
-def test_scans_on_one_clock_have_one_time(tmp_path: Path, clock: str, one: bool) -> None:
+def test_simultaneous_scans_on_shared_clock_have_equal_times(tmp_path: Path, clock: str, one: bool) -> None:
     expand_log(write_log(tmp_path / "log.mcap", shared(clock)), tmp_path / "view.mcap")
     a, b = (times_of(tmp_path / "view.mcap", device) for device in "ab")
     assert (a == b).all() == one
@@ -144,7 +144,7 @@ def test_scans_on_one_clock_have_one_time(tmp_path: Path, clock: str, one: bool)
     assert (np.diff(a) > 0).all()
 
 
-def test_a_device_that_is_lost_meanwhile_comes_back_on_the_shared_clock(tmp_path: Path) -> None:
+def test_recovered_device_is_again_on_the_shared_clock(tmp_path: Path) -> None:
     blocks = [b for b in shared("SYNC of a bus 1") if b.device == "a" or not 1000 <= b.first_index < 2200]
     back = next(k for k, b in enumerate(blocks) if b.device == "b" and b.first_index >= 2200)
     blocks[back] = replace(blocks[back], flags=Flag.RESTARTED)
@@ -153,7 +153,7 @@ def test_a_device_that_is_lost_meanwhile_comes_back_on_the_shared_clock(tmp_path
     np.testing.assert_array_equal(b, np.concatenate([a[:1000], a[2200:]]))
 
 
-def test_what_is_known_of_devices_being_late_is_taken_out(tmp_path: Path) -> None:
+def test_known_device_delays_are_subtracted_from_times(tmp_path: Path) -> None:
     log = write_log(tmp_path / "log.mcap", shared("SYNC of a bus 1"))
     expand_log(log, tmp_path / "view.mcap")
     expand_log(log, tmp_path / "known.mcap", {"b": 3.25e-3})

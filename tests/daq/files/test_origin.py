@@ -32,7 +32,7 @@ def recording(n: int = 400) -> Recording:
 
 
 @pytest.mark.parametrize("ending", ["csv", "npz", "mat", "uff"])
-def test_devices_and_start_come_back(tmp_path: Path, ending: str) -> None:
+def test_devices_and_start_time_are_kept_by_export_and_import(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"data.{ending}"
     export_recording(path, recording())
     found = read_data(path)
@@ -46,14 +46,14 @@ def test_devices_and_start_come_back(tmp_path: Path, ending: str) -> None:
     assert some.start == 5
 
 
-def test_other_programs_read_the_table(tmp_path: Path) -> None:
+def test_exported_table_is_readable_by_numpy(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     export_recording(path, recording())
     np.testing.assert_allclose(np.loadtxt(path, delimiter=",", skiprows=2)[:, 1:], recording().data, rtol=1e-6)
     assert path.read_text().splitlines()[1] == 't,left_y,"left z (up), 2",right_x'
 
 
-def test_a_table_that_was_edited(tmp_path: Path) -> None:
+def test_edited_exported_table_is_imported(tmp_path: Path) -> None:
     """Rows cut from the beginning move the start; a new column is a device of its own; gaps split a device."""
     path = tmp_path / "data.csv"
     export_recording(path, recording())
@@ -84,14 +84,14 @@ def test_a_table_that_was_edited(tmp_path: Path) -> None:
         '{"start": 0, "channels": {"a": 5}}',
     ],
 )
-def test_an_origin_that_is_none_is_named(tmp_path: Path, text: str) -> None:
+def test_invalid_origin_comment_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "data.csv"
     path.write_text(f"# modalwatch {text}\nt,a,b\n0,1,2\n0.1,3,4\n")
     with pytest.raises(DataError, match=r"data\.csv: origin: expected start and channels, found"):
         read_data(path)
 
 
-def test_a_new_column_of_an_exported_import_gets_an_axis_of_its_own(tmp_path: Path) -> None:
+def test_new_column_in_exported_table_gets_an_unused_axis(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     places = '{"start": 0, "channels": {"b": ["import", 1], "c": ["import", 2]}}'
     path.write_text(f"# modalwatch {places}\nt,b,new,c,newer\n0,1,2,3,4\n0.1,3,4,5,6\n")
@@ -103,20 +103,20 @@ def test_a_new_column_of_an_exported_import_gets_an_axis_of_its_own(tmp_path: Pa
     ]
 
 
-def test_other_comments_are_passed_over(tmp_path: Path) -> None:
+def test_other_comments_are_ignored(tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("# modalwatch log of bridge 3\nt,a\n0,1\n0.1,3\n")
     assert [c.name for c in read_data(path).channels] == ["a"]
 
 
-def test_a_signal_may_be_named_origin(tmp_path: Path) -> None:
+def test_channel_may_be_named_origin(tmp_path: Path) -> None:
     np.savez(tmp_path / "data.npz", origin=np.arange(5.0), other=np.arange(5.0), rate=10.0)
     found = read_data(tmp_path / "data.npz")
     assert [(c.name, c.device) for c in found.channels] == [("origin", "import"), ("other", "import")]
 
 
 @pytest.mark.parametrize("clock", ["", "shared"])
-def test_delays_are_removed_to_a_fraction_of_a_sample(tmp_path: Path, clock: str) -> None:
+def test_device_delays_are_removed_with_subsample_accuracy(tmp_path: Path, clock: str) -> None:
     """Both devices sample 20 Hz at 1000 Hz; `b` states times 3.3 ms late. Interpolation is good to -80 dB."""
     late, scale = 3.3e-3, 1e-6
     writer = McapWriter(tmp_path / "log.mcap", {})

@@ -43,7 +43,7 @@ UNITS = {"type": 164, "units_code": 5, "length": 1000.0, "force": 1000.0, "temp"
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("binary", [0, 1])
 @pytest.mark.parametrize("suffix", [".uff", ".UNV"])
-def test_time_responses_come_out_with_the_names_of_the_file(tmp_path: Path, binary: int, suffix: str) -> None:
+def test_time_responses_are_read_with_channel_names(tmp_path: Path, binary: int, suffix: str) -> None:
     places = ((12, 1), (12, -2), (7, 3))
     sets = [time_response(s, *p, binary=binary) for s, p in zip(SIGNALS.T, places, strict=True)]
     sets.insert(0, time_response(SIGNALS[:, 0], 12, 1, func_type=4))  # a function of another kind
@@ -54,7 +54,7 @@ def test_time_responses_come_out_with_the_names_of_the_file(tmp_path: Path, bina
     np.testing.assert_allclose(recording.data, SIGNALS, atol=1e-11)
 
 
-def test_units_and_chosen_columns(tmp_path: Path) -> None:
+def test_units_are_applied_to_chosen_columns(tmp_path: Path) -> None:
     sets = [time_response(s, 1 + k, rsp_ent_name="tower") for k, s in enumerate(SIGNALS.T)]
     path = universal(tmp_path / "test.uff", UNITS, *sets)
     recording = read_data(path, columns={"tower_3_x": "top", "tower_1_x": "foot"})
@@ -62,12 +62,12 @@ def test_units_and_chosen_columns(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.data, SIGNALS[:, [0, 2]] / 1000, atol=1e-14)
 
 
-def test_where_nodes_do_not_tell_channels_apart_their_lines_do(tmp_path: Path) -> None:
+def test_channels_with_equal_nodes_are_named_by_id_line(tmp_path: Path) -> None:
     path = universal(tmp_path / "test.uff", *(time_response(s, 0, 0, id1=f"acc {k}") for k, s in enumerate(SIGNALS.T)))
     assert [c.name for c in read_data(path).channels] == ["acc 0", "acc 1", "acc 2"]
 
 
-def test_a_channel_without_a_node_is_named_by_its_line(tmp_path: Path) -> None:
+def test_channel_without_node_is_named_by_id_line(tmp_path: Path) -> None:
     assert [
         c.name for c in read_data(universal(tmp_path / "a.uff", time_response(SIGNALS[:, 0], 0, id1="top"))).channels
     ] == ["top"]
@@ -76,7 +76,7 @@ def test_a_channel_without_a_node_is_named_by_its_line(tmp_path: Path) -> None:
     ]
 
 
-def test_velocities_become_accelerations(tmp_path: Path) -> None:
+def test_velocities_are_differentiated_to_accelerations(tmp_path: Path) -> None:
     sets = time_response(SIGNALS[:, 0], 1, ordinate_spec_data_type=11), time_response(SIGNALS[:, 1], 2)
     found = read_data(universal(tmp_path / "test.uff", *sets))
     plain = read_data(universal(tmp_path / "plain.uff", *(s | {"ordinate_spec_data_type": 12} for s in sets)))
@@ -99,7 +99,7 @@ def test_velocities_become_accelerations(tmp_path: Path) -> None:
         (time_response(1j * SIGNALS[:, 1], 2), "dataset 2 (2_x): expected finite real numbers"),
     ],
 )
-def test_what_does_not_fit_is_named_with_file_and_dataset(tmp_path: Path, second: dict[str, Any], says: str) -> None:
+def test_inconsistent_dataset_is_named_with_its_file(tmp_path: Path, second: dict[str, Any], says: str) -> None:
     path = universal(tmp_path / "test.uff", time_response(SIGNALS[:, 0]), second)
     with pytest.raises(DataError) as caught:
         read_data(path)
@@ -107,7 +107,7 @@ def test_what_does_not_fit_is_named_with_file_and_dataset(tmp_path: Path, second
     assert says in str(caught.value)
 
 
-def test_a_force_that_is_not_asked_for_does_no_harm(tmp_path: Path) -> None:
+def test_unselected_force_channel_is_ignored(tmp_path: Path) -> None:
     force = time_response(SIGNALS[:, 2], 3, ordinate_spec_data_type=13)
     path = universal(tmp_path / "test.uff", time_response(SIGNALS[:, 0]), time_response(SIGNALS[:, 1], 2), force)
     assert len(read_data(path, columns={"1_x": "a", "2_x": "b"}).channels) == 2
@@ -115,7 +115,7 @@ def test_a_force_that_is_not_asked_for_does_no_harm(tmp_path: Path) -> None:
         read_data(path, columns={"c": "c"})
 
 
-def test_files_that_are_none_are_said(tmp_path: Path) -> None:
+def test_invalid_universal_files_are_refused(tmp_path: Path) -> None:
     text, cut, geometry = tmp_path / "text.uff", tmp_path / "cut.uff", tmp_path / "geometry.unv"
     text.write_text("t,a\n0,1\n")
     universal(cut, time_response(SIGNALS[:, 0]))

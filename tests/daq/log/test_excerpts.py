@@ -46,7 +46,7 @@ def write(folder: Path, seconds: int, rotation: Rotation | None = None) -> Path 
 
 
 @pytest.mark.parametrize("rotation", [Rotation(), Rotation(seconds=7.0)], ids=["file", "run"])
-def test_an_excerpt_holds_the_scans_and_events_of_its_range(tmp_path: Path, rotation: Rotation) -> None:
+def test_excerpt_holds_the_scans_and_events_of_its_range(tmp_path: Path, rotation: Rotation) -> None:
     log = write(tmp_path, 40, rotation)
     assert log_span(log) == (START, START + 40 * SECOND) == (log_info(log).start, log_info(log).end)
     part = excerpt(log, 12.1, 26.6)
@@ -60,7 +60,7 @@ def test_an_excerpt_holds_the_scans_and_events_of_its_range(tmp_path: Path, rota
     assert contents(read_log(everything)) == contents(read_log(log))
 
 
-def test_an_event_written_late_does_not_hide_scans_of_a_run(tmp_path: Path) -> None:
+def test_late_written_event_does_not_exclude_scans_from_excerpt(tmp_path: Path) -> None:
     """A file of a run begins with a result of 40 s before."""
     recorder = RotatingWriter(tmp_path, {}, START, Rotation(seconds=60.0))
     for k in range(80):
@@ -77,7 +77,7 @@ def test_an_event_written_late_does_not_hide_scans_of_a_run(tmp_path: Path) -> N
         assert sum(isinstance(item, Event) for item in items) == (first <= 21 < last)
 
 
-def test_chunks_far_from_the_range_are_not_read(tmp_path: Path) -> None:
+def test_chunks_outside_the_excerpt_are_not_read(tmp_path: Path) -> None:
     log = write(tmp_path, 40)
     assert isinstance(log, Path)
     expected = contents(read_log(excerpt(log, 30, 35)))
@@ -92,7 +92,7 @@ def test_chunks_far_from_the_range_are_not_read(tmp_path: Path) -> None:
         list(read_log(excerpt(log, 14, 18)))
 
 
-def test_a_log_without_an_index_is_read_from_its_beginning(tmp_path: Path) -> None:
+def test_log_without_index_is_read_from_its_beginning(tmp_path: Path) -> None:
     log = write(tmp_path, 40)
     assert isinstance(log, Path)
     expected = contents(read_log(excerpt(log, 12.1, 26.6)))
@@ -101,7 +101,7 @@ def test_a_log_without_an_index_is_read_from_its_beginning(tmp_path: Path) -> No
     assert log_span(log) == (START, log_info(log).end)
 
 
-def test_a_device_that_is_lost_before_the_range_does_not_delay_it(tmp_path: Path) -> None:
+def test_device_lost_before_the_excerpt_does_not_delay_its_start(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     writer = McapWriter(path, {})
     for first in range(0, 30_000, 250):

@@ -75,7 +75,7 @@ def record(tmp_path: Path, megabytes: float, how: str) -> tuple[dict[str, object
 
 
 @needs_mount
-def test_recording_goes_on_once_there_is_room_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_recording_continues_without_loss_after_disk_space_returns(tmp_path: Path) -> None:
     reported, out = record(tmp_path, 3.0, "one")
     assert (reported["dropped"], reported["problem"]) == (0, None)
     (log,) = as_logs([out])
@@ -90,7 +90,7 @@ def test_recording_goes_on_once_there_is_room_and_nothing_is_lost(tmp_path: Path
 
 
 @needs_mount
-def test_the_oldest_files_make_room_and_the_rest_is_whole(tmp_path: Path) -> None:
+def test_oldest_files_are_deleted_and_remaining_files_are_complete(tmp_path: Path) -> None:
     reported, out = record(tmp_path, 0.8, "many")
     assert (reported["dropped"], reported["problem"]) == (0, None)
     (log,) = as_logs([out])

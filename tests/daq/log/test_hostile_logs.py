@@ -57,7 +57,7 @@ CHUNKS = [
 
 
 @pytest.mark.parametrize(("record", "message"), CHUNKS)
-def test_chunks(tmp_path: Path, record: tuple[int, bytes], message: str) -> None:
+def test_crafted_chunk_is_refused_without_using_memory(tmp_path: Path, record: tuple[int, bytes], message: str) -> None:
     path = tmp_path / "log.mcap"
     content = log_of(record, (15, bytes(4)))
     path.write_bytes(content)
@@ -99,7 +99,7 @@ def written(path: Path, topic: str, data: bytes, *, log_time: int = 0, attachmen
         ({"time": 2**63 - 1}, "time: expected"),
     ],
 )
-def test_blocks(tmp_path: Path, fields: dict[str, float], message: str) -> None:
+def test_block_with_invalid_field_is_refused(tmp_path: Path, fields: dict[str, float], message: str) -> None:
     sound = {"time": 10**18, "rate": 100.0, "n_axes": 1, "scale": 1.0}
     block = AccelBlock(**{**sound, **fields})  # type: ignore[arg-type]
     path = written(tmp_path / "log.mcap", "/accel/imu", block.SerializeToString())
@@ -110,33 +110,33 @@ def test_blocks(tmp_path: Path, fields: dict[str, float], message: str) -> None:
 @pytest.mark.parametrize(
     "text", [b"[1]", b"7", b"[" * 30_000, b'{"a":' * 3000, b"\xff", b"1" * 6000, b'{"device": []}', b'{"missing": "x"}']
 )
-def test_events(tmp_path: Path, text: bytes) -> None:
+def test_invalid_event_payload_is_refused_with_short_error(tmp_path: Path, text: bytes) -> None:
     path = written(tmp_path / "log.mcap", "/event/gap", text)
     with pytest.raises(LogError, match="message 0 of /event/gap: ") as refused:
         list(read_log(path))
     assert len(str(refused.value)) < 1100
 
 
-def test_times_after_all_dates(tmp_path: Path) -> None:
+def test_message_time_after_year_2262_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "log.mcap", "/event/gap", b"{}", log_time=2**64 - 1)
     with pytest.raises(LogError, match="expected a time before the year 2262"):
         list(read_log(path))
 
 
-def test_attachments_that_are_no_text(tmp_path: Path) -> None:
+def test_attachment_not_in_utf_8_is_refused(tmp_path: Path) -> None:
     path = written(tmp_path / "log.mcap", "/event/gap", b"{}", attachment=b"\xff\xfe")
     with pytest.raises(LogError, match=r"attachment site\.toml: expected text in UTF-8"):
         read_attachments(path)
 
 
 @pytest.mark.parametrize("content", [b"", MAGIC, MAGIC * 2, b"\x89MCAP0", b"x" * 99, MAGIC + b"\xff" * 99, log_of()])
-def test_a_start_mends_or_names_what_lies_in_the_folder(tmp_path: Path, content: bytes) -> None:
+def test_invalid_files_in_log_folder_are_reported(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     (tmp_path / "b.mcap").mkdir()
     assert all("mcap" in message for message in mend_logs(tmp_path))
 
 
-def test_a_pause_of_years_takes_no_time(tmp_path: Path) -> None:
+def test_log_with_pause_of_years_is_processed_quickly(tmp_path: Path) -> None:
     path, year = tmp_path / "log.mcap", round(365 * 86400e9)
     data = np.random.default_rng(0).standard_normal((3000, 1))
     write_recording(path, Recording(channels=CHANNELS, data=data, rate=100.0, start=10**18))

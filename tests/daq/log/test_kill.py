@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.mark.parametrize("seconds", [0.3, 0.95, 1.7])
-def test_kill_costs_a_chunk_and_what_the_machine_takes(tmp_path: Path, seconds: float) -> None:
+def test_killed_process_loses_only_the_last_fraction_of_a_second(tmp_path: Path, seconds: float) -> None:
     path = tmp_path / "log.mcap"
     put: list[float] = []  # when each block was known to be put
     with subprocess.Popen(

@@ -67,7 +67,7 @@ def _cut(folder: Path) -> None:
         (_cut, "cut short"),
     ],
 )
-def test_new_file_is_begun_and_what_was_lost_is_said(
+def test_new_log_file_is_started_and_loss_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None], how: str
 ) -> None:
     """Every scan is in a file, once, or counted as lost."""
@@ -114,7 +114,7 @@ def test_new_file_is_begun_and_what_was_lost_is_said(
     assert all(inspect_log(path).whole for path in recorder.paths if path.exists() and attack is not _replace)
 
 
-def test_file_that_was_cut_stays_too_short_whatever_is_written_after_it(tmp_path: Path) -> None:
+def test_truncated_log_file_is_detected_after_further_writes(tmp_path: Path) -> None:
     """The look may come only after further writes."""
     log = McapWriter(tmp_path / "a.mcap", {})
     for k in range(20):

@@ -47,7 +47,7 @@ counts_ = hnp.arrays(
 
 @given(counts_, st.integers(2**20, 2**50), st.integers(-(2**20), 2**20), st.floats(width=32), st.integers(0, 7))
 @example(np.array([[INT32.min], [INT32.max], [INT32.min], [0]], np.int32), 2**20, 0, float("nan"), 0)
-def test_every_block_comes_back(counts: IntArray, first: int, pair: int, temperature: float, flags: int) -> None:
+def test_block_encoding_round_trip(counts: IntArray, first: int, pair: int, temperature: float, flags: int) -> None:
     block = Block(
         device="beam",
         rate=500.0,
@@ -67,17 +67,17 @@ def test_every_block_comes_back(counts: IntArray, first: int, pair: int, tempera
     np.testing.assert_equal(found.temperature, temperature)
 
 
-def test_a_block_without_a_coding_for_each_axis_is_refused() -> None:
+def test_block_without_coding_for_each_axis_is_refused() -> None:
     message = AccelBlock(rate=500.0, scale=1e-3, n_axes=3, n_scans=2, coding=[0, 0], start=[1, 1], bits=b"")
     with pytest.raises(ValueError, match="coding: expected 3 axes, found 2"):
         decode_block("beam", message.SerializeToString())
 
 
-def test_items_come_back_in_the_order_of_writing(whole: Path) -> None:
+def test_items_are_read_in_the_order_of_writing(whole: Path) -> None:
     assert contents(read_log(whole)) == contents(some_items())
 
 
-def test_attachments_come_back(whole: Path) -> None:
+def test_attachments_are_read_unchanged(whole: Path) -> None:
     assert read_attachments(whole) == ATTACHED
 
 
@@ -101,7 +101,7 @@ def test_cut_log_keeps_its_attachments(whole: Path) -> None:
     assert read_attachments(path) == ATTACHED
 
 
-def test_damage_amid_is_an_error_and_what_comes_before_is_given(whole: Path) -> None:
+def test_items_before_damage_are_read_and_damage_is_an_error(whole: Path) -> None:
     content = bytearray(whole.read_bytes())
     content[len(content) // 2] ^= 0x10
     path = whole.with_name("damaged.mcap")
@@ -130,7 +130,7 @@ def test_stock_reader_reads_a_finished_log(whole: Path) -> None:
     assert [m.time for m in decoded[::2]] == [START + b.first_index * 1_000_000 for b in blocks[::2]]
 
 
-def test_an_open_log_keeps_little_of_each_chunk(tmp_path: Path) -> None:
+def test_memory_use_per_chunk_of_open_log_is_small(tmp_path: Path) -> None:
     """Ten bytes per device and 77 of its own are stored in the file; the stock writer keeps 1300."""
     devices, chunks = [f"device_{k}" for k in range(6)], 300
     tracemalloc.start()
@@ -158,14 +158,14 @@ def test_an_open_log_keeps_little_of_each_chunk(tmp_path: Path) -> None:
         assert times == [START + 1_000_000 * (10 * k + 9) for k in range(chunks)]
 
 
-def test_log_that_is_missing(tmp_path: Path) -> None:
+def test_missing_log_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"none\.mcap: cannot be read: No such file") as found:
         list(read_log(tmp_path / "none.mcap"))
     assert found.value.path == tmp_path / "none.mcap"
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP", b"t,x,y\n0,1,2\n" * 9])
-def test_log_that_is_none(tmp_path: Path, content: bytes) -> None:
+def test_file_that_is_not_mcap_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "data.csv"
     path.write_bytes(content)
     with pytest.raises(LogError, match=r"data\.csv: is not an MCAP log"):
@@ -174,7 +174,7 @@ def test_log_that_is_none(tmp_path: Path, content: bytes) -> None:
         read_attachments(path)
 
 
-def test_log_of_another_program(tmp_path: Path) -> None:
+def test_log_of_another_program_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "robot.mcap"
     with path.open("wb") as file:
         writer = Writer(file)
@@ -192,6 +192,6 @@ def test_existing_file_is_never_overwritten(tmp_path: Path) -> None:
     assert path.read_text() == "precious"
 
 
-def test_folder_that_is_missing(tmp_path: Path) -> None:
+def test_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="cannot be written: No such file"):
         McapWriter(tmp_path / "none" / "log.mcap", {})

@@ -41,7 +41,7 @@ def places_of_indexes(content: bytes | bytearray) -> list[int]:
 
 @settings(max_examples=300)
 @given(st.data())
-def test_no_bit_of_an_index_may_be_wrong(cut: Path, data: st.DataObject) -> None:
+def test_any_wrong_bit_in_message_index_is_detected(cut: Path, data: st.DataObject) -> None:
     content = bytearray(cut.read_bytes())
     at = data.draw(st.sampled_from(places_of_indexes(content)))
     content[at] ^= 1 << data.draw(st.integers(0, 7))
@@ -51,7 +51,7 @@ def test_no_bit_of_an_index_may_be_wrong(cut: Path, data: st.DataObject) -> None
         PlainLog(file)
 
 
-def test_the_end_of_a_sound_log_is_that_of_the_stock_writer(cut: Path) -> None:
+def test_completed_end_of_log_equals_that_of_stock_writer(cut: Path) -> None:
     whole = cut.with_name("whole.mcap")
     writer = McapWriter(whole, {})
     for k, item in enumerate(some_items()):

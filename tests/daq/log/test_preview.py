@@ -76,14 +76,14 @@ def _vector(message: object) -> list[float]:
 
 
 @pytest.mark.parametrize("device", ["beam", "bar"])
-def test_what_is_slow_is_shown_where_it_was_and_what_is_fast_is_not(log: Path, device: str) -> None:
+def test_preview_is_low_passed_without_time_shift(log: Path, device: str) -> None:
     index, values = shown(log, device)
     np.testing.assert_allclose(index, np.rint(index), atol=1e-3)  # times of scans
     np.testing.assert_array_equal(np.rint(index) % EVERY, 0)
     np.testing.assert_allclose(values, motion(index)[:, : values.shape[1]], atol=THROUGH)
 
 
-def test_every_scan_that_the_filter_reaches_is_shown_once_and_none_in_a_gap(log: Path) -> None:
+def test_preview_samples_appear_once_and_none_in_gaps(log: Path) -> None:
     index, _ = shown(log, "beam")
     end = blocks()[-1].end_index
     whole = [(HALF, GAP[0] - HALF), (GAP[1] + HALF, end - HALF)]
@@ -91,7 +91,7 @@ def test_every_scan_that_the_filter_reaches_is_shown_once_and_none_in_a_gap(log:
     np.testing.assert_array_equal(np.rint(index), np.concatenate(first))
 
 
-def test_we_read_the_archive_only_and_mend_both(log: Path, tmp_path: Path) -> None:
+def test_log_reader_skips_preview_and_repair_keeps_it(log: Path, tmp_path: Path) -> None:
     assert contents(read_log(log)) == contents(blocks())
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
@@ -101,7 +101,7 @@ def test_we_read_the_archive_only_and_mend_both(log: Path, tmp_path: Path) -> No
     assert len(shown(cut, "beam")[0]) > 100
 
 
-def test_rerun_plots_the_log_as_it_is(log: Path, tmp_path: Path) -> None:
+def test_rerun_reads_preview_of_unconverted_log(log: Path, tmp_path: Path) -> None:
     rerun = Path(sys.executable).with_name("rerun")
     subprocess.run([rerun, "mcap", "convert", log, "-o", tmp_path / "log.rrd"], check=True, capture_output=True)
     found = Rrd(tmp_path / "log.rrd")
@@ -110,14 +110,14 @@ def test_rerun_plots_the_log_as_it_is(log: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.ravel(rows), np.ravel(shown(log, "bar")[1]))
 
 
-def test_a_slow_device_is_shown_as_it_is() -> None:
+def test_preview_of_slow_device_is_not_decimated() -> None:
     slow = make_block("slow", 0, n=30)
     view = View(VIEW_RATE).add(Block(**{**vars(slow), "rate": 40.0}))
     assert len(view) == 30
     assert all(a.time < b.time for a, b in itertools.pairwise(view))
 
 
-def test_a_log_that_is_begun_anew_repeats_no_time() -> None:
+def test_preview_filter_restarts_when_block_indices_jump_back() -> None:
     view = View(VIEW_RATE)
     before = [message for k in range(10) for message in view.add(make_block("a", 250 * k))]
     again = [message for k in range(8, 12) for message in view.add(make_block("a", 250 * k))]
@@ -125,7 +125,7 @@ def test_a_log_that_is_begun_anew_repeats_no_time() -> None:
     assert len(again) == len(range(-(-(2000 + HALF) // EVERY) * EVERY, 3000 - HALF, EVERY))
 
 
-def test_devices_on_one_clock_are_shown_at_one_time() -> None:
+def test_preview_times_are_equal_for_devices_on_shared_clock() -> None:
     view, random = View(VIEW_RATE), np.random.default_rng(1)
     times: dict[str, list[int]] = {"a": [], "b": []}
     for first in range(0, 20_000, 250):

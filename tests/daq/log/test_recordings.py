@@ -84,7 +84,7 @@ def two(tmp_path: Path) -> Path:
     return written(tmp_path / "log.mcap", *a, *blocks("b", 0.7, 198.2, ppm=-80.0, origin=0.2137))
 
 
-def test_the_whole_log_is_on_one_grid_to_the_kernel(two: Path) -> None:
+def test_whole_log_is_resampled_to_one_grid_within_kernel_error(two: Path) -> None:
     (found,) = load_recordings(two, channels=CHANNELS)
     time = seconds(found)
     assert (time[0], time[-1]) == (pytest.approx(0.8, abs=0.2), pytest.approx(198.1, abs=0.2))
@@ -95,7 +95,7 @@ def test_the_whole_log_is_on_one_grid_to_the_kernel(two: Path) -> None:
     assert found.temperature == pytest.approx(20.0)
 
 
-def test_windows_are_those_of_the_assembler(two: Path) -> None:
+def test_windows_equal_those_of_the_assembler(two: Path) -> None:
     target = Assembler(CHANNELS, {"a": RATE, "b": RATE}, window_seconds=12.5, step_seconds=12.5)
     expected = [window for item in read_log(two) if isinstance(item, Block) for window in target.push(item)]
     found = list(load_recordings(two, window_seconds=12.5, channels=CHANNELS))
@@ -105,7 +105,7 @@ def test_windows_are_those_of_the_assembler(two: Path) -> None:
         np.testing.assert_array_equal(one.data, other.data)
 
 
-def test_a_device_that_was_lost_and_came_back_leaves_a_gap(tmp_path: Path) -> None:
+def test_temporary_device_loss_leaves_a_gap(tmp_path: Path) -> None:
     lost = Event(topic="/event/device_failed", time=START + 91 * 10**9, payload={"device": "b"})
     back = blocks("b", 120.5, 180, restarted=True)
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 180), *blocks("b", 0, 90), lost, *back)
@@ -118,7 +118,7 @@ def test_a_device_that_was_lost_and_came_back_leaves_a_gap(tmp_path: Path) -> No
     assert found.duration == pytest.approx(180, abs=0.3)
 
 
-def test_a_log_that_is_mostly_an_outage_is_not_one_recording(tmp_path: Path) -> None:
+def test_log_with_long_outage_can_only_be_read_in_windows(tmp_path: Path) -> None:
     lost = Event(topic="/event/device_failed", time=START + 31 * 10**9, payload={"device": "a"})
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 30), lost, *blocks("a", 7200, 7230, restarted=True))
     with pytest.raises(LogError, match=r"log\.mcap: is \d+ times as long as what it holds: give a window"):
@@ -127,7 +127,7 @@ def test_a_log_that_is_mostly_an_outage_is_not_one_recording(tmp_path: Path) -> 
     assert 5 <= len(windows) <= 8
 
 
-def test_a_device_that_stays_away_does_not_end_the_recording(tmp_path: Path) -> None:
+def test_permanent_device_loss_does_not_end_the_recording(tmp_path: Path) -> None:
     lost = Event(topic="/event/device_failed", time=START + 41 * 10**9, payload={"device": "b"})
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 100), *blocks("b", 0, 40), lost)
     (found,) = load_recordings(path, channels=CHANNELS)
@@ -136,7 +136,7 @@ def test_a_device_that_stays_away_does_not_end_the_recording(tmp_path: Path) -> 
     assert np.isnan(found.data[round(41 * RATE) :, 1]).all()
 
 
-def test_a_channel_of_a_device_that_never_spoke(tmp_path: Path) -> None:
+def test_channel_of_silent_device_has_no_samples(tmp_path: Path) -> None:
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 20))
     (found,) = load_recordings(path, channels=CHANNELS)
     assert np.isnan(found.data[:, 1]).all()
@@ -144,14 +144,14 @@ def test_a_channel_of_a_device_that_never_spoke(tmp_path: Path) -> None:
     assert np.nanmax(errors(found)) < 1.5 * KERNEL
 
 
-def test_a_log_shorter_than_the_window_is_one_shorter_window(tmp_path: Path) -> None:
+def test_log_shorter_than_window_gives_one_shorter_window(tmp_path: Path) -> None:
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 7), *blocks("b", 0, 7))
     (found,) = load_recordings(path, window_seconds=600.0, channels=CHANNELS)
     assert found.duration == pytest.approx(7, abs=0.3)
     assert np.isfinite(found.data).all()
 
 
-def test_a_moment_of_a_log_is_a_recording_too(tmp_path: Path) -> None:
+def test_log_of_one_second_is_a_recording(tmp_path: Path) -> None:
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 1), *blocks("b", 0, 1))
     (found,) = load_recordings(path, channels=CHANNELS)
     assert 0.5 < found.duration < 1.0

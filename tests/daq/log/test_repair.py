@@ -59,7 +59,7 @@ def before(path: Path) -> list[Item]:
 
 
 @given(st.data())
-def test_a_cut_log_keeps_what_could_be_read_of_it(whole: Path, data: st.DataObject) -> None:
+def test_repaired_cut_log_keeps_all_readable_items(whole: Path, data: st.DataObject) -> None:
     content = whole.read_bytes()
     at = data.draw(st.integers(300, len(content) - 1))
     path = whole.with_name("cut.mcap")
@@ -74,7 +74,7 @@ def test_a_cut_log_keeps_what_could_be_read_of_it(whole: Path, data: st.DataObje
     assert list(path.parent.glob(".*")) == []
 
 
-def test_a_wrong_checksum_of_all_data_costs_none(whole: Path) -> None:
+def test_wrong_checksum_of_data_section_loses_no_items(whole: Path) -> None:
     content = bytearray(whole.read_bytes())
     at = content.rindex(b"\x0f\x04" + 7 * b"\0") + 9  # DataEnd: opcode, length, checksum; none is given
     content[at] ^= 1
@@ -84,7 +84,7 @@ def test_a_wrong_checksum_of_all_data_costs_none(whole: Path) -> None:
 
 
 @given(st.data())
-def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataObject) -> None:
+def test_damaged_log_loses_only_the_damaged_chunk(whole: Path, data: st.DataObject) -> None:
     content = bytearray(whole.read_bytes())
     at = data.draw(st.integers(300, len(content) - 1))
     content[at] ^= 1 << data.draw(st.integers(0, 7))
@@ -101,7 +101,7 @@ def test_a_damaged_log_loses_the_damaged_chunk_only(whole: Path, data: st.DataOb
     assert inspect_log(path).whole
 
 
-def test_each_bit_of_opcodes_and_lengths(whole: Path) -> None:
+def test_wrong_opcode_or_length_bit_loses_at_most_one_chunk(whole: Path) -> None:
     """Of each record after the attachments: at most its own chunk is lost, and the state has the loss."""
     content, every = whole.read_bytes(), contents(some_items())
     path = whole.with_name("damaged_frame.mcap")
@@ -125,7 +125,7 @@ def test_each_bit_of_opcodes_and_lengths(whole: Path) -> None:
             assert inspect_log(path).whole
 
 
-def test_times_of_a_chunk_are_verified(whole: Path) -> None:
+def test_wrong_chunk_times_are_repaired(whole: Path) -> None:
     """Indexed readers choose chunks by them."""
     content = bytearray(whole.read_bytes())
     content[[at for opcode, at in places(content) if opcode == 6][1] + 9 + 3] ^= 1
@@ -142,7 +142,7 @@ def test_times_of_a_chunk_are_verified(whole: Path) -> None:
     assert found.statistics.message_start_time == expected.statistics.message_start_time
 
 
-def test_a_damaged_summary_is_written_again(whole: Path) -> None:
+def test_damaged_summary_is_rewritten(whole: Path) -> None:
     """Every byte of it, one bit each: our reader needs none of it, stock readers do."""
     content, every = whole.read_bytes(), contents(some_items())
     start = int.from_bytes(content[-28:-20], "little")
@@ -160,7 +160,7 @@ def test_a_damaged_summary_is_written_again(whole: Path) -> None:
 
 @settings(max_examples=25)
 @given(st.data())
-def test_a_log_that_is_cut_and_damaged_is_mended_too(whole: Path, data: st.DataObject) -> None:
+def test_cut_and_damaged_log_is_repaired(whole: Path, data: st.DataObject) -> None:
     content = bytearray(whole.read_bytes()[: data.draw(st.integers(1000, whole.stat().st_size - 1))])
     at = data.draw(st.integers(300, len(content) - 1))
     content[at] ^= 1 << data.draw(st.integers(0, 7))
@@ -176,7 +176,7 @@ def test_a_log_that_is_cut_and_damaged_is_mended_too(whole: Path, data: st.DataO
 
 
 @pytest.mark.parametrize("rest", [b"", b"\0" * 4096, b"\6\0\1"], ids=["none", "zeros of a power cut", "half a chunk"])
-def test_a_log_that_lacks_its_end_gets_it_in_place(whole: Path, rest: bytes) -> None:
+def test_missing_end_of_log_is_written_in_place(whole: Path, rest: bytes) -> None:
     path = whole.with_name("in_place.mcap")
     writer = McapWriter(path, ATTACHED)
     for item in some_items():
@@ -195,7 +195,7 @@ def test_a_log_that_lacks_its_end_gets_it_in_place(whole: Path, rest: bytes) -> 
     path.unlink()
 
 
-def test_a_damaged_length_does_not_take_all_memory(whole: Path) -> None:
+def test_damaged_length_does_not_exhaust_memory(whole: Path) -> None:
     """One bit of the length of a chunk's records changed: a terabyte, in a record whose own length is valid."""
     content = bytearray(whole.read_bytes())
     at = 8
@@ -220,7 +220,7 @@ def places(content: bytes | bytearray) -> list[tuple[int, int]]:
     return found
 
 
-def test_records_behind_one_that_is_stepped_over_are_kept(whole: Path) -> None:
+def test_records_after_an_unreadable_chunk_are_kept(whole: Path) -> None:
     """The second chunk cannot be parsed at all: its compression has a name that is no text."""
     content = bytearray(whole.read_bytes())
     chunks = [at for opcode, at in places(content) if opcode == 6]
@@ -238,7 +238,7 @@ def test_records_behind_one_that_is_stepped_over_are_kept(whole: Path) -> None:
     assert read_attachments(path) == ATTACHED
 
 
-def test_messages_whose_schema_stood_in_a_lost_chunk_get_it_back(tmp_path: Path) -> None:
+def test_schema_lost_with_its_chunk_is_restored(tmp_path: Path) -> None:
     """The first chunk has the schemas and the channel of its message; a cut log repeats neither in a summary."""
     path = tmp_path / "log.mcap"
     writer = McapWriter(path, {})
@@ -257,7 +257,7 @@ def test_messages_whose_schema_stood_in_a_lost_chunk_get_it_back(tmp_path: Path)
     assert names == {"modalwatch.AccelBlock", "modalwatch.Event"}
 
 
-def test_messages_of_others_whose_schema_is_lost_are_left_out(tmp_path: Path) -> None:
+def test_foreign_messages_without_schema_are_dropped(tmp_path: Path) -> None:
     """As those of the view: their schema is none of a log's own."""
     path = tmp_path / "log.mcap"
     with path.open("wb") as file:
@@ -278,14 +278,14 @@ def test_messages_of_others_whose_schema_is_lost_are_left_out(tmp_path: Path) ->
         assert [channel.topic for _, channel, _ in make_reader(file).iter_messages()] == ["/event/x"]
 
 
-def test_two_logs_are_worth_what_both_are() -> None:
+def test_sum_of_log_states_adds_counts_and_losses() -> None:
     one = LogState(n_messages=7, lost_chunks=1, lost_bytes=0, finished=True)
     other = LogState(n_messages=5, lost_chunks=2, lost_bytes=30, finished=False)
     assert one + other == LogState(n_messages=12, lost_chunks=3, lost_bytes=30, finished=False)
     assert str(one + other) == "cut, 30 bytes of an unfinished chunk, 3 chunks damaged"
 
 
-def test_a_whole_log_is_not_touched(whole: Path) -> None:
+def test_complete_log_is_not_modified(whole: Path) -> None:
     was = whole.stat().st_mtime_ns, whole.stat().st_ino, whole.stat().st_size
     state = repair_log(whole)
     assert state.whole
@@ -294,7 +294,7 @@ def test_a_whole_log_is_not_touched(whole: Path) -> None:
     assert (whole.stat().st_mtime_ns, whole.stat().st_ino, whole.stat().st_size) == was
 
 
-def test_a_log_cut_by_a_kill_is_described(whole: Path) -> None:
+def test_state_of_log_cut_by_kill_is_described(whole: Path) -> None:
     path = whole.with_name("killed.mcap")
     path.write_bytes(whole.read_bytes()[:-3000])
     state = inspect_log(path)
@@ -303,7 +303,7 @@ def test_a_log_cut_by_a_kill_is_described(whole: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"t,a\n0,1\n", b"\x89MCAP0\r\n" + b"x" * 50])
-def test_what_is_no_log(tmp_path: Path, content: bytes) -> None:
+def test_repair_of_missing_or_non_mcap_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(content)
     with pytest.raises(LogError, match=r"log\.mcap: is not an MCAP log"):
@@ -313,7 +313,7 @@ def test_what_is_no_log(tmp_path: Path, content: bytes) -> None:
         repair_log(tmp_path / "none.mcap")
 
 
-def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_fsync_during_repair_leaves_log_unchanged(whole: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = whole.with_name("full.mcap")
     content = whole.read_bytes()[:-3000]
     path.write_bytes(content)
@@ -328,7 +328,7 @@ def test_a_folder_that_takes_no_file(whole: Path, monkeypatch: pytest.MonkeyPatc
     assert list(path.parent.glob(".*")) == []
 
 
-def test_a_disk_that_fills_amid_the_end_leaves_the_log_as_it_was(tmp_path: Path) -> None:
+def test_full_disk_while_writing_end_leaves_log_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     writer = McapWriter(path, ATTACHED)
     for item in some_items():
@@ -350,7 +350,7 @@ def test_a_disk_that_fills_amid_the_end_leaves_the_log_as_it_was(tmp_path: Path)
     assert contents(read_log(path)) == contents(some_items())
 
 
-def test_a_log_that_is_being_written_is_left_alone(whole: Path) -> None:
+def test_log_being_written_is_not_repaired(whole: Path) -> None:
     path = whole.with_name("open.mcap")
     writer = McapWriter(path, {})
     for item in some_items():
@@ -367,7 +367,7 @@ def test_a_log_that_is_being_written_is_left_alone(whole: Path) -> None:
     assert contents(read_log(path)) == contents(some_items())
 
 
-def test_times_of_messages_are_kept(whole: Path) -> None:
+def test_message_times_are_kept_by_repair(whole: Path) -> None:
     path = whole.with_name("times.mcap")
     path.write_bytes(whole.read_bytes()[:-3000])
     repair_log(path)

@@ -37,7 +37,7 @@ def run_of(folder: Path, n: int, started: int) -> list[Path]:
     return recorder.paths
 
 
-def test_the_oldest_go_until_the_rest_is_small_enough_and_nothing_else(tmp_path: Path) -> None:
+def test_oldest_run_files_are_deleted_to_meet_size_limit(tmp_path: Path) -> None:
     later = run_of(tmp_path, 3, START + 10**12)
     older = run_of(tmp_path, 3, START)
     McapWriter(tmp_path / "imported.mcap", {}).close()
@@ -71,7 +71,7 @@ def written(paths: list[Path], days: Sequence[float]) -> None:
         os.utime(path, (time.time() + DAY * day,) * 2)
 
 
-def test_what_is_too_old_goes(tmp_path: Path) -> None:
+def test_files_older_than_retention_time_are_deleted(tmp_path: Path) -> None:
     paths = run_of(tmp_path, 30, START)
     written(paths, [-0.15 * k for k in range(30, 0, -1)])
     found = gone(DiskGuard(tmp_path, Retention(seconds=2 * DAY)))
@@ -80,7 +80,7 @@ def test_what_is_too_old_goes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("jump", [5000, -5000])
-def test_clock_that_is_set_by_years_costs_a_tenth_of_what_is_kept(tmp_path: Path, jump: int) -> None:
+def test_clock_jump_of_years_deletes_at_most_one_file(tmp_path: Path, jump: int) -> None:
     """Nor does a pause of years: nothing has been recorded that could take its place."""
     paths = run_of(tmp_path, 22, START)
     written(paths, [*(-0.095 * k for k in range(20, 0, -1)), jump, jump])
@@ -88,14 +88,14 @@ def test_clock_that_is_set_by_years_costs_a_tenth_of_what_is_kept(tmp_path: Path
     assert [path for path, _ in found] == (paths[:1] if jump > 0 else [])
 
 
-def test_newest_never_goes(tmp_path: Path) -> None:
+def test_newest_file_is_never_deleted(tmp_path: Path) -> None:
     paths = run_of(tmp_path, 3, START)
     guard = DiskGuard(tmp_path, Retention(size=1.0))
     assert [path for path, _ in gone(guard)] == paths[:2]
     assert guard.surplus(full=True) is None
 
 
-def test_what_is_being_written_stays(tmp_path: Path) -> None:
+def test_file_being_written_is_not_deleted(tmp_path: Path) -> None:
     recorder = RotatingWriter(tmp_path, {}, START)
     newest = run_of(tmp_path, 2, START + 10**12)
     guard = DiskGuard(tmp_path, Retention(least_free=1e30))
@@ -107,7 +107,7 @@ def test_what_is_being_written_stays(tmp_path: Path) -> None:
     assert surplus.why.endswith(" GB are free, less than 1e+21")
 
 
-def test_a_file_is_deleted_after_it_was_said(tmp_path: Path) -> None:
+def test_deletion_is_logged_before_file_is_deleted(tmp_path: Path) -> None:
     old = run_of(tmp_path, 3, START)
     stated: list[Event] = []
 
@@ -131,7 +131,7 @@ def all_blocks(paths: list[Path]) -> list[Block]:
     return [item for item in read_log(PartedLog(tuple(paths))) if isinstance(item, Block)]
 
 
-def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_path: Path) -> None:
+def test_new_file_is_started_without_loss_at_file_size_limit(tmp_path: Path) -> None:
     blocks = [make_block("a", 250 * k) for k in range(60)]  # 3.7 kB each
     stated: list[Event] = []
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -155,7 +155,7 @@ def test_a_file_that_cannot_grow_is_followed_by_another_and_nothing_is_lost(tmp_
         assert inspect_log(path).lost_bytes == 0  # cut back to its last flush
 
 
-def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_scans_beyond_memory_buffer_are_counted_as_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     recorder = RotatingWriter(tmp_path, {"site.toml": "x = 1"}, START)
     stated: list[Event] = []
     keeper = ResilientWriter(recorder, DiskGuard(tmp_path, Retention()), stated.append, kept=10)
@@ -180,7 +180,7 @@ def test_memory_holds_what_it_can_and_counts_the_rest(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize(("number", "left"), [(28, 0), (122, 0), (5, 3), (27, 3), (30, 3)])
-def test_old_files_go_only_where_that_makes_room(
+def test_old_files_are_deleted_only_for_disk_full_errors(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, left: int
 ) -> None:
     """A disk that is full or a quota that is used up, not one that is broken, read-only or takes no longer files."""
@@ -202,7 +202,7 @@ def test_old_files_go_only_where_that_makes_room(
     assert contents(all_blocks(recorder.paths)) == contents([make_block("a", 0)])
 
 
-def test_what_the_disk_does_not_take_at_the_end_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_items_not_written_at_close_are_counted_as_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     keeper = ResilientWriter(RotatingWriter(tmp_path, {}, START), DiskGuard(tmp_path, Retention()), lambda event: None)
     for k in range(2):
         keeper.write(make_block("a", 250 * k))

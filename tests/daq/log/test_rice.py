@@ -24,20 +24,20 @@ def size(packed: Packed) -> int:
     st.integers(0, 31),
 )
 @example(np.array([[INT32.min], [INT32.max], [INT32.min], [INT32.max]], np.int32), 0)
-def test_counts_come_back_whatever_their_size(counts: IntArray, shift: int) -> None:
+def test_packed_counts_round_trip_for_any_magnitude(counts: IntArray, shift: int) -> None:
     small = counts >> shift
     np.testing.assert_array_equal(unpack(pack(small), len(small)), small)
 
 
 @pytest.mark.parametrize("deviation", [5.0, 72.0, 1700.0, 170_000.0])
-def test_white_noise_takes_little_more_than_its_entropy(deviation: float) -> None:
+def test_packed_size_of_white_noise_is_near_its_entropy(deviation: float) -> None:
     """On normal noise a Rice code takes 0.04 to 0.16 bits more than entropy, by the place between powers of 2."""
     counts = np.rint(np.random.default_rng(1).normal(1e6, deviation, (200, 60))).astype(np.int32)
     entropy = np.log2(deviation * np.sqrt(2 * np.pi * np.e))
     assert size(pack(counts)) / counts.size < entropy + 0.16 + 0.03  # 12 000 samples: 0.01 rms
 
 
-def test_what_is_smooth_takes_what_its_noise_does() -> None:
+def test_packed_size_of_smooth_signal_is_set_by_its_noise() -> None:
     t = np.arange(200) / 1000
     noise = np.random.default_rng(2).normal(0, 8, (200, 30))
     smooth = 2e5 * np.sin(2 * np.pi * 4 * t)[:, None] + noise
@@ -47,7 +47,7 @@ def test_what_is_smooth_takes_what_its_noise_does() -> None:
     assert size(pack(np.rint(smooth).astype(np.int32))) / smooth.size < entropy + 0.12 + 0.05
 
 
-def test_one_shock_does_not_cost_more_than_plain_numbers() -> None:
+def test_single_shock_needs_at_most_33_bits_per_count() -> None:
     counts = np.zeros((200, 1), np.int32)
     counts[77] = INT32.max
     assert size(pack(counts)) <= 33 * 200
@@ -68,6 +68,6 @@ def stated(unpacked: Callable[[], IntArray], shape: tuple[int, int]) -> str:
 
 
 @given(packed_, st.integers(0, 80))
-def test_what_is_no_packing_is_told(packed: Packed, n: int) -> None:
+def test_invalid_packing_is_refused_with_documented_error(packed: Packed, n: int) -> None:
     reported = stated(lambda: unpack(packed, n), (n, len(packed.order)))
     assert not reported or reported.startswith("packed counts: expected")

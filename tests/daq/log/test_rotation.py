@@ -54,7 +54,7 @@ def sine(n_blocks: int) -> list[Block]:
 
 
 @pytest.mark.parametrize("rotation", [Rotation(size=20_000), Rotation(seconds=2.0)], ids=["size", "time"])
-def test_files_hold_every_item_once_and_stand_alone(tmp_path: Path, rotation: Rotation) -> None:
+def test_rotated_files_are_complete_and_hold_each_item_once(tmp_path: Path, rotation: Rotation) -> None:
     blocks = [make_block("a", 250 * k) for k in range(40)]
     log = record(tmp_path / "log", blocks, rotation)
     files = files_of(log)
@@ -69,7 +69,7 @@ def test_files_hold_every_item_once_and_stand_alone(tmp_path: Path, rotation: Ro
     assert (info.n_scans, info.missing, info.gaps) == (10_000, 0, 0)
 
 
-def test_windows_go_across_the_cut_as_if_there_were_none(tmp_path: Path) -> None:
+def test_windows_across_rotated_files_equal_those_of_one_file(tmp_path: Path) -> None:
     blocks = sine(80)
     one = record(tmp_path / "one", blocks, Rotation())
     many = record(tmp_path / "many", blocks, Rotation(seconds=3.0))
@@ -86,7 +86,7 @@ def test_windows_go_across_the_cut_as_if_there_were_none(tmp_path: Path) -> None
         np.testing.assert_array_equal(logged.data, window.data)
 
 
-def test_files_in_any_order_are_their_runs(tmp_path: Path) -> None:
+def test_files_in_any_order_are_grouped_into_runs(tmp_path: Path) -> None:
     first = record(tmp_path / "log", sine(24), Rotation(seconds=2.0))
     second = record(tmp_path / "log", sine(24), Rotation(seconds=2.0), START + 60 * 10**9)
     single = tmp_path / "log" / "imported.mcap"
@@ -97,12 +97,12 @@ def test_files_in_any_order_are_their_runs(tmp_path: Path) -> None:
     assert as_logs([files_of(first)[1]]) == [files_of(first)[1]]
 
 
-def test_a_start_within_the_same_second_gets_a_name_of_its_own(tmp_path: Path) -> None:
+def test_runs_started_in_same_second_get_different_file_names(tmp_path: Path) -> None:
     names = {files_of(record(tmp_path, sine(4), Rotation()))[0].name for _ in range(3)}
     assert names == {"20260101T000000Z.mcap", "20260101T000000Z_0001.mcap", "20260101T000000Z_0002.mcap"}
 
 
-def test_a_file_that_is_gone_is_a_gap_and_nothing_else(tmp_path: Path) -> None:
+def test_missing_file_of_a_run_is_a_gap(tmp_path: Path) -> None:
     log = record(tmp_path, sine(40), Rotation(seconds=2.0))
     files = files_of(log)
     lost = log_info(files[1]).devices["a"].n_scans
@@ -111,12 +111,12 @@ def test_a_file_that_is_gone_is_a_gap_and_nothing_else(tmp_path: Path) -> None:
     assert (info.n_scans, info.missing, info.gaps) == (10_000 - lost, lost, 1)
 
 
-def test_a_folder_without_logs_is_refused(tmp_path: Path) -> None:
+def test_folder_without_logs_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"holds no log: expected \*\.mcap"):
         as_logs([tmp_path])
 
 
-def test_the_thread_rotates_at_its_flushes(tmp_path: Path) -> None:
+def test_writer_thread_rotates_files_at_flushes(tmp_path: Path) -> None:
     recorder = RotatingWriter(tmp_path, ATTACHED, START, Rotation(size=1.0))  # every flush fills a file
     with WriterThread(recorder, lambda item: None, chunk_seconds=0.0) as thread:
         for item in some_items():

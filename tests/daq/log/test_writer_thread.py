@@ -12,7 +12,7 @@ from daq import Item, McapWriter, WriterThread, read_log
 from tests.support.daq.blocks import contents, some_items
 
 
-def test_thread_writes_in_order_and_tells_of_each_item(tmp_path: Path) -> None:
+def test_thread_writes_in_order_and_passes_on_each_item(tmp_path: Path) -> None:
     reported: list[Item] = []
     with WriterThread(McapWriter(tmp_path / "log.mcap", {}), reported.append, chunk_seconds=0.01) as thread:
         for item in some_items():
@@ -22,7 +22,7 @@ def test_thread_writes_in_order_and_tells_of_each_item(tmp_path: Path) -> None:
     assert (thread.dropped, thread.failure) == (0, None)
 
 
-def test_thread_counts_what_finds_the_queue_full(tmp_path: Path) -> None:
+def test_items_put_into_full_queue_are_counted_as_dropped(tmp_path: Path) -> None:
     thread = WriterThread(McapWriter(tmp_path / "log.mcap", {}), lambda item: None, capacity=3)
     for item in some_items()[:10]:
         thread.put(item)  # the thread is not started yet: nothing leaves the queue
@@ -33,7 +33,9 @@ def test_thread_counts_what_finds_the_queue_full(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("failing", ["write", "flush"])
-def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str) -> None:
+def test_thread_passes_on_items_after_disk_failure(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
+) -> None:
     writer = McapWriter(tmp_path / "log.mcap", {})
     writer.write(some_items()[0])
     writer.flush()
@@ -56,7 +58,7 @@ def test_thread_hands_on_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest
     assert contents(read_log(tmp_path / "log.mcap")) == contents(some_items()[:1])
 
 
-def test_thread_hands_on_when_the_file_cannot_grow(tmp_path: Path) -> None:
+def test_thread_passes_on_items_at_file_size_limit(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     writer = McapWriter(path, {})
     reported: list[Item] = []
@@ -97,7 +99,7 @@ class _Counted:
     abandon = close
 
 
-def test_all_that_several_threads_put_is_flushed_while_nothing_more_comes() -> None:
+def test_items_of_several_threads_are_flushed_without_new_items() -> None:
     writer, items = _Counted(), some_items()
 
     def put() -> None:

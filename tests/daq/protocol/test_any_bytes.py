@@ -56,13 +56,13 @@ def damaged(data: bytes, damage: Damage) -> bytes:
 
 
 @given(st.binary(max_size=8))
-def test_answers_of_registers(reply: bytes) -> None:
+def test_arbitrary_register_reply_is_parsed_or_refused(reply: bytes) -> None:
     with suppress(ValueError):
         assert 0 <= epson.parse_reply(reply, 0x4C) <= 0xFFFF
 
 
 @given(st.binary(max_size=200))
-def test_commands_to_a_node(data: bytes) -> None:
+def test_command_decoder_accepts_arbitrary_bytes(data: bytes) -> None:
     for command, _ in node.CommandDecoder().feed(data):
         assert isinstance(command, int)
 
@@ -80,14 +80,14 @@ def emulators() -> list[SerialEmulator]:
 @given(
     st.one_of(st.binary(max_size=60), st.lists(st.sampled_from([b"\xff\xaa", b"\x0d", b"\0", b"\xff"])).map(b"".join))
 )
-def test_emulated_devices_hear_anything(emulators: list[SerialEmulator], heard: bytes) -> None:
+def test_emulated_serial_devices_accept_arbitrary_bytes(emulators: list[SerialEmulator], heard: bytes) -> None:
     for device in emulators:
         device.receive(heard)
         device.serve()
 
 
 @given(st.lists(st.tuples(st.sampled_from([0, 0x50, 0x080, 0x603, 0x7FF]), st.binary(max_size=8)), max_size=12))
-def test_emulated_nodes_hear_anything(frames: list[tuple[int, bytes]]) -> None:
+def test_emulated_can_nodes_accept_arbitrary_frames(frames: list[tuple[int, bytes]]) -> None:
     nodes = (
         EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=1),
         EmulatedWitmotionCan(Ramp(), SystemClock()),
@@ -103,7 +103,7 @@ def test_emulated_nodes_hear_anything(frames: list[tuple[int, bytes]]) -> None:
 @pytest.mark.live
 @settings(max_examples=30)
 @given(st.one_of(st.binary(max_size=80), st.lists(st.sampled_from(list(b"tTrRzZO0128fF\r\a"))).map(bytes)))
-def test_an_emulated_adapter_hears_anything(heard: bytes) -> None:
+def test_emulated_adapter_accepts_arbitrary_bytes(heard: bytes) -> None:
     emulated = EmulatedSlcan([EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=1)])
     host = os.open(emulated.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     os.write(host, b"O\r" + heard)
@@ -114,7 +114,7 @@ def test_an_emulated_adapter_hears_anything(heard: bytes) -> None:
 
 
 @given(st.lists(st.one_of(st.integers(0, 127), st.binary(min_size=8, max_size=8)), max_size=30))
-def test_heartbeats_and_emergencies_say_anything(frames: list[int | bytes]) -> None:
+def test_heartbeat_consumer_accepts_arbitrary_frames(frames: list[int | bytes]) -> None:
     remote = canopen.RemoteNode(3, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
     consumer = HeartbeatConsumer(remote)
     for frame in frames:
@@ -142,7 +142,7 @@ def traffic(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 @pytest.mark.parametrize("ending", CAN_LOGS)
 @given(damages)
 @settings(max_examples=25)
-def test_can_logs(
+def test_damaged_can_log_is_read_or_refused(
     ending: str, traffic: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory, damage: Damage
 ) -> None:
     folder = tmp_path_factory.mktemp("can")
@@ -166,7 +166,7 @@ def tables(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
 @pytest.mark.parametrize("ending", [".npz", ".mat", ".uff"])
 @given(damages)
 @settings(max_examples=25)
-def test_files_of_measurements(
+def test_damaged_data_file_is_read_or_refused(
     ending: str, tables: dict[str, bytes], tmp_path_factory: pytest.TempPathFactory, damage: Damage
 ) -> None:
     path = tmp_path_factory.mktemp("data") / f"data{ending}"
@@ -186,7 +186,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @given(damages)
-def test_logs(log: bytes, tmp_path_factory: pytest.TempPathFactory, damage: Damage) -> None:
+def test_damaged_log_is_read_or_refused(log: bytes, tmp_path_factory: pytest.TempPathFactory, damage: Damage) -> None:
     path = tmp_path_factory.mktemp("log") / "log.mcap"
     Path(path).write_bytes(damaged(log, damage))
     with suppress(LogError):

@@ -63,7 +63,7 @@ def fed(decoder: ScanDecoder, frames: CanFrames, cuts: list[int]) -> list[tuple[
 
 
 @pytest.mark.parametrize("name", COUNTERS)
-def test_whole_stream_is_decoded_across_pieces_and_wraps(layouts: dict[str, ScanLayout], name: str) -> None:
+def test_complete_stream_is_decoded_across_chunks_and_wraps(layouts: dict[str, ScanLayout], name: str) -> None:
     layout = layouts[name]
     n, m = 600, len(layout.messages)
     frames = encode_scans(layout, ramp(n), 7)
@@ -81,7 +81,7 @@ def test_whole_stream_is_decoded_across_pieces_and_wraps(layouts: dict[str, Scan
     burst=st.integers(0, 12),
     cuts=st.lists(st.integers(0, 40), max_size=5),
 )
-def test_halves_of_two_scans_never_meet(
+def test_frames_of_different_scans_are_never_combined(
     layouts: dict[str, ScanLayout], name: str, fate: list[int], burst: int, cuts: list[int]
 ) -> None:
     """Frames are lost and repeated at random, and a burst is lost; all decoded scans were sent, in order, with their
@@ -105,7 +105,7 @@ def test_halves_of_two_scans_never_meet(
 
 
 @pytest.mark.parametrize("name", COUNTERS)
-def test_one_lost_frame_costs_its_own_scan(layouts: dict[str, ScanLayout], name: str) -> None:
+def test_one_lost_frame_loses_one_scan(layouts: dict[str, ScanLayout], name: str) -> None:
     layout = layouts[name]
     m, frames = len(layout.messages), encode_scans(layout, ramp(40), 0)
     whole = len(fed(ScanDecoder(layout), frames, []))
@@ -116,7 +116,7 @@ def test_one_lost_frame_costs_its_own_scan(layouts: dict[str, ScanLayout], name:
         assert decoder.bad_frames == m - 1
 
 
-def test_other_frames_wrong_lengths_and_requests_are_none(layouts: dict[str, ScanLayout]) -> None:
+def test_foreign_short_and_remote_frames_are_ignored(layouts: dict[str, ScanLayout]) -> None:
     layout = layouts["every"]
     frames = encode_scans(layout, ramp(10), 0)
     strange = can_frames(
@@ -128,7 +128,7 @@ def test_other_frames_wrong_lengths_and_requests_are_none(layouts: dict[str, Sca
     assert decoder.bad_frames == 1
 
 
-def test_what_is_no_number_or_does_not_fit_is_dropped(tmp_path: Path) -> None:
+def test_nan_infinite_and_out_of_range_values_are_dropped(tmp_path: Path) -> None:
     file = tmp_path / "float.dbc"
     file.write_text(
         'VERSION ""\nBU_: N\nBO_ 1 A: 5 N\n SG_ a : 0|32@1- (1,0) [0|0] "g" N\n SG_ n : 32|8@1+ (1,0) [0|0] "" N\n'
@@ -148,7 +148,7 @@ def test_what_is_no_number_or_does_not_fit_is_dropped(tmp_path: Path) -> None:
     assert decoder.bad_frames == 4
 
 
-def test_a_number_that_the_counter_does_not_have_is_none(tmp_path: Path) -> None:
+def test_counter_value_outside_its_range_is_dropped(tmp_path: Path) -> None:
     file = tmp_path / "alive.dbc"
     file.write_text(
         'VERSION ""\nBU_: N\nBO_ 1 A: 2 N\n SG_ a : 0|8@1- (1,0) [0|0] "g" N\n SG_ n : 8|4@1+ (1,0) [0|14] "" N\n'
@@ -165,7 +165,9 @@ def test_a_number_that_the_counter_does_not_have_is_none(tmp_path: Path) -> None
         st.lists(st.tuples(st.integers(15, 20), st.binary(max_size=8)), max_size=30), min_size=1, max_size=4
     ),
 )
-def test_any_frames_are_taken(layouts: dict[str, ScanLayout], name: str, pieces: list[list[tuple[int, bytes]]]) -> None:
+def test_arbitrary_frames_give_valid_scans_and_counts(
+    layouts: dict[str, ScanLayout], name: str, pieces: list[list[tuple[int, bytes]]]
+) -> None:
     """Whatever comes, scans are of one shape, their counters are some, and no frame is counted twice."""
     decoder, layout, n = ScanDecoder(layouts[name]), layouts[name], 0
     for piece in pieces:
@@ -176,14 +178,14 @@ def test_any_frames_are_taken(layouts: dict[str, ScanLayout], name: str, pieces:
     assert len(layout.messages) * n + decoder.bad_frames <= sum(map(len, pieces)) + len(layout.messages)
 
 
-def test_temperature_comes_when_it_comes(layouts: dict[str, ScanLayout]) -> None:
+def test_temperature_is_nan_until_its_frame_arrives(layouts: dict[str, ScanLayout]) -> None:
     decoder = ScanDecoder(layouts["first"])
     assert np.isnan(decoder.temperature)
     decoder.feed(can_frames([(19, (-1234).to_bytes(2, "little", signed=True))]), np.zeros(1, np.intp))
     assert decoder.temperature == pytest.approx(-12.34)
 
 
-def test_what_is_missing_is_said(layouts: dict[str, ScanLayout]) -> None:
+def test_missing_or_short_message_is_named(layouts: dict[str, ScanLayout]) -> None:
     layout = layouts["every"]
     frames = encode_scans(layout, ramp(5), 0)
     assert what_is_missing(layout, frames[frames.ids != 17]) == "no frame of B (0x11) came"
@@ -193,12 +195,12 @@ def test_what_is_missing_is_said(layouts: dict[str, ScanLayout]) -> None:
 
 
 @pytest.mark.parametrize("name", COUNTERS)
-def test_a_counter_that_stands_still_numbers_nothing(layouts: dict[str, ScanLayout], name: str) -> None:
+def test_constant_counter_gives_at_most_one_scan(layouts: dict[str, ScanLayout], name: str) -> None:
     same = [encode_scans(layouts[name], ramp(9)[k : k + 1], 3) for k in range(9)]
     assert len(fed(ScanDecoder(layouts[name]), concatenate(same), [])) <= 1  # the first may be new
 
 
-def test_without_an_end_nothing_is_remembered_for_ever(layouts: dict[str, ScanLayout]) -> None:
+def test_incomplete_scans_are_buffered_up_to_a_limit(layouts: dict[str, ScanLayout]) -> None:
     layout = layouts["last"]
     decoder = ScanDecoder(layout)
     only = encode_scans(layout, ramp(6000), 0)

@@ -59,7 +59,7 @@ def decoded(message: Message, frame: bytes, *, scaling: bool) -> Any:
 
 
 @given(signals(), st.lists(st.binary(min_size=8, max_size=8), min_size=1, max_size=5))
-def test_every_signal_is_what_cantools_says(signal: CanSignal, frames: list[bytes]) -> None:
+def test_decoded_signals_equal_those_of_cantools(signal: CanSignal, frames: list[bytes]) -> None:
     message = theirs(signal)
     data = np.frombuffer(b"".join(frames), np.uint8).reshape(-1, 8)
     raw = [decoded(message, frame, scaling=False) for frame in frames]
@@ -72,7 +72,9 @@ def test_every_signal_is_what_cantools_says(signal: CanSignal, frames: list[byte
 
 
 @given(signals(), st.binary(min_size=8, max_size=8), st.binary(min_size=8, max_size=8))
-def test_what_is_put_is_read_back_and_nothing_else_is_touched(signal: CanSignal, before: bytes, source: bytes) -> None:
+def test_encoded_signal_is_decoded_unchanged_and_other_bits_are_kept(
+    signal: CanSignal, before: bytes, source: bytes
+) -> None:
     data = np.frombuffer(before, np.uint8).reshape(1, 8).copy()
     wanted = signal.raw(np.frombuffer(source, np.uint8).reshape(1, 8))
     if signal.is_float and np.isnan(wanted[0]):
@@ -87,11 +89,11 @@ def test_what_is_put_is_read_back_and_nothing_else_is_touched(signal: CanSignal,
 @pytest.mark.parametrize(
     ("start", "length", "big_endian"), [(60, 5, False), (56, 2, True), (64, 1, False), (0, 0, False), (56, 16, True)]
 )
-def test_a_signal_outside_eight_bytes_is_refused(start: int, length: int, big_endian: bool) -> None:
+def test_signal_outside_eight_bytes_is_refused(start: int, length: int, big_endian: bool) -> None:
     with pytest.raises(ValueError, match=f"signal s: bit {start}, {length} long, is not inside 8 bytes"):
         CanSignal(name="s", start=start, length=length, big_endian=big_endian)
 
 
-def test_a_float_of_no_known_length_is_refused() -> None:
+def test_float_signal_of_unsupported_length_is_refused() -> None:
     with pytest.raises(ValueError, match="expected a float of 16, 32 or 64 bits, found 24"):
         CanSignal(name="s", start=0, length=24, is_float=True)

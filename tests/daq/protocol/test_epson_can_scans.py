@@ -29,7 +29,7 @@ def decoded(first: int, kept: list[int], sizes: list[int]) -> tuple[IntArray, In
 
 
 @given(st.integers(0, MODULUS - 1), st.lists(st.integers(1, 50), max_size=20))
-def test_all_scans_but_the_first_come_back_across_a_wrap_however_cut(first: int, sizes: list[int]) -> None:
+def test_all_scans_but_the_first_are_decoded_for_any_chunking(first: int, sizes: list[int]) -> None:
     counts, counter, decoder = decoded(first, list(range(2 * N)), sizes)
     np.testing.assert_array_equal(counter, (first + np.arange(1, N)) % MODULUS)
     np.testing.assert_array_equal(counts, scans(first)[1:])
@@ -37,7 +37,7 @@ def test_all_scans_but_the_first_come_back_across_a_wrap_however_cut(first: int,
 
 
 @given(st.integers(0, MODULUS - 1), st.sets(st.integers(2, 2 * N - 1)), st.lists(st.integers(1, 50), max_size=20))
-def test_whatever_is_lost_no_scan_is_made_of_two(first: int, lost: set[int], sizes: list[int]) -> None:
+def test_halves_of_different_scans_are_never_combined(first: int, lost: set[int], sizes: list[int]) -> None:
     kept = [k for k in range(2 * N) if k not in lost]
     counts, counter, _ = decoded(first, kept, sizes)
     np.testing.assert_array_equal(counts, scans(0, MODULUS)[counter])
@@ -46,7 +46,7 @@ def test_whatever_is_lost_no_scan_is_made_of_two(first: int, lost: set[int], siz
 
 
 @given(st.sets(st.integers(3, N - 3)), st.randoms(use_true_random=False))
-def test_one_lost_frame_costs_its_own_scan_only(which: set[int], random: "np.random.Generator") -> None:
+def test_one_lost_frame_loses_only_its_scan(which: set[int], random: "np.random.Generator") -> None:
     alone = {k for k in which if k - 1 not in which and k + 1 not in which}
     lost = {2 * k + random.choice([0, 1]) for k in alone}  # one half of each
     _, counter, decoder = decoded(0, [k for k in range(2 * N) if k not in lost], [])
@@ -54,7 +54,7 @@ def test_one_lost_frame_costs_its_own_scan_only(which: set[int], random: "np.ran
     assert decoder.bad_frames == len(alone)  # their other halves
 
 
-def test_a_scan_lost_whole_costs_the_next_one_too_for_nothing_tells_its_halves_apart() -> None:
+def test_scan_lost_completely_also_loses_the_next_scan() -> None:
     # 10 lost whole against the second half of 10 and the first of 11: what is heard looks alike
     _, whole, _ = decoded(0, [k for k in range(2 * N) if k not in (20, 21)], [])
     _, halves, _ = decoded(0, [k for k in range(2 * N) if k not in (21, 22)], [])
@@ -62,7 +62,7 @@ def test_a_scan_lost_whole_costs_the_next_one_too_for_nothing_tells_its_halves_a
 
 
 @given(st.sets(st.integers(0, 2 * N - 1)), st.lists(st.integers(1, 50), max_size=20))
-def test_frames_that_come_twice_are_one(twice: set[int], sizes: list[int]) -> None:
+def test_repeated_frames_are_counted_once(twice: set[int], sizes: list[int]) -> None:
     kept = [k for k in range(2 * N) for _ in range(1 + (k in twice))]
     counts, counter, decoder = decoded(0, kept, sizes)
     np.testing.assert_array_equal(counter, np.arange(1, N))
@@ -70,7 +70,7 @@ def test_frames_that_come_twice_are_one(twice: set[int], sizes: list[int]) -> No
     assert decoder.bad_frames == 0
 
 
-def test_frames_of_others_and_of_wrong_length_are_not_taken() -> None:
+def test_foreign_frames_and_wrong_lengths_are_ignored() -> None:
     own, other = encode_scans(5, scans(0), 0), encode_scans(6, scans(9), 9)
     noise = can_frames([(0x185, b"\1\2"), (0x285, bytes(8)), (0x705, b"\5"), (0x8000_0185, bytes(8))])
     decoder = ScanDecoder(5)
@@ -78,7 +78,7 @@ def test_frames_of_others_and_of_wrong_length_are_not_taken() -> None:
     np.testing.assert_array_equal(counts, scans(0)[1:])
 
 
-def test_first_halves_alone_are_not_kept_for_ever() -> None:
+def test_decoder_recovers_after_many_unmatched_first_halves() -> None:
     frames = encode_scans(5, scans(0), 0)
     decoder = ScanDecoder(5)
     for _ in range(40):

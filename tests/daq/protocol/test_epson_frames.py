@@ -30,7 +30,7 @@ def random_frames(seed: int, n: int) -> bytes:
 
 
 @given(scans, st.integers(0, 2**40), int32)
-def test_frames_come_back_as_they_were(counts: list[tuple[int, int, int]], first: int, temperature: int) -> None:
+def test_frame_encoding_round_trip(counts: list[tuple[int, int, int]], first: int, temperature: int) -> None:
     array: IntArray = np.array(counts, np.int32)
     decoder = BurstDecoder()
     found = decoder.feed(epson.encode_frames(array, first, temperature))
@@ -41,7 +41,7 @@ def test_frames_come_back_as_they_were(counts: list[tuple[int, int, int]], first
     assert decoder.bad_bytes == 0
 
 
-def test_frame_is_laid_out_as_the_data_sheet_says() -> None:
+def test_frame_layout_matches_data_sheet() -> None:
     frame = epson.encode_frames(np.array([[1, -2, 0x01020304]], np.int32), 0xABCD, 0x11223344)
     body = bytes.fromhex("f000 11223344 00000001 fffffffe 01020304 abcd")
     total = sum(int.from_bytes(body[i : i + 2], "big") for i in range(0, len(body), 2)) & 0xFFFF
@@ -49,7 +49,7 @@ def test_frame_is_laid_out_as_the_data_sheet_says() -> None:
 
 
 @given(st.integers(0, 2**32), st.lists(st.integers(0, 30 * FRAME_SIZE), max_size=40), st.binary(max_size=50))
-def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
+def test_decoding_is_independent_of_chunking(seed: int, cuts: list[int], noise: bytes) -> None:
     stream = noise + random_frames(seed, 15) + noise + random_frames(seed + 1, 10)
     whole, pieces = BurstDecoder(), BurstDecoder()
     edges = [0, *sorted(cuts), len(stream)]
@@ -79,7 +79,7 @@ damages = st.builds(Damage, st.sampled_from(["flip", "cut", "insert"]), st.integ
 
 @settings(max_examples=300)
 @given(st.integers(0, 2**32), st.dictionaries(st.integers(0, 19), damages, max_size=12), st.binary(max_size=23))
-def test_damage_costs_the_damaged_frames_and_invents_none(seed: int, harm: dict[int, Damage], junk: bytes) -> None:
+def test_damage_loses_only_damaged_frames_and_adds_none(seed: int, harm: dict[int, Damage], junk: bytes) -> None:
     whole = random_frames(seed, 20)
     frames = [whole[k : k + FRAME_SIZE] for k in range(0, len(whole), FRAME_SIZE)]
     stream = junk + b"".join(harm[k].applied(f) if k in harm else f for k, f in enumerate(frames))
@@ -89,7 +89,7 @@ def test_damage_costs_the_damaged_frames_and_invents_none(seed: int, harm: dict[
 
 
 @given(st.integers(0, 2**32), st.integers(0, FRAME_SIZE - 1), st.integers(1, 255))
-def test_any_single_wrong_byte_is_seen_and_counted(seed: int, at: int, difference: int) -> None:
+def test_single_wrong_byte_is_detected_and_counted(seed: int, at: int, difference: int) -> None:
     whole = random_frames(seed, 3)
     decoder = BurstDecoder()
     found = decoder.feed(
@@ -99,7 +99,7 @@ def test_any_single_wrong_byte_is_seen_and_counted(seed: int, at: int, differenc
     assert decoder.bad_bytes == FRAME_SIZE
 
 
-def test_joining_amid_a_frame_loses_that_frame_only() -> None:
+def test_stream_starting_within_a_frame_loses_only_that_frame() -> None:
     stream = random_frames(7, 10)
     for start in range(1, FRAME_SIZE):
         decoder = BurstDecoder()
@@ -108,12 +108,12 @@ def test_joining_amid_a_frame_loses_that_frame_only() -> None:
 
 
 @pytest.mark.parametrize("celsius", [-30.0, 0.0, 21.0, 85.0])
-def test_temperature_comes_back_to_half_a_count(celsius: float) -> None:
+def test_temperature_round_trip_is_accurate_to_half_a_count(celsius: float) -> None:
     found = float(epson.temperature_celsius(epson.temperature_raw(celsius)))
     assert found == pytest.approx(celsius, abs=0.0037918 / 2 + 1e-9)
 
 
-def test_frame_inside_two_others_is_taken_from_the_left() -> None:
+def test_false_frame_across_two_frames_is_not_decoded() -> None:
     # A frame's last 14 bytes and the next one's first 10 spell a frame of their own.
     first, second = bytearray(random_frames(1, 1)), bytearray(random_frames(2, 1))
     first[10], second[9] = epson.HEADER, epson.DELIMITER

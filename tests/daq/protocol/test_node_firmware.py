@@ -18,7 +18,7 @@ pytestmark = [
 ]
 
 
-def test_firmware_of_the_docs_is_read_by_the_driver(tmp_path: Path) -> None:
+def test_driver_reads_node_with_documented_firmware(tmp_path: Path) -> None:
     program = compiled(tmp_path, MAIN)
     master, slave = os.openpty()
     tty.setraw(slave)

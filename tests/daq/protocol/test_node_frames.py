@@ -16,7 +16,7 @@ HELLO = Hello(product="adxl355", serial="N0000001", axes=(1, 2), scale=2.0**-15,
 seeds = st.integers(0, 2**32)
 
 
-def test_crc_is_the_published_one() -> None:
+def test_crc_has_the_published_check_value() -> None:
     """The check value of CRC-16/CCITT-FALSE in every catalogue of CRCs."""
     assert cobs.crc16(np.frombuffer(b"123456789", np.uint8)[None]).tolist() == [0x29B1]
 
@@ -31,7 +31,7 @@ def test_crc_is_the_published_one() -> None:
         ("11000000", "02 11 01 01 01"),
     ],
 )
-def test_stuffing_is_that_of_the_paper(plain: str, stuffed: str) -> None:
+def test_cobs_stuffing_matches_published_examples(plain: str, stuffed: str) -> None:
     found = cobs.stuffed(np.frombuffer(bytes.fromhex(plain), np.uint8)[None])
     assert found.tobytes() == bytes.fromhex(stuffed)
     back, good = cobs.unstuffed(found)
@@ -39,7 +39,7 @@ def test_stuffing_is_that_of_the_paper(plain: str, stuffed: str) -> None:
 
 
 @given(st.lists(st.binary(min_size=253, max_size=253), min_size=1, max_size=4), st.integers(1, 253))
-def test_contents_of_any_length_come_back(contents: list[bytes], size: int) -> None:
+def test_cobs_round_trip_for_any_length(contents: list[bytes], size: int) -> None:
     frames = np.array([list(content[:size]) for content in contents], np.uint8)
     stuffed = cobs.stuffed(frames)
     assert stuffed.all()
@@ -48,13 +48,13 @@ def test_contents_of_any_length_come_back(contents: list[bytes], size: int) -> N
     np.testing.assert_array_equal(back, frames)
 
 
-def test_what_is_too_long_is_refused() -> None:
+def test_content_longer_than_253_bytes_is_refused() -> None:
     with pytest.raises(ValueError, match="expected at most 253 bytes, found 254"):
         cobs.stuffed(np.zeros((1, 254), np.uint8))
 
 
 @given(seeds, st.integers(1, 60), st.booleans())
-def test_scans_come_back_as_they_were(seed: int, n: int, small: bool) -> None:
+def test_scan_encoding_round_trip(seed: int, n: int, small: bool) -> None:
     scans, decoder = some_scans(seed, n, small=small), NodeDecoder()
     stream = node.encode_scans(scans)
     assert len(stream) == SIZE * n
@@ -62,7 +62,7 @@ def test_scans_come_back_as_they_were(seed: int, n: int, small: bool) -> None:
     assert decoder.bad_bytes == 0
 
 
-def test_hello_and_commands_come_back() -> None:
+def test_hello_and_command_encoding_round_trip() -> None:
     decoder = NodeDecoder()
     decoder.feed(node.encode_scans(some_scans(1, 3)) + node.encode_hello(HELLO) + node.encode_scans(some_scans(2, 3)))
     assert decoder.hello == HELLO
@@ -77,7 +77,7 @@ def test_hello_and_commands_come_back() -> None:
 
 @settings(max_examples=50)
 @given(seeds, st.lists(st.integers(0, 30 * SIZE), max_size=40), st.binary(max_size=200))
-def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
+def test_decoding_is_independent_of_chunking(seed: int, cuts: list[int], noise: bytes) -> None:
     stream = noise + b"\0" + node.encode_scans(some_scans(seed, 15)) + noise + node.encode_scans(some_scans(seed, 10))
     whole, pieces = NodeDecoder(), NodeDecoder()
     parts = [pieces.feed(stream[a:b]) for a, b in itertools.pairwise([0, *sorted(cuts), len(stream)])]
@@ -86,7 +86,7 @@ def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
 
 
 @given(st.binary(max_size=600))
-def test_any_bytes_are_read_and_accounted_for(noise: bytes) -> None:
+def test_decoding_of_arbitrary_bytes_equals_bytewise_decoding(noise: bytes) -> None:
     decoder = NodeDecoder()
     found = values(decoder.feed(noise + b"\0"))
     assert found == read_byte_by_byte(noise + b"\0")
@@ -107,7 +107,7 @@ def damaged(frame: bytes, kind: str, at: int, value: int) -> bytes:
 # Derandomised: of what the CRC cannot tell from a frame, one in 65536, nothing may turn up now and then.
 @settings(max_examples=120, derandomize=True)
 @given(seeds, st.dictionaries(st.integers(0, 19), damages, max_size=12), st.binary(max_size=SIZE), st.booleans())
-def test_damage_costs_the_damaged_frames_and_invents_none(
+def test_damage_loses_only_damaged_frames_and_adds_none(
     seed: int, harm: dict[int, tuple[str, int, int]], junk: bytes, small: bool
 ) -> None:
     whole = node.encode_scans(some_scans(seed, 20, small=small))
@@ -125,7 +125,7 @@ def test_damage_costs_the_damaged_frames_and_invents_none(
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_of_many_frames_with_wrong_bits_none_is_believed(seed: int) -> None:
+def test_no_frame_with_wrong_bits_is_accepted(seed: int) -> None:
     """Up to three wrong bits in each of 20 000 frames: the CRC alone would let one in 65536 of them pass."""
     random = np.random.default_rng(900 + seed)
     scans = some_scans(seed, 20_000, small=True)

@@ -25,7 +25,7 @@ from daq.protocol.overlap import without_overlap
         ([0, 5, 16, 20, 27], [0, 16, 27]),
     ],
 )
-def test_of_frames_that_overlap_the_left_one_is_kept(starts: list[int], kept: list[int]) -> None:
+def test_first_of_overlapping_frames_is_kept(starts: list[int], kept: list[int]) -> None:
     assert without_overlap(np.array(starts, np.intp), 11).tolist() == kept
 
 
@@ -50,7 +50,7 @@ def fed(decoder: ScanDecoder, frames: CanFrames) -> IntArray:
 COUNTS = np.stack([np.arange(12), 100 - np.arange(12), 7 * np.arange(12)], axis=1).astype(np.int32) * 2
 
 
-def test_values_with_an_offset_come_back_and_are_limited_to_what_the_signal_holds() -> None:
+def test_values_with_offset_round_trip_and_saturate_at_signal_range() -> None:
     frames = encode_scans(layout(counted=0), COUNTS, 0)
     raw = frames.data[:3, :2].copy().view("<i2")[:, 0]
     assert raw.tolist() == [80, 180, 80]  # 0, 50, 0 m/s2: (x + 40) / 0.5
@@ -61,12 +61,12 @@ def test_values_with_an_offset_come_back_and_are_limited_to_what_the_signal_hold
     assert far.data[:3, :2].copy().view("<i2")[:, 0].tolist() == [32767] * 3
 
 
-def test_identifiers_of_a_sensor_include_its_temperature() -> None:
+def test_sensor_identifiers_include_the_temperature_message() -> None:
     assert layout(counted=0).all_identifiers == {16, 17, 18, 99}
     assert replace(layout(counted=0), temperature=None).all_identifiers == {16, 17, 18}
 
 
-def test_repeated_frames_are_one_and_the_first_frame_is_not_one_of_them() -> None:
+def test_repeated_frames_are_dropped_and_first_frame_is_kept() -> None:
     frames = encode_scans(layout(counted=2), COUNTS, 0)
     twice = frames[np.sort(np.r_[np.arange(36), [3, 4, 35]])]
     np.testing.assert_array_equal(fed(ScanDecoder(layout(counted=2)), twice), COUNTS[1:])
@@ -75,33 +75,33 @@ def test_repeated_frames_are_one_and_the_first_frame_is_not_one_of_them() -> Non
     np.testing.assert_array_equal(fed(ScanDecoder(one), alone[np.array([0, 1, 1, 2])]), COUNTS[:3, :1])
 
 
-def test_messages_in_another_order_are_no_scan() -> None:
+def test_messages_in_wrong_order_form_no_scan() -> None:
     frames = encode_scans(layout(counted=2), COUNTS, 0)
     swapped = frames[np.r_[np.arange(12), [13, 12, 14], np.arange(15, 36)]]
     np.testing.assert_array_equal(fed(ScanDecoder(layout(counted=2)), swapped), np.delete(COUNTS, [0, 4], axis=0))
 
 
-def test_signal_is_little_endian_unsigned_and_unscaled_unless_said() -> None:
+def test_signal_is_little_endian_unsigned_and_unscaled_by_default() -> None:
     signal = CanSignal(name="s", start=0, length=16)
     data = np.array([[0x02, 0xFF, 0, 0, 0, 0, 0, 0]], np.uint8)
     assert signal.physical(data).tolist() == [0xFF02]
     assert signal.limits == (0.0, 65_535.0)
 
 
-def test_limits_of_a_signal_are_in_its_unit() -> None:
+def test_signal_limits_are_in_physical_units() -> None:
     assert CanSignal(name="s", start=0, length=8, signed=True, factor=2.0, offset=-16.0).limits == (-272.0, 238.0)
     assert CanSignal(name="s", start=0, length=8, factor=-1.0, offset=10.0).limits == (-245.0, 10.0)
     assert CanSignal(name="s", start=0, length=32, is_float=True).limits == (-np.inf, np.inf)
 
 
-def test_node_with_a_bit_too_many_has_the_axes_that_there_are() -> None:
+def test_unknown_axis_bits_of_node_hello_are_ignored() -> None:
     decoder = node.NodeDecoder()
     decoder.feed(node.encode_hello(node.Hello(product="p", serial="s", axes=(0, 2, 3), scale=1.0, rate=100.0)))
     assert decoder.hello is not None
     assert decoder.hello.axes == (0, 2)
 
 
-def test_node_frames_with_zeros_between_them_are_all_read() -> None:
+def test_node_frames_separated_by_extra_zeros_are_read() -> None:
     scans = node.NodeScans(
         np.arange(15, dtype=np.int32).reshape(5, 3),
         np.arange(5, dtype=np.uint32),
@@ -119,7 +119,7 @@ def test_node_frames_with_zeros_between_them_are_all_read() -> None:
     )
 
 
-def test_witmotion_packet_of_a_type_beyond_the_last_is_damage() -> None:
+def test_witmotion_packet_of_unknown_type_counts_as_damage() -> None:
     scans = wit.encode_packets(wit.ACCELERATION, np.ones((2, 4), np.int16))
     decoder = wit.WitDecoder()
     found = decoder.feed(scans[:11] + wit.encode_packets(0x60, np.ones((1, 4), np.int16)) + scans[11:])
@@ -128,7 +128,7 @@ def test_witmotion_packet_of_a_type_beyond_the_last_is_damage() -> None:
     assert decoder.bad_bytes == 11
 
 
-def test_of_differences_that_leave_as_much_the_lower_order_is_taken() -> None:
+def test_lower_difference_order_is_chosen_for_equal_residual_size() -> None:
     assert pack(np.full((10, 1), 5, np.int32)).order == (0,)
 
 
@@ -140,6 +140,6 @@ def test_of_differences_that_leave_as_much_the_lower_order_is_taken() -> None:
         Packed((0, 0), (0, 0, 0), (1, 1), bytes(60)),
     ],
 )
-def test_packing_of_which_one_axis_is_impossible_is_refused(packed: Packed) -> None:
+def test_packing_with_one_invalid_axis_is_refused(packed: Packed) -> None:
     with pytest.raises(ValueError, match=r"packed counts: expected \d start values"):
         unpack(packed, 3)

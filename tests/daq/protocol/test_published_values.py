@@ -26,14 +26,14 @@ def test_epson_scale_is_two_to_the_minus_24_g_per_count(scale: float) -> None:
     assert scale / g * 1000 == pytest.approx(vendor.SF_ACCL, rel=1e-12)  # mG a count
 
 
-def test_epson_temperature_is_that_of_the_vendors_driver() -> None:
+def test_epson_temperature_matches_vendor_driver() -> None:
     raw = np.array([-8000, 0, 1, 2635])
     assert epson.temperature_celsius(raw) == pytest.approx(vendor.SF_TEMPC * raw + vendor.TEMPC_OFFSET, rel=1e-12)
     assert epson.temperature_celsius(2635) == pytest.approx(24.9956, abs=1e-4)
     assert [epson.temperature_raw(float(t)) for t in epson.temperature_celsius(raw)] == raw.tolist()
 
 
-def test_epson_registers_are_those_of_the_vendors_driver() -> None:
+def test_epson_registers_match_vendor_driver() -> None:
     reg = vendor.Reg
     low = {"WIN_CTRL": epson.WINDOW, "FILTER_CTRL": epson.FILTER_CTRL, "UART_CTRL": epson.UART_CTRL, "ID": epson.ID}
     low |= {"BURST_CTRL": epson.BURST_CTRL_LOW, "VERSION": epson.VERSION}
@@ -44,7 +44,7 @@ def test_epson_registers_are_those_of_the_vendors_driver() -> None:
     assert list(epson.SERIAL) == [reg[f"SERIAL_NUM{k}"].ADDR for k in (1, 2, 3, 4)]
 
 
-def test_epson_register_values_are_those_of_the_vendors_driver() -> None:
+def test_epson_register_values_match_vendor_driver() -> None:
     assert (vendor.MODE_CMD["SAMPLING"], vendor.MODE_CMD["CONFIG"]) == (epson.MODE_SAMPLING, epson.MODE_CONFIG)
     assert epson.RATES == vendor.DOUT_RATE
     assert (epson.HEADER, epson.DELIMITER) == (vendor.BURST_MARKER, vendor.DELIMITER)
@@ -56,7 +56,7 @@ def test_epson_register_values_are_those_of_the_vendors_driver() -> None:
     assert epson.FRAME_SIZE == 24
 
 
-def test_epson_filters_are_those_of_the_vendors_driver() -> None:
+def test_epson_filters_match_vendor_driver() -> None:
     kaiser = {name: number for name, number in vendor.FILTER_SEL.items() if name.startswith("K")}
     assert epson_filters.FILTERS == {1000: 10, 500: 9, 200: 8, 100: 7, 50: 6}  # as accl_fn.py chooses
     assert {
@@ -64,7 +64,7 @@ def test_epson_filters_are_those_of_the_vendors_driver() -> None:
     } == kaiser
 
 
-def test_epson_can_objects_are_those_of_the_standard_and_the_data_sheet() -> None:
+def test_epson_can_objects_match_standard_and_data_sheet() -> None:
     assert (epson_can.TPDO1, epson_can.TPDO2, epson_can.SYNC) == (0x180, 0x280, 0x80)  # CiA 301, table 74
     assert (epson_can.TPDO1_COB, epson_can.TPDO2_COB) == ((0x1800, 1), (0x1801, 1))
     assert epson_can.TRANSMISSION == (0x1800, 2)
@@ -81,14 +81,14 @@ def test_epson_can_objects_are_those_of_the_standard_and_the_data_sheet() -> Non
     assert (epson_can.TPDO1_SIZE, epson_can.TPDO2_SIZE) == (8, 6)
 
 
-def test_epson_can_frames_are_laid_out_as_the_data_sheet_says() -> None:
+def test_epson_can_frame_layout_matches_data_sheet() -> None:
     sent = list(epson_can.encode_scans(3, np.array([[1, -2, COUNTS_OF_ONE_G]], np.int32), 65_535))
     assert sent == [(0x183, bytes.fromhex("01000000feffffff")), (0x283, bytes.fromhex("00000001ffff"))]
     twice = list(epson_can.encode_scans(127, np.zeros((2, 3), np.int32), 65_535))
     assert [data[4:] for number, data in twice if number == 0x2FF] == [b"\xff\xff", b"\x00\x00"]
 
 
-def test_witmotion_values_are_those_of_the_data_sheet() -> None:
+def test_witmotion_values_match_data_sheet() -> None:
     assert pytest.approx(g, rel=1e-12) == witmotion.SCALE * 2048  # 32768 counts are 16 g
     assert bytes.fromhex("ff aa 69 88 b5") == witmotion.UNLOCK
     assert (witmotion.CONTENT, witmotion.RATE, witmotion.BANDWIDTH) == (0x02, 0x03, 0x1F)
@@ -101,20 +101,20 @@ def test_witmotion_values_are_those_of_the_data_sheet() -> None:
         assert bandwidth == min((b for b in cutoff if cutoff[b] < rate / 2), default=6)
 
 
-def test_witmotion_filters_are_as_late_as_the_chip_in_it() -> None:
+def test_witmotion_filter_delays_match_its_chip() -> None:
     late = {1: 1.88, 2: 2.88, 3: 4.88, 4: 8.87, 5: 16.83, 6: 32.48}  # ms of A_DLPFCFG
     assert {number: 1e3 * delay for number, delay in witmotion.DELAY.items()} == pytest.approx(late)
     assert witmotion.filter_delay(100) == pytest.approx(4.88e-3)
 
 
-def test_witmotion_commands_are_those_of_the_data_sheet() -> None:
+def test_witmotion_commands_match_data_sheet() -> None:
     unlock = bytes.fromhex("ff aa 69 88 b5")
     written = [bytes.fromhex("ff aa" + rest) for rest in ("02 02 00", "1f 03 00", "03 09 00")]
     assert witmotion.settings(100) == tuple(command for value in written for command in (unlock, value))
     assert witmotion.write_register(0x1F, 0x1234) == bytes.fromhex("ff aa 1f 34 12")
 
 
-def test_node_frames_are_those_that_are_documented() -> None:
+def test_node_frames_match_documentation() -> None:
     """Two frames written out by hand: COBS, and CRC-16/CCITT-FALSE by binascii's table and by hand, docs/node.md."""
     assert (node.WHO, node.START, node.STOP, node.SCAN, node.HELLO) == (0x81, 0x82, 0x83, 0x01, 0x02)
     assert node.NO_TEMPERATURE == -32768
@@ -145,11 +145,11 @@ def by_hand(content: bytes) -> bytes:
     return b"".join(bytes([len(part) + 1]) + part for part in parts) + b"\0"
 
 
-def test_can_identifiers_are_marked_as_linux_does() -> None:
+def test_can_identifier_flags_match_linux() -> None:
     assert (frames.EXTENDED, frames.REMOTE, frames.NUMBER) == (0x8000_0000, 0x4000_0000, 0x1FFF_FFFF)
 
 
-def test_slcan_commands_are_those_of_the_manual() -> None:
+def test_slcan_commands_match_manual() -> None:
     bit_rates = [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000]
     assert {rate: b"S%d\r" % k for k, rate in enumerate(bit_rates)} == slcan.BITRATES
     assert (slcan.OPEN, slcan.CLOSE, slcan.NO_STAMPS) == (b"O\r", b"C\r", b"Z0\r")

@@ -19,9 +19,7 @@ def pairs(frames: CanFrames) -> list[tuple[int, bytes]]:
 
 
 @given(st.lists(FRAME, max_size=20), st.lists(st.integers(0, 600), max_size=6))
-def test_lines_become_the_frames_they_were_made_of_however_they_are_cut(
-    frames: list[tuple[int, bytes]], cuts: list[int]
-) -> None:
+def test_slcan_round_trip_for_any_chunking(frames: list[tuple[int, bytes]], cuts: list[int]) -> None:
     text = encode(can_frames(frames))
     edges = [0, *sorted(min(cut, len(text)) for cut in cuts), len(text)]
     decoder = SlcanDecoder()
@@ -39,13 +37,13 @@ def test_lines_become_the_frames_they_were_made_of_however_they_are_cut(
         (b"T1BADCAFE10A\r", (0x1BADCAFE | EXTENDED, b"\x0a")),
     ],
 )
-def test_lines_as_the_manual_writes_them(line: bytes, frame: tuple[int, bytes]) -> None:
+def test_lines_in_manual_notation_are_decoded_and_encoded(line: bytes, frame: tuple[int, bytes]) -> None:
     assert pairs(SlcanDecoder().feed(line)) == [frame]
     assert encode(can_frames([frame])).lower() == line.lower()
 
 
 @pytest.mark.parametrize(("line", "number"), [(b"r1234\r", 0x123), (b"R000001234\r", 0x123 | EXTENDED)])
-def test_a_remote_frame_has_a_length_and_no_data(line: bytes, number: int) -> None:
+def test_remote_frame_has_length_and_no_data(line: bytes, number: int) -> None:
     found = SlcanDecoder().feed(line)
     assert (found.ids.tolist(), found.dlc.tolist()) == ([number | REMOTE], [4])
     assert not found.data.any()
@@ -69,14 +67,14 @@ def test_a_remote_frame_has_a_length_and_no_data(line: bytes, number: int) -> No
         b"x" * 5000,
     ],
 )
-def test_one_damaged_line_costs_itself_only(line: bytes) -> None:
+def test_damaged_line_loses_only_itself(line: bytes) -> None:
     good = b"t1832AABB\r"
     decoder = SlcanDecoder()
     assert pairs(decoder.feed(good + line + b"\r" + good)) == [(0x183, b"\xaa\xbb")] * 2
     assert decoder.bad_lines == 1
 
 
-def test_answers_of_the_adapter_are_no_frames_and_no_damage() -> None:
+def test_adapter_replies_are_neither_frames_nor_damage() -> None:
     decoder = SlcanDecoder()
     assert len(decoder.feed(b"\r\r\x07z\rZ\rV1013\rN0042\rF00\r")) == 0
     assert decoder.bad_lines == 0
@@ -84,7 +82,7 @@ def test_answers_of_the_adapter_are_no_frames_and_no_damage() -> None:
 
 @given(st.binary(max_size=300), st.integers(1, 40))
 @example(b"\0N" + bytes(27), 1)  # too long, with an answer's letter where the end of it would begin
-def test_garbage_never_raises_and_chunks_do_not_matter(garbage: bytes, size: int) -> None:
+def test_garbage_is_decoded_without_error_for_any_chunking(garbage: bytes, size: int) -> None:
     whole, cut = SlcanDecoder(), SlcanDecoder()
     text = garbage + b"\rt7FF0\r"
     expected = pairs(whole.feed(text))
@@ -98,7 +96,7 @@ def test_garbage_never_raises_and_chunks_do_not_matter(garbage: bytes, size: int
     st.lists(st.tuples(st.integers(0, 20_000), st.sampled_from(b"\r\x07tT09AFZz\x00\xff")), max_size=10),
     st.lists(st.integers(0, 20_000), max_size=10),
 )
-def test_damage_costs_the_lines_it_hits_and_no_other(hits: list[tuple[int, int]], lost: list[int]) -> None:
+def test_damage_loses_only_the_damaged_lines(hits: list[tuple[int, int]], lost: list[int]) -> None:
     frames = [(0x180 + k % 8, bytes([k % 256] * 8)) for k in range(200)]
     text = bytearray(encode(can_frames(frames)))
     touched = {at % len(text) for at, _ in hits} | {at % len(text) for at in lost}
@@ -114,6 +112,6 @@ def test_damage_costs_the_lines_it_hits_and_no_other(hits: list[tuple[int, int]]
     assert all(any(frame == other for other in rest) for frame in expected), "an intact line was lost"
 
 
-def test_shapes_that_disagree_are_refused() -> None:
+def test_can_frames_with_inconsistent_shapes_are_refused() -> None:
     with pytest.raises(ValueError, match=r"expected dlc \(2,\) and data \(2, 8\), found \(1,\), \(2, 8\)"):
         CanFrames(np.zeros(2, np.uint32), np.zeros(1, np.uint8), np.zeros((2, 8), np.uint8))

@@ -46,7 +46,7 @@ def sent(words: np.ndarray[tuple[int, ...], np.dtype[np.int16]]) -> Values:
     return [(k, *map(int, row)) for k, row in enumerate(words)]
 
 
-def test_packet_is_laid_out_as_the_data_sheet_says() -> None:
+def test_packet_layout_matches_data_sheet() -> None:
     packet = wit.encode_packets(wit.ACCELERATION, np.array([[1, -2, 0x0102, 2150]], np.int16))
     body = bytes.fromhex("55 51 0100 feff 0201 6608")
     assert packet == body + bytes([sum(body) & 0xFF])
@@ -56,7 +56,7 @@ def test_packet_is_laid_out_as_the_data_sheet_says() -> None:
 
 @settings(max_examples=40)
 @given(st.integers(0, 2**32), st.lists(st.integers(0, 25 * PACKET_SIZE), max_size=40), st.binary(max_size=30))
-def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
+def test_decoding_is_independent_of_chunking(seed: int, cuts: list[int], noise: bytes) -> None:
     packets = wit.encode_packets(wit.ACCELERATION, words_of(seed, 20))
     stream = packets[:55] + noise + packets[55:]
     whole, pieces = WitDecoder(), WitDecoder()
@@ -68,7 +68,7 @@ def test_chunks_do_not_matter(seed: int, cuts: list[int], noise: bytes) -> None:
 # Derandomised: a sum of eight bits takes one window of noise in 2^20 for a packet.
 @settings(max_examples=60, derandomize=True)
 @given(st.integers(0, 2**32), st.dictionaries(st.integers(1, 29), st.integers(0, PACKET_SIZE - 1), max_size=20))
-def test_wrong_bytes_cost_their_packets_and_shift_no_number(seed: int, harm: dict[int, int]) -> None:
+def test_wrong_bytes_lose_their_packets_and_keep_scan_numbers(seed: int, harm: dict[int, int]) -> None:
     words = words_of(seed, 30)
     line = bytearray(wit.encode_packets(wit.ACCELERATION, words))
     for packet, at in harm.items():
@@ -82,11 +82,11 @@ def test_wrong_bytes_cost_their_packets_and_shift_no_number(seed: int, harm: dic
 
 @given(st.binary(max_size=300))
 @settings(max_examples=40)
-def test_any_bytes_are_read(noise: bytes) -> None:
+def test_arbitrary_bytes_raise_no_error(noise: bytes) -> None:
     WitDecoder().feed(noise)
 
 
-def test_packets_of_other_kinds_are_no_scans_and_no_damage() -> None:
+def test_packets_of_other_types_are_neither_scans_nor_damage() -> None:
     words = words_of(5, 12)
     scans = np.frombuffer(wit.encode_packets(wit.ACCELERATION, words), np.uint8).reshape(-1, PACKET_SIZE)
     angles = np.frombuffer(wit.encode_packets(0x53, words), np.uint8).reshape(-1, PACKET_SIZE)
@@ -98,7 +98,7 @@ def test_packets_of_other_kinds_are_no_scans_and_no_damage() -> None:
 
 
 @pytest.mark.live
-def test_driver_refuses_what_the_line_cannot_carry(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rate_above_line_capacity_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200, 9600))
     device = EmulatedWitmotion(Ramp(), SystemClock(), temperature=-7.5, faults=LineFaults(baud=9600))
     with serving(device.serve):
@@ -113,7 +113,7 @@ def test_driver_refuses_what_the_line_cannot_carry(monkeypatch: pytest.MonkeyPat
 
 
 @given(st.integers(0, 2**32), st.integers(1, 127))
-def test_frames_carry_the_same_words_as_packets(seed: int, node: int) -> None:
+def test_can_frames_hold_the_same_values_as_packets(seed: int, node: int) -> None:
     words = words_of(seed, 8)
     frames = wit.encode_frames(node, wit.ACCELERATION, words)
     assert frames.ids.tolist() == [node] * 8
@@ -126,13 +126,13 @@ def test_frames_carry_the_same_words_as_packets(seed: int, node: int) -> None:
 
 
 @given(st.lists(st.tuples(st.integers(0, 2**29), st.binary(max_size=8)), max_size=20))
-def test_any_frames_are_read(frames: list[tuple[int, bytes]]) -> None:
+def test_arbitrary_can_frames_raise_no_error(frames: list[tuple[int, bytes]]) -> None:
     counts, wrong = wit.decode_frames(can_frames(frames))
     assert len(counts) + wrong <= len(frames)
 
 
 @pytest.mark.live
-def test_what_does_not_answer_on_a_bus_and_sync_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_can_node_and_sync_option_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("daq.drivers.can.witmotion_can._ANSWER_SECONDS", 0.1)
     with pty() as (_, port):
         driver = make_driver("witmotion", CanAddress(interface="slcan", channel=port, node=0x50), 100.0)
@@ -143,11 +143,11 @@ def test_what_does_not_answer_on_a_bus_and_sync_are_refused(monkeypatch: pytest.
         make_driver("witmotion", synced, 100.0)
 
 
-def test_rate_that_it_has_not_is_refused() -> None:
+def test_unsupported_rate_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected one of \[10, 20, 50, 100, 200\] Hz, found 1000"):
         make_driver("witmotion", "/dev/none", 1000.0)
 
 
-def test_only_it_is_of_low_grade() -> None:
+def test_witmotion_is_the_only_low_grade_driver() -> None:
     assert [name for name in driver_names() if low_grade(name)] == ["witmotion"]
     assert low_grade("witmotion").startswith("scans have no number")

@@ -86,7 +86,7 @@ def error(recording: Recording, tones: dict[float, float] = TONES) -> FloatArray
 
 
 @pytest.mark.parametrize(("ppm_a", "ppm_b"), [(0.0, 0.0), (80.0, -60.0), (-100.0, 100.0)])
-def test_devices_are_aligned_to_the_kernel_when_arrivals_are_prompt(ppm_a: float, ppm_b: float) -> None:
+def test_devices_are_aligned_within_kernel_error_for_prompt_arrivals(ppm_a: float, ppm_b: float) -> None:
     a, b = Device(name="a", ppm=ppm_a), Device(name="b", ppm=ppm_b, begin=0.73219)
     found = assembled(by_arrival(a.blocks(0, 80_000), b.blocks(0, 80_000)))
     settled = [r for r in found if r.end > START + 31_000_000_000]  # a drift is believed from 30 s on
@@ -95,7 +95,7 @@ def test_devices_are_aligned_to_the_kernel_when_arrivals_are_prompt(ppm_a: float
         assert (error(recording) < 1.5 * KERNEL + 1e-6).all()
 
 
-def test_late_arrivals_cost_what_the_envelope_lets_through() -> None:
+def test_alignment_error_from_arrival_jitter_is_bounded() -> None:
     # 60 of 120 arrivals of each half decide; the line misses by some jitter / 240 at a touch, twice that carried on to
     # the newest scan, ten times that once in e^10; sine: 2 pi f amplitude per second of error.
     jitter = 1e-3
@@ -110,7 +110,7 @@ def test_late_arrivals_cost_what_the_envelope_lets_through() -> None:
         assert (error(recording) < 20 * jitter / 240 * slope + 2 * KERNEL).all()
 
 
-def test_windows_are_contiguous_and_start_when_all_are_there() -> None:
+def test_windows_are_contiguous_from_start_of_last_device() -> None:
     a, b = Device(name="a"), Device(name="b", begin=3.2)
     found = assembled(by_arrival(a.blocks(0, 80_000), b.blocks(0, 80_000)))
     starts = [r.start for r in found]
@@ -129,7 +129,7 @@ def test_overlapping_windows_hold_the_same_samples() -> None:
 
 
 @pytest.mark.parametrize("missing", [1, 10, 500, 12_000])
-def test_gap_is_exact_to_the_sample(missing: int) -> None:
+def test_gap_length_is_exact_to_one_sample(missing: int) -> None:
     a, b = Device(name="a"), Device(name="b", begin=0.00037)
     first, last = 45_123, 45_123 + missing
     streams = a.blocks(0, 80_000), [*b.blocks(0, first), *b.blocks(last, 80_000, flags=Flag.AFTER_GAP)]
@@ -149,7 +149,7 @@ def test_gap_is_exact_to_the_sample(missing: int) -> None:
         assert (off < 1.5 * KERNEL + 1e-6).all()
 
 
-def test_lost_device_does_not_hold_a_window_open() -> None:
+def test_lost_device_does_not_delay_windows() -> None:
     a, b = Device(name="a"), Device(name="b", begin=0.1)
     both = assembler()
     before = assembled(by_arrival(a.blocks(0, 60_000), b.blocks(0, 33_000)), both)
@@ -164,7 +164,7 @@ def test_lost_device_does_not_hold_a_window_open() -> None:
     assert len(assembled(a.blocks(60_000, 85_000), both)) == 3  # up to 80.1 s
 
 
-def test_device_that_came_back_is_aligned_on_both_sides() -> None:
+def test_recovered_device_is_aligned_before_and_after_outage() -> None:
     a = Device(name="a")
     b, again = Device(name="b", begin=0.4), Device(name="b", begin=35.6131)
     lost = Event(topic="/event/device_failed", time=START + 33_000_000_000, payload={"device": "b", "why": "gone"})
@@ -184,7 +184,7 @@ def test_device_that_came_back_is_aligned_on_both_sides() -> None:
     assert np.nanmax(np.abs(across.data - motion(seconds, TONES)[:, None])) < 1.5 * KERNEL + 1e-6
 
 
-def test_fast_device_is_filtered_to_the_slow_ones_rate() -> None:
+def test_fast_device_is_low_passed_to_rate_of_slow_device() -> None:
     tones = {11.0: 1.0, 320.0: 1.0}  # 320 Hz would fold to 180 Hz on a grid of 500 Hz
     a = Device(name="a", tones=tuple(tones.items()))
     b = Device(name="b", rate=500.0, begin=0.00123, tones=((11.0, 1.0),))
@@ -195,7 +195,7 @@ def test_fast_device_is_filtered_to_the_slow_ones_rate() -> None:
         assert (error(recording, {11.0: 1.0}) < 2 * KERNEL + 1e-6).all()
 
 
-def test_replay_of_the_log_repeats_every_digit(tmp_path: Path) -> None:
+def test_windows_from_log_equal_live_windows_exactly(tmp_path: Path) -> None:
     a = Device(name="a", ppm=33.0, jitter=2e-3, seed=5)
     b = Device(name="b", ppm=-71.0, begin=1.21, jitter=2e-3, seed=6)
     lost = Event(topic="/event/device_failed", time=START + 61_000_000_000, payload={"device": "b", "why": "gone"})
@@ -211,6 +211,6 @@ def test_replay_of_the_log_repeats_every_digit(tmp_path: Path) -> None:
         assert (one.start, one.gaps, one.temperature) == (other.start, other.gaps, other.temperature)
 
 
-def test_stranger_is_refused() -> None:
+def test_block_of_unknown_device_is_refused() -> None:
     with pytest.raises(ValueError, match="device: expected one of a, b, found 'c'"):
         list(assembler().push(Device(name="c").blocks(0, 250)[0]))

@@ -26,7 +26,7 @@ def arrival(index: int, ppm: float) -> int:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("ppm", [-95.0, 0.0, 35.0])
-def test_drift_and_time_are_found(ppm: float, seed: int) -> None:
+def test_clock_drift_and_time_are_estimated(ppm: float, seed: int) -> None:
     jitter = 2e6
     fit, _ = fitted(150.0, ppm, jitter, seed)
     # The earliest of the arrivals of a second is late by jitter/4 on the mean, the two that carry the line by less;
@@ -38,7 +38,7 @@ def test_drift_and_time_are_found(ppm: float, seed: int) -> None:
         assert -0.4e6 < error < 0.6e6
 
 
-def test_no_scan_is_later_than_it_arrived() -> None:
+def test_scan_time_is_never_after_its_arrival() -> None:
     random = np.random.default_rng(0)
     fit, pairs = ClockFit(RATE), []
     for index in range(249, 120_000, 250):
@@ -49,12 +49,12 @@ def test_no_scan_is_later_than_it_arrived() -> None:
     assert np.count_nonzero(late < 1000) >= 2  # and the line touches some
 
 
-def test_drift_is_not_believed_before_thirty_seconds_and_never_beyond_bounds() -> None:
+def test_drift_is_zero_before_30_seconds_and_bounded_later() -> None:
     assert fitted(20.0, 5_000.0, 0.0, 0)[0].index_at(START)[1] == pytest.approx(RATE, rel=1e-12)
     assert fitted(100.0, 5_000.0, 0.0, 0)[0].index_at(START)[1] == pytest.approx(RATE * (1 + 200e-6), rel=1e-7)
 
 
-def test_one_late_stretch_does_not_matter() -> None:
+def test_period_of_late_arrivals_does_not_shift_the_clock() -> None:
     fit = ClockFit(RATE)
     for index in range(249, 120_000, 250):
         late = 40_000_000 if 50_000 < index < 90_000 else 100_000
@@ -68,7 +68,7 @@ def test_index_and_time_are_inverse() -> None:
         assert fit.index_at(fit.time_at(index))[0] == pytest.approx(index, abs=2e-6)
 
 
-def test_only_the_sequence_of_pairs_decides() -> None:
+def test_clock_fit_is_unaffected_by_queries() -> None:
     asked, silent = ClockFit(RATE), ClockFit(RATE)
     random = np.random.default_rng(3)
     for index in range(249, 100_000, 250):
@@ -79,20 +79,20 @@ def test_only_the_sequence_of_pairs_decides() -> None:
     assert asked.line() == silent.line()
 
 
-def test_line_needs_a_pair() -> None:
+def test_clock_without_arrivals_is_refused() -> None:
     with pytest.raises(ValueError, match="expected at least one"):
         ClockFit(RATE).line()
 
 
 @pytest.mark.parametrize("error", [-32_000, 0, 32_000])
 @pytest.mark.parametrize("index", [0, 40_000, 65_535, 65_536, 10**9])
-def test_counter_is_unwrapped_to_the_nearest(index: int, error: int) -> None:
+def test_counter_is_unwrapped_to_nearest_index(index: int, error: int) -> None:
     counter = np.arange(index, index + 5) % 65536
     np.testing.assert_array_equal(unwrap(counter, index + 2 + error), np.arange(index, index + 5))
 
 
 @pytest.mark.parametrize("ppm", [-50.0, 50.0])
-def test_times_jitter_less_than_a_tenth_of_a_millisecond_behind_a_usb_adapter(ppm: float) -> None:
+def test_time_jitter_behind_usb_adapter_is_below_0_1_ms(ppm: float) -> None:
     """Packets of 16 ms: a packet's last scan is up to a period old, and least as often as the two clocks beat."""
     latency, speed = 0.016, 1 + ppm * 1e-6
     random, fit, off = np.random.default_rng(4), ClockFit(RATE), []

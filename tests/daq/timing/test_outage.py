@@ -36,7 +36,7 @@ def assembler() -> Assembler:
     return Assembler(CHANNELS, {"a": 1000.0}, window_seconds=4.0, step_seconds=2.0)
 
 
-def test_hours_without_any_data_make_no_windows() -> None:
+def test_long_outage_gives_no_windows() -> None:
     target = assembler()
     found = windows(target, *blocks(0, 12), lost(14), *blocks(36_000, 12, restarted=True))
     begins = np.array([(w.start - START) * 1e-9 for w in found])
@@ -48,7 +48,7 @@ def test_hours_without_any_data_make_no_windows() -> None:
     assert all(np.isfinite(w.data).any() for w in found)
 
 
-def test_signal_is_where_its_clock_says_on_both_sides_of_an_outage() -> None:
+def test_signal_times_are_correct_before_and_after_outage() -> None:
     for window in windows(assembler(), *blocks(0, 12), lost(14), *blocks(20, 12, restarted=True)):
         time = (window.start - START) * 1e-6 + np.arange(len(window.data))  # ms: what the counts say
         there = np.isfinite(window.data[:, 0])
@@ -56,7 +56,7 @@ def test_signal_is_where_its_clock_says_on_both_sides_of_an_outage() -> None:
         assert [(g.start, g.stop) for g in window.gaps] == runs(~there)
 
 
-def test_every_record_of_a_logger_that_pauses_gives_a_whole_window() -> None:
+def test_each_record_of_intermittent_logger_gives_a_full_window() -> None:
     begins = (0, 11.25, 30.5, 36.75, 59.0)
     target = Assembler(CHANNELS, {"a": 1000.0}, window_seconds=3.9, step_seconds=3.9)
     items = [block for begin in begins for block in blocks(begin, 4.0)]
@@ -70,12 +70,12 @@ def runs(mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> list[tuple[int, in
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
-def test_event_about_a_stranger_changes_nothing() -> None:
+def test_event_of_unknown_device_is_ignored() -> None:
     target = assembler()
     assert len(windows(target, *blocks(0, 6), lost(6, "stranger"), *blocks(6, 6))) == 4
 
 
-def test_no_more_is_kept_than_windows_need() -> None:
+def test_assembler_buffers_no_more_than_one_window() -> None:
     target = assembler()
     for block in blocks(0, 120):
         list(target.push(block))
@@ -84,7 +84,7 @@ def test_no_more_is_kept_than_windows_need() -> None:
 
 
 @pytest.mark.parametrize("frequency", [3.0, 50.0, 271.0, 350.0, 400.0])
-def test_interpolation_of_tones_errs_less_than_80_db(frequency: float) -> None:
+def test_interpolation_error_of_tones_is_below_minus_80_db(frequency: float) -> None:
     random = np.random.default_rng(0)
     signal = np.exp(2j * np.pi * frequency / 1000 * np.arange(4000))
     position = random.uniform(16, 3980, 10_000)

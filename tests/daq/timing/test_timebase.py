@@ -30,7 +30,7 @@ def fitted(pairs: list[tuple[int, int]]) -> ClockFit:
 
 
 @given(st.integers(0, 2**40), st.integers(-32_768, 32_767), st.lists(st.integers(1, 300), min_size=1, max_size=60))
-def test_counters_unwrap_to_the_indices_they_were(first: int, error: int, steps: list[int]) -> None:
+def test_counters_are_unwrapped_to_true_indices(first: int, error: int, steps: list[int]) -> None:
     index = first + np.cumsum(steps)
     index = index[np.abs(index - index[0]) < 32_768 - abs(error)]
     if not len(index):
@@ -45,7 +45,7 @@ def test_gaps_of_any_number_of_wraps_are_exact(missing: int) -> None:
     assert unwrap(index % 65_536, 123_456 + missing + 20_000).tolist() == index.tolist()
 
 
-def test_false_counter_does_not_move_the_others() -> None:
+def test_wrong_counter_value_does_not_affect_other_indices() -> None:
     counter = np.arange(70_000, 70_010) % 65_536
     counter[4] = 9
     found = unwrap(counter, 70_009)
@@ -54,7 +54,7 @@ def test_false_counter_does_not_move_the_others() -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("ppm", [-100.0, -3.0, 0.0, 40.0, 100.0])
-def test_drift_and_offset_are_found_below_the_jitter(seed: int, ppm: float) -> None:
+def test_drift_and_offset_errors_are_below_arrival_jitter(seed: int, ppm: float) -> None:
     # The least of the 4 arrivals a second is JITTER / 4 late on average; of the 60 s on either side of the middle the
     # line touches one each, JITTER / 240 late on average: 17 us, under 10 times that but once in e^10.
     clock = fitted(arrivals(seed, ppm, 150.0))
@@ -67,19 +67,19 @@ def test_drift_and_offset_are_found_below_the_jitter(seed: int, ppm: float) -> N
     assert drift == pytest.approx(ppm, abs=2 * touch / 30.0 * 1e6 / 2)  # two touches, some 60 s apart, at least 30 s
 
 
-def test_constant_delay_moves_the_clock_by_itself_only() -> None:
+def test_constant_delay_shifts_the_clock_by_that_delay() -> None:
     near, far = fitted(arrivals(3, 20.0, 100.0)), fitted(arrivals(3, 20.0, 100.0, least=5e-3))
     for index in (0, 50_000, 99_000):
         assert far.time_at(index) - near.time_at(index) == pytest.approx(5_000_000, abs=3)
 
 
-def test_late_bursts_do_not_move_the_clock() -> None:
+def test_bursts_of_late_arrivals_do_not_shift_the_clock() -> None:
     pairs = arrivals(4, 10.0, 100.0)
     late = [(index, time + 700_000_000 * (k % 7 == 3)) for k, (index, time) in enumerate(pairs)]
     assert fitted(late).time_at(99_000) == pytest.approx(fitted(pairs).time_at(99_000), abs=10 * JITTER / 240 * 3e9)
 
 
-def test_young_clock_takes_the_nominal_rate_and_is_never_early() -> None:
+def test_short_record_clock_has_nominal_rate_and_is_not_early() -> None:
     clock = fitted(arrivals(5, 0.0, 10.0))
     assert clock.index_at(START)[1] == RATE
     assert 0 <= clock.time_at(0) - START < 10 * JITTER / 40 * 1e9  # the least of 40 arrivals
@@ -92,7 +92,7 @@ def test_index_and_time_are_inverse() -> None:
 
 
 @given(st.integers(0, 2**32), st.integers(4, 500), st.lists(st.integers(0, 499), max_size=5))
-def test_clock_is_a_function_of_the_pairs(seed: int, n: int, asked: list[int]) -> None:
+def test_clock_fit_is_unaffected_by_queries(seed: int, n: int, asked: list[int]) -> None:
     pairs = arrivals(seed, 50.0, 125.0)[:n]
     quiet, curious = fitted(pairs), ClockFit(RATE)
     for k, pair in enumerate(pairs):
@@ -102,7 +102,7 @@ def test_clock_is_a_function_of_the_pairs(seed: int, n: int, asked: list[int]) -
     assert quiet.line() == curious.line()
 
 
-def test_clock_without_pairs_is_refused() -> None:
+def test_clock_without_arrivals_is_refused() -> None:
     with pytest.raises(ValueError, match="expected at least one"):
         ClockFit(RATE).line()
 
@@ -115,7 +115,7 @@ def test_clock_follows_a_change_of_drift() -> None:
     assert (clock.index_at(last_time)[1] / RATE - 1) * 1e6 == pytest.approx(60.0, abs=5.6)
 
 
-def test_a_scan_every_ten_seconds_has_a_clock_too() -> None:
+def test_clock_is_fitted_for_one_scan_per_ten_seconds() -> None:
     clock = ClockFit(0.1)
     for index in range(30):
         clock.add(index, START + index * 10_000_000_000)

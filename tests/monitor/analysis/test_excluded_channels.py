@@ -26,7 +26,7 @@ from oma import ChannelFault
         ),
     ],
 )
-def test_channels_with_the_same_samples_stand_together(
+def test_channels_with_identical_samples_are_grouped(
     given_up: dict[str, str], groups: list[tuple[str, ...]], rest: list[str]
 ) -> None:
     found, others = told_apart(given_up)
@@ -34,7 +34,7 @@ def test_channels_with_the_same_samples_stand_together(
     assert list(others) == rest
 
 
-def test_what_is_said_of_them() -> None:
+def test_texts_of_excluded_channels() -> None:
     three = {"a": "the same as b", "b": "the same as c", "c": "the same as b", "d": "constant"}
     together, alone = left_out_texts(three)
     assert together.startswith("a, b and c contain identical samples (error of cabling or export?): left out")
@@ -46,7 +46,7 @@ def window(left_out: dict[str, ChannelFault], heard: str) -> Any:
     return SimpleNamespace(temperature=20.0, rms=1.0, harmonics=np.empty(0), left_out=left_out, estimate=estimate)
 
 
-def test_a_channel_is_left_out_where_no_window_has_it() -> None:
+def test_channel_is_excluded_only_if_missing_in_all_windows() -> None:
     constant, clipped = ChannelFault(kind="no_signal", text="constant"), ChannelFault(kind="clipped", text="clipped")
     seen = conditions_of([window({"b": clipped, "c": constant}, "a"), window({"c": constant}, "ab")])
     assert seen.left_out == {"c": constant}

@@ -29,7 +29,7 @@ def fail(*_: object, **__: object) -> None:
     raise np.linalg.LinAlgError("Singular matrix")
 
 
-def test_a_decomposition_that_fails_in_a_window_is_named_as_an_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_decomposition_is_reported_as_internal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("oma.identification.IdentificationStream.identify", fail)
     channels = tuple(Channel(name=f"c{i}", device="d", axis=i) for i in range(3))
     data = np.random.default_rng(1).standard_normal((6000, 3))
@@ -39,7 +39,9 @@ def test_a_decomposition_that_fails_in_a_window_is_named_as_an_internal_error(mo
 
 
 @pytest.mark.parametrize("where", ["learn_reference", "diagnose"])
-def test_it_is_not_blamed_on_the_logs(where: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_singular_matrix_in_diagnosis_is_not_reported_as_input_error(
+    where: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     state = draw_state(1)
     random = np.random.default_rng(1)
     before, now = (observation(state, estimated(state, 4, random, noise="law")) for _ in range(2))
@@ -48,7 +50,7 @@ def test_it_is_not_blamed_on_the_logs(where: str, monkeypatch: pytest.MonkeyPatc
         explain(FRAME, before, now)
 
 
-def test_no_handler_about_computations_catches_every_value_error() -> None:
+def test_computation_modules_do_not_catch_value_error() -> None:
     paths = [*ROOT.glob("updater/**/*.py"), *ROOT.glob("oma/**/*.py")]
     paths = [p for p in paths if p.relative_to(ROOT).as_posix() not in _READERS | {_SOLVER}]
     paths += [ROOT / "monitor" / f"{name}.py" for name in (*_ANALYSIS, *(f"watch/{name}" for name in _WATCH))]

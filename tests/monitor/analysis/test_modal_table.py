@@ -44,7 +44,7 @@ def structure(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("shapes", few_of([False, True]))
-def test_a_mass_is_found_between_two_tables(tmp_path: Path, modalwatch: Commands, shapes: bool) -> None:
+def test_added_mass_is_found_from_two_tables_of_modes(tmp_path: Path, modalwatch: Commands, shapes: bool) -> None:
     """Frequencies alone leave a mirror image; the mass is weighed all the same, spread over 30 cm or not."""
     before = table(tmp_path / "before.csv", measured(1), shapes=shapes)
     after = table(tmp_path / "after.csv", measured(2, BODY), shapes=shapes)
@@ -63,7 +63,7 @@ def test_a_mass_is_found_between_two_tables(tmp_path: Path, modalwatch: Commands
         assert abs(named["added_mass"]["where"]["position"][0] - 0.2) < 0.06
 
 
-def test_an_extended_model_beside_records_from_before_it_is_remarked_on(tmp_path: Path, modalwatch: Commands) -> None:
+def test_structure_extended_by_an_earlier_diagnosis_is_noted(tmp_path: Path, modalwatch: Commands) -> None:
     path = structure(tmp_path)
     path.write_text(
         path.read_text(encoding="utf-8")
@@ -74,7 +74,7 @@ def test_an_extended_model_beside_records_from_before_it_is_remarked_on(tmp_path
     assert "earlier diagnosis" in done.out
 
 
-def test_the_answer_is_given_before_anything_is_drawn(tmp_path: Path, modalwatch: Commands) -> None:
+def test_diagnosis_is_saved_even_if_the_report_cannot_be_written(tmp_path: Path, modalwatch: Commands) -> None:
     """The report cannot be written: that is an error, after the verdict, the JSON and the extended model."""
     before, after = (table(tmp_path / f"{s}.csv", measured(s, b)) for s, b in ((1, None), (2, BODY)))
     out = tmp_path / "out"
@@ -90,7 +90,7 @@ def test_the_answer_is_given_before_anything_is_drawn(tmp_path: Path, modalwatch
     assert "g added on the crossbeam" in " ".join(done.out.split())
 
 
-def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Commands) -> None:
+def test_error_in_a_table_names_its_file(tmp_path: Path, modalwatch: Commands) -> None:
     now, before = table(tmp_path / "now.csv", measured(3)), tmp_path / "before.csv"
     before.write_text("\n".join(["frequency", *(f"{2 * np.pi * f}" for f in measured(4).frequency)]), encoding="utf-8")
     with_units = table(tmp_path / "good.csv", measured(5))
@@ -106,9 +106,7 @@ def test_an_error_names_the_file_that_it_is_in(tmp_path: Path, modalwatch: Comma
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
-    tmp_path: Path, modalwatch: Commands
-) -> None:
+def test_recalibrated_model_is_written_if_the_change_is_unexplained(tmp_path: Path, modalwatch: Commands) -> None:
     """Steel of 260 GPa, and all sensors mounted again, each slightly turned."""
     text = t_structure_toml()
     stiff = text.replace("youngs_modulus = 210e9", "youngs_modulus = 260e9")
@@ -134,14 +132,14 @@ def test_a_file_that_is_far_off_is_written_anew_where_nothing_explains_the_rest(
     assert_refused(refused, f"--out: {taken}: cannot be written: ")
 
 
-def test_nothing_between_two_tables_is_nothing(tmp_path: Path, modalwatch: Commands) -> None:
+def test_tables_of_the_same_state_show_no_change(tmp_path: Path, modalwatch: Commands) -> None:
     before, after = table(tmp_path / "a.csv", measured(3)), table(tmp_path / "b.csv", measured(4))
     out = tmp_path / "found.json"
     assert modalwatch("diagnose", structure(tmp_path), after, "--reference", before, "--json", out).code == 0
     assert json.loads(out.read_text(encoding="utf-8"))["verdict"] == "nothing_to_explain"
 
 
-def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tmp_path: Path) -> None:
+def test_table_provides_temperature_amplitude_and_default_deviations(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text("frequency,temperature,rms\n38.8,21.5,0.02\n10.8,21.5,0.02\n11.0,21.5,0.02\n", encoding="utf-8")
     found = read_table(t_frame(), path)
@@ -183,7 +181,7 @@ def test_a_table_says_its_temperature_and_amplitude_and_what_it_does_not_know(tm
         ),
     ],
 )
-def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: str, where: str) -> None:
+def test_invalid_table_is_refused_with_a_one_line_error(tmp_path: Path, text: str, where: str) -> None:
     path = tmp_path / "bad.csv"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(LogError) as error:
@@ -206,7 +204,7 @@ def test_what_is_no_table_is_refused_in_one_line(tmp_path: Path, text: str, wher
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
-def test_a_table_is_read_as_people_write_it(tmp_path: Path, text: str, encoding: str) -> None:
+def test_common_table_formats_and_encodings_are_read(tmp_path: Path, text: str, encoding: str) -> None:
     path = tmp_path / "modes.csv"
     path.write_bytes(text.replace("\n", "\r\n").encode(encoding))
     found = read_table(t_frame(), path).estimate
@@ -217,7 +215,7 @@ def test_a_table_is_read_as_people_write_it(tmp_path: Path, text: str, encoding:
     np.testing.assert_allclose(np.abs((found.shape * expected).sum(1)), 1)
 
 
-def test_text_in_another_code_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_text_in_another_encoding_is_refused_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "modes.csv"
     path.write_bytes("# gemessen\n# Br\u00fccke\nfrequency\n10.8\n".encode("latin-1"))
     with pytest.raises(LogError, match=r"line 2: expected text in UTF-8, found byte 0xfc"):
@@ -232,7 +230,7 @@ def test_semicolons_and_decimal_commas_are_read(tmp_path: Path) -> None:
     assert found.damping.tolist() == [0.004, 0.005, 0.003]
 
 
-def test_what_identify_writes_is_read(tmp_path: Path) -> None:
+def test_output_of_identify_is_read_as_a_table(tmp_path: Path) -> None:
     estimate = measured(5)
     modes = [
         {

@@ -13,7 +13,7 @@ from updater import dump_structure, parse_structure
 
 
 @pytest.mark.parametrize(("cell", "seed"), few_of([("sensor_delay", 600), ("sensor_polarity", 600)]))
-def test_fault_is_named_without_a_reference_and_the_extended_file_explains_it(cell: str, seed: int) -> None:
+def test_sensor_fault_is_identified_and_corrected_without_a_reference(cell: str, seed: int) -> None:
     """The truth is another model: the fault, and the errors of the file; then fresh windows contain nothing more."""
     case = draw(cell, seed)
     random = np.random.default_rng(seed)

@@ -91,7 +91,7 @@ def test_only_the_chosen_causes_are_considered(modalwatch: Commands, measured: T
     assert considered.isdisjoint(left_out)
 
 
-def test_a_mode_and_a_channel_are_left_out_of_both_states(modalwatch: Commands, measured: Tables) -> None:
+def test_excluded_mode_and_channel_are_ignored_in_both_states(modalwatch: Commands, measured: Tables) -> None:
     whole = _diagnosed(modalwatch, measured, *MASS_ONLY).diagnosis
     left_out = whole["modes"][2]["frequency"]["measured"]
     without = ("--without-mode", left_out, "--without-channel", "beam_left_z")
@@ -103,9 +103,7 @@ def test_a_mode_and_a_channel_are_left_out_of_both_states(modalwatch: Commands, 
     assert abs(mass["value"] - 0.3) < max(4 * mass["std"], 0.1)
 
 
-def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
-    modalwatch: Commands, measured: Tables
-) -> None:
+def test_fixed_parameter_keeps_its_value_and_bounds_are_respected(modalwatch: Commands, measured: Tables) -> None:
     whole = _diagnosed(modalwatch, measured, *MASS_ONLY)
     free = _steel(whole)
     assert free != 210e9
@@ -128,7 +126,7 @@ def test_a_fixed_parameter_keeps_the_file_s_value_and_the_others_are_listed(
         (("--without-mode", "-3"), "expected a positive frequency"),
     ],
 )
-def test_a_choice_that_cannot_be_met_is_refused_in_one_line(
+def test_invalid_selection_option_is_refused_with_a_one_line_error(
     modalwatch: Commands, measured: Tables, options: tuple[str, str], message: str
 ) -> None:
     assert_refused(modalwatch("diagnose", measured.structure, measured.after, *options), message)

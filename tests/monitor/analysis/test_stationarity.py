@@ -35,7 +35,7 @@ def found_in(recording: Recording, n_windows: int) -> FrequencyChange | None:
 
 
 @pytest.mark.parametrize(("shift", "share", "n_windows"), [(0.012, 0.5, 1), (0.03, 0.75, 4), (0.07, 0.5, 1)])
-def test_a_step_is_found_where_it_is(shift: float, share: float, n_windows: int) -> None:
+def test_frequency_step_is_found_with_its_time_and_size(shift: float, share: float, n_windows: int) -> None:
     recording = changed(shift, share, 11)
     change = found_in(recording, n_windows)
     assert change is not None
@@ -49,7 +49,7 @@ def test_a_step_is_found_where_it_is(shift: float, share: float, n_windows: int)
 
 
 @pytest.mark.parametrize("n_windows", [1, 8])
-def test_a_stationary_record_has_none(n_windows: int) -> None:
+def test_stationary_record_has_no_frequency_change(n_windows: int) -> None:
     """Uneven forces and taps included; docs/oma.md has the rate over many more records."""
     for seed in range(4):
         recording = simulate(CHAIN, SECONDS, RATE, seed, taps=10 * (seed % 2))
@@ -64,7 +64,7 @@ def stepped(size: float, random: np.random.Generator) -> FloatArray:
     return series
 
 
-def test_the_p_value_of_a_split_is_uniform_without_a_step() -> None:
+def test_p_value_of_a_change_point_is_uniform_without_a_step() -> None:
     random = np.random.default_rng(3)
     p = np.array([change_point(stepped(0.0, random))[2] for _ in range(60)])
     assert np.mean(p < 0.1) < 0.1 + 3 * np.sqrt(0.09 / 60)
@@ -75,7 +75,7 @@ def test_the_p_value_of_a_split_is_uniform_without_a_step() -> None:
     assert probability < 1e-3
 
 
-def test_the_shipped_log_says_when_its_structure_changed(modalwatch: Commands, tmp_path: Path) -> None:
+def test_identify_reports_the_time_of_change_in_the_example_log(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     event = 1767225733923178045  # ns UTC: replay_data/manifest.toml
     done = modalwatch("identify", path, "--json", tmp_path / "modes.json")

@@ -56,7 +56,7 @@ def part(ambient: Recording, first: float, last: float) -> Recording:
         ("-2h", "120", (0, 120)),
     ],
 )
-def test_a_range_is_read_to_the_sample(
+def test_range_selects_the_exact_samples(
     log: Path, ambient: Recording, start: str | None, stop: str | None, seconds: tuple[float, float]
 ) -> None:
     (found,) = log_recordings(time_range(start, stop).of_log(log))
@@ -85,14 +85,14 @@ def test_a_range_is_read_to_the_sample(
         ("1h30", None, "--from: expected seconds"),  # minutes or seconds?
     ],
 )
-def test_a_range_that_makes_no_sense_is_refused(
+def test_invalid_range_is_refused(
     modalwatch: Commands, log: Path, start: str | None, stop: str | None, says: str
 ) -> None:
     given = [text for pair in (("--from", start), ("--to", stop)) if pair[1] is not None for text in pair]
     assert_refused(modalwatch("identify", log, *given), says.format(log=log))
 
 
-def test_several_logs_are_one_record(tmp_path: Path, ambient: Recording) -> None:
+def test_range_applies_across_several_logs(tmp_path: Path, ambient: Recording) -> None:
     paths = [tmp_path / f"{k}.mcap" for k in range(3)]
     for k, path in enumerate(paths):
         write_recording(path, part(ambient, 200 * k, 200 * k + 100))  # pauses of 100 s
@@ -104,7 +104,7 @@ def test_several_logs_are_one_record(tmp_path: Path, ambient: Recording) -> None
         time_range("110", "190").of_logs(paths)
 
 
-def test_identify_of_a_range_is_that_of_a_log_of_it(
+def test_identify_with_a_range_equals_identify_of_a_cut_log(
     modalwatch: Commands, log: Path, ambient: Recording, tmp_path: Path
 ) -> None:
     write_recording(tmp_path / "part.mcap", part(ambient, 100, 400))
@@ -120,7 +120,9 @@ def test_identify_of_a_range_is_that_of_a_log_of_it(
         assert x["damping"]["value"] == pytest.approx(y["damping"]["value"], rel=1e-3)
 
 
-def test_the_time_of_a_change_is_a_limit(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
+def test_reported_time_of_change_is_valid_as_range_limit(
+    modalwatch: Commands, ambient: Recording, tmp_path: Path
+) -> None:
     other = simulate(chain(4, first=2.04, damping=0.01), 600.0, RATE, seed=6)
     changed = np.concatenate([part(ambient, 0, 300).data, other.data[: round(300 * RATE)]])
     write_recording(tmp_path / "log.mcap", replace(ambient, data=changed))
@@ -172,7 +174,9 @@ def test_diagnose_takes_both_states_from_one_log(
     assert heldout[0] < begin + 125 < begin + 138 < heldout[1]
 
 
-def test_a_range_of_what_has_no_range_is_refused(modalwatch: Commands, structure: Path, tmp_path: Path) -> None:
+def test_range_is_refused_for_a_table_or_a_missing_reference(
+    modalwatch: Commands, structure: Path, tmp_path: Path
+) -> None:
     table = tmp_path / "modes.csv"
     table.write_text("frequency\n10.5\n38\n67\n", encoding="utf-8")
     done = modalwatch("diagnose", structure, table, "--from", 5)

@@ -22,19 +22,19 @@ def test_a_record_of_three_windows_is_cut_into_three() -> None:
 
 
 @pytest.mark.parametrize(("n_logs", "windows"), [(1, 3), (2, 2)])
-def test_one_that_is_too_short_says_which_windows_it_holds(n_logs: int, windows: int) -> None:
+def test_error_for_a_short_record_suggests_a_window_length(n_logs: int, windows: int) -> None:
     shortest = 140 * windows / FIRST
     with pytest.raises(ValueError, match=f"--window {int(shortest / windows)} allows shorter ones"):
         window_seconds(FRAME, shortest, n_logs)
 
 
-def test_nothing_is_offered_where_no_window_would_do() -> None:
+def test_error_suggests_no_window_length_if_none_is_possible() -> None:
     with pytest.raises(ValueError, match="three windows of 250 periods") as found:
         window_seconds(FRAME, 240 / FIRST)
     assert "--window" not in str(found.value)
 
 
-def test_windows_lie_within_the_records_of_a_logger_that_pauses() -> None:
+def test_windows_fit_within_records_of_an_intermittent_logger() -> None:
     record, total = 700 / FIRST, 60 * 700 / FIRST  # by the total alone 24 windows of two and a half records
     assert window_seconds(FRAME, total) == pytest.approx(2.5 * record)
     assert window_seconds(FRAME, total, record=record) == pytest.approx(record)
@@ -42,7 +42,7 @@ def test_windows_lie_within_the_records_of_a_logger_that_pauses() -> None:
     assert window_seconds(FRAME, total, record=240 / FIRST) == pytest.approx(2.5 * record)  # too short for a window
 
 
-def test_a_log_tells_its_records_where_it_pauses(tmp_path: Path) -> None:
+def test_record_duration_of_an_intermittent_log_is_detected(tmp_path: Path) -> None:
     def record(start: float, seconds: float) -> Recording:
         data = np.random.default_rng(0).standard_normal((round(100 * seconds), 1))
         channels = (Channel(name="a", device="a", axis=0),)
@@ -55,7 +55,7 @@ def test_a_log_tells_its_records_where_it_pauses(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("start", "stop", "windows"), [("2m18s", None, 3), (None, "2m5s", 5)])
-def test_a_log_holds_all_windows_that_it_is_cut_into(start: str | None, stop: str | None, windows: int) -> None:
+def test_log_yields_the_expected_number_of_windows(start: str | None, stop: str | None, windows: int) -> None:
     """Devices begin and end at different times, and alignment leaves out the ends."""
     log = time_range(start, stop).of_logs(as_logs([REPLAY]))[0]
     seconds = window_seconds(FRAME, log_held(log).seconds)

@@ -43,7 +43,9 @@ def bodies_file(
 
 
 @pytest.mark.parametrize("off", [(), (1,), (0, 2), (1, 2, 3)], ids=str)
-def test_bodies_taken_off_are_named_and_weighed(tmp_path: Path, modalwatch: Commands, off: tuple[int, ...]) -> None:
+def test_removed_bodies_are_identified_with_their_masses(
+    tmp_path: Path, modalwatch: Commands, off: tuple[int, ...]
+) -> None:
     out = tmp_path / "found.json"
     done = modalwatch("bodies", bodies_file(tmp_path, off), "--json", out)
     found = json.loads(out.read_text(encoding="utf-8"))
@@ -59,7 +61,7 @@ def test_bodies_taken_off_are_named_and_weighed(tmp_path: Path, modalwatch: Comm
             assert f"{body['name']} removed" in done.out
 
 
-def test_bodies_added_are_not_in_the_structure_before(tmp_path: Path, modalwatch: Commands) -> None:
+def test_added_bodies_are_identified(tmp_path: Path, modalwatch: Commands) -> None:
     """The same frequencies with both states exchanged, and bodies B and D that stay."""
     path = bodies_file(tmp_path, (0, 2))
     text = path.read_text(encoding="utf-8")
@@ -73,7 +75,7 @@ def test_bodies_added_are_not_in_the_structure_before(tmp_path: Path, modalwatch
     assert "A added, C added" in done.out
 
 
-def test_tables_of_modes_take_the_place_of_lists(tmp_path: Path, modalwatch: Commands) -> None:
+def test_tables_of_modes_replace_lists_of_frequencies(tmp_path: Path, modalwatch: Commands) -> None:
     path = bodies_file(tmp_path, (1,))
     lines: list[str] = []
     for line in path.read_text(encoding="utf-8").splitlines():
@@ -121,7 +123,7 @@ def test_errors_name_file_and_field(tmp_path: Path, modalwatch: Commands, old: s
     assert_refused(done, message, tmp_path)
 
 
-def test_errors_of_reading_have_no_words_of_libraries(tmp_path: Path, modalwatch: Commands) -> None:
+def test_read_errors_contain_no_library_messages(tmp_path: Path, modalwatch: Commands) -> None:
     path = tmp_path / "bodies.toml"
     assert_refused(modalwatch("bodies", path), f"{path}: cannot be read: No such file or directory")
     path.write_text('structure = "beam.toml"\nbody = []\nrecord = []\n', encoding="utf-8")

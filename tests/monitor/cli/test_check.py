@@ -63,7 +63,7 @@ class Sending:
         self.closed = True
 
 
-def test_probe_counts_what_a_device_sends() -> None:
+def test_probe_measures_rate_losses_and_levels_of_a_device() -> None:
     clock = Clock()
     device = Sending(clock, frozenset({700, 701, 1000}))
     found = probe(device, seconds=19.9, now=clock)
@@ -78,7 +78,7 @@ def test_probe_counts_what_a_device_sends() -> None:
     assert fast.rate == pytest.approx(10.0)
 
 
-def test_probe_of_a_silent_device() -> None:
+def test_probe_reports_a_device_without_scans() -> None:
     clock = Clock()
     device = Sending(clock, silent=True)
     with pytest.raises(DriverError, match="S1: answers, but sends no scans"):
@@ -101,7 +101,7 @@ def port() -> Iterator[str]:
         yield str(json.loads(ports)[0])
 
 
-def test_check_says_what_would_run_and_who_answers(modalwatch: Commands, site: Path, port: str) -> None:
+def test_check_shows_settings_and_connected_devices(modalwatch: Commands, site: Path, port: str) -> None:
     site.write_text(SITE.format(driver="epson-uart", port=port))
     done = modalwatch("check", site)
     assert (done.code, done.err) == (0, ""), done
@@ -118,7 +118,7 @@ def test_check_says_what_would_run_and_who_answers(modalwatch: Commands, site: P
     assert not (site.parent / "log").exists()  # nothing is made
 
 
-def test_check_of_a_log_that_is_played(modalwatch: Commands, site: Path) -> None:
+def test_check_of_a_replay_device(modalwatch: Commands, site: Path) -> None:
     """A recorded device at twice its speed; paths are relative to the site's file."""
     recorded = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     (site.parent / "recorded.mcap").symlink_to(recorded)
@@ -136,7 +136,7 @@ def test_check_of_a_log_that_is_played(modalwatch: Commands, site: Path) -> None
     assert "device beam_lft: cannot be played: the log has no scan of this device; there are beam_left, " in done.err
 
 
-def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_reports_a_low_grade_device(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     found = probe(Sending(clock), seconds=1.0, now=clock)
     monkeypatch.setattr("monitor.cli.site.check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)})
@@ -147,7 +147,7 @@ def test_device_of_low_grade_is_called_so(modalwatch: Commands, site: Path, monk
         assert (message in modalwatch("check", site).out) == is_low
 
 
-def test_lack_of_a_thermometer_is_called_so(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_reports_a_missing_thermometer(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     found = probe(Sending(clock), seconds=1.0, now=clock)
     text = SITE.format(driver="epson-uart", port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y =")
@@ -158,7 +158,7 @@ def test_lack_of_a_thermometer_is_called_so(modalwatch: Commands, site: Path, mo
         assert ("a thermometer is needed" in modalwatch("check", site).out) == lacks
 
 
-def test_a_device_that_does_not_answer_exits_3(modalwatch: Commands, site: Path) -> None:
+def test_check_exits_3_if_a_device_does_not_respond(modalwatch: Commands, site: Path) -> None:
     site.write_text(SITE.format(driver="epson-uart", port=site.parent / "no-such-port"))
     done = modalwatch("check", site)
     assert done.code == 3
@@ -167,7 +167,7 @@ def test_a_device_that_does_not_answer_exits_3(modalwatch: Commands, site: Path)
     assert "no answer" in done.out
 
 
-def test_settings_that_are_wrong(modalwatch: Commands, site: Path) -> None:
+def test_check_refuses_invalid_settings(modalwatch: Commands, site: Path) -> None:
     good = SITE.format(driver="epson-uart", port="/dev/none")
     for old, new, says in (
         ("window_seconds", "windw_seconds", "analysis.windw_seconds: no such setting, did you mean 'window_seconds'?"),

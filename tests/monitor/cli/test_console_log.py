@@ -27,7 +27,7 @@ def reported(*items: Event, as_json: bool = False) -> list[str]:
     return stream.getvalue().splitlines()
 
 
-def test_lines_for_people() -> None:
+def test_text_format_of_lines() -> None:
     lines = reported(event("device_failed", device="left", why="the port is gone"), change(START, "alarm", "it moved"))
     assert all(re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\dZ ", line) for line in lines)
     assert [line.split(" ", 1)[1] for line in lines] == [
@@ -36,7 +36,7 @@ def test_lines_for_people() -> None:
     ]
 
 
-def test_lines_for_programs() -> None:
+def test_json_format_of_lines() -> None:
     lines = reported(
         event("device_recovered", device="left", serial="E1"),
         event("device_failed", device="left"),
@@ -54,7 +54,7 @@ def test_lines_for_programs() -> None:
     }
 
 
-def test_everything_that_a_run_finds_is_said_in_a_line() -> None:
+def test_each_event_of_a_run_is_printed_as_one_line() -> None:
     events = run_events()
     lines = reported(*events)
     assert len(lines) == len(events)
@@ -62,7 +62,7 @@ def test_everything_that_a_run_finds_is_said_in_a_line() -> None:
     assert any("reference:" in line for line in lines)
 
 
-def test_what_repeats_is_counted_instead_of_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_repeated_events_are_counted_instead_of_printed(monkeypatch: pytest.MonkeyPatch) -> None:
     """A hundred gaps within a minute are ten lines; the next one after it states how many were left out."""
     now = 1000.0
     monkeypatch.setattr("monitor.cli.site.console_log.time.monotonic", lambda: now)

@@ -45,9 +45,7 @@ def named(ports: list[str]) -> list[str]:
 
 
 @pytest.mark.live
-def test_who_answers_is_listed_and_the_settings_can_be_pasted(
-    modalwatch: Commands, plugged: list[str], tmp_path: Path
-) -> None:
+def test_found_devices_are_listed_with_valid_settings(modalwatch: Commands, plugged: list[str], tmp_path: Path) -> None:
     done = modalwatch("devices", *named(plugged), "--json", tmp_path / "found.json")
     assert (done.code, done.err) == (0, ""), done
     table, toml = done.out[: done.out.index("[[device]]")], done.out[done.out.index("[[device]]") :]
@@ -68,7 +66,7 @@ def test_who_answers_is_listed_and_the_settings_can_be_pasted(
     assert tomllib.loads(toml)["device"][3]["can"]["channel"] == adapter
 
 
-def test_ports_that_are_named_must_answer(
+def test_given_port_without_a_device_is_an_error(
     modalwatch: Commands, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     def search(path: str, bitrate: int) -> None:
@@ -83,7 +81,7 @@ def test_ports_that_are_named_must_answer(
     assert "# no device was found" in done.out
 
 
-def test_ports_of_the_machine_are_listed_and_only_usb_ones_are_asked(
+def test_all_ports_are_listed_and_only_usb_ports_are_probed(
     modalwatch: Commands, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ports = [

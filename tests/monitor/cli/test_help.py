@@ -20,7 +20,7 @@ COMMANDS += [("log", str(c.name)) for c in log_app.registered_commands]
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_help_of_a_command_says_what_it_is_for(modalwatch: Commands, command: tuple[str, ...]) -> None:
+def test_help_describes_each_command(modalwatch: Commands, command: tuple[str, ...]) -> None:
     done = modalwatch(*command, "--help")
     assert (done.code, done.err) == (0, "")
     assert f"Usage: modalwatch {' '.join(command)} " in done.out
@@ -29,7 +29,7 @@ def test_help_of_a_command_says_what_it_is_for(modalwatch: Commands, command: tu
     assert f"  {command[0]} " in everything
 
 
-def test_help_loads_nothing_that_takes_time() -> None:
+def test_help_imports_no_slow_packages() -> None:
     heavy = {"numpy", "scipy", "pydantic", "rerun", "rich", "matplotlib"}
     code = f"import sys, monitor.cli.main; sys.exit(str({heavy} & {{*sys.modules}}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)

@@ -43,7 +43,7 @@ def windows_of(recording: Recording, seconds: float) -> list[Recording]:
     ]
 
 
-def test_identify_writes_what_other_programs_read(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+def test_identify_writes_modes_as_json(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
     done = modalwatch("identify", log, "--window", 150, "--json", tmp_path / "modes.json")
     assert (done.code, done.err) == (0, "")
     assert "chain.mcap: 4 windows of 150 s" in done.out
@@ -63,7 +63,9 @@ def test_identify_writes_what_other_programs_read(modalwatch: Commands, log: Pat
         assert set(mode["shape_std"]) == set(CHAIN.channels)
 
 
-def test_one_channel_has_frequencies_and_no_shapes(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
+def test_single_channel_gives_frequencies_without_shapes(
+    modalwatch: Commands, ambient: Recording, tmp_path: Path
+) -> None:
     write_recording(tmp_path / "one.mcap", replace(ambient, channels=ambient.channels[3:], data=ambient.data[:, 3:]))
     done = modalwatch("identify", tmp_path / "one.mcap", "--json", tmp_path / "modes.json")
     assert (done.code, done.err) == (0, "")
@@ -89,7 +91,7 @@ def test_modes_are_drawn(modalwatch: Commands, log: Path, tmp_path: Path) -> Non
     assert blue[600:].sum() > 5000  # bars of the shapes
 
 
-def test_more_windows_make_a_surer_estimate(ambient: Recording) -> None:
+def test_more_windows_reduce_the_standard_deviation(ambient: Recording) -> None:
     windows = identify_windows(windows_of(ambient, 100.0))
     fused = fuse(windows.estimates)
     assert len(windows.estimates) == 6
@@ -106,7 +108,7 @@ def only(estimate: ModalEstimate, modes: list[int]) -> ModalEstimate:
     return replace(estimate, **{name: getattr(estimate, name)[modes] for name in names})
 
 
-def test_a_mode_that_the_fullest_window_lacks_is_kept(ambient: Recording) -> None:
+def test_mode_missing_in_some_windows_is_kept(ambient: Recording) -> None:
     estimates = list(identify_windows(windows_of(ambient, 120.0)).estimates)
     assert [e.n_modes for e in estimates] == [4] * 5
     lacking = [only(estimates[0], [0, 2, 3]), only(estimates[1], [0, 1, 3]), only(estimates[2], [0, 1, 3])]
@@ -121,7 +123,7 @@ def test_a_mode_that_the_fullest_window_lacks_is_kept(ambient: Recording) -> Non
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("first_seed", [100])
-def test_fused_standard_deviations_are_the_real_ones(first_seed: int) -> None:
+def test_fused_standard_deviations_match_the_actual_errors(first_seed: int) -> None:
     z = []
     for seed in range(first_seed, first_seed + 12):
         estimate = fuse(identify_windows(windows_of(simulate(CHAIN, 600.0, RATE, seed), 150.0)).estimates).estimate
@@ -156,7 +158,7 @@ def constant(value: float, scatter: float, n: int) -> list[ModalEstimate]:
 
 
 @pytest.mark.parametrize(("scatter", "factor"), [(0.0, 1.0), (0.04, 4.0 * np.sqrt(8 / 7))])
-def test_windows_that_scatter_more_than_they_state_are_believed_less(scatter: float, factor: float) -> None:
+def test_excess_scatter_of_windows_increases_the_fused_deviation(scatter: float, factor: float) -> None:
     fused = fuse(constant(10.0, scatter, 8))
     # in terms of log frequency, whose mean is 8e-6 lower
     assert fused.estimate.frequency[0] == pytest.approx(10.0, abs=1e-3)
@@ -165,14 +167,14 @@ def test_windows_that_scatter_more_than_they_state_are_believed_less(scatter: fl
     assert mac(fused.estimate.shape[0], np.array([0.8, 0.6j])) == pytest.approx(1.0)
 
 
-def test_a_mode_that_few_windows_show_is_none(ambient: Recording) -> None:
+def test_mode_in_too_few_windows_is_rejected(ambient: Recording) -> None:
     with pytest.raises(IdentificationError, match="no mode is identified in 70% of the 2 windows"):
         fuse([*constant(10.0, 0.0, 1), *constant(20.0, 0.0, 1)])
     with pytest.raises(IdentificationError, match="of the 0 windows"):
         fuse([])
 
 
-def test_dead_channels_and_tones_are_named(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
+def test_constant_channels_and_harmonics_are_reported(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
     data = ambient.data.copy()
     data[:, 3] = 0.5
     time = np.arange(len(data)) / RATE
@@ -196,7 +198,7 @@ def small_log(path: Path, data: np.ndarray[tuple[int, int], np.dtype[np.float64]
     return path
 
 
-def test_what_cannot_be_identified_is_said(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+def test_invalid_identify_requests_are_refused(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
     noise = np.random.default_rng(21).standard_normal((8000, 2))
     short = small_log(tmp_path / "short.mcap", noise[:50])
     dead = small_log(tmp_path / "dead.mcap", noise * [1, 0])

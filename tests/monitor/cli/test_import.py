@@ -40,7 +40,7 @@ def imported(path: Path) -> Recording:
     return found
 
 
-def test_import_says_what_it_wrote(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+def test_import_prints_a_summary_of_the_written_log(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--unit", "g", "--start", "2026-01-01T00:00:00Z")
     assert (done.code, done.err) == (0, "")
     values = np.genfromtxt(table, delimiter=",", skip_header=1)[:, 1:]
@@ -53,7 +53,7 @@ def test_import_says_what_it_wrote(modalwatch: Commands, table: Path, tmp_path: 
     assert list(read_attachments(tmp_path / "log.mcap")) == ["channels.json"]
 
 
-def test_times_that_are_no_seconds(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+def test_times_in_units_other_than_seconds(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     header, *rows = table.read_text().split("\n")
     rows = [f"{1e3 * float(row.partition(',')[0]):.0f},{row.partition(',')[2]}" for row in rows]
     table.write_text("\n".join([header, *rows]))
@@ -115,7 +115,7 @@ def test_temperatures_of_a_table(modalwatch: Commands, table: Path, tmp_path: Pa
     assert_refused(done, "has no column 'water' of temperatures, but beam_left_y, beam_left_z, T (°C)")
 
 
-def test_import_of_some_columns_under_other_names(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+def test_import_selects_and_renames_columns(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     table.write_text(table.read_text().replace("t,beam_left_y,beam_left_z", "time,a=1,b"))
     options = ("--time", "time", "--column", "a=1=beam_left_y", "--column", "b=beam_left_z")
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", *options, "--site", tmp_path / "site.toml")
@@ -126,7 +126,7 @@ def test_import_of_some_columns_under_other_names(modalwatch: Commands, table: P
     assert [c.name for c in imported(tmp_path / "one.mcap").channels] == ["b"]
 
 
-def test_import_for_a_site_takes_its_devices(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+def test_import_with_a_site_uses_its_devices(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", tmp_path / "site.toml")
     assert done.code == 0, done.err
     found = imported(tmp_path / "log.mcap")
@@ -171,14 +171,14 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
         (("--structure", "none.toml"), "none.toml: cannot be read: "),
     ],
 )
-def test_options_that_are_wrong(
+def test_invalid_options_are_refused(
     modalwatch: Commands, table: Path, tmp_path: Path, options: tuple[str, ...], says: str
 ) -> None:
     assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap", *options), says)
     assert not (tmp_path / "log.mcap").exists()
 
 
-def test_who_has_imported_without_a_site_is_told_what_to_type(
+def test_errors_after_import_without_a_site_suggest_the_command(
     modalwatch: Commands, table: Path, tmp_path: Path
 ) -> None:
     log, site = tmp_path / "log.mcap", tmp_path / "site.toml"
@@ -209,7 +209,7 @@ def test_who_has_imported_without_a_site_is_told_what_to_type(
     assert "all devices answer" in modalwatch("check", site).out
 
 
-def test_a_file_without_a_site_gets_one_and_is_watched(modalwatch: Commands, tmp_path: Path) -> None:
+def test_import_creates_a_new_site_that_can_be_monitored(modalwatch: Commands, tmp_path: Path) -> None:
     """Four channels are two devices: from a table to a watch in two commands, and a third after an edit."""
     names = ["beam_left_y", "beam_left_z", "beam_right_y", "beam_right_z"]
     random = np.random.default_rng(12)
@@ -253,7 +253,7 @@ def test_a_file_without_a_site_gets_one_and_is_watched(modalwatch: Commands, tmp
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml is there already: give it as --site")
 
 
-def test_data_that_does_not_fit_the_site(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+def test_data_inconsistent_with_the_site_is_refused(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     site, text = tmp_path / "site.toml", table.read_text()
     for old, new, says in (
         ("beam_left_z", "left", "has no column 'beam_left_z', which"),
@@ -276,7 +276,7 @@ def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path:
     assert (tmp_path / "log.mcap").read_text() == "precious"
 
 
-def test_a_recorded_log_takes_its_channels_from_its_settings() -> None:
+def test_channels_of_a_recorded_log_are_read_from_its_settings() -> None:
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     windows = list(log_recordings(path, 20.0))
     (whole,) = log_recordings(path)
@@ -288,7 +288,7 @@ def test_a_recorded_log_takes_its_channels_from_its_settings() -> None:
     assert np.isfinite(whole.data).mean() > 0.999
 
 
-def test_a_log_that_does_not_say_its_channels(tmp_path: Path) -> None:
+def test_log_without_a_valid_channel_map_is_refused(tmp_path: Path) -> None:
     from daq import LogError, McapWriter
 
     McapWriter(tmp_path / "log.mcap", {}).close()
@@ -319,9 +319,7 @@ def traffic(tmp_path: Path) -> Path:
     return tmp_path / "bus.log"
 
 
-def test_import_of_can_traffic_for_a_site_or_with_a_dbc_file(
-    modalwatch: Commands, traffic: Path, tmp_path: Path
-) -> None:
+def test_can_log_is_imported_with_a_site_or_a_dbc_file(modalwatch: Commands, traffic: Path, tmp_path: Path) -> None:
     out = tmp_path / "log.mcap"
     done = modalwatch("import", traffic, "-o", out, "--site", tmp_path / "site.toml")
     assert (done.code, done.err) == (0, "")
@@ -350,7 +348,7 @@ def test_import_of_can_traffic_for_a_site_or_with_a_dbc_file(
         (("--site", "SITE", "--structure", "NONE"), "NONE"),
     ],
 )
-def test_import_of_can_traffic_says_what_is_wrong(
+def test_import_of_can_log_refuses_invalid_options(
     modalwatch: Commands, traffic: Path, tmp_path: Path, options: tuple[object, ...], says: str
 ) -> None:
     places = {"SITE": tmp_path / "site.toml", "DBC": tmp_path / "imu.dbc"}

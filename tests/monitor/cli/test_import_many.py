@@ -49,7 +49,7 @@ def tables(tmp_path: Path) -> list[Path]:
     return paths
 
 
-def test_tables_that_follow_each_other_become_one_log(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
+def test_consecutive_tables_become_one_log(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
     log = tmp_path / "log.mcap"
     done = modalwatch("import", *reversed(tables), "-o", log)
     assert (done.code, done.err) == (0, "")
@@ -68,9 +68,7 @@ def test_tables_that_follow_each_other_become_one_log(modalwatch: Commands, tabl
     assert (gap.start, gap.stop) == (1500, 2000)
 
 
-def test_windows_go_across_the_files_and_a_site_takes_them(
-    modalwatch: Commands, tables: list[Path], tmp_path: Path
-) -> None:
+def test_windows_span_consecutive_files(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
     log, site = tmp_path / "log.mcap", tmp_path / "site.toml"
     done = modalwatch("import", *tables[:3], "-o", log, "--structure", tmp_path / "structure.toml", "--new-site", site)
     assert (done.code, done.err) == (0, "")
@@ -84,7 +82,7 @@ def test_windows_go_across_the_files_and_a_site_takes_them(
     assert modalwatch("import", *tables[:3], "-o", tmp_path / "again.mcap", "--site", site).code == 0
 
 
-def test_windows_of_a_new_site_fit_into_the_records_of_a_logger_that_pauses(
+def test_window_length_of_a_new_site_fits_intermittent_records(
     modalwatch: Commands, tables: list[Path], tmp_path: Path
 ) -> None:
     log, site = tmp_path / "log.mcap", tmp_path / "site.toml"
@@ -99,7 +97,7 @@ def test_windows_of_a_new_site_fit_into_the_records_of_a_logger_that_pauses(
     assert "still learning: 0 of 2 windows gave modes; are records shorter than a window of 4.6 s" in replayed
 
 
-def test_a_channel_that_fails_in_one_file_is_a_device_of_its_own_in_all(tables: list[Path], tmp_path: Path) -> None:
+def test_channel_with_a_gap_in_one_file_becomes_a_separate_device(tables: list[Path], tmp_path: Path) -> None:
     holed = DATA[500:1000].copy()
     holed[7, 1] = np.nan
     write(tables[1], 500, holed)
@@ -108,7 +106,7 @@ def test_a_channel_that_fails_in_one_file_is_a_device_of_its_own_in_all(tables: 
     assert [[gap.device for gap in part.recording.gaps] for part in found] == [[], ["import-2"], [], []]
 
 
-def test_files_that_make_no_log_together(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
+def test_incompatible_files_are_refused(modalwatch: Commands, tables: list[Path], tmp_path: Path) -> None:
     log, other, late = tmp_path / "log.mcap", tmp_path / "other.csv", tmp_path / "late.csv"
     late.write_text(late.read_text().replace("beam_left_z", "z"))
     write(other, 1200, DATA[:ROWS])
@@ -128,7 +126,7 @@ def test_files_that_make_no_log_together(modalwatch: Commands, tables: list[Path
     assert not log.exists()
 
 
-def test_a_logger_whose_two_clocks_differ(tmp_path: Path) -> None:
+def test_drift_between_two_logger_clocks_loses_no_samples(tmp_path: Path) -> None:
     """Its converter is slower or faster than its clock at the beginning of a table: no sample lost, none invented."""
     for drift in (4.0, -4.0):  # ms, of a period of 10 ms, a table
         paths = [
@@ -141,7 +139,7 @@ def test_a_logger_whose_two_clocks_differ(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("short", [10, 200])
 @pytest.mark.parametrize("first", [True, False])
-def test_a_file_that_is_cut_short_has_the_rate_of_the_others(tmp_path: Path, short: int, first: bool) -> None:
+def test_short_file_uses_the_sampling_rate_of_the_others(tmp_path: Path, short: int, first: bool) -> None:
     """Dates to the millisecond give 128.6 Hz for ten samples of 128 Hz, and 127.999 for two hundred that come first."""
     lengths = [short, 2000, 2000] if first else [2000, 2000, short]
     files, done = [], 0
@@ -159,7 +157,7 @@ def test_a_file_that_is_cut_short_has_the_rate_of_the_others(tmp_path: Path, sho
 
 
 @pytest.mark.parametrize("drift", [3, 200])
-def test_files_of_a_converter_that_is_faster_than_the_clock_overlap_a_little(drift: int) -> None:
+def test_only_a_small_overlap_of_files_is_accepted(drift: int) -> None:
     """Three milliseconds a minute, 50 parts in a million, are three samples of 1000 Hz; 200 are files that overlap."""
     channels = (Channel(name="a", device="import", axis=0),)
     files = []
@@ -176,7 +174,7 @@ def test_files_of_a_converter_that_is_faster_than_the_clock_overlap_a_little(dri
         assert starts == [0, 60 * 10**9, 120 * 10**9]
 
 
-def test_many_files_are_not_held_twice() -> None:
+def test_many_files_are_not_copied_in_memory() -> None:
     """The times of the files and their motion take a few more columns, not a second copy of all."""
     channels = tuple(Channel(name=name, device="import", axis=k) for k, name in enumerate("abcdefghijkl"))
     files = []

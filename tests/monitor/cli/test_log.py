@@ -41,7 +41,7 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
-def test_info_counts(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+def test_info_counts_scans_gaps_and_events(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
     done = modalwatch("log", "info", log, "--json", tmp_path / "info.json")
     assert (done.code, done.err) == (0, "")
     found = json.loads((tmp_path / "info.json").read_text())
@@ -56,7 +56,7 @@ def test_info_counts(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
         assert text in done.out
 
 
-def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> None:
+def test_repair_fixes_a_cut_log_and_skips_an_intact_one(modalwatch: Commands, log: Path) -> None:
     done = modalwatch("repair", log)
     assert done.code == 0, done.err
     assert f"{log}: repaired, 6 messages kept; it was cut, 100 bytes of an unfinished chunk" in done.out
@@ -68,7 +68,7 @@ def test_repair_mends_and_then_leaves_alone(modalwatch: Commands, log: Path) -> 
     assert "modalwatch repair" not in done.out
 
 
-def test_a_start_mends_what_a_kill_left(log: Path) -> None:
+def test_startup_repairs_logs_of_a_killed_run(log: Path) -> None:
     (log.parent / "rest.mcap").write_bytes(b"")
     writer = McapWriter(log.parent / "open.mcap", {})
     reported = list(mend_logs(log.parent))
@@ -82,7 +82,7 @@ def test_a_start_mends_what_a_kill_left(log: Path) -> None:
     assert list(mend_logs(log.parent)) == reported[2:]
 
 
-def test_info_of_a_damaged_log_counts_what_comes_before(modalwatch: Commands, tmp_path: Path) -> None:
+def test_info_of_a_damaged_log_counts_intact_chunks(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "damaged.mcap"
     writer = McapWriter(path, {})
     writer.write(block(0))
@@ -121,7 +121,7 @@ def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "says"), [(None, "cannot be read: No such file"), (b"", "is not an MCAP log"), (b"t,a\n", "is not an")]
 )
-def test_what_is_no_log(
+def test_file_that_is_not_a_log_is_refused(
     modalwatch: Commands, tmp_path: Path, command: tuple[str, ...], content: bytes | None, says: str
 ) -> None:
     path = tmp_path / "log.mcap"
@@ -130,7 +130,7 @@ def test_what_is_no_log(
     assert_refused(modalwatch(*command, path), f"{path}: {says}")
 
 
-def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_path: Path) -> None:
+def test_info_covers_all_files_of_one_run(modalwatch: Commands, tmp_path: Path) -> None:
     recorder = RotatingWriter(tmp_path, {}, START, Rotation(size=1.0))
     for k in range(3):
         recorder.write(block(250 * k))
@@ -148,7 +148,7 @@ def test_info_of_a_folder_is_that_of_its_newest_run(modalwatch: Commands, tmp_pa
     assert_refused(done, "LOG: expected the files of one run, found those of 2", other.paths[0])
 
 
-def test_modes_of_an_exported_log_are_those_of_the_log(modalwatch: Commands, tmp_path: Path) -> None:
+def test_modes_are_unchanged_by_export_and_import(modalwatch: Commands, tmp_path: Path) -> None:
     """Six devices with delays of up to 1.2 ms; with and without the comment that states the devices."""
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     table, bare = tmp_path / "data.csv", tmp_path / "bare.csv"

@@ -22,7 +22,7 @@ def test_help_lists_the_commands() -> None:
     assert all(name in done.stdout for name in ("demo", "rig", "run", "replay"))
 
 
-def test_version_is_that_of_the_package(modalwatch: Commands) -> None:
+def test_version_equals_the_package_version(modalwatch: Commands) -> None:
     text = (Path(__file__).parents[3] / "pyproject.toml").read_text(encoding="utf-8")
     done = modalwatch("--version")
     assert (done.code, done.out.strip()) == (0, f"modalwatch {tomllib.loads(text)['project']['version']}")
@@ -38,7 +38,7 @@ def test_wrong_arguments_exit_2(modalwatch: Commands, arguments: tuple[str, ...]
 @pytest.mark.parametrize(
     ("command", "name"), [("replay", "none.mcap"), ("replay", "log.mcap"), ("run", "site.toml"), ("rig", "none.toml")]
 )
-def test_bad_input_exits_2_with_one_line_that_names_the_file(
+def test_bad_input_exits_2_and_error_names_the_file(
     tmp_path: Path, modalwatch: Commands, command: str, name: str
 ) -> None:
     (tmp_path / "log.mcap").write_bytes(b"not a log")
@@ -46,7 +46,7 @@ def test_bad_input_exits_2_with_one_line_that_names_the_file(
     assert_refused(modalwatch(command, tmp_path / name), f"error: {tmp_path / name}: ")
 
 
-def test_a_device_that_does_not_answer_exits_3(tmp_path: Path) -> None:
+def test_run_exits_3_if_a_device_does_not_respond(tmp_path: Path) -> None:
     from updater import t_structure_toml
 
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")

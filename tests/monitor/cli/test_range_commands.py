@@ -128,7 +128,7 @@ def run(tmp_path: Path) -> Path:
         ("-5", None, (55, 59), ["alarm 39"], "alarm"),
     ],
 )
-def test_a_run_of_a_range(
+def test_results_loaded_from_a_range(
     run: Path, start: str | None, stop: str | None, windows: tuple[int, int], alarms: list[str], state: str
 ) -> None:
     found = load_run(run, time_range(start, stop))
@@ -145,7 +145,7 @@ def test_a_run_of_a_range(
     assert abs(found.devices[0].scans / 200 - span) <= 1.0
 
 
-def test_the_report_of_a_range_counts_its_windows_apart_from_the_baseline(run: Path) -> None:
+def test_report_of_a_range_counts_baseline_windows_separately(run: Path) -> None:
     facts = dict(run_content(load_run(run, time_range("5", "15.5")), None)["facts"])
     assert facts["Range"] == "5 to 15.5 s of the log"
     assert facts["Windows"] == (
@@ -164,7 +164,7 @@ def test_a_range_without_a_whole_window_is_refused(tmp_path: Path) -> None:
         load_run(path, time_range(None, "2.5"))
 
 
-def test_commands_take_a_range(
+def test_commands_accept_a_range(
     modalwatch: Commands, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[RunResults] = []

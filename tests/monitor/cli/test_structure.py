@@ -49,7 +49,7 @@ def parsed(*sensors: tuple[float, str]) -> Structure:
     return parse_structure(cantilever(*sensors))
 
 
-def test_sensors_along_one_axis_see_one_plane_of_bending() -> None:
+def test_sensors_along_one_axis_measure_one_bending_plane() -> None:
     sight = look(parsed((1.0, "z"), (0.5, "z")), 4)
     in_z = np.abs(sight.motion[:, -1, 2]) > 0.5  # at the tip, where bending is largest: 1
     assert in_z.sum() == 2
@@ -57,7 +57,7 @@ def test_sensors_along_one_axis_see_one_plane_of_bending() -> None:
     assert [sight.is_seen(k) for k in range(4)] == in_z.tolist()
 
 
-def test_a_sensor_on_a_node_of_a_mode_does_not_see_it() -> None:
+def test_sensor_at_a_node_of_a_mode_does_not_measure_it() -> None:
     # the node of a cantilever's second mode is at 0.7834 of its length (Blevins 1979, table 8-1)
     sight = look(parsed((0.7834, "y")), 6)
     in_y = [k for k in range(6) if np.abs(sight.motion[k, :, 1]).max() > 0.5]
@@ -66,7 +66,7 @@ def test_a_sensor_on_a_node_of_a_mode_does_not_see_it() -> None:
     assert sight.seen[in_y[0]] == pytest.approx(0.70, abs=0.01)
 
 
-def test_one_sensor_cannot_tell_modes_apart_and_two_can() -> None:
+def test_two_sensors_distinguish_modes_but_one_does_not() -> None:
     one = look(parsed((1.0, "y")), 6)
     seen = [k for k in range(6) if one.is_seen(k)]
     assert len(seen) > 1
@@ -75,7 +75,7 @@ def test_one_sensor_cannot_tell_modes_apart_and_two_can() -> None:
     assert all(two.alike(k) == () for k in range(4))
 
 
-def test_structure_writes_figures_and_a_picture(modalwatch: Commands, tmp_path: Path) -> None:
+def test_structure_writes_json_and_a_picture(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "frame.toml"
     path.write_text(t_structure_toml(), encoding="utf-8")
     done = modalwatch("structure", path, "--json", tmp_path / "frame.json", "--modes", 8)
@@ -104,7 +104,7 @@ def test_structure_writes_figures_and_a_picture(modalwatch: Commands, tmp_path: 
     assert found["target"] is None
 
 
-def test_a_member_that_no_mode_moves_is_drawn_blind(modalwatch: Commands, tmp_path: Path) -> None:
+def test_member_without_modal_motion_has_no_detectable_mass(modalwatch: Commands, tmp_path: Path) -> None:
     """It is a third of all places, and needs masses without bounds."""
     path = tmp_path / "bar.toml"
     stub = CANTILEVER[CANTILEVER.index("[[member]]") :].replace('"bar"\nfrom', '"stub"\nfrom')
@@ -119,7 +119,7 @@ def test_a_member_that_no_mode_moves_is_drawn_blind(modalwatch: Commands, tmp_pa
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, tmp_path: Path) -> None:
+def test_fewer_sensors_need_longer_records_for_the_same_target(modalwatch: Commands, tmp_path: Path) -> None:
     path, written = tmp_path / "bar.toml", tmp_path / "bar.json"
     path.write_text(cantilever((0.3, "y"), (0.6, "y"), (1.0, "y"), (0.6, "z"), (1.0, "z")))
     # the bar weighs 785 g
@@ -141,7 +141,7 @@ def test_a_target_needs_longer_records_with_fewer_sensors(modalwatch: Commands, 
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_sensor_that_shows_what_is_unseen_is_named(modalwatch: Commands, tmp_path: Path) -> None:
+def test_sensor_for_unmeasured_modes_is_suggested(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "bar.toml"
     path.write_text(cantilever((0.6, "z"), (1.0, "z")))
     done = modalwatch("structure", path, "--modes", 4)
@@ -163,7 +163,7 @@ def test_a_structure_without_sensors(modalwatch: Commands, tmp_path: Path) -> No
     assert (tmp_path / "x.png").stat().st_size > 10_000
 
 
-def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> None:
+def test_invalid_structure_requests_are_refused(modalwatch: Commands, tmp_path: Path) -> None:
     good, free, bad = tmp_path / "good.toml", tmp_path / "free.toml", tmp_path / "bad.toml"
     good.write_text(cantilever((1.0, "y")))
     free.write_text(CANTILEVER.split("[[support]]")[0])
@@ -187,7 +187,7 @@ def test_what_cannot_be_drawn_is_said(modalwatch: Commands, tmp_path: Path) -> N
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) -> None:
+def test_sensors_are_compared_with_channels(modalwatch: Commands, tmp_path: Path) -> None:
     bar, site = tmp_path / "bar.toml", tmp_path / "site.toml"
     bar.write_text(cantilever((0.5, "y"), (1.0, "y"), (1.0, "z"), (1.0, "y")))
 
@@ -237,14 +237,14 @@ def test_sensors_are_set_against_channels(modalwatch: Commands, tmp_path: Path) 
         ("[8e-10, 4e-10]", "[800, 400]", "section bar: its radius of gyration is 2.83e+03 m, the whole structure 1 m"),
     ],
 )
-def test_figures_in_other_units_are_noted(old: str, new: str, says: str) -> None:
+def test_values_in_implausible_units_are_noted(old: str, new: str, says: str) -> None:
     assert not odd_units(parse_structure(CANTILEVER))
     (note,) = odd_units(parse_structure(CANTILEVER.replace(old, new)))
     assert note.startswith(says)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_structure_says_what_looks_like_another_unit(modalwatch: Commands, tmp_path: Path) -> None:
+def test_structure_command_prints_note_on_implausible_units(modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "bar.toml"
     path.write_text(cantilever((1.0, "y"), (0.5, "z")).replace("210e9", "210e3"), encoding="utf-8")
     done = modalwatch("structure", path)

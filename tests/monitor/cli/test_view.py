@@ -31,9 +31,7 @@ def test_report_is_written_from_the_log_alone(modalwatch: Commands, tmp_path: Pa
     assert "The structure has changed" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
-def test_a_log_becomes_a_recording_in_the_cache_and_one_line_says_how_to_see_it(
-    modalwatch: Commands, tmp_path: Path
-) -> None:
+def test_view_writes_recording_to_cache_and_prints_viewer_command(modalwatch: Commands, tmp_path: Path) -> None:
     done = modalwatch("view", LOG)
     assert done.code == 0, done
     path = tmp_path / "cache" / "modalwatch" / "t_frame_added_mass.rrd"
@@ -92,9 +90,7 @@ BAD: dict[str, tuple[Callable[[Path], None], str]] = {
 
 @pytest.mark.parametrize("command", ["report", "view"])
 @pytest.mark.parametrize("name", BAD)
-def test_what_cannot_be_shown_exits_2_and_is_named(
-    command: str, name: str, modalwatch: Commands, tmp_path: Path
-) -> None:
+def test_unusable_log_exits_2_and_error_names_it(command: str, name: str, modalwatch: Commands, tmp_path: Path) -> None:
     make, why = BAD[name]
     path = tmp_path / "run.mcap"
     make(path)
@@ -103,7 +99,7 @@ def test_what_cannot_be_shown_exits_2_and_is_named(
 
 
 @pytest.mark.parametrize("command", ["report", "view"])
-def test_a_cut_log_is_shown_as_far_as_it_goes(command: str, modalwatch: Commands, tmp_path: Path) -> None:
+def test_truncated_log_is_shown_up_to_the_cut(command: str, modalwatch: Commands, tmp_path: Path) -> None:
     data = LOG.read_bytes()
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 3 // 4])
     done = modalwatch(command, tmp_path / "cut.mcap", "--out", tmp_path / "shown")
@@ -114,7 +110,7 @@ def test_a_cut_log_is_shown_as_far_as_it_goes(command: str, modalwatch: Commands
 
 
 @pytest.mark.parametrize("command", ["report", "view"])
-def test_a_log_is_never_written_over(command: str, modalwatch: Commands, tmp_path: Path) -> None:
+def test_output_never_overwrites_the_log(command: str, modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     shutil.copy(LOG, path)
     assert_refused(modalwatch(command, path, "--out", path), "error: --out: ", f"{path} is the log itself")
@@ -129,7 +125,7 @@ def test_a_log_is_never_written_over(command: str, modalwatch: Commands, tmp_pat
         ('{"a": 1}', "is no diagnosis: verdict: Field required"),
     ],
 )
-def test_a_diagnosis_that_is_none_is_named(text: str | None, why: str, modalwatch: Commands, tmp_path: Path) -> None:
+def test_invalid_diagnosis_file_is_reported(text: str | None, why: str, modalwatch: Commands, tmp_path: Path) -> None:
     path = tmp_path / "diagnosis.json"
     if text is not None:
         path.write_text(text, encoding="utf-8")
@@ -138,7 +134,7 @@ def test_a_diagnosis_that_is_none_is_named(text: str | None, why: str, modalwatc
     assert not (tmp_path / "page.html").exists()
 
 
-def test_a_file_that_cannot_be_written_is_named(modalwatch: Commands, tmp_path: Path) -> None:
+def test_unwritable_output_is_reported(modalwatch: Commands, tmp_path: Path) -> None:
     for path in (tmp_path / "none" / "run", tmp_path):
         for command in ("view", "report"):
             assert_refused(modalwatch(command, LOG, "--out", path), f"error: {path}: cannot be written: ")
@@ -149,14 +145,14 @@ def test_an_address_without_host_or_port_is_refused(url: str, modalwatch: Comman
     assert_refused(modalwatch("view", url), f"error: {url}: ")
 
 
-def test_a_monitor_that_does_not_run_is_told(modalwatch: Commands) -> None:
+def test_view_reports_an_unreachable_monitor(modalwatch: Commands) -> None:
     with socket.socket() as closed:
         closed.bind(("127.0.0.1", 0))  # bound, yet nobody listens
         url = f"rerun+http://127.0.0.1:{closed.getsockname()[1]}/proxy"
         assert_refused(modalwatch("view", url), f"error: {url}: nothing answers there")
 
 
-def test_a_live_server_is_opened_with_its_signals(modalwatch: Commands) -> None:
+def test_view_opens_the_address_of_a_running_server(modalwatch: Commands) -> None:
     with socket.socket() as first:
         first.bind(("127.0.0.1", 0))
         first.listen()

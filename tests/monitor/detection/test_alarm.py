@@ -75,7 +75,7 @@ LATCHED: list[float | str] = [*RAISED, CALM, CALM, CALM]
         (replace(RULES, clear_windows=1), [*RAISED, CALM], "normal", 0),
     ],
 )
-def test_every_transition(rules: AlarmRules, levels: list[float | str], condition: Condition, run: int) -> None:
+def test_every_state_transition(rules: AlarmRules, levels: list[float | str], condition: Condition, run: int) -> None:
     alarm, _ = play(rules, levels)
     assert (alarm.condition, alarm.run) == (condition, run)
 
@@ -100,17 +100,17 @@ def test_every_transition(rules: AlarmRules, levels: list[float | str], conditio
         ),
     ],
 )
-def test_what_is_said(rules: AlarmRules, levels: list[float | str], reported: list[tuple[str, str]]) -> None:
+def test_reported_changes(rules: AlarmRules, levels: list[float | str], reported: list[tuple[str, str]]) -> None:
     assert [(change.kind, change.state) for change in play(rules, levels)[1]] == reported
 
 
-def test_end_says_how_long_it_lasted() -> None:
+def test_end_of_an_alarm_states_its_duration() -> None:
     """Raised by the second window, cleared by the fifth: three steps later."""
     _, reported = play(RULES, [*RAISED, CALM, CALM, CALM])
     assert reported[-1] == Change(kind="state", state="normal", lasted=30 * MINUTE)
 
 
-def test_alarm_raised_again_within_the_cooldown_goes_on() -> None:
+def test_alarm_raised_again_within_the_cooldown_continues() -> None:
     """It ends at 50 min; raised at 70 min it continues from its beginning, without a notice; at 120 min it is new."""
     soon, reported = play(RULES, [*RAISED, CALM, CALM, CALM, OVER, OVER])
     assert (reported[-1], soon.raised) == (Change(kind="reopened", state="alarm", quiet=True), 20 * MINUTE)
@@ -118,7 +118,7 @@ def test_alarm_raised_again_within_the_cooldown_goes_on() -> None:
     assert (reported[-1], late.raised) == (Change(kind="state", state="alarm"), 120 * MINUTE)
 
 
-def test_flapping_is_said_once_then_quiet_then_steady() -> None:
+def test_flapping_is_reported_once_and_mutes_later_changes() -> None:
     """Two alarms that come and go are four changes."""
     cycle: list[float | str] = [OVER, OVER, CALM, CALM, CALM]
     rules = replace(RULES, cooldown=0)
@@ -142,12 +142,12 @@ def test_flapping_is_said_once_then_quiet_then_steady() -> None:
     ("field", "value"),
     [("hold_windows", 0), ("clear_windows", 0), ("flapping_changes", 0), ("clear_below", 0.0), ("clear_below", 1.1)],
 )
-def test_rules_that_cannot_be(field: str, value: float) -> None:
+def test_invalid_rules_are_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"{field}: expected"):
         AlarmRules(**{field: value})  # type: ignore[arg-type]
 
 
-def test_rules_as_they_are_unless_set() -> None:
+def test_default_rules() -> None:
     """A window at the limit is neither over nor calm; an alarm at the very end of another is a new one."""
     alarm, _ = play(AlarmRules(), [OVER, 1.0])
     assert alarm.condition == "watch"
@@ -159,18 +159,18 @@ def test_rules_as_they_are_unless_set() -> None:
     )
 
 
-def test_window_at_the_share_of_calm_is_not_calm() -> None:
+def test_window_at_the_clearing_level_is_not_calm() -> None:
     assert play(RULES, [OVER, 0.8])[0].condition == "watch"
     assert play(RULES, [*RAISED, 0.8, 0.8, 0.8])[0].condition == "alarm"
 
 
-def test_alarm_at_the_very_end_of_the_cooldown_is_new() -> None:
+def test_alarm_at_the_end_of_the_cooldown_is_new() -> None:
     """It ends at 50 min, the cooldown of 60 min at 110."""
     at, reported = play(RULES, [*RAISED, CALM, CALM, CALM, *(4 * [CALM]), OVER, OVER])
     assert (reported[-1], at.raised) == (Change(kind="state", state="alarm"), 110 * MINUTE)
 
 
-def test_alarm_that_comes_back_while_it_is_latched_wakes_nobody() -> None:
+def test_alarm_reopened_while_latched_is_quiet() -> None:
     alarm, reported = play(LATCHING, [*LATCHED, OVER, OVER])
     assert reported[-1] == Change(kind="reopened", state="alarm", quiet=True)
     assert (alarm.run, alarm.raised) == (0, 20 * MINUTE)
@@ -230,7 +230,7 @@ TestAnySequence = AnySequence.TestCase
 TestAnySequence.settings = settings(max_examples=60, stateful_step_count=40, deadline=None)
 
 
-def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
+def test_clock_set_back_does_not_mute_alarms() -> None:
     """A host without a battery may restart with a date years ago: an alarm does not continue or flap then."""
     alarm = Alarm(rules=RULES)
     for minute in range(1000, 1000 + 10 * 15, 10):
@@ -244,7 +244,7 @@ def test_clock_that_is_set_back_makes_no_alarm_quiet() -> None:
     assert (alarm.condition, alarm.raised) == ("alarm", 20 * MINUTE)
 
 
-def test_alarm_that_ends_before_it_was_raised_lasted_no_time() -> None:
+def test_alarm_ending_before_its_start_has_zero_duration() -> None:
     alarm, _ = play(RULES, RAISED)
     for minute in (3, 2, 1):
         alarm, changes = alarm.evaluate(minute * MINUTE, CALM)

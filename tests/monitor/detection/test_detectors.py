@@ -32,7 +32,7 @@ def count(judged: list[ScoredWindows]) -> FloatArray:
 @pytest.mark.parametrize(
     ("factor", "n_baseline", "n_sites", "rate", "fear"), [(0.7, 12, 60, 4e-4, True), (1.6, DAY, 60, 2e-3, False)]
 )
-def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
+def test_false_alarm_rate_is_kept_with_wrong_stated_deviations(
     factor: float, n_baseline: int, n_sites: int, rate: float, fear: bool
 ) -> None:
     """Gaussian windows whose true deviation is `factor` times the stated; Poisson bounds at 1e-4.
@@ -67,7 +67,7 @@ def test_no_detector_alarms_more_often_than_stated_whatever_windows_claim(
         assert count(judged)[1] >= poisson.ppf(1e-4, 0.5 * expected)
 
 
-def test_a_shift_of_a_deviation_and_a_half_that_stays_is_found_within_a_quarter_of_a_day() -> None:
+def test_small_lasting_shift_is_found_within_six_hours() -> None:
     """Modes in alternating directions, as no temperature causes, by less than a single window shows.
 
     Settled, the quick average of such modes has T2/p = 20 by itself (variance 1/9 of a window's) and 3 where the
@@ -83,7 +83,7 @@ def test_a_shift_of_a_deviation_and_a_half_that_stays_is_found_within_a_quarter_
     assert not calm.over.any()
 
 
-def test_temperature_is_taken_out_where_seen_and_allowed_for_where_not() -> None:
+def test_temperature_effect_is_removed_or_widens_limits_if_not_learned() -> None:
     """-2e-4 per kelvin (steel, the modulus): 5 K seen for days, then 30 K colder, which must not be an alarm."""
     random = np.random.default_rng(6)
     sign = (-1.0) ** np.arange(P)  # of a change that no temperature makes
@@ -108,7 +108,7 @@ def test_temperature_is_taken_out_where_seen_and_allowed_for_where_not() -> None
     assert after[-1] < 0.01 * size[-1]
 
 
-def test_a_bridge_on_bearings_raises_no_alarm_on_its_second_morning() -> None:
+def test_temperature_slopes_learned_in_12_hours_keep_the_false_alarm_rate() -> None:
     """Each mode by another slope, up to 2e-3 per kelvin, learnt in twelve hours; Poisson's bound at 1e-4."""
     random, n_sites, n_baseline = np.random.default_rng(10), 200, 24
     hours = np.arange(n_baseline + 72) / 2
@@ -127,7 +127,7 @@ def test_a_bridge_on_bearings_raises_no_alarm_on_its_second_morning() -> None:
     assert alarmed <= poisson.ppf(1 - 1e-4, expected)
 
 
-def test_a_mode_taken_for_its_neighbour_now_and_then_does_not_blur_the_others() -> None:
+def test_large_scatter_of_one_mode_does_not_affect_the_others() -> None:
     """One of eight scatters by six times the stated deviation: one factor for all would be 62 % too large."""
     random = np.random.default_rng(11)
     even = STD * random.standard_normal((200, 48, P))
@@ -142,7 +142,7 @@ def test_a_mode_taken_for_its_neighbour_now_and_then_does_not_blur_the_others() 
     assert np.delete(ratio, 1) == pytest.approx(1.0, abs=0.2)
 
 
-def test_without_thermometers_what_all_modes_do_alike_is_no_alarm_but_what_one_does_is() -> None:
+def test_without_thermometer_only_differing_shifts_raise_an_alarm() -> None:
     random = np.random.default_rng(7)
     unknown = np.full(DAY, np.nan)
     watched = started(STD * random.standard_normal((DAY, P)), unknown)
@@ -153,7 +153,7 @@ def test_without_thermometers_what_all_modes_do_alike_is_no_alarm_but_what_one_d
     assert own.over.mean() > 0.9  # ten times what temperature does to each mode beside the others
 
 
-def test_wild_values_and_missing_modes_neither_spoil_the_baseline_nor_alarm() -> None:
+def test_outliers_and_missing_modes_do_not_affect_baseline_or_alarm() -> None:
     random = np.random.default_rng(8)
     warm = np.full(DAY, 20.0)
     y = STD * random.standard_normal((DAY, P))
@@ -169,7 +169,7 @@ def test_wild_values_and_missing_modes_neither_spoil_the_baseline_nor_alarm() ->
     assert np.array_equal(judged.value[0, 20:24], np.zeros(4))
 
 
-def test_wrong_values_do_not_alarm_where_all_modes_move_by_much_together() -> None:
+def test_outliers_during_large_common_shifts_keep_the_false_alarm_rate() -> None:
     """An unseen cause moves all modes by six deviations; one value in a hundred is eight off. Poisson bound at 1e-4."""
     random, n_sites, n, rate = np.random.default_rng(12), 60, 5 * DAY, 1e-3
     together = np.zeros((n_sites, n))
@@ -186,7 +186,7 @@ def test_wrong_values_do_not_alarm_where_all_modes_move_by_much_together() -> No
     assert np.all(count([judged]) <= poisson.ppf(1 - 1e-4, expected))
 
 
-def test_windows_one_by_one_are_judged_as_many_at_once() -> None:
+def test_single_and_batched_windows_give_the_same_scores() -> None:
     random = np.random.default_rng(9)
     temperature = 15 + random.standard_normal(DAY).cumsum() / 10
     watched = started(STD * random.standard_normal((DAY, P)), temperature)
@@ -198,7 +198,7 @@ def test_windows_one_by_one_are_judged_as_many_at_once() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_modes_known_far_better_than_the_weather_have_no_tails_for_that(seed: int) -> None:
+def test_precise_modes_are_not_assigned_heavy_tails(seed: int) -> None:
     """Gaussian windows of 1e-4, a third of the assumed unobserved movements: 1 % is over the limit at once."""
     random = np.random.default_rng(seed)
     for n_baseline in (12, 60):

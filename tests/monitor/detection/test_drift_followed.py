@@ -10,7 +10,7 @@ YEAR = 365.25 * 86400.0
 DRIFT = -2e-3
 
 
-def test_drift_of_a_year_is_followed_without_alarm_and_its_rate_is_kept() -> None:
+def test_slow_drift_raises_no_alarm_and_its_rate_is_estimated() -> None:
     """A constant that were the mean over the year would be off by half of it, 1e-3."""
     random, n = np.random.default_rng(15), int(YEAR / STEP) // CHUNK * CHUNK
     time = STEP * np.arange(1, n + 1)

@@ -11,7 +11,7 @@ HOURLY = DetectionSettings(rate=1 / 8766 / len(DETECTORS), overlap=0.0, hold=2)
 P, STD = 6, 5e-4
 
 
-def test_first_winter_after_a_summer_baseline_raises_hardly_an_alarm() -> None:
+def test_first_winter_after_a_summer_baseline_raises_few_alarms() -> None:
     """One to 3 % of stiffening: less than 1.5 alarms per year, Poisson bound at 1e-3. Without the widening: 27."""
     seed = 1
     kind = SiteKind(name="frost", frost=(0.01, 0.03), summer_start=True, step=STEP)
@@ -32,7 +32,7 @@ def test_first_winter_after_a_summer_baseline_raises_hardly_an_alarm() -> None:
     assert alarms <= poisson.ppf(1 - 1e-3, 1.5 * SITES * DAYS / 365)
 
 
-def test_frost_that_the_baseline_has_not_seen_widens_limits_until_it_is_learnt() -> None:
+def test_frost_absent_from_the_baseline_widens_limits_until_learned() -> None:
     """A window at -4 degC after a warm baseline could hide a per cent; after ten nights of frost far less."""
     random, hours = np.random.default_rng(3), np.arange(10 * HOURS)
 
@@ -58,7 +58,7 @@ def test_frost_that_the_baseline_has_not_seen_widens_limits_until_it_is_learnt()
     assert learnt is None or learnt < unseen / 4
 
 
-def test_frost_of_unknown_inertia_raises_no_alarm_within_five_weeks() -> None:
+def test_frost_with_unknown_thermal_inertia_raises_few_alarms() -> None:
     """Air that cools by 0.4 K per day; structures follow it by 1.5 to 8 h and stiffen by 1 to 3 % while freezing.
 
     Windows in which the regressors miss a part of freezing determine the coefficients no better than one per half a

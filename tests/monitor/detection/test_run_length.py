@@ -11,18 +11,18 @@ from monitor.detection.scores import distance, normal_score, tamed
 
 
 @pytest.mark.parametrize("freedom", [20.0, 200.0])
-def test_one_window_over_has_the_quantile_of_the_f_distribution(freedom: float) -> None:
+def test_limit_for_one_window_is_the_f_quantile(freedom: float) -> None:
     """The predictive distribution of a learnt variance; 0.2 % is the table's interpolation."""
     found = jump_limit(5, 0, freedom, DetectionSettings(rate=1e-4, overlap=0.0, hold=1))
     assert found == pytest.approx(f_distribution.isf(1e-4, 5, freedom), rel=2e-3)
 
 
-def test_two_windows_in_a_row_of_a_known_variance_have_the_root_of_the_rate() -> None:
+def test_limit_for_two_windows_uses_the_square_root_of_the_rate() -> None:
     found = jump_limit(5, 0, 1e4, DetectionSettings(rate=1e-6, overlap=0.0, hold=2))
     assert found == pytest.approx(chi2.isf(1e-3, 5) / 5, rel=2e-3)
 
 
-def test_what_lasts_and_what_overlaps_raise_the_limit_towards_that_of_one_window() -> None:
+def test_lasting_components_and_overlap_raise_the_limit() -> None:
     plain = [jump_limit(5, k, 1e4, DetectionSettings(rate=1e-6, overlap=0.0, hold=2)) for k in range(6)]
     overlapped = jump_limit(5, 0, 1e4, DetectionSettings(rate=1e-6, overlap=0.5, hold=2))
     assert np.all(np.diff(plain) > 0)
@@ -31,7 +31,7 @@ def test_what_lasts_and_what_overlaps_raise_the_limit_towards_that_of_one_window
 
 
 @pytest.mark.parametrize(("n", "lasting"), [(4, 2), (5, 1), (3, 2)])
-def test_two_windows_in_a_row_of_which_a_part_lasts_have_the_rate_of_the_integral(n: int, lasting: int) -> None:
+def test_limit_with_lasting_components_matches_numerical_integration(n: int, lasting: int) -> None:
     """P(both over) = integral of the lasting part's density times the chance that both others fill up to the limit."""
     limit = n * jump_limit(n, lasting, 1e4, DetectionSettings(rate=1e-4, overlap=0.0, hold=2))
     free = n - lasting
@@ -39,20 +39,20 @@ def test_two_windows_in_a_row_of_which_a_part_lasts_have_the_rate_of_the_integra
     assert below + chi2.sf(limit, lasting) == pytest.approx(1e-4, rel=0.03)  # 0.2 % of the limit
 
 
-def test_limits_beyond_the_table_go_on_as_the_distribution_does() -> None:
+def test_limits_are_extrapolated_beyond_the_table() -> None:
     """Distances of 245 and more, where logarithms of rates are straight to 1 %."""
     for rate in (1e-52, 1e-60):
         found = jump_limit(5, 0, 1e4, DetectionSettings(rate=rate, overlap=0.0, hold=1))
         assert found == pytest.approx(chi2.isf(rate, 5) / 5, rel=2e-3)
 
 
-def test_more_windows_in_a_row_are_as_rare_as_their_power() -> None:
+def test_limit_for_three_windows_uses_the_cube_root_of_the_rate() -> None:
     found = jump_limit(5, 0, 1e4, DetectionSettings(rate=1e-6, overlap=0.0, hold=3))
     assert found == pytest.approx(chi2.isf(1e-2, 5) / 5, rel=2e-3)
 
 
 @pytest.mark.parametrize(("overlap", "weight"), [(0.0, 0.2), (0.5, 0.2), (0.75, 0.05)])
-def test_averages_of_overlapping_windows_vary_and_cross_as_simulated(overlap: float, weight: float) -> None:
+def test_variance_and_crossing_rate_of_averages_match_simulation(overlap: float, weight: float) -> None:
     """Windows as means over quarters of their length; 4e5 values: variance within 3 %, crossings within 10 %."""
     random, p, rate = np.random.default_rng(4), 4, 2e-3
     step = round(4 * (1 - overlap))
@@ -73,7 +73,7 @@ def test_averages_of_overlapping_windows_vary_and_cross_as_simulated(overlap: fl
     assert crossings == pytest.approx(rate, rel=0.1)
 
 
-def test_modes_that_vary_by_themselves_are_tamed_each_by_itself() -> None:
+def test_outliers_of_independent_modes_are_reduced_separately() -> None:
     random = np.random.default_rng(5)
     std, freedom = random.uniform(0.5, 2.0, 6), np.array(4.0)
     deviation = std * random.standard_t(4, (50, 6))
@@ -83,7 +83,7 @@ def test_modes_that_vary_by_themselves_are_tamed_each_by_itself() -> None:
     np.testing.assert_allclose(tamed(deviation, covariance, freedom), expected, rtol=1e-9)
 
 
-def test_a_wrong_value_is_told_by_how_it_lies_to_the_others() -> None:
+def test_outlier_is_recognized_relative_to_correlated_modes() -> None:
     """All modes move by thirty deviations together; one is eight off, and costs as much as one such value."""
     common = np.linspace(0.5, 1.5, 6)
     covariance = np.eye(6) + 900 * np.outer(common, common)
@@ -96,7 +96,7 @@ def test_a_wrong_value_is_told_by_how_it_lies_to_the_others() -> None:
     assert after < before + 1.1 * normal_score(np.array(8.0), freedom) ** 2
 
 
-def test_a_wrong_value_of_one_mode_leaves_the_others_ordinary() -> None:
+def test_outlier_of_one_mode_does_not_affect_the_others() -> None:
     """Sixty deviations of one mode, where modes move together by four times the variance of each by itself."""
     common = np.linspace(0.4, 1.0, 6)
     covariance = np.eye(6) + 4 * np.outer(common, common)
@@ -109,7 +109,7 @@ def test_a_wrong_value_of_one_mode_leaves_the_others_ordinary() -> None:
         assert others < 1
 
 
-def test_scores_are_as_improbable_as_the_deviations() -> None:
+def test_normal_scores_match_the_tail_probability_of_deviations() -> None:
     """Wallace's approximation: 2 % small at five degrees of freedom, the safe side, and less with more."""
     chance = np.geomspace(1e-6, 0.4, 30)
     for freedom in (5.0, 8.0, 100.0):

@@ -34,7 +34,7 @@ def seconds(n: int) -> FloatArray:
 @pytest.mark.parametrize(
     ("seed", "hours", "n_sites"), few_of([(1, 6, 60), (1, 6, 200), (2, 30, 200), (1, 30, 200), (2, 6, 200)])
 )
-def test_silence_raises_no_alarm_while_it_lasts_nor_afterwards(seed: int, hours: int, n_sites: int) -> None:
+def test_thermometer_outage_raises_no_alarm_during_or_afterwards(seed: int, hours: int, n_sites: int) -> None:
     """An outage a site at 0 to 20 degC; four days of each at one false alarm per year: Poisson bound at 1e-4."""
     random, n, silent = np.random.default_rng(seed), 5 * DAY, slice(2 * DAY, 2 * DAY + 6 * hours)
     celsius = air(random, n_sites, n)
@@ -64,7 +64,7 @@ def watched_and_silent(hours: float) -> tuple[LawState, ScoredWindows]:
     return watched, judged
 
 
-def test_a_change_that_temperature_does_not_make_is_found_in_silence_and_what_could_be_found_is_stated() -> None:
+def test_structural_change_is_detectable_during_a_thermometer_outage() -> None:
     watched, judged = watched_and_silent(6)
     law = watched.law
     predicted = law.centre + law.scale * (judged.terms[-1:, 0, :] @ law.coefficient)
@@ -86,14 +86,14 @@ def test_a_change_that_temperature_does_not_make_is_found_in_silence_and_what_co
     assert 2e-4 * 3 < least < 2e-4 * 80  # of steel, by 3 to 80 K: an order of magnitude
 
 
-def test_windows_without_a_reading_teach_nothing() -> None:
+def test_windows_without_a_temperature_reading_are_not_learned() -> None:
     judged = watched_and_silent(12)[1]
     assert not judged.carried[0]  # of 10 minutes
     assert judged.carried[18:].all()
     assert np.isnan(judged.teaching[18:]).all()
 
 
-def test_temperature_after_a_gap_is_that_of_a_straight_line_between_readings() -> None:
+def test_temperature_in_a_gap_is_interpolated_linearly_afterwards() -> None:
     """A rise of 0.5 K per hour, silent for nine hours: the structures of three inertias lie behind it by theirs."""
     n = 60 * DAY
     rise = 5 + 0.5 / 6 * np.arange(n) / 10
@@ -106,7 +106,7 @@ def test_temperature_after_a_gap_is_that_of_a_straight_line_between_readings() -
     assert found.air_std[-7] > found.air_std[-30] > found.air_std[-61] == 0
 
 
-def test_carried_reading_is_as_uncertain_as_the_site_s_temperature_moves() -> None:
+def test_uncertainty_of_a_held_reading_matches_temperature_changes() -> None:
     """50 sites: the change within 3, 6, and 12 hours over its deviation has a mean square of one in the median."""
     random = np.random.default_rng(7)
     celsius = air(random, 50, 30 * DAY)

@@ -48,7 +48,7 @@ def over(found: list[ScoredWindows]) -> FloatArray:
 
 
 @pytest.mark.parametrize(("seed", "days"), few_of([(1, 10), (1, 30), (2, 30)]))
-def test_bursts_of_one_wrong_pole_raise_no_alarm(seed: int, days: int) -> None:
+def test_bursts_of_spurious_poles_raise_no_alarm(seed: int, days: int) -> None:
     """Ten bursts a day at 30 sites; 1.5 false alarms per year would be 3.7 in 30 days: Poisson bound at 1e-3."""
     random = np.random.default_rng(seed)
     n = days * DAY
@@ -77,7 +77,7 @@ def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, *, busy: bool)
     assert busy or np.median(first) < 14
 
 
-def test_a_change_of_all_modes_is_not_waited_for() -> None:
+def test_change_of_all_modes_is_detected_without_delay() -> None:
     random = np.random.default_rng(3)
     watched = watched_days(noise(random, 30, DAY), learnt(random, 30))[1]
     found, _ = judge(
@@ -86,7 +86,7 @@ def test_a_change_of_all_modes_is_not_waited_for() -> None:
     assert found.over.all()
 
 
-def test_runs_go_on_while_their_mode_is_missing_or_not_ordinary() -> None:
+def test_run_continues_while_its_mode_is_missing_or_deviating() -> None:
     single = np.array([-1, 2, 2, -1, 2, -1, 2, -1, 1, 2, -1])
     score = np.zeros((11, P))
     score[3, 2], score[5, 2] = np.nan, 4.0
@@ -95,7 +95,7 @@ def test_runs_go_on_while_their_mode_is_missing_or_not_ordinary() -> None:
     assert [float(v) for v in (runs.n_ended, runs.in_ended, runs.n_windows, runs.mode)] == [3, 7, 11, -1]
 
 
-def test_long_runs_are_waited_for_longer_and_none_for_ever() -> None:
+def test_hold_time_grows_with_run_length_up_to_a_maximum() -> None:
     rate = 6e-6
     short, long = (
         wait(no_runs(()), np.tile([*[0] * n, *[-1] * 40], 50), np.zeros((50 * (n + 40), P)), rate)[1] for n in (1, 12)

@@ -32,19 +32,19 @@ def days(n: int, mean: float = 15.0, swing: float = 5.0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("off", [0.0, 0.4, 0.8])
-def test_deviation_of_the_thermometer_is_learned_from_means_over_hours(off: float) -> None:
+def test_thermometer_error_is_estimated_from_means_over_hours(off: float) -> None:
     """Half of the modes' deviation per kelvin; 24 days give 144 means, so that a deviation is known to 6 %."""
     found = float(state(days(24), -3e-4, off=off).law.thermometer)
     print(f"seed 1: {found:.2f} K where the thermometer is off by {off} K")
     assert found == pytest.approx(off, rel=0.3) if off else found < 0.25
 
 
-def test_first_means_are_no_evidence_on_the_thermometer() -> None:
+def test_thermometer_error_keeps_its_prior_with_few_means() -> None:
     """They are fitted by the law: two days leave the prior, whatever the residuals are."""
     assert float(state(days(1), -3e-4, off=0.8).law.thermometer) == pytest.approx(THERMOMETER_STD, rel=0.1)
 
 
-def test_variance_of_frost_is_that_of_its_regressors_in_all_directions() -> None:
+def test_frost_variance_equals_the_sum_over_its_regressors() -> None:
     """The sum over the common direction and those across it is the sum of squares; the law's own variance comes on."""
     watched = state(days(6, mean=-1.0), -2e-4)
     judged, _ = judge(watched, np.zeros((DAY, P)), days(1, mean=-4.0), np.full(DAY, STEP))
@@ -58,7 +58,7 @@ def test_variance_of_frost_is_that_of_its_regressors_in_all_directions() -> None
     assert (law.freezing(terms)[..., 0] >= along).all()
 
 
-def test_share_of_a_window_in_its_variance_falls_with_frost_and_rises_with_its_own_error() -> None:
+def test_own_share_of_variance_falls_with_frost_and_rises_with_error() -> None:
     watched = state(days(6, mean=-1.0), -2e-4)
     cold = judge(watched, np.zeros((DAY, P)), days(1, mean=-4.0), np.full(DAY, STEP))[0].terms
     warm = judge(watched, np.zeros((DAY, P)), days(1, mean=15.0), np.full(DAY, STEP))[0].terms
@@ -71,7 +71,7 @@ def test_share_of_a_window_in_its_variance_falls_with_frost_and_rises_with_its_o
 
 
 @pytest.mark.parametrize(("n", "p"), [(12, 4), (40, 8), (400, 8)])
-def test_a_direction_is_kept_from_the_size_on_that_chance_reaches_once_in_a_hundred(n: int, p: int) -> None:
+def test_dominant_direction_is_kept_above_the_one_percent_noise_level(n: int, p: int) -> None:
     """Johnstone's mean and deviation of the largest eigenvalue of n values of white noise, with its 99 % quantile."""
     mean = (np.sqrt(n - 1) + np.sqrt(p)) ** 2
     deviation = (np.sqrt(n - 1) + np.sqrt(p)) * ((n - 1) ** -0.5 + p**-0.5) ** (1 / 3)
@@ -88,18 +88,18 @@ def test_a_direction_is_kept_from_the_size_on_that_chance_reaches_once_in_a_hund
     assert share < 0.03
 
 
-def test_heavier_tails_are_less_probable_and_start_at_none() -> None:
+def test_heavier_tails_are_less_probable_and_absent_at_start() -> None:
     assert (np.diff(law_module._TAILS_PRIOR) > 0).all()
     blank = law_module._blank(np.zeros(P), np.full(P, STD), np.array(True), STEP)
     assert float(blank.tail) == law_module._TAILS[-1]
 
 
 @pytest.mark.parametrize(("overlap", "windows"), [(0.0, 1), (0.5, 2), (0.75, 4), (0.8, 5), (0.9, 10)])
-def test_windows_from_one_to_the_next_that_shares_no_sample(overlap: float, windows: int) -> None:
+def test_lag_to_the_next_window_without_shared_samples(overlap: float, windows: int) -> None:
     assert detectors_module._lag(replace(WATCHING, overlap=overlap)) == windows
 
 
-def test_one_mode_alone_is_named_only_if_it_is_the_same_in_every_detector_over_its_limit() -> None:
+def test_single_mode_is_reported_only_if_all_exceeding_detectors_agree() -> None:
     """Cases by column; the rows are the three detectors."""
     over = np.array([[1, 0, 1, 1, 0, 1, 0], [1, 0, 0, 1, 0, 1, 0], [1, 1, 0, 0, 0, 1, 1]], bool)
     single = np.array([[1, 0, 0, 1, 1, 1, 0], [1, 0, 1, 1, 1, 1, 0], [1, 1, 1, 0, 1, 1, 1]], bool)
@@ -107,7 +107,7 @@ def test_one_mode_alone_is_named_only_if_it_is_the_same_in_every_detector_over_i
     assert detectors_module._single(over, single, mode).tolist() == [3, 7, -1, -1, -1, 0, 0]
 
 
-def test_limits_of_averages_know_the_windows_own_variance_by_the_weight_of_one() -> None:
+def test_limits_of_averages_weight_the_uncertainty_of_window_variance() -> None:
     """Of an average with weight w a window has w^2 of the variance, all windows have w / (2 - w)."""
     law = replace(state(days(1), -2e-4).law, freedom=np.array(1e12))
     freedom = 12.0  # of the variance of a window, that of whose logarithm is twice its inverse
@@ -122,7 +122,7 @@ def test_limits_of_averages_know_the_windows_own_variance_by_the_weight_of_one()
     assert len({tuple(table) for table in tables}) == len(WEIGHTS)
 
 
-def test_weekly_means_are_of_log_frequencies_about_the_centre() -> None:
+def test_weekly_means_are_log_frequencies_relative_to_the_centre() -> None:
     watched = state(days(2), -2e-4)
     judged, _ = judge(watched, np.log1p(np.full((CHUNK, P), 4e-4)), np.full(CHUNK, 15.0), np.full(CHUNK, STEP))
     after = accept(watched, judged.terms, judged.teaching, judged.variance, age=np.full(CHUNK, 3.5 * 86400))

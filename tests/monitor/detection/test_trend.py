@@ -60,7 +60,7 @@ def trends(name: str, drift: float, weeks: int, seed: int, changed: int = 0) -> 
     ("name", "largest_std"),
     [("badly placed thermometer", 3e-4), ("bridge, hourly", 6e-4)],
 )
-def test_rate_of_a_slow_drift_is_found_within_its_deviation(name: str, largest_std: float) -> None:
+def test_drift_rate_is_estimated_within_its_standard_deviation(name: str, largest_std: float) -> None:
     """0.2 % per year for 56 weeks: at least as often within two deviations as 95 % let expect, and significant."""
     found = trends(name, -2e-3, 56, seed=7)
     z = np.array([(t.common_rate + 2e-3) / t.common_std for t in found])
@@ -81,7 +81,7 @@ def test_accepted_change_is_no_trend() -> None:
 
 
 @pytest.mark.parametrize("constant", [0.01, 6.0])
-def test_deviation_covers_the_rate_where_errors_are_autocorrelated(constant: float) -> None:
+def test_standard_deviation_is_correct_for_autocorrelated_errors(constant: float) -> None:
     """Errors of an autoregressive process over 52 weeks, its time constant given in weeks: 95 % of 100 draws."""
     random, n = np.random.default_rng(10), 52
     time = np.arange(n, dtype=float)
@@ -96,7 +96,7 @@ def test_deviation_covers_the_rate_where_errors_are_autocorrelated(constant: flo
     assert within >= binom.ppf(1e-3, 100, 0.95)
 
 
-def test_trend_is_reported_when_it_begins_changes_and_ends_and_not_in_between(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trend_is_reported_only_at_start_change_and_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Scores that hover about the threshold report once."""
     scores = [1.0, 3.9, 4.2, 3.5, 4.5, 2.5, 4.1, 1.0, 1.5, 4.2, 20.0]
     reported, watch, weekly = [], NO_TREND, no_weeks((), 2)
@@ -121,7 +121,7 @@ def autoregressive(random: np.random.Generator, n: int, constant: float) -> Floa
     return out
 
 
-def test_effective_number_of_values_is_that_of_the_theory() -> None:
+def test_effective_number_of_values_matches_theory() -> None:
     """Of 200 values of a process of first order with rho = exp(-1/5): n (1 - rho) / (1 + rho)."""
     random, n, constant = np.random.default_rng(11), 200, 5.0
     time, rho = np.arange(n, dtype=float), np.exp(-1 / constant)

@@ -62,9 +62,7 @@ def sender(folder: Path, **fields: Any) -> NoticeSender:
     return NoticeSender(NotifySettings.model_validate(TARGETS["webhook"] | fields), folder / "n.jsonl", "frame")
 
 
-def test_heart_beats_every_so_many_minutes_while_data_are_younger_than_five_seconds(
-    tmp_path: Path, clock: HandTime
-) -> None:
+def test_heartbeat_is_periodic_while_data_are_recent(tmp_path: Path, clock: HandTime) -> None:
     made, beats = sender(tmp_path, heartbeat_minutes=2.0), []
     for second in range(0, 400, 5):
         clock.now = 0.5 + second
@@ -82,7 +80,7 @@ def test_heart_beats_every_so_many_minutes_while_data_are_younger_than_five_seco
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_failures_of_both_lanes_are_reported_once_and_a_success_makes_both_try_again(
+def test_lane_failures_are_reported_once_and_a_success_triggers_retries(
     kind: str, tmp_path: Path, clock: HandTime
 ) -> None:
     made = NoticeSender(NotifySettings.model_validate(TARGETS[kind]), tmp_path / "n.jsonl", "frame")
@@ -107,7 +105,7 @@ def test_failures_of_both_lanes_are_reported_once_and_a_success_makes_both_try_a
 
 
 @pytest.mark.parametrize(("takes", "second"), [(0.25, 3.75), (10.0, 0.0)])
-def test_end_takes_no_longer_than_one_delivery_and_a_second(
+def test_shutdown_takes_at_most_one_delivery_timeout_plus_one_second(
     takes: float, second: float, tmp_path: Path, clock: HandTime
 ) -> None:
     made = sender(tmp_path, timeout_seconds=3.0)

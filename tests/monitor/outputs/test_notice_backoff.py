@@ -56,7 +56,7 @@ def lane_of(server: Server, folder: Path, per_hour: int = 100) -> Lane:
     return Lane(sender, folder / "n.jsonl", Quota(per_hour), 5.0, lambda _: None)
 
 
-def test_requests_to_a_server_that_is_down_grow_rare_and_begin_anew_once_it_is_back(
+def test_retry_interval_grows_during_an_outage_and_resets_on_recovery(
     server: Server, tmp_path: Path, clock: HandTime
 ) -> None:
     """After 5 s, doubled each time, up to ten minutes: twelve requests in the first hour, six in each later one."""
@@ -84,7 +84,7 @@ def test_requests_to_a_server_that_is_down_grow_rare_and_begin_anew_once_it_is_b
         ("2", [0, 5, 15, 35, 75, 155, 315, 635, 1235, 1835, 2435, 3035, 3635]),
     ],
 )
-def test_server_that_asks_to_wait_gets_no_request_before(
+def test_retry_after_header_delays_the_next_request(
     server: Server, tmp_path: Path, clock: HandTime, asked: str, sent: list[int]
 ) -> None:
     server.answer, server.retry_after = 429, asked
@@ -93,9 +93,7 @@ def test_server_that_asks_to_wait_gets_no_request_before(
     assert play(lane, clock, 3640, lambda: server.refused) == sent
 
 
-def test_alarm_is_tried_at_once_whatever_a_server_has_asked_for(
-    server: Server, tmp_path: Path, clock: HandTime
-) -> None:
+def test_alarm_is_sent_at_once_despite_retry_after(server: Server, tmp_path: Path, clock: HandTime) -> None:
     server.answer, server.retry_after = 429, "3000"
     lane = lane_of(server, tmp_path)
     lane.put(TROUBLE)
@@ -107,7 +105,7 @@ def test_alarm_is_tried_at_once_whatever_a_server_has_asked_for(
     assert lane.due == 1000.0 + 100 + 3000
 
 
-def test_messages_per_hour_are_limited_but_for_alarms(server: Server, tmp_path: Path, clock: HandTime) -> None:
+def test_hourly_limit_does_not_apply_to_alarms(server: Server, tmp_path: Path, clock: HandTime) -> None:
     """Two per hour: those of the last hour count, to the second; an alarm takes all that waits with it."""
     lane, got = lane_of(server, tmp_path, per_hour=2), (lambda: len(server.got))
     assert play_with(lane, clock, [TROUBLE], got) == [0]
@@ -128,7 +126,7 @@ def play_with(lane: Lane, clock: HandTime, notices: list[Notice], count: Callabl
     return play(lane, clock, 10, count)
 
 
-def test_heartbeat_that_fails_is_not_repeated_and_delays_nothing(tmp_path: Path, clock: HandTime) -> None:
+def test_failed_heartbeat_is_not_retried_and_delays_no_notice(tmp_path: Path, clock: HandTime) -> None:
     sent: list[str] = []
 
     def send(notices: list[Notice], _: int) -> None:
@@ -142,7 +140,7 @@ def test_heartbeat_that_fails_is_not_repeated_and_delays_nothing(tmp_path: Path,
     assert (sent, lane.due, lane.problem) == (["heartbeat"], 0.0, "refused")
 
 
-def test_troubles_are_only_counted_where_much_waits(
+def test_trouble_notices_are_only_counted_when_the_spool_is_full(
     tmp_path: Path, clock: HandTime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.outputs.notices.lane._MUCH", 400)
@@ -159,7 +157,7 @@ def test_troubles_are_only_counted_where_much_waits(
     assert (others, lane.dropped) == ([7 - kept], 0)
 
 
-def test_what_no_disk_takes_is_kept_in_memory_up_to_a_number(
+def test_notices_without_a_writable_spool_are_kept_in_limited_memory(
     tmp_path: Path, clock: HandTime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.outputs.notices.lane._MAX_IN_MEMORY", 2)
@@ -177,7 +175,7 @@ def test_what_no_disk_takes_is_kept_in_memory_up_to_a_number(
     assert lane.idle
 
 
-def test_lane_waits_for_the_one_that_has_the_same_file(server: Server, tmp_path: Path, clock: HandTime) -> None:
+def test_lane_waits_for_the_previous_lane_of_the_same_file(server: Server, tmp_path: Path, clock: HandTime) -> None:
     before, after = lane_of(server, tmp_path), lane_of(server, tmp_path)
     after.put(TROUBLE)
     after.wait_for(before)
@@ -190,9 +188,7 @@ def test_lane_waits_for_the_one_that_has_the_same_file(server: Server, tmp_path:
     assert after.idle
 
 
-def test_notices_of_an_earlier_run_are_left_until_all_are_delivered(
-    server: Server, tmp_path: Path, clock: HandTime
-) -> None:
+def test_notices_of_an_earlier_run_are_pending_until_delivered(server: Server, tmp_path: Path, clock: HandTime) -> None:
     before = lane_of(server, tmp_path)
     before.put(TROUBLE)
     before._keep()

@@ -65,7 +65,7 @@ TARGETS = {
 
 
 @pytest.mark.parametrize("kind", TARGETS)
-def test_target_that_trickles_is_given_up_in_time(kind: str) -> None:
+def test_slow_byte_by_byte_response_is_aborted_at_the_deadline(kind: str) -> None:
     """Each byte restarts the time limit of a socket; the deadline is of the whole delivery, and leaves no thread."""
     answer, url = TARGETS[kind]
     before = threading.active_count()
@@ -79,7 +79,7 @@ def test_target_that_trickles_is_given_up_in_time(kind: str) -> None:
         until(lambda: threading.active_count() <= before + 2)  # the server's
 
 
-def test_command_ends_with_all_that_it_has_started(tmp_path: Path) -> None:
+def test_timed_out_command_is_ended_with_its_child_processes(tmp_path: Path) -> None:
     pid = tmp_path / "pid"
     script = f"import subprocess, sys; p = subprocess.Popen(['sleep', '60']); open({str(pid)!r}, 'w').write(str(p.pid))"
     target = NotifySettings(command=(sys.executable, "-c", f"{script}; p.wait()"), timeout_seconds=1.0)
@@ -89,7 +89,7 @@ def test_command_ends_with_all_that_it_has_started(tmp_path: Path) -> None:
     until(lambda: not status.exists() or status.read_text().split()[2] == "Z")
 
 
-def test_what_cannot_be_cut_short_is_abandoned_and_so_are_few() -> None:
+def test_number_of_abandoned_deliveries_is_limited() -> None:
     """A look-up of a name takes as long as it takes."""
     release, runner = threading.Event(), DeadlineRunner()
     try:
@@ -117,7 +117,7 @@ def _tried(action: Callable[[], None]) -> bool:
     return True
 
 
-def test_alarm_waits_for_no_trouble_and_no_other_target(tmp_path: Path) -> None:
+def test_alarm_is_not_delayed_by_trouble_notices_or_other_targets(tmp_path: Path) -> None:
     """A server that delays the first request and responds to the others; another target that hangs."""
     listener = socket.create_server(("127.0.0.1", 0))
     kinds: list[str] = []
@@ -163,7 +163,7 @@ def test_alarm_waits_for_no_trouble_and_no_other_target(tmp_path: Path) -> None:
             sender.stop()
 
 
-def test_alarm_that_no_disk_takes_is_delivered_from_memory(tmp_path: Path) -> None:
+def test_alarm_without_a_writable_spool_is_delivered_from_memory(tmp_path: Path) -> None:
     """The state folder is a file: nothing can be written there."""
     (tmp_path / "state").write_text("")
     with (

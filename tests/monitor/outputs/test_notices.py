@@ -33,14 +33,14 @@ def server() -> Iterator[Server]:
         yield made
 
 
-def test_alarm_is_told_once_and_again_only_where_something_is_new() -> None:
+def test_alarm_without_new_results_sends_one_notice() -> None:
     """A run that learns, watches and finds a mass; without a diagnosis there is nothing to add to the alarm."""
     news = NoticeFilter("bridge")
     stated = [notice for event in run_events() if (notice := news.of(event))]
     assert [(notice.kind, notice.alarm == notice.time) for notice in stated] == [("alarm", True)]
 
 
-def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
+def test_changed_cause_in_the_diagnosis_sends_an_update() -> None:
     """The window that raises the alarm precedes it and is part of its notice; then a figure, then the cause changes."""
     alarmed = next(e for e in run_events() if e.payload.get("phase") == "alarm")
 
@@ -77,12 +77,12 @@ def test_update_is_told_when_the_diagnosis_names_something_else() -> None:
         ([Event(topic="/event/gap", time=1, payload={"device": "left"}), make_block("left", 0)], []),
     ],
 )
-def test_what_is_news(events: list[Event], kinds: list[str]) -> None:
+def test_events_and_their_notices(events: list[Event], kinds: list[str]) -> None:
     news = NoticeFilter("bridge")
     assert [notice.kind for event in events if (notice := news.of(event))] == kinds
 
 
-def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
+def test_windows_without_a_usable_result_and_recovery_each_send_one_notice() -> None:
     """Sensors that are mounted on nothing send data all the while: no device is lost, and no window overdue."""
     good = next(e for e in run_events() if e.payload.get("phase") == "watching" and e.payload.get("novelty"))
     bad = replace(good, payload=good.payload | {"novelty": None, "modes": [], "problem": "no resonance stands out"})
@@ -93,7 +93,7 @@ def test_watch_that_sees_nothing_is_told_once_and_when_it_sees_again() -> None:
     assert "again, after 5 without" in stated[9].text  # type: ignore[union-attr]
 
 
-def test_failure_beside_the_verdict_is_told_once() -> None:
+def test_repeated_failure_of_an_optional_analysis_sends_one_notice() -> None:
     news = NoticeFilter("bridge")
     events = [change(k, "alarm", text, kind="failed", quiet=True) for k, text in enumerate("aab")]
     assert [bool(news.of(event)) for event in events] == [True, False, True]
@@ -146,7 +146,7 @@ def broker(answer: bool, got: list[bytes], refusal: int = 0) -> tuple[int, threa
     return listener.getsockname()[1], thread
 
 
-def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
+def test_mqtt_delivery_waits_for_the_acknowledgement() -> None:
     got: list[bytes] = []
     port, thread = broker(answer=True, got=got)
     make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/site/alarms"))([NOTICE], 0)
@@ -155,14 +155,14 @@ def test_mqtt_publishes_and_waits_until_it_is_taken() -> None:
     assert json.loads(got[1])["text"] == "bridge, then: 200 g"
 
 
-def test_mqtt_broker_that_never_answers_is_given_up() -> None:
+def test_unresponsive_mqtt_broker_times_out() -> None:
     port, thread = broker(answer=False, got=[])
     with pytest.raises(NoticeError, match=r"not delivered within 0\.3 s|has not taken it"):
         make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=0.3))([NOTICE], 0)
     thread.join(5.0)
 
 
-def test_mqtt_broker_that_refuses_says_why() -> None:
+def test_mqtt_refusal_is_reported_with_its_reason() -> None:
     port, thread = broker(answer=False, got=[], refusal=5)
     with pytest.raises(NoticeError, match="mqtt: the broker refuses: Not authorized"):
         make_sender(NotifySettings(mqtt=f"mqtt://127.0.0.1:{port}/x", timeout_seconds=2.0))([NOTICE], 0)
@@ -184,12 +184,12 @@ def test_mqtt_broker_that_refuses_says_why() -> None:
         (NotifySettings(mqtt="mqtt://127.0.0.1:1/x"), "mqtt: .*refused"),
     ],
 )
-def test_what_cannot_be_delivered_says_why(target: NotifySettings, says: str) -> None:
+def test_failed_delivery_is_reported_with_its_reason(target: NotifySettings, says: str) -> None:
     with pytest.raises(NoticeError, match=says):
         make_sender(target)([NOTICE], 0)
 
 
-def test_server_that_is_down_gets_everything_later_in_one_message(server: Server, tmp_path: Path) -> None:
+def test_notices_of_an_outage_are_sent_later_in_one_message(server: Server, tmp_path: Path) -> None:
     server.answer = 503
     target, spool = NotifySettings(webhook=server.url), tmp_path / "notices.jsonl"
     with NoticeSender(target, spool, "bridge", retry_seconds=0.05) as sender:
@@ -220,7 +220,7 @@ def test_server_that_is_down_gets_everything_later_in_one_message(server: Server
         ("", 0.0),
     ],
 )
-def test_webhook_that_asks_to_wait_is_not_asked_before(
+def test_webhook_retry_after_delays_all_notices_except_alarms(
     server: Server, tmp_path: Path, asked: str, seconds: float
 ) -> None:
     """But an alarm is tried at once all the same."""
@@ -237,7 +237,7 @@ def test_webhook_that_asks_to_wait_is_not_asked_before(
     assert sender.problem == "webhook: 429 Too Many Requests"
 
 
-def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server: Server, tmp_path: Path) -> None:
+def test_undelivered_notices_are_sent_at_the_next_start(server: Server, tmp_path: Path) -> None:
     spool = tmp_path / "notices.jsonl"
     with NoticeSender(NotifySettings(webhook="http://127.0.0.1:1/x"), spool, "bridge") as sender:
         sender.put(ALARM)
@@ -250,7 +250,7 @@ def test_what_an_earlier_run_could_not_deliver_goes_out_at_the_next_start(server
     assert [notice["text"] for notice in server.got[0]["notices"]] == ["ALARM: a mass"]
 
 
-def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path: Path) -> None:
+def test_alarm_delivery_does_not_report_recovery_of_the_other_lane(server: Server, tmp_path: Path) -> None:
     """Troubles of an earlier run that still wait for the hour make no alarm report a recovery."""
     spool = tmp_path / "n_other.jsonl"
     spool.write_text(json.dumps(asdict(replace(NOTICE, kind="trouble"))) + "\n", encoding="utf-8")
@@ -262,7 +262,7 @@ def test_recovery_is_reported_by_the_lane_that_recovers(server: Server, tmp_path
     assert list(sender.events()) == []
 
 
-def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, tmp_path: Path) -> None:
+def test_notices_above_the_hourly_limit_wait_except_alarms(server: Server, tmp_path: Path) -> None:
     with NoticeSender(NotifySettings(webhook=server.url, max_per_hour=1), tmp_path / "n.jsonl", "bridge") as sender:
         sender.put(LOST)
         until(lambda: len(server.got) == 1)
@@ -275,7 +275,7 @@ def test_more_than_so_many_an_hour_wait_but_an_alarm_never_does(server: Server, 
     assert [notice["kind"] for notice in server.got[1]["notices"]] == ["alarm"]
 
 
-def test_kinds_that_were_not_asked_for_are_not_sent(server: Server, tmp_path: Path) -> None:
+def test_kinds_not_selected_in_the_settings_are_not_sent(server: Server, tmp_path: Path) -> None:
     target = NotifySettings(webhook=server.url, events=("alarm",))
     with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as sender:
         sender.put(LOST)
@@ -299,7 +299,7 @@ def test_new_sender_waits_until_the_previous_one_has_ended(server: Server, tmp_p
     assert [notice["kind"] for got in server.got for notice in got["notices"]] == ["trouble"]
 
 
-def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> None:
+def test_heartbeat_is_sent_only_while_data_arrive(server: Server, tmp_path: Path) -> None:
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
     with NoticeSender(target, tmp_path / "n.jsonl", "bridge") as sender:
         time.sleep(0.5)
@@ -326,7 +326,7 @@ def test_heart_beats_only_while_data_flow(server: Server, tmp_path: Path) -> Non
         ({"command": []}, "at least 1"),
     ],
 )
-def test_settings_that_would_fail_at_night_fail_at_once(fields: dict[str, Any], says: str) -> None:
+def test_invalid_notify_settings_are_refused(fields: dict[str, Any], says: str) -> None:
     with pytest.raises(ValidationError) as caught:
         NotifySettings.model_validate(fields)
     assert says in str(caught.value)

@@ -28,13 +28,13 @@ def server() -> Iterator[Server]:
         yield made
 
 
-def test_template_sees_no_program() -> None:
+def test_template_cannot_access_python_internals() -> None:
     """It is text from a file: it may not reach into the interpreter."""
     with pytest.raises(TemplateFailure, match="unsafe"):
         render([NOTICE], "{{ notices.__class__.__mro__ }}")
 
 
-def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Server, tmp_path: Path) -> None:
+def test_failing_template_is_replaced_by_the_plain_text(server: Server, tmp_path: Path) -> None:
     """Such content comes for the first time years after the settings were read: the notice must still be sent."""
     server.answer = 503
     template = "{% if notices|length > 1 %}{{ notice.nothing }}{% else %}{{ notice.text }}{% endif %}"
@@ -49,7 +49,7 @@ def test_template_that_fails_on_what_it_was_not_tried_with_gives_way(server: Ser
     assert "has no attribute 'nothing'" in server.got[0]["text"]
 
 
-def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> None:
+def test_undeliverable_notice_does_not_block_later_ones(tmp_path: Path) -> None:
     """A name with a zero byte fits into no environment of a program."""
     script = "import os, sys; open(sys.argv[1], 'a').write(os.environ['MODALWATCH_TEXT'] + '|')"
     target = NotifySettings(command=(sys.executable, "-c", script, str(tmp_path / "got")))
@@ -69,13 +69,13 @@ def test_what_no_target_can_be_told_stops_no_later_notice(tmp_path: Path) -> Non
         (["trouble", "trouble"], 1),
     ],
 )
-def test_fields_of_a_message_are_those_of_what_matters_most(kinds: list[Any], index: int) -> None:
+def test_message_fields_are_those_of_the_most_important_notice(kinds: list[Any], index: int) -> None:
     """A program that pages a person by `kind` alone, or a template of `notice` alone, must not miss the alarm."""
     reported = message([replace(NOTICE, kind=kind, text=str(k)) for k, kind in enumerate(kinds)], "{{ notice.text }}")
     assert (reported.foremost.text, reported.text) == (str(index), str(index))
 
 
-def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, tmp_path: Path) -> None:
+def test_heartbeat_failure_is_cleared_by_the_next_success(server: Server, tmp_path: Path) -> None:
     """There may be no other notice for years: the page would report failing notices all the while."""
     server.answer = 503
     target = NotifySettings(webhook=server.url, heartbeat_minutes=0.005, events=())
@@ -87,7 +87,7 @@ def test_heartbeat_that_failed_once_is_forgotten_with_the_next(server: Server, t
     assert [type(event) for event in sender.events()] == [NoticeFailed, NoticeRecovered]
 
 
-def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Server, tmp_path: Path) -> None:
+def test_alarm_is_sent_at_once_after_an_outage_of_the_target(server: Server, tmp_path: Path) -> None:
     server.answer = 503
     with NoticeSender(NotifySettings(webhook=server.url), tmp_path / "n.jsonl", "bridge", retry_seconds=60.0) as sender:
         sender.put(Event(topic="/event/device_failed", time=1, payload={"device": "left"}))
@@ -97,7 +97,7 @@ def test_alarm_is_tried_at_once_however_long_its_target_has_been_away(server: Se
         until(lambda: server.got)
 
 
-def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(server: Server, tmp_path: Path) -> None:
+def test_many_trouble_notices_make_one_short_separate_message(server: Server, tmp_path: Path) -> None:
     """Chat servers refuse long texts: one that grew while they were away would never be taken."""
     server.answer = 503
     spool = tmp_path / "n.jsonl"
@@ -118,7 +118,7 @@ def test_years_of_trouble_make_one_short_message_and_an_alarm_one_before_it(serv
     assert list(tmp_path.iterdir()) == []
 
 
-def test_webhook_whose_answer_never_ends_has_taken_it() -> None:
+def test_webhook_with_an_endless_response_counts_as_delivered() -> None:
     """Its status is sufficient; the rest of the response is not read."""
     listener = socket.create_server(("127.0.0.1", 0))
     release = threading.Event()

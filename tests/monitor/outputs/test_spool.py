@@ -21,7 +21,7 @@ def test_lines_appended_after_another_delivery_are_kept(tmp_path: Path) -> None:
     assert found == ['{"b": 2}']
 
 
-def test_a_spool_removed_during_its_delivery_is_no_error(tmp_path: Path) -> None:
+def test_spool_removed_during_delivery_is_no_error(tmp_path: Path) -> None:
     spool = Spool(tmp_path / "spool.jsonl")
     spool.append(['{"a": 1}'])
     assert spool.deliver(lambda _: spool.path.unlink(), 10) == 1

@@ -60,7 +60,7 @@ def signals(modes: ModalMean, random: np.random.Generator) -> Recording:
     return Recording(channels=channels, data=data, rate=rate, start=0)
 
 
-def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, DiagnosisResult]) -> None:
+def test_causes_reduce_all_discrepancies(found: tuple[Reference, ModalMean, DiagnosisResult]) -> None:
     reference, measured, extended = found
     random = np.random.default_rng((SEED, 2))
     shown = discrepancy_result(reference, measured, extended, signals(measured, random))
@@ -81,7 +81,7 @@ def test_the_causes_bring_every_figure_down(found: tuple[Reference, ModalMean, D
     assert DiscrepancyResult.model_validate_json(shown.model_dump_json()) == shown
 
 
-def test_a_mode_that_the_reference_lacks_is_not_compared() -> None:
+def test_mode_missing_in_the_reference_is_not_compared() -> None:
     random = np.random.default_rng((SEED, 5))
     bare = true_model(np.random.default_rng((SEED, 1)))
     lacking = np.array([0, 1, 2, 4, 5, 6, 7])
@@ -99,7 +99,7 @@ def test_a_mode_that_the_reference_lacks_is_not_compared() -> None:
     )
 
 
-def test_a_drawn_signal_is_the_measured_one_between_its_samples(
+def test_plotted_signal_interpolates_the_measured_samples(
     found: tuple[Reference, ModalMean, DiagnosisResult],
 ) -> None:
     reference, measured, extended = found
@@ -114,7 +114,7 @@ def test_a_drawn_signal_is_the_measured_one_between_its_samples(
     assert np.abs(error).max() < 0.02 * np.abs(drawn).max()
 
 
-def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, DiagnosisResult]) -> None:
+def test_record_too_short_for_prediction_is_noted(found: tuple[Reference, ModalMean, DiagnosisResult]) -> None:
     reference, measured, extended = found
     recording = signals(measured, np.random.default_rng((SEED, 4)))
     short = replace(recording, data=recording.data[:20])
@@ -124,7 +124,7 @@ def test_what_cannot_be_predicted_is_said(found: tuple[Reference, ModalMean, Dia
     assert all(s.missed is None for s in shown.sensors)
 
 
-def test_forces_that_a_sensor_leaves_over_are_not_drawn_on_the_structure(
+def test_residual_forces_of_sensor_faults_are_not_shown(
     found: tuple[Reference, ModalMean, DiagnosisResult],
 ) -> None:
     reference, measured, _ = found
@@ -149,7 +149,7 @@ def observation(temperature: FloatArray, rms: FloatArray, change: FloatArray) ->
     )
 
 
-def test_a_trend_is_found_with_its_deviation_and_none_over_what_does_not_vary() -> None:
+def test_trend_is_estimated_only_over_quantities_that_vary() -> None:
     random = np.random.default_rng(SEED)
     temperature = np.linspace(10, 30, 12)
     noise = 2e-4 * random.standard_normal(12)
@@ -163,7 +163,7 @@ def test_a_trend_is_found_with_its_deviation_and_none_over_what_does_not_vary() 
     assert still == ()
 
 
-def test_amplitude_is_told_in_its_own_unit() -> None:
+def test_trend_over_amplitude_has_its_own_unit() -> None:
     rms = np.linspace(0.01, 0.05, 8)
     shown = trends_beside(observation(np.full(8, 20.0), rms, -0.1 * rms))
     assert {(t.over, t.unit) for t in shown} == {("amplitude", "mm/s²")}

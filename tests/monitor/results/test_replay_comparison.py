@@ -28,7 +28,7 @@ def test_same_results_are_identical() -> None:
     assert found.payload() == {"kind": "identical", "relative_difference": 0.0, "at": None}
 
 
-def test_rounding_is_reported_with_its_place() -> None:
+def test_rounding_difference_is_reported_with_its_position() -> None:
     """Relative to the largest frequency of the window: a little less than the change of the third."""
     found = with_frequency(1 + 1e-9)
     assert found.kind == "rounding"
@@ -53,7 +53,7 @@ def test_sentences_are_not_compared() -> None:
     assert compare_results([alarm.model_copy(update={"state": "watch"})], [alarm]).kind == "different"
 
 
-def test_counts_and_missing_results_are_no_rounding() -> None:
+def test_integer_differences_and_missing_results_are_not_rounding() -> None:
     last = LIVE[-1]
     moved = last.model_copy(update={"start": last.start + 1})
     assert compare_results([*LIVE[:-1], moved], LIVE).kind == "different"
@@ -64,7 +64,7 @@ def test_counts_and_missing_results_are_no_rounding() -> None:
     assert math.isinf(short.first.relative)
 
 
-def test_lists_of_other_length_differ() -> None:
+def test_lists_of_different_length_differ() -> None:
     last = LIVE[-1]
     found = compare_results([*LIVE[:-1], last.model_copy(update={"modes": last.modes[:-1]})], LIVE)
     assert found.first is not None

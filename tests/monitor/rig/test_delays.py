@@ -35,7 +35,7 @@ def windows(seed: int) -> list[Recording]:
     return found
 
 
-def test_a_baseline_finds_the_delays_of_its_devices() -> None:
+def test_baseline_estimates_the_delays_of_devices() -> None:
     """Within four of the stated deviations and 5 us: half a degree at 271 Hz, the complexity of shapes by damping."""
     found = [identify_all(recording) for recording in windows(11)]
     tracker, reference = learn_tracked_reference(t_frame(), found, {c.name: c.device for c in CHANNELS})

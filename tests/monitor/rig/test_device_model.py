@@ -24,14 +24,14 @@ def expected(world: SineWorld, n: int, *, rate: float = 1000.0, start: int = ORI
 
 @pytest.mark.parametrize("rate", [1000.0, 200.0, 50.0])
 @pytest.mark.parametrize("share", [0.52, 0.60, 0.75, 1.0, 1.5, 1.9])
-def test_what_would_alias_is_rejected_by_80_db(rate: float, share: float) -> None:
+def test_aliasing_frequencies_are_attenuated_by_80_db(rate: float, share: float) -> None:
     n = 2 * round(rate)
     assert np.abs(measure(SineWorld(share * rate), n, rate=rate)).max() < STOP
 
 
 @pytest.mark.parametrize("rate", [1000.0, 200.0])
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.2, 0.271, 0.35])
-def test_what_is_looked_for_passes_unchanged(rate: float, share: float) -> None:
+def test_signal_in_the_passband_is_unchanged(rate: float, share: float) -> None:
     # 0.0009 dB of ripple (Kaiser window, -81 dB) and the interpolation, see `interpolate`: -77 dB at 350 Hz
     world = SineWorld(share * rate)
     interpolation = (2 * np.pi * world.frequency / world.rate) ** 6 / 720 * (0.5 * 1.5 * 2.5) ** 2
@@ -41,7 +41,7 @@ def test_what_is_looked_for_passes_unchanged(rate: float, share: float) -> None:
 
 @pytest.mark.parametrize("error", [-20e-6, 37e-6, 1e-3])
 @pytest.mark.parametrize("start", [0, 123_456_789, 1_000_000_007])
-def test_scans_are_taken_when_the_devices_own_clock_says(error: float, start: int) -> None:
+def test_scans_are_taken_at_times_of_the_device_clock(error: float, start: int) -> None:
     # -70 dB at the highest mode: 1e-3 of clock error alone would be 500 turns of 360 degrees x 1e-3 = 3 rad after 2 s
     world = SineWorld(271.0)
     when = {"rate": 1000.0 * (1 + error), "start": ORIGIN + start}
@@ -49,7 +49,7 @@ def test_scans_are_taken_when_the_devices_own_clock_says(error: float, start: in
     assert np.abs(found - wanted[:, None]).max() < 10 ** (-70 / 20)
 
 
-def test_counts_are_rounded_to_the_nearest() -> None:
+def test_counts_are_rounded_to_the_nearest_integer() -> None:
     world = SineWorld(20.0, amplitude=10 * EPSON_SCALE)
     counts = measure(world, 1000) / EPSON_SCALE
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-9)
@@ -57,7 +57,7 @@ def test_counts_are_rounded_to_the_nearest() -> None:
     assert len(np.unique(np.round(counts))) == 21
 
 
-def test_noise_has_the_density_asked_for() -> None:
+def test_noise_has_the_specified_density() -> None:
     n, density = 20_000, 2e-6
     noise = measure(SineWorld(1.0, amplitude=0.0), n, noise_density=density)
     rms = np.hypot(density * np.sqrt(500), EPSON_SCALE / np.sqrt(12))  # one-sided, up to half the rate; and rounding
@@ -66,7 +66,7 @@ def test_noise_has_the_density_asked_for() -> None:
     assert np.abs(correlation).max() < 4 / np.sqrt(n)
 
 
-def test_gains_scatter_and_stay() -> None:
+def test_gains_scatter_as_specified_and_are_constant() -> None:
     world = SineWorld(20.0)
     wanted = expected(world, 500)
     gains = []
@@ -91,7 +91,7 @@ def test_a_device_can_be_started_again() -> None:
     np.testing.assert_allclose(again, np.repeat(wanted[:, None], 3, axis=1), atol=2e-4)
 
 
-def test_scans_come_in_order_only() -> None:
+def test_scans_must_be_read_in_order() -> None:
     source = DeviceSource(SineWorld(20.0), nominal(), 0)
     source.start(ORIGIN, 1000.0)
     source.read(0, 10)
@@ -100,6 +100,6 @@ def test_scans_come_in_order_only() -> None:
 
 
 @pytest.mark.parametrize("rate", [2000.0, 20.0])
-def test_rates_that_cannot_be_fed_are_refused(rate: float) -> None:
+def test_unsupported_rates_are_refused(rate: float) -> None:
     with pytest.raises(ValueError, match=f"rate: expected 32 to 1000 Hz, found {rate:g}"):
         DeviceSource(SineWorld(20.0), nominal(), 0).start(ORIGIN, rate)

@@ -130,7 +130,7 @@ def played(folder: Path, scenario: Scenario, n_scans: int) -> tuple[dict[str, An
         return process.report(), items, clock
 
 
-def test_serial_and_can_devices_stream_ten_times_faster_than_life_and_nothing_is_dropped(
+def test_devices_stream_at_tenfold_speed_without_dropped_scans(
     tmp_path: Path,
 ) -> None:
     scenario = draw_t_frame("t_structure", 31, duration=0, between=(6.0, 7.0))
@@ -156,7 +156,7 @@ def test_serial_and_can_devices_stream_ten_times_faster_than_life_and_nothing_is
     assert abs(late) < 5.0  # 0.5 s of wall time, if others have the machine, from driver to rig or back
 
 
-def test_both_sides_share_one_time_scale(tmp_path: Path) -> None:
+def test_rig_and_reader_share_one_time_scale(tmp_path: Path) -> None:
     report, items, clock = played(tmp_path, nominal(5), 20_000)
     assert clock.speed == SPEED
     assert report["events"] == []
@@ -167,7 +167,7 @@ def test_both_sides_share_one_time_scale(tmp_path: Path) -> None:
         assert (last.arrival_index - first.arrival_index) / 1000 == pytest.approx(seconds, rel=0.5)
 
 
-def test_a_rig_ends_by_itself_when_its_duration_is_over(tmp_path: Path) -> None:
+def test_rig_stops_at_the_end_of_its_duration(tmp_path: Path) -> None:
     scenario = nominal(6).model_copy(update={"duration": 5.0})
     with rig(tmp_path, scenario) as process:
         found = process.ready()
@@ -177,7 +177,7 @@ def test_a_rig_ends_by_itself_when_its_duration_is_over(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_a_rig_that_nobody_reads(tmp_path: Path, number: signal.Signals) -> None:
+def test_rig_without_readers_stops_on_a_signal(tmp_path: Path, number: signal.Signals) -> None:
     with rig(tmp_path, nominal(7)) as process:
         process.ready()
         process.process.send_signal(number)
@@ -252,7 +252,7 @@ def playing(scenario: Scenario, speed: float = 1.0) -> Iterator[Playing]:
         thread.join()
 
 
-def test_a_stall_of_the_rig_loses_nothing() -> None:
+def test_stalled_rig_loses_no_scans() -> None:
     scenario = nominal(8, bodies=((3.0, Body(at=(0.1, 0, 1.48), mass=0.2)),)).model_copy(update={"duration": 3.9})
     # the host did not sleep, only the rig: 4 s are made up for, 250 servings of 384 bytes a device
     with playing(scenario) as rig, reading(rig.ports, SystemClock()) as items:
@@ -264,7 +264,7 @@ def test_a_stall_of_the_rig_loses_nothing() -> None:
     assert all(n_missing(scans(items, name)) == 0 for name in rig.ports)
 
 
-def test_what_a_host_does_not_fetch_is_dropped_and_counted() -> None:
+def test_unread_scans_are_dropped_and_counted() -> None:
     scenario = nominal(9).model_copy(update={"duration": 59.5})
     with playing(scenario, speed=20.0) as rig:
         drivers = [driver_of(place) for place in rig.ports.values()]
@@ -292,7 +292,7 @@ def test_a_bad_speed_or_scenario_is_refused_before_anything_starts(tmp_path: Pat
 
 
 @pytest.mark.usefixtures("_own_signals")
-def test_a_folder_that_does_not_exist_is_said(tmp_path: Path) -> None:
+def test_missing_output_folder_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(dump_scenario(nominal()), encoding="utf-8")
     missing = tmp_path / "none" / "ports.json"

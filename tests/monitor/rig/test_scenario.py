@@ -27,7 +27,7 @@ def scenarios() -> list[Scenario]:
     return drawn(200)
 
 
-def test_hidden_quantities_fill_their_ranges(scenarios: list[Scenario]) -> None:
+def test_drawn_parameters_cover_their_ranges(scenarios: list[Scenario]) -> None:
     within([s.truth.stiffness_factor for s in scenarios], 0.98, 1.02)
     within([s.truth.density_factor for s in scenarios], 0.99, 1.01)
     within([c for s in scenarios for c in s.truth.foot_flexibility], 0.002, 0.01)
@@ -40,7 +40,7 @@ def test_hidden_quantities_fill_their_ranges(scenarios: list[Scenario]) -> None:
     assert {len(s.truth.damping) for s in scenarios} == {24}
 
 
-def test_bodies_lie_all_over_the_crossbeam_and_the_upper_column(scenarios: list[Scenario]) -> None:
+def test_bodies_are_spread_over_crossbeam_and_upper_column(scenarios: list[Scenario]) -> None:
     places = np.array([s.event[0].body.at for s in scenarios])
     on_beam = places[:, 2] == 1.48
     np.testing.assert_array_equal(places[:, 1], 0)
@@ -51,7 +51,7 @@ def test_bodies_lie_all_over_the_crossbeam_and_the_upper_column(scenarios: list[
     assert abs(on_beam.mean() - share) < 4 * np.sqrt(share * (1 - share) / len(places))
 
 
-def test_offsets_lie_across_the_member_and_inertia_is_a_bodys(scenarios: list[Scenario]) -> None:
+def test_offsets_are_transverse_and_inertia_is_physical(scenarios: list[Scenario]) -> None:
     for scenario in scenarios:
         body = scenario.event[0].body
         along = 0 if body.at[2] == 1.48 else 2
@@ -61,12 +61,12 @@ def test_offsets_lie_across_the_member_and_inertia_is_a_bodys(scenarios: list[Sc
         assert c < body.mass * 0.04**2 / 3  # a steel block of 300 g is 3.4 cm wide, or up to 4 cm drawn out
 
 
-def test_the_seed_draws_everything(scenarios: list[Scenario]) -> None:
+def test_scenario_is_determined_by_its_seed(scenarios: list[Scenario]) -> None:
     assert drawn(3) == scenarios[:3]
     assert len({s.event[0].body.at for s in scenarios}) == 200
 
 
-def test_nothing_happens_if_no_interval_is_given() -> None:
+def test_scenario_without_interval_has_no_event() -> None:
     assert draw_t_frame("t_structure", 1, duration=10, between=None).event == ()
 
 
@@ -77,7 +77,7 @@ def test_an_impossible_interval_is_refused(between: tuple[float, float]) -> None
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_scenario_survives_its_file(tmp_path: Path, seed: int) -> None:
+def test_scenario_is_unchanged_by_saving_and_loading(tmp_path: Path, seed: int) -> None:
     path = tmp_path / "scenario.toml"
     scenario = draw_t_frame('odd "name\\ of ünicode.toml', seed, duration=0, between=BETWEEN)
     path.write_text(dump_scenario(scenario), encoding="utf-8")
@@ -99,7 +99,7 @@ body = {at = [0.2, 0, 1.48], mass = 0.2}
 """
 
 
-def test_a_short_file_is_enough(tmp_path: Path) -> None:
+def test_minimal_scenario_file_is_loaded(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(GOOD, encoding="utf-8")
     scenario = load_scenario(path)
@@ -122,7 +122,7 @@ def test_a_short_file_is_enough(tmp_path: Path) -> None:
         ("seed = 1", "seed = ", "Invalid value .*line 3"),
     ],
 )
-def test_one_clear_error_names_file_key_and_what_was_found(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_error_names_file_key_and_found_value(tmp_path: Path, old: str, new: str, message: str) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(SettingsError, match=message) as caught:
@@ -131,7 +131,7 @@ def test_one_clear_error_names_file_key_and_what_was_found(tmp_path: Path, old: 
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=r"none\.toml: cannot be read: No such file"):
         load_scenario(tmp_path / "none.toml")
 
@@ -143,7 +143,7 @@ def test_a_missing_file_is_said(tmp_path: Path) -> None:
         ("at = [0.2, 0, 1.48]", "at = [0.41, 0, 1.48]", r"event\.0\.body\.at"),
     ],
 )
-def test_points_beside_the_structure_are_named(tmp_path: Path, old: str, new: str, key: str) -> None:
+def test_points_off_the_structure_are_reported(tmp_path: Path, old: str, new: str, key: str) -> None:
     path = tmp_path / "scenario.toml"
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
     with pytest.raises(SettingsError, match=rf"{key}: expected a point on a member of T-shaped .*, found \["):

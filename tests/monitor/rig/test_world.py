@@ -77,7 +77,7 @@ def alone(data: FloatArray, model: Model, modes: Modes, k: int, scenario: Scenar
 
 
 @pytest.mark.parametrize("seed", few_of([11, 12]))
-def test_the_devices_feel_the_true_models_modes(seed: int) -> None:
+def test_devices_measure_the_modes_of_the_true_model(seed: int) -> None:
     scenario = draw_t_frame("t_structure", seed, duration=0, between=None)
     model, seconds = true_model(scenario), 120.0
     modes = model.modes(24)
@@ -92,7 +92,7 @@ def test_the_devices_feel_the_true_models_modes(seed: int) -> None:
         assert abs(np.log(peak.damping / damping)) < 5 / np.sqrt(2 * np.pi * damping * modes.frequency[k] * seconds)
 
 
-def test_frequencies_drop_where_a_body_is_added() -> None:
+def test_added_body_lowers_frequencies_as_predicted() -> None:
     seconds, at = 40.0, 2.0
     scenario = nominal(3, bodies=((at, HEAVY),))
     before, after = true_model(scenario).modes(8).frequency, true_model(scenario, HEAVY).modes(8).frequency
@@ -105,7 +105,7 @@ def test_frequencies_drop_where_a_body_is_added() -> None:
         assert abs(peak.frequency - before[k]) > 20 * std
 
 
-def test_the_structure_changes_at_the_very_sample_and_goes_on_moving() -> None:
+def test_structure_changes_at_the_exact_sample_and_continues_to_move() -> None:
     at = 3.123  # in the middle of what is simulated at once
     calm = World(t_frame(), nominal(4))
     world = World(t_frame(), nominal(4, bodies=((at, HEAVY),)))
@@ -133,7 +133,7 @@ def test_two_bodies_are_added_one_after_the_other() -> None:
 
 
 @pytest.mark.parametrize("seed", [21])
-def test_signals_do_not_depend_on_how_they_are_asked_for(seed: int) -> None:
+def test_signals_do_not_depend_on_read_size_and_order(seed: int) -> None:
     scenario = draw_t_frame("t_structure", seed, duration=0, between=(2.1, 2.9))
     n = 6000
     world, sources = make_sources(t_frame(), scenario)
@@ -157,14 +157,14 @@ def test_signals_do_not_depend_on_how_they_are_asked_for(seed: int) -> None:
     np.testing.assert_array_equal(np.concatenate(pieces), whole[0])
 
 
-def test_seeds_differ_and_repeat() -> None:
+def test_signals_are_reproducible_per_seed_and_differ_between_seeds() -> None:
     one, same, other = (record(nominal(seed), 1.0) for seed in (1, 1, 2))
     np.testing.assert_array_equal(one, same)
     assert abs(float(np.corrcoef(one[:, 1], other[:, 1])[0, 1])) < 0.5
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_level_is_that_of_a_floor_nobody_walks_on(seed: int) -> None:
+def test_vibration_level_is_that_of_a_quiet_floor(seed: int) -> None:
     data = record(draw_t_frame("t_structure", seed, duration=0, between=None), 10.0)[:, columns()]
     rms = data.std(0)
     assert rms.min() > 0.002
@@ -181,7 +181,7 @@ def test_the_level_is_that_of_a_floor_nobody_walks_on(seed: int) -> None:
         ((Body(at=(0, 0, 0.92), mass=0.152),), (10.74, 10.92, 38.84, 67.68, 89.90, 156.55, 253.08, 269.68)),
     ],
 )
-def test_without_deviations_the_truth_is_the_reference_structure(
+def test_true_model_without_deviations_is_the_reference_structure(
     bodies: tuple[Body, ...], frequencies: tuple[float, ...]
 ) -> None:
     found = true_model(nominal(), *bodies).modes(8).frequency
@@ -190,7 +190,7 @@ def test_without_deviations_the_truth_is_the_reference_structure(
 
 
 @pytest.mark.parametrize(("name", "flexibility"), [("foot_flexibility", 0.01), ("joint_flexibility", 0.01)])
-def test_flexibility_lowers_frequencies_by_the_order_of_a_per_cent(name: str, flexibility: float) -> None:
+def test_foot_and_joint_flexibility_lower_frequencies_by_about_one_percent(name: str, flexibility: float) -> None:
     rigid = true_model(nominal()).modes(8).frequency
     soft = true_model(nominal(0, {name: (flexibility,) * 3})).modes(8).frequency
     drop = 1 - soft / rigid
@@ -198,7 +198,7 @@ def test_flexibility_lowers_frequencies_by_the_order_of_a_per_cent(name: str, fl
     assert 0.005 < drop.max() < 0.03
 
 
-def test_foot_flexibility_drops_the_first_mode_as_a_rotational_spring_does() -> None:
+def test_foot_flexibility_acts_as_a_rotational_spring() -> None:
     # a point mass at the tip of a massless cantilever: compliance L^3/3EI grows by c L^3/EI, the frequency by
     # (1 + 3 c)^-1/2; the crossbeam and the column's own mass change the factor 3 by some tenths
     c = 0.005
@@ -247,7 +247,7 @@ fixed = ["x", "y", "z", "ry"]
 """
 
 
-def test_any_frame_can_be_played() -> None:
+def test_other_frames_can_be_simulated() -> None:
     structure = parse_structure(FRAME)
     soft = nominal(0, {"foot_flexibility": (0.01,) * 3, "joint_flexibility": (0.01,) * 3, "stiffness_factor": 0.98})
     truth = true_structure(structure, soft)
@@ -260,7 +260,7 @@ def test_any_frame_can_be_played() -> None:
     assert motion.std() > 0
 
 
-def test_what_is_long_past_is_forgotten() -> None:
+def test_old_samples_are_discarded() -> None:
     world = World(t_frame(), nominal())
     world.keep_up(ORIGIN)
     world.keep_up(ORIGIN + 20_000_000_000)

@@ -89,7 +89,7 @@ def test_wrong_settings_are_one_line_with_file_and_field(
         assert_refused(modalwatch(command, site), f"{site}: ", says)
 
 
-def test_one_sync_has_one_rate_and_what_a_dbc_file_describes_has_none() -> None:
+def test_sync_requires_one_rate_and_delay_and_excludes_dbc() -> None:
     synced = SITE.replace("node = ", 'sync = "consumer", node = ')
     assert [device.waits_for_sync for device in parse_settings(synced, "s").device] == [True, True]
     with pytest.raises(SettingsError, match=r"node 2 is at 200 Hz, slcan:PORT node 1 on the same SYNC at 500 Hz"):
@@ -102,7 +102,7 @@ def test_one_sync_has_one_rate_and_what_a_dbc_file_describes_has_none() -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "says"), CANNOT_START.values(), ids=CANNOT_START)
-def test_what_cannot_be_opened_is_one_line_with_device_and_bus(
+def test_unopenable_bus_is_one_line_with_device_and_bus(
     modalwatch: Commands, site: Path, old: str, new: str, says: str
 ) -> None:
     site.write_text(SITE.replace(old, new))
@@ -113,9 +113,7 @@ def test_what_cannot_be_opened_is_one_line_with_device_and_bus(
     assert done.err.count("\n") == 1
 
 
-def test_check_finds_the_nodes_and_names_the_one_that_does_not_answer(
-    modalwatch: Commands, site: Path, tmp_path: Path
-) -> None:
+def test_check_lists_the_nodes_and_names_a_missing_one(modalwatch: Commands, site: Path, tmp_path: Path) -> None:
     with can_process(tmp_path, 2) as bus:
         site.write_text(SITE.replace("PORT", bus.channel))
         done = modalwatch("check", site)
@@ -130,7 +128,7 @@ def test_check_finds_the_nodes_and_names_the_one_that_does_not_answer(
         )
 
 
-def test_run_logs_the_nodes_and_a_signal_to_all_its_processes_ends_it(site: Path, tmp_path: Path) -> None:
+def test_run_logs_the_nodes_and_ends_on_sigterm_to_all_processes(site: Path, tmp_path: Path) -> None:
     """As a service manager does it: SIGTERM to the analysis too."""
     with can_process(tmp_path, 2) as bus:
         site.write_text(SITE.replace("PORT", bus.channel))
@@ -162,9 +160,7 @@ def dbc_site(site: Path) -> Path:
     return site
 
 
-def test_check_hears_a_dbc_sensor_and_says_when_it_sends_at_another_rate(
-    modalwatch: Commands, dbc_site: Path, tmp_path: Path
-) -> None:
+def test_check_of_a_dbc_sensor_reports_an_unexpected_rate(modalwatch: Commands, dbc_site: Path, tmp_path: Path) -> None:
     with can_process(tmp_path, 0, dbc=(str(IMU), "0", "0")) as bus:
         dbc_site.write_text(DBC_SITE.replace("PORT", bus.channel).replace("rate = 1000", "rate = 400"))
         done = modalwatch("check", dbc_site)
@@ -181,7 +177,7 @@ def test_check_hears_a_dbc_sensor_and_says_when_it_sends_at_another_rate(
         ('"Counter"', '"Count"', "imu.dbc: has no signal 'Count', did you mean 'Counter'?"),
     ],
 )
-def test_a_dbc_file_that_does_not_fit_is_one_line(
+def test_unsuitable_dbc_file_is_a_one_line_error(
     modalwatch: Commands, dbc_site: Path, old: str, new: str, says: str
 ) -> None:
     dbc_site.write_text(DBC_SITE.replace(old, new))

@@ -38,12 +38,12 @@ DAY = "0.57 to 1.2 GB a day; "  # 1500 scans/s, 86400 s, 4.4 to 9.2 bytes
         ("min_free_gb = 2", 1e9, "less than recorder.min_free_gb = 2 is free now"),
     ],
 )
-def test_plan_says_what_happens_to_the_disk(recorder: str, free: float, says: str) -> None:
+def test_plan_states_the_recording_time_until_the_disk_limit(recorder: str, free: float, says: str) -> None:
     assert disk_plan(parse_settings(SITE + recorder), free) == DAY + says
 
 
 @pytest.mark.parametrize(("rms", "most"), [(0.0, BYTES_A_SCAN[0]), (10e-3 * 9.80665 / EPSON_SCALE, BYTES_A_SCAN[1])])
-def test_logs_take_no_more_than_the_plan_says(tmp_path: Path, rms: float, most: float) -> None:
+def test_log_size_agrees_with_the_plan(tmp_path: Path, rms: float, most: float) -> None:
     """White motion over a sensor's own noise (72 counts), five seconds of two devices."""
     random = np.random.default_rng(1)
     writer = McapWriter(tmp_path / "log.mcap", {})

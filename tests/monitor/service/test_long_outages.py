@@ -36,7 +36,7 @@ def ports() -> Iterator[list[str]]:
 
 
 @pytest.mark.live
-def test_restart_goes_on_without_a_device_that_is_gone(watched: LawState, ports: list[str]) -> None:
+def test_restart_continues_without_a_missing_device(watched: LawState, ports: list[str]) -> None:
     """After a power cut one of two is dead: the other one is monitored, and the loss is reported."""
     watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": (ports[1], 500.0)})
     watched.recalled = LoadedState(text="of a run before")
@@ -50,7 +50,7 @@ def test_restart_goes_on_without_a_device_that_is_gone(watched: LawState, ports:
 
 @pytest.mark.live
 @pytest.mark.parametrize("text", [None, "of a run before"])
-def test_start_without_any_device_is_no_start(watched: LawState, text: str | None) -> None:
+def test_start_without_any_device_is_refused(watched: LawState, text: str | None) -> None:
     watched.write({"beam_left": ("/dev/nowhere", 500.0), "beam_right": ("/dev/nothing", 500.0)})
     watched.recalled = LoadedState(text=text)
     with watched.running() as ended, pytest.raises(StartError, match=r"device beam_left: .*nowhere"):
@@ -58,13 +58,13 @@ def test_start_without_any_device_is_no_start(watched: LawState, text: str | Non
 
 
 @pytest.mark.live
-def test_first_start_wants_every_device(watched: LawState, ports: list[str]) -> None:
+def test_first_start_requires_every_device(watched: LawState, ports: list[str]) -> None:
     watched.write({"beam_left": (ports[0], 500.0), "beam_right": ("/dev/nowhere", 500.0)})
     with watched.running() as ended, pytest.raises(StartError, match=r"device beam_right: .*nowhere"):
         ended.result()
 
 
-def test_site_has_one_monitor(tmp_path: Path) -> None:
+def test_second_monitor_of_a_site_is_refused(tmp_path: Path) -> None:
     """A second one is refused with the first one's process, for as long as that lives."""
     state = tmp_path / "state"
     with only_one(state), pytest.raises(StartError, match=f"runs already, process {os.getpid()}$"), only_one(state):
@@ -94,7 +94,7 @@ class SetClock:
         return time.monotonic_ns()
 
 
-def test_clock_goes_evenly_until_it_is_told_to_follow(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clock_ignores_host_clock_changes_until_follow_is_called(monkeypatch: pytest.MonkeyPatch) -> None:
     host = SetClock()
     monkeypatch.setattr("daq.timing.host_clock.time", host)
     clock = SystemClock()
@@ -109,7 +109,7 @@ def test_clock_goes_evenly_until_it_is_told_to_follow(monkeypatch: pytest.Monkey
 
 @pytest.mark.live
 @pytest.mark.parametrize("hours", [-3, 5])
-def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
+def test_host_clock_change_starts_a_new_log(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch, hours: int
 ) -> None:
     """Within a log times are even; the devices are set up again, and the shift is reported once."""
@@ -135,7 +135,7 @@ def test_clock_that_is_set_is_followed_in_a_log_of_its_own(
 
 
 @pytest.mark.live
-def test_analysis_that_says_no_last_word_holds_up_no_reload(
+def test_missing_last_results_do_not_delay_a_reload(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It may be amid a diagnosis: the watchdog is not to be left without food for as long."""
@@ -156,7 +156,7 @@ def test_analysis_that_says_no_last_word_holds_up_no_reload(
 
 
 @pytest.mark.live
-def test_log_that_has_ended_for_good_is_told(
+def test_permanent_log_failure_is_reported(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A failure without a known cause: data continue to arrive, and nothing is written. The watchdog ends it after a
@@ -186,7 +186,7 @@ class Circle:
 
 
 @pytest.mark.live
-def test_circles_are_freed_without_waiting_for_python(
+def test_reference_cycles_are_freed_periodically(
     watched: LawState, ports: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("monitor.service.site_run._SWEEP", 0.1)

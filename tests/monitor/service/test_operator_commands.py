@@ -41,7 +41,7 @@ def site(tmp_path: Path) -> Path:
     return tmp_path / "site.toml"
 
 
-def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path) -> None:
+def test_command_is_received_once(modalwatch: Commands, site: Path) -> None:
     assert list(Inbox(site.parent / "state").taken()) == []
     done = modalwatch("acknowledge", site, "--by", "Ada", "--note", "a crane")
     assert done.code == 0, done.err
@@ -51,7 +51,7 @@ def test_command_leaves_word_that_is_taken_once(modalwatch: Commands, site: Path
 
 
 @pytest.mark.parametrize("text", ["", "not json", "[1, 2]", '{"by": 5}', '{"who": "x"}', "9" * 5000, "\udcff\x00"])
-def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, text: str) -> None:
+def test_invalid_command_file_is_refused_and_removed(tmp_path: Path, text: str) -> None:
     path = write_command(tmp_path, Acknowledgement())
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
     [refused] = Inbox(tmp_path).taken()
@@ -60,20 +60,20 @@ def test_file_that_says_nothing_sensible_is_refused_and_gone(tmp_path: Path, tex
     assert not path.exists()
 
 
-def test_words_are_one_line_of_letters(tmp_path: Path) -> None:
+def test_command_text_is_reduced_to_one_printable_line(tmp_path: Path) -> None:
     """A zero byte would be refused by PostgreSQL, with everything that waits behind it, for good."""
     write_command(tmp_path, Acknowledgement(by="Ada\0", note="a crane\n2026 ALARM \u00e4"))
     assert list(Inbox(tmp_path).taken()) == [Acknowledged(by="Ada", note="a crane 2026 ALARM \u00e4")]
 
 
-def test_words_are_taken_in_the_order_in_which_they_were_said(tmp_path: Path) -> None:
+def test_commands_are_received_in_the_order_written(tmp_path: Path) -> None:
     """Accepted, undone, accepted again while no monitor ran: another order would have another result."""
     for k in range(12):
         write_command(tmp_path, Acknowledgement(by=str(k)))
     assert [command.payload()["by"] for command in Inbox(tmp_path).taken()] == [str(k) for k in range(12)]
 
 
-def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_file_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Another user's folder: executed each time it would repeat the command; ignored, it needs a message."""
 
     def forbidden(_: Path) -> None:
@@ -86,20 +86,20 @@ def test_word_that_cannot_be_removed_is_refused_once(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives files away")
-def test_what_the_superuser_says_belongs_to_whom_the_state_does(tmp_path: Path) -> None:
+def test_command_file_of_root_gets_the_state_folder_owner(tmp_path: Path) -> None:
     os.chown(tmp_path, 1234, 1234)
     path = write_command(tmp_path, Acknowledgement())
     assert {path.stat().st_uid, path.parent.stat().st_uid} == {1234}
 
 
-def test_folder_that_takes_no_word_is_told_in_a_line(
+def test_unwritable_state_folder_is_a_one_line_error(
     modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (site.parent / "state").write_text("a file stands where the folder should")
     assert_refused(modalwatch("acknowledge", site), "state: ", "expected a user who may write there")
 
 
-def test_command_waits_until_the_word_is_taken(
+def test_command_waits_until_the_monitor_has_received_it(
     modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A running monitor takes it at once; one that hangs is reported."""
@@ -137,7 +137,7 @@ def test_acknowledgement_in_the_log_changes_the_alarm() -> None:
     assert list(pipeline.push(event)) == []
 
 
-def test_end_by_acknowledgement_says_how_long_it_was() -> None:
+def test_text_of_an_alarm_cleared_by_acknowledgement_states_its_duration() -> None:
     reported = acknowledged_text(Change(kind="state", state="normal", lasted=200 * 60 * 10**9), Acknowledged())
     assert reported == "acknowledged, back to normal after 3 h 20 min of alarm"
 
@@ -146,5 +146,5 @@ def test_end_by_acknowledgement_says_how_long_it_was() -> None:
     ("seconds", "text"),
     [(0.0, "0 s"), (59.0, "59 s"), (60.0, "1 min"), (3599.0, "59 min 59 s"), (7200.0, "2 h"), (90000.0, "1 d 1 h")],
 )
-def test_durations_are_told_in_two_units(seconds: float, text: str) -> None:
+def test_durations_are_written_in_at_most_two_units(seconds: float, text: str) -> None:
     assert duration_text(seconds) == text

@@ -51,7 +51,7 @@ def site(tmp_path: Path) -> Site:
     return load_site(tmp_path / "site.toml")
 
 
-def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_live_view_is_reported_once_and_restarted(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     now = 100.0
     monkeypatch.setattr("monitor.service.outputs.time.monotonic", lambda: now)
     view = View()
@@ -69,7 +69,7 @@ def test_view_that_dies_is_told_once_and_served_again(site: Site, monkeypatch: p
     assert outputs.problems["viewer"] is None
 
 
-def test_view_that_nobody_asked_for_is_not_said_to_be_new(site: Site) -> None:
+def test_live_view_without_a_viewer_section_is_not_reported_as_changed(site: Site) -> None:
     outputs = Outputs(site, cast("LiveView", View()))
     assert list(outputs.renew(site, analysed_alike=False)) == []
     site.path.write_text(f"{SITE}[viewer]\n", encoding="utf-8")
@@ -78,7 +78,7 @@ def test_view_that_nobody_asked_for_is_not_said_to_be_new(site: Site) -> None:
 
 
 @pytest.mark.live
-def test_pages_whose_process_dies_are_served_again(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_web_server_is_restarted_after_its_process_ends(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     port = 22_000 + os.getpid() % 20_000
     site.path.write_text(f"{SITE}[web]\nport = {port}\n", encoding="utf-8")
     now = 100.0

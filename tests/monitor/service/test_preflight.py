@@ -28,7 +28,7 @@ def looked(folder: Path, more: str = "", *, file: str = SITE) -> dict[str, Findi
     return {finding.what: finding for finding in look_around(load_site(folder / "site.toml"))}
 
 
-def test_a_bare_site_needs_history_disk_and_clock(tmp_path: Path) -> None:
+def test_minimal_site_checks_history_disk_and_clock(tmp_path: Path) -> None:
     found = looked(tmp_path)
     assert all(finding.well for finding in found.values())
     assert list(found) == ["history", "disk", "clock"]
@@ -36,13 +36,13 @@ def test_a_bare_site_needs_history_disk_and_clock(tmp_path: Path) -> None:
     assert not (tmp_path / "state").exists()  # nothing is made
 
 
-def test_history_that_cannot_be_read(tmp_path: Path) -> None:
+def test_unreadable_history_is_reported(tmp_path: Path) -> None:
     (tmp_path / "state").mkdir()
     (tmp_path / "state" / "history.sqlite").write_bytes(b"no database" * 1000)
     assert not looked(tmp_path)["history"].well
 
 
-def test_ports_in_use_are_named(tmp_path: Path) -> None:
+def test_port_in_use_is_named(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         found = looked(tmp_path, f"[web]\nport = {port}\n")
@@ -60,7 +60,9 @@ def test_ports_in_use_are_named(tmp_path: Path) -> None:
         ('mqtt = "mqtt://127.0.0.1:{port}/t"', True, "mqtt://127.0.0.1:{port} answers"),
     ],
 )
-def test_targets_of_notices_are_reached_and_told_nothing(tmp_path: Path, target: str, well: bool, says: str) -> None:
+def test_notify_targets_are_contacted_without_sending_a_notice(
+    tmp_path: Path, target: str, well: bool, says: str
+) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = str(listener.getsockname()[1])
         found = looked(tmp_path, f"[[notify]]\n{target.replace('{port}', port)}\n")["notify 1"]
@@ -71,13 +73,13 @@ def test_targets_of_notices_are_reached_and_told_nothing(tmp_path: Path, target:
                 assert taken.recv(1) == b""
 
 
-def test_disk_with_too_little_room(tmp_path: Path) -> None:
+def test_insufficient_disk_space_is_reported(tmp_path: Path) -> None:
     free = shutil.disk_usage(tmp_path).free / 1e9
     found = looked(tmp_path, file=SITE.replace("min_free_gb = 0", f"min_free_gb = {2 * free}"))["disk"]
     assert (found.well, "less than recorder.min_free_gb" in found.text) == (False, True)
 
 
-def test_clock_behind_the_newest_log(tmp_path: Path) -> None:
+def test_clock_behind_the_newest_log_is_reported(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     newest = tmp_path / "log" / "later.mcap"
     newest.touch()

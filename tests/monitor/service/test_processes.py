@@ -47,18 +47,18 @@ def reported(script: str) -> int:
 
 
 @of_glibc
-def test_large_blocks_go_back_to_the_system_also_after_a_larger_one_was_freed() -> None:
+def test_large_blocks_stay_memory_mapped_after_a_larger_one_was_freed() -> None:
     first = "from monitor.service.processes import give_back_memory\ngive_back_memory()"
     assert reported(MAPPED.format(first="")) == 0
     assert reported(MAPPED.format(first=first)) >= 1_000_000
 
 
 @of_glibc
-def test_small_blocks_go_back_to_the_system_from_between_those_that_are_kept() -> None:
+def test_trim_returns_freed_small_blocks_to_the_system() -> None:
     assert reported(TRIMMED) > 50_000_000  # of 100 million bytes
 
 
-def test_variables_are_as_before_once_the_processes_are_started(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_environment_variables_are_restored_after_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("KNOWN", "before")
     monkeypatch.delenv("FRESH", raising=False)
     with environment({"KNOWN": "now", "FRESH": "too"}):
@@ -68,7 +68,7 @@ def test_variables_are_as_before_once_the_processes_are_started(monkeypatch: pyt
 
 
 @of_glibc
-def test_what_is_held_is_told_and_what_was_let_go_is_not() -> None:
+def test_held_memory_counts_allocated_but_not_freed_objects() -> None:
     gc.collect()  # what is freed meanwhile would count against what is taken
     before = held_memory()
     kept = [[number] for number in range(100_000)], bytes(20_000_000)
@@ -85,7 +85,7 @@ def _fail(*_: object) -> None:
     raise LookupError("token=secret")
 
 
-def test_child_that_fails_says_why_to_its_parent_alone(capfd: pytest.CaptureFixture[str]) -> None:
+def test_child_failure_is_reported_only_to_the_parent(capfd: pytest.CaptureFixture[str]) -> None:
     words = LastWords()
     process = multiprocessing.get_context("fork").Process(target=report_end, args=(words.sender, _fail, 1))
     process.start()

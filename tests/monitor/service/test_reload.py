@@ -21,7 +21,9 @@ def watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
 
 
 @pytest.mark.live
-def test_what_is_not_changed_loses_no_scan(watched: LawState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reload_loses_no_scan_of_unchanged_devices(
+    watched: LawState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A device moves to another port, gets another rate; a bad file is refused; the other one streams on.
 
     The service manager is informed; a dead analysis, and one that has fallen behind, are replaced.
@@ -84,7 +86,7 @@ def _assert_told(watched: LawState) -> None:
     assert [event.payload["again_in_s"] for event in watched.events("analysis_failed")] == [1.0]
 
 
-def test_hangup_asks_for_it_once() -> None:
+def test_sighup_requests_a_reload() -> None:
     with reload_on_signal() as asked:
         assert not asked.is_set()
         signal.raise_signal(signal.SIGHUP)

@@ -29,7 +29,7 @@ HOSTILE = {  # what of the settings is replaced, and by what
 
 
 @pytest.mark.live
-def test_watch_goes_on_with_the_settings_it_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_monitoring_continues_with_the_present_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     watched = watched_site(tmp_path, monkeypatch)
     script, now = Path(__file__).parents[2] / "support" / "daq" / "emulated_ports.py", time.time_ns()
     with script_process(script, 1, 1, now, now) as (_, reported):

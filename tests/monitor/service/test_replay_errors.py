@@ -30,13 +30,13 @@ def log(path: Path, *devices: str, site: str = SITE) -> Path:
     return path
 
 
-def test_a_device_that_the_settings_do_not_know(tmp_path: Path) -> None:
+def test_unknown_device_in_the_log_is_refused(tmp_path: Path) -> None:
     path = log(tmp_path / "log.mcap", "beam_left", "stranger")
     with pytest.raises(LogError, match=r"log\.mcap: holds device 'stranger'; the settings have beam_left"):
         replay(path, None, lambda _: None)
 
 
-def test_a_log_that_is_damaged_amid(tmp_path: Path) -> None:
+def test_log_damaged_in_the_middle_is_refused(tmp_path: Path) -> None:
     path = log(tmp_path / "log.mcap", "beam_left")
     content = bytearray(path.read_bytes())
     content[len(content) * 2 // 3] ^= 1  # in the second chunk
@@ -45,7 +45,7 @@ def test_a_log_that_is_damaged_amid(tmp_path: Path) -> None:
         replay(path, None, lambda _: None)
 
 
-def test_settings_attached_that_cannot_be_used(tmp_path: Path) -> None:
+def test_unusable_attached_settings_are_refused(tmp_path: Path) -> None:
     path = log(tmp_path / "log.mcap", "beam_left", site=SITE.replace("driver", "diver"))
     with pytest.raises(SettingsError, match=r"log\.mcap: site\.toml: device\.0\.diver: no such setting"):
         replay(path, None, lambda _: None)

@@ -19,7 +19,7 @@ from tests.support.monitor.status import PACE, WELL
 EVENTS = run_events()
 
 
-def test_status_follows_devices(tmp_path: Path) -> None:
+def test_status_counts_gaps_losses_and_scans_per_device(tmp_path: Path) -> None:
     status = MonitorStatus(tmp_path / FILE_NAME, ("left",), PACE, SystemClock())
     status.take(make_block("left", 0))
     status.take(Event(topic="/event/gap", time=1, payload={"device": "left"}))
@@ -29,9 +29,7 @@ def test_status_follows_devices(tmp_path: Path) -> None:
     assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
 
 
-def test_clock_that_is_set_makes_nothing_stale_and_nothing_fresh(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wall_clock_change_does_not_affect_ages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """NTP may set it by hours, back and forth: data continue to count as new, and a silent device is reported."""
     wall, ages = [1e9], [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime(wall, ages))
@@ -63,7 +61,7 @@ class FakeTime:
         return self._ages[0]
 
 
-def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rate_is_averaged_over_several_seconds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Blocks come in pieces: of each second alone it would be 750 one time and 1250 the next."""
     ages = [0.0]
     monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
@@ -79,7 +77,9 @@ def test_rate_is_a_mean_over_some_seconds(tmp_path: Path, monkeypatch: pytest.Mo
             assert rate == pytest.approx(1000.0, abs=30.0)
 
 
-def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rate_is_computed_between_blocks_and_falls_without_blocks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Blocks of 0.7 s, looked at each second: over ten seconds of the clock they would be 9.8 or 10.5 s of scans."""
     ages, rates = [0.0], []
     monkeypatch.setattr("monitor.service.status.time", FakeTime([1e9], ages))
@@ -97,7 +97,7 @@ def test_rate_is_between_blocks_and_falls_where_none_come(tmp_path: Path, monkey
     assert rates[-1] == 0.0
 
 
-def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> None:
+def test_device_replaced_during_a_restart_is_reported(tmp_path: Path) -> None:
     """Ports may have been reassigned: two exchanged sensors must be reported before the alarm."""
     stated = []
     for serial in ("S1", "S1", "S2", "S2"):
@@ -110,7 +110,7 @@ def test_device_that_is_another_one_after_a_restart_is_told(tmp_path: Path) -> N
     assert stated == [[], [], [replaced], []]
 
 
-def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_back(tmp_path: Path) -> None:
+def test_lasting_channel_failure_and_recovery_are_each_reported_once(tmp_path: Path) -> None:
     """One window may miss a channel for a gap; copies are reported together; a window without modes reports nothing."""
     dead, twice = {"a": "constant", "b": "constant"}, {"c": "the same as d", "d": "the same as c"}
     rows = [{"a": "constant"}, {}, dead, dead, None, dead | twice, dead | twice, twice, twice, {}]
@@ -131,7 +131,7 @@ def test_channels_that_are_not_heard_are_told_once_they_last_and_when_they_are_b
     }
 
 
-def test_channels_of_a_device_that_is_lost_are_not_told_one_by_one(tmp_path: Path) -> None:
+def test_channels_of_a_lost_device_are_not_reported_individually(tmp_path: Path) -> None:
     """A dead channel of another device is reported; and so is one that is still missing when the device is back."""
     status = MonitorStatus(
         tmp_path / FILE_NAME, ("left", "right"), PACE, SystemClock(), {"a": "left", "b": "left", "c": "right"}
@@ -173,7 +173,7 @@ def test_latency_is_wall_time_since_the_last_sample(tmp_path: Path) -> None:
     assert json.loads((tmp_path / FILE_NAME).read_text())["latency"] == {"alarm": 0.5, "window": 0.5}
 
 
-def test_windows_that_are_left_out_are_an_event_and_make_the_monitor_unwell(tmp_path: Path) -> None:
+def test_skipped_windows_are_an_event_and_an_overload_problem(tmp_path: Path) -> None:
     """An overloaded machine analyses a window now and then: that does not make it well. Ten in a row do."""
     status = MonitorStatus(tmp_path / FILE_NAME, ("left",), Pace(step=600.0, window=600.0), SystemClock())
     window = next(result for event in EVENTS if isinstance(result := event_result(event), WindowResult))

@@ -31,7 +31,7 @@ def listener(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Listener, 
     return Listener(path.replace("@", "\0")), path
 
 
-def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
+def test_messages_to_the_service_manager(listener: tuple[Listener, str]) -> None:
     notifications, path = listener
     manager = ServiceManager({"NOTIFY_SOCKET": path, "WATCHDOG_USEC": "60000000", "WATCHDOG_PID": str(os.getpid())})
     manager.ready()
@@ -54,7 +54,7 @@ def test_what_a_manager_is_told(listener: tuple[Listener, str]) -> None:
         (SignsOfLife(data=0.1, disk=0.1, losing=True), "memory buffer is full"),
     ],
 )
-def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfLife, says: str) -> None:
+def test_watchdog_is_not_pinged_while_data_or_log_are_stalled(tmp_path: Path, signs: SignsOfLife, says: str) -> None:
     notifications = Listener(str(tmp_path / "notify"))
     manager = ServiceManager({"NOTIFY_SOCKET": str(tmp_path / "notify"), "WATCHDOG_USEC": "4"})
     assert says in str(signs.standing)
@@ -77,7 +77,7 @@ def test_watchdog_starves_where_something_stands(tmp_path: Path, signs: SignsOfL
         {"WATCHDOG_USEC": "soon"},
     ],
 )
-def test_without_a_manager_nothing_is_said_and_nothing_fails(environment: dict[str, str]) -> None:
+def test_missing_service_manager_is_no_error(environment: dict[str, str]) -> None:
     manager = ServiceManager(environment)
     manager.ready()
     manager.feed(WELL)
@@ -93,7 +93,7 @@ def site(tmp_path: Path) -> Path:
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
 @pytest.mark.parametrize("scope", ["system", "user"])
-def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
+def test_systemd_accepts_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
     """systemd's own check of it prints nothing: every key is known, every path can be read."""
     as_whom = ["--user"] if scope == "user" else ["--as", "daemon"]
     text = modalwatch("install-service", site, "--print", *as_whom).out
@@ -119,7 +119,7 @@ def test_systemd_takes_the_unit(modalwatch: Commands, site: Path, scope: str) ->
         ("elsewhere", {"PrivateDevices=yes"}, 1.7),
     ],
 )
-def test_unit_opens_the_ports_of_the_site_and_little_else(
+def test_unit_allows_only_the_device_ports_of_the_site(
     modalwatch: Commands, site: Path, port: str, devices: set[str], most: float
 ) -> None:
     site.write_text(SITE.format(port=port), encoding="utf-8")
@@ -134,7 +134,7 @@ def test_unit_opens_the_ports_of_the_site_and_little_else(
     assert float(found[1]) <= most, reported
 
 
-def test_folder_of_roots_takes_a_user(modalwatch: Commands, site: Path) -> None:
+def test_site_folder_owned_by_root_requires_a_user(modalwatch: Commands, site: Path) -> None:
     if site.parent.stat().st_uid == 0:
         assert_refused(modalwatch("install-service", site, "--print"), "belongs to root", "--as USER")
         assert not (site.parent / "state").exists()
@@ -143,7 +143,7 @@ def test_folder_of_roots_takes_a_user(modalwatch: Commands, site: Path) -> None:
     assert "\nUser=daemon\n" in modalwatch("install-service", site, "--print", "--as", "daemon").out
 
 
-def test_unit_is_written_anew_but_never_over_anothers(
+def test_unit_is_rewritten_but_foreign_units_are_not_overwritten(
     modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(site.parent))
@@ -159,7 +159,7 @@ def test_unit_is_written_anew_but_never_over_anothers(
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only the superuser gives folders away")
-def test_unit_may_write_to_what_the_superuser_made(modalwatch: Commands, site: Path) -> None:
+def test_folders_created_by_root_get_the_owner_of_the_site(modalwatch: Commands, site: Path) -> None:
     """It runs as the owner of the site's folder, whoever has installed it."""
     os.chown(site.parent, 1234, 1234)
     assert modalwatch("install-service", site, "--print").code == 0

@@ -41,7 +41,7 @@ def results(running: Worker) -> list[WorkerMessage | None]:
     raise AssertionError("nothing came within 40 s")
 
 
-def test_analysis_goes_on_when_the_group_is_told_to_stop() -> None:
+def test_analysis_continues_after_stop_signals_to_the_process_group() -> None:
     """As a service manager and Ctrl-C do; waiting items are still analysed, and the last item ends it."""
     with worker() as running:
         for number in (signal.SIGINT, signal.SIGTERM):
@@ -50,14 +50,14 @@ def test_analysis_goes_on_when_the_group_is_told_to_stop() -> None:
         assert results(running) == [None]
 
 
-def test_analysis_that_was_killed_is_an_error() -> None:
+def test_killed_analysis_raises_an_error() -> None:
     with worker() as running:
         os.kill(pid(), signal.SIGKILL)
         with pytest.raises(AnalysisError, match="ended with code -9"):
             results(running)
 
 
-def test_nobody_waits_for_room_at_an_analysis_that_was_killed() -> None:
+def test_full_queue_of_a_killed_analysis_raises_an_error() -> None:
     with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0), capacity=2) as running:
         os.kill(pid(), signal.SIGKILL)
         running.feed(STOPPED)
@@ -66,7 +66,7 @@ def test_nobody_waits_for_room_at_an_analysis_that_was_killed() -> None:
             running.feed(STOPPED)
 
 
-def test_what_waits_for_an_analysis_that_was_killed_is_let_go() -> None:
+def test_queued_items_of_a_killed_analysis_are_discarded() -> None:
     """More than a pipe holds: the thread that hands it on would wait for good, with all of it."""
     before = feeders()
     with worker() as running:
@@ -134,7 +134,7 @@ with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=
 """
 
 
-def test_analysis_ends_with_a_monitor_that_was_killed_amid_an_item() -> None:
+def test_analysis_ends_when_its_parent_was_killed_while_sending() -> None:
     with subprocess.Popen([sys.executable, "-c", KILLED], stdout=subprocess.PIPE, text=True, env=ENVIRONMENT) as killed:
         assert killed.stdout is not None
         child = int(killed.stdout.readline())

@@ -44,7 +44,7 @@ def site(tmp_path: Path) -> Path:
     return path
 
 
-def test_command_line_stands_above_environment_above_file(site: Path) -> None:
+def test_command_line_overrides_environment_and_environment_overrides_file(site: Path) -> None:
     environment = {
         "MODALWATCH_ANALYSIS__WINDOW_SECONDS": "120",
         "MODALWATCH_ANALYSIS__OVERLAP": "0.5",
@@ -68,11 +68,11 @@ def test_command_line_stands_above_environment_above_file(site: Path) -> None:
     assert "# of quiet nights" in text
 
 
-def test_nothing_overridden_leaves_the_text_as_it_is(site: Path) -> None:
+def test_settings_text_is_unchanged_without_overrides(site: Path) -> None:
     assert read_settings(site, overrides((), {}))[0] == SITE
 
 
-def test_site_reads_the_environment(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_environment_overrides_settings_of_a_site(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MODALWATCH_RECORDER__ROTATE_MINUTES", "5")
     loaded = load_site(site, ["recorder.rotate_mb=10"])
     assert (loaded.settings.recorder.rotate_minutes, loaded.settings.recorder.rotate_mb) == (5.0, 10.0)
@@ -97,7 +97,7 @@ def test_errors_name_the_variable(site: Path, name: str, value: str, says: str) 
     assert says in str(caught.value)
 
 
-def test_error_in_the_file_is_the_files_though_something_is_overridden(site: Path) -> None:
+def test_error_in_the_file_names_the_file_despite_overrides(site: Path) -> None:
     site.write_text(SITE + "overlap = 2\n")
     with pytest.raises(SettingsError) as caught:
         read_settings(site, overrides(["analysis.baseline_windows=30"], {}))
@@ -105,7 +105,7 @@ def test_error_in_the_file_is_the_files_though_something_is_overridden(site: Pat
 
 
 @pytest.mark.parametrize("argument", ["analysis", "=3", "analysis..overlap=1", "an alysis=1"])
-def test_argument_that_sets_nothing(argument: str) -> None:
+def test_invalid_set_argument_is_refused(argument: str) -> None:
     with pytest.raises(ArgumentError, match="--set: expected KEY=VALUE"):
         overrides([argument], {})
 
@@ -127,7 +127,7 @@ def parse_text(environment: dict[str, str]) -> str | None:
     return text
 
 
-def test_commands_take_settings_and_show_them(modalwatch: Commands, site: Path) -> None:
+def test_commands_accept_and_show_overridden_settings(modalwatch: Commands, site: Path) -> None:
     done = modalwatch("settings", site, "--set", "analysis.overlap=0.5")
     assert done.code == 0
     shown = parse_settings(done.out)
@@ -137,7 +137,7 @@ def test_commands_take_settings_and_show_them(modalwatch: Commands, site: Path) 
     assert_refused(modalwatch("run", site, "--set", "overlap"), "--set: expected KEY=VALUE")
 
 
-def test_schema_is_for_editors(modalwatch: Commands) -> None:
+def test_schema_describes_every_setting(modalwatch: Commands) -> None:
     schema = json.loads(modalwatch("settings", "--schema").out)
     sections = [schema, *schema["$defs"].values()]
     assert all(section["additionalProperties"] is False for section in sections)

@@ -85,7 +85,7 @@ def secret_places(section: type[BaseModel], place: tuple[str, ...] = ()) -> Iter
             yield *place, name
 
 
-def test_every_secret_setting_is_marked_here_and_none_is_attached() -> None:
+def test_no_secret_setting_is_attached_to_logs() -> None:
     text = 'structure = "a.toml"\n' + DEVICE + SECRETS % 1
     for place in secret_places(Settings):
         assert f"{place[-1]} = " in SECRETS, place
@@ -115,7 +115,7 @@ def test_every_secret_setting_is_marked_here_and_none_is_attached() -> None:
         (f'[temperature]\nmqtt = "mqtt://{MARK}@h"', "temperature.mqtt: expected mqtt://HOST/TOPIC"),
     ],
 )
-def test_error_of_a_secret_setting_does_not_quote_it(setting: str, says: str) -> None:
+def test_error_of_a_secret_setting_does_not_show_its_value(setting: str, says: str) -> None:
     text = f'structure = "a.toml"\n{setting}\n{DEVICE}'
     with pytest.raises(SettingsError) as found:
         parse_settings(text)
@@ -124,7 +124,7 @@ def test_error_of_a_secret_setting_does_not_quote_it(setting: str, says: str) ->
     assert MARK not in str(found.value.__cause__)
 
 
-def test_refusal_that_quotes_the_request_does_not_get_into_the_error() -> None:
+def test_webhook_error_does_not_quote_the_response() -> None:
     with Server().running() as server:
         server.answer = 418
         target = NotifySettings(webhook=f"{server.url}/{MARK}", headers={"Authorization": f"Bearer {MARK}"})
@@ -132,7 +132,7 @@ def test_refusal_that_quotes_the_request_does_not_get_into_the_error() -> None:
             make_sender(target)([NOTICE], 0)
 
 
-def test_masked_text() -> None:
+def test_secrets_are_masked_in_texts_and_addresses() -> None:
     secrets = ("/hooks/a%20bcd", "abc", "x\\yz")
     assert masked("to /hooks/a bcd or /hooks/a%20bcd by abc or b'x\\\\yz'", secrets) == "to *** or *** by abc or b'***'"
     assert shown_address(f"https://u:{MARK}@[::1]:8/{MARK}?{MARK}#{MARK}") == "https://[::1]:8"
@@ -142,7 +142,7 @@ def test_masked_text() -> None:
     assert one.startswith("mqtt://h/redacted-")
 
 
-def test_memory_of_an_earlier_version_loses_its_login(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_credentials_are_removed_from_memory_of_an_earlier_version(monkeypatch: pytest.MonkeyPatch) -> None:
     """The thermometer is the same, so that nothing is learned again, and the continued state has no secret."""
     played = Played(1, monkeypatch)
     url = f"mqtt://u:{MARK}@h/air"
@@ -157,7 +157,7 @@ def test_memory_of_an_earlier_version_loses_its_login(monkeypatch: pytest.Monkey
     assert ("the thermometer" in refused, MARK in refused) == (True, False)
 
 
-def test_memory_with_a_file_whose_name_begins_with_mqtt_is_recalled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_memory_with_a_csv_file_named_mqtt_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(1, monkeypatch)
     settings = parse_settings(f'{played.text}\n[temperature]\ncsv = "mqtt_air.csv"')
     text = memory_text(Pipeline(played.structure, settings).memory)
@@ -211,7 +211,7 @@ def written(folder: Path) -> Iterator[tuple[Path, bytes]]:
 
 
 @pytest.mark.live
-def test_no_secret_in_any_byte_that_is_written_or_served(
+def test_written_files_and_served_pages_contain_no_secrets(
     tmp_path: Path, modalwatch: Commands, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A monitor with failing database, broker, webhook and commands, a refused reload; then all readers of its log."""
@@ -257,7 +257,7 @@ def test_no_secret_in_any_byte_that_is_written_or_served(
     assert not [path for path, _ in written(tmp_path / "state") if path.stat().st_mode & 0o007]
 
 
-def test_log_of_an_earlier_version_gives_no_secret_to_its_report(tmp_path: Path, modalwatch: Commands) -> None:
+def test_report_of_an_older_log_contains_no_secrets(tmp_path: Path, modalwatch: Commands) -> None:
     text = 'structure = "a.toml"\n' + DEVICE + SECRETS % 1
     writer = McapWriter(tmp_path / "old.mcap", {"site.toml": text, "structure.toml": t_structure_toml()})
     for event in run_events():
@@ -268,7 +268,7 @@ def test_log_of_an_earlier_version_gives_no_secret_to_its_report(tmp_path: Path,
     assert MARK not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
-def test_argument_that_is_no_setting_is_not_quoted(modalwatch: Commands, tmp_path: Path) -> None:
+def test_invalid_argument_is_not_quoted_in_the_error(modalwatch: Commands, tmp_path: Path) -> None:
     done = modalwatch("check", tmp_path / "none.toml", "--set", f"notify[0].webhook=https://h/{MARK}")
     assert_refused(done, "expected KEY=VALUE")
     assert MARK not in done.err

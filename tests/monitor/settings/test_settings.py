@@ -28,13 +28,13 @@ WITH_DBC = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DBC)
 OTHER = '[[device]]\nname = "b"\ndriver = "epson-uart"\nport = "/dev/ttyUSB0"\nchannels = {x = "col_037_x"}\n'
 
 
-def test_a_device_is_on_a_port_or_on_a_bus() -> None:
+def test_device_address_is_a_port_or_a_can_bus() -> None:
     assert parse_settings(GOOD).device[0].place == "/dev/ttyUSB0"
     on_can = parse_settings(GOOD.replace("port =", "# port =") + CAN).device[0].place
     assert on_can == CanAddress(interface="slcan", channel="/dev/ttyACM0", node=3, bitrate=1_000_000)
 
 
-def test_a_dbc_file_is_looked_for_beside_the_settings(tmp_path: Path) -> None:
+def test_dbc_path_is_relative_to_the_settings_file(tmp_path: Path) -> None:
     (tmp_path / "site.toml").write_text(WITH_DBC)
     place = load_settings(tmp_path / "site.toml").device[0].place
     sensor = DbcSensor(file=tmp_path / "imu.dbc", signals=("accX", "accY", "accZ"), counter="Counter")
@@ -99,7 +99,7 @@ def test_errors_name_file_and_key(text: str, says: str) -> None:
     assert says in str(caught.value)
 
 
-def test_nearest_driver_and_sensor_are_named_and_a_mark_at_the_beginning_is_passed_over(tmp_path: Path) -> None:
+def test_errors_suggest_the_nearest_name_and_byte_order_mark_is_ignored(tmp_path: Path) -> None:
     path = tmp_path / "site.toml"
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     path.write_text(GOOD, encoding="utf-8-sig")
@@ -110,11 +110,11 @@ def test_nearest_driver_and_sensor_are_named_and_a_mark_at_the_beginning_is_pass
             load_site(path)
 
 
-def test_missing_file_is_named(tmp_path: Path) -> None:
+def test_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=r"none\.toml: cannot be read"):
         load_settings(tmp_path / "none.toml")
 
 
-def test_windows_begin_as_far_apart_as_overlap_leaves() -> None:
+def test_window_step_follows_from_overlap() -> None:
     settings = parse_settings(GOOD + "\n[analysis]\noverlap = 0.75\n")
     assert settings.step_seconds == 150.0

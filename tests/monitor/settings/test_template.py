@@ -13,7 +13,7 @@ from monitor.settings.schema import Settings
 from tests.support.monitor.cli import Commands
 
 
-def test_printed_defaults_are_the_defaults(modalwatch: Commands) -> None:
+def test_printed_defaults_equal_the_program_defaults(modalwatch: Commands) -> None:
     text = modalwatch("settings").out
     assert parse_settings(text) == EXAMPLE
     given = tomllib.loads(text)
@@ -38,19 +38,19 @@ def every_key(section: type[BaseModel], table: dict[str, Any], place: str) -> No
             every_key(below, inner[0] if isinstance(inner, list) else inner, f"{place}.{name}")
 
 
-def test_every_setting_is_printed_though_not_given() -> None:
+def test_every_setting_is_printed() -> None:
     every_key(Settings, uncommented(), "SITE.toml")
 
 
 @pytest.mark.parametrize("section", ["recorder", "analysis", "history", "web", "viewer", "clock"])
-def test_examples_of_what_is_not_given_can_be_used(section: str) -> None:
+def test_commented_examples_of_sections_are_valid(section: str) -> None:
     model = section_of(Settings.model_fields[section].annotation)
     assert model is not None
     assert model.model_validate(uncommented()[section])
 
 
 @pytest.mark.parametrize("way", ["webhook", "command", "mqtt"])
-def test_each_way_of_notice_can_be_used(way: str) -> None:
+def test_example_of_each_notice_target_is_valid(way: str) -> None:
     [target] = uncommented()["notify"]
     rest = {key: value for key, value in target.items() if key not in {"webhook", "command", "mqtt"}}
     model = section_of(Settings.model_fields["notify"].annotation)
@@ -59,14 +59,14 @@ def test_each_way_of_notice_can_be_used(way: str) -> None:
 
 
 @pytest.mark.parametrize("source", ["csv", "mqtt"])
-def test_each_source_of_temperature_can_be_used(source: str) -> None:
+def test_example_of_each_temperature_source_is_valid(source: str) -> None:
     table = uncommented()["temperature"]
     rest = {key: value for key, value in table.items() if key not in {"csv", "mqtt"}}
     assert TemperatureSettings.model_validate({**rest, source: table[source]})
 
 
 @pytest.mark.parametrize("place", ["can", "log", "dbc"])
-def test_each_place_of_a_device_can_be_used(place: str) -> None:
+def test_example_of_each_device_address_is_valid(place: str) -> None:
     [device] = uncommented()["device"]
     keep = {"dbc": ("can", "dbc")}.get(place, (place,))
     rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "log"}}

@@ -50,7 +50,7 @@ def test_a_value_is_rounded_by_its_standard_deviation(value: float, std: float, 
         (1.181e7, 2.15e9, 2.2e11, "N m/rad", ("11.81", "over 12.7 MN m/rad (95 %)")),
     ],
 )
-def test_a_parameter_before_and_after(
+def test_text_of_a_parameter_before_and_after(
     before: float | None, after: float, std: float, unit: str, texts: tuple[str, str]
 ) -> None:
     """Of the bearing that locks only a lower bound is known."""
@@ -60,7 +60,7 @@ def test_a_parameter_before_and_after(
     assert change_texts(change) == texts
 
 
-def test_what_fits_worse_than_any_noise_is_known_is_told_as_that() -> None:
+def test_very_small_p_value_is_shown_as_an_upper_bound() -> None:
     site = made.Site()
     answer = site.answer(site.mass * site.sensitivity[:, site.node(site.place)], 3)
     assert fit_text(answer) == "fit p = 0.4 from 3 windows"
@@ -68,7 +68,7 @@ def test_what_fits_worse_than_any_noise_is_known_is_told_as_that() -> None:
 
 
 @pytest.mark.parametrize("explained", [False, True])
-def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained: bool) -> None:
+def test_card_mentions_unknown_location_only_if_unexplained(explained: bool) -> None:
     run = made.whole_run(made.Site())
     found = answers.diagnosis() if explained else None
     window = run["windows"][-1].model_copy(update={"answer": None, "diagnosis": found})
@@ -90,11 +90,11 @@ def test_a_card_does_not_promise_a_place_once_the_change_is_explained(explained:
         ("mass", Quantity(value=0.3, std=0.01, unit="kg"), "300 ± 10 g"),
     ],
 )
-def test_parameters_are_told_in_the_units_that_are_spoken(name: str, quantity: Quantity, text: str) -> None:
+def test_parameters_are_shown_in_common_units(name: str, quantity: Quantity, text: str) -> None:
     assert parameter_text(name, quantity) == text
 
 
-def test_a_loss_about_one_axis_is_told_once() -> None:
+def test_stiffness_loss_about_each_axis_is_shown_once() -> None:
     """`loss`, the largest of them, is in the JSON for simple readers."""
     losses = {"loss": 0.4, "loss_about_local_y": 0.4, "loss_about_local_z": 0.1, "loss_in_twist": 0.2}
     cause = Cause(
@@ -119,18 +119,18 @@ def test_a_loss_about_one_axis_is_told_once() -> None:
         (None, "on the arm at (0.020, 0.000, 12.346) m"),
     ],
 )
-def test_a_place_is_told_as_finely_as_it_is_known(std: float | None, text: str) -> None:
+def test_position_is_rounded_by_its_standard_deviation(std: float | None, text: str) -> None:
     assert where_text(Where(member="arm", position=(0.02, 0.0, 12.345678), position_std=std)) == text
 
 
-def test_a_gain_is_told_with_its_deviations_where_they_are_known() -> None:
+def test_gain_is_shown_with_standard_deviations_if_known() -> None:
     pair, std = Pair(before=2.41534, after=0.0361), Pair(before=0.021, after=0.0052)
     assert gain_text(pair, std, ".3f") == ("2.415 ± 0.021", "0.036 ± 0.005")
     assert gain_text(pair, None, ".3f") == ("2.415", "0.036")
     assert gain_text(Pair(before=None, after=None), None, ".3f") == ("", "")
 
 
-def test_the_gain_of_a_written_model_is_stated_over_all_modes() -> None:
+def test_gain_of_an_extended_model_covers_all_modes() -> None:
     gain = Gain(
         heldout=True,
         frequency_error_percent=Pair(before=5.83, after=0.131),
@@ -161,7 +161,7 @@ def test_the_gain_of_a_written_model_is_stated_over_all_modes() -> None:
         ("explained", "distributed_mass", (), False),
     ],
 )
-def test_a_mass_is_claimed_only_where_nothing_but_a_mass_explains(
+def test_single_mass_is_reported_only_if_no_other_cause_fits(
     verdict: str, cause: str, others: tuple[str, ...], one: bool
 ) -> None:
     first = answers.diagnosis().causes[0].model_copy(update={"cause": cause, "cannot_be_told_from": others})
@@ -170,14 +170,14 @@ def test_a_mass_is_claimed_only_where_nothing_but_a_mass_explains(
 
 
 @pytest.mark.parametrize(("other", "one"), [("sensor_delay", True), ("sensor_gain", False), ("joint_stiffness", False)])
-def test_a_mass_beside_a_late_clock_is_one_mass(other: str, one: bool) -> None:
+def test_mass_with_a_sensor_delay_counts_as_one_mass(other: str, one: bool) -> None:
     mass, beside = answers.diagnosis().causes
     mass, beside = (c.model_copy(update={"cannot_be_told_from": ()}) for c in (mass, beside))
     causes = (mass, beside.model_copy(update={"cause": other}))
     assert is_one_mass(answers.diagnosis().model_copy(update={"causes": causes})) == one
 
 
-def test_alternatives_that_are_all_masses_are_one_mass() -> None:
+def test_alternative_mass_causes_count_as_one_mass() -> None:
     mass = answers.diagnosis().causes[0].model_copy(update={"cannot_be_told_from": (), "probability": 0.4})
     spread = mass.model_copy(update={"cause": "distributed_mass", "probability": 0.55})
     either = answers.diagnosis().model_copy(update={"verdict": "ambiguous", "causes": (spread, mass)})
@@ -186,7 +186,7 @@ def test_alternatives_that_are_all_masses_are_one_mass() -> None:
     assert not is_one_mass(both)
 
 
-def test_forces_left_over_are_told_where_they_say_something() -> None:
+def test_residual_forces_are_reported_only_if_significant() -> None:
     nodes = [(0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 2.0)]
     balance = BalanceResult(
         loss=(None, 0.03, -0.01), loss_std=(None, 0.001, 0.001), added=(None, 0.01, 0.2), added_std=(None, 0.1, 0.1),
@@ -206,7 +206,7 @@ def test_forces_left_over_are_told_where_they_say_something() -> None:
     assert "excess stiffness, largest at (0.00, 0.00, 1.00) m" in left_over_text(stiffer, nodes)
 
 
-def test_of_many_parameters_few_are_told_in_a_line() -> None:
+def test_only_the_first_of_many_parameters_are_listed() -> None:
     quantity = Quantity(value=0.95, std=0.01, unit="-")
     many = Cause(
         cause="model_parameters",

@@ -15,7 +15,7 @@ P, STD, DAY, SEED = 5, 3e-4, 144, 4
 WATCHING = DetectionSettings(rate=1 / 52596 / len(DETECTORS), overlap=0.0, hold=2)
 
 
-def test_stated_change_is_the_one_that_brings_a_detector_to_its_limit() -> None:
+def test_detectable_change_brings_a_detector_to_its_limit() -> None:
     """Noiseless windows, changed by the stated size: all modes alike, then each alone."""
     random, day = np.random.default_rng(SEED), 15 + 8 * np.sin(2 * np.pi * np.arange(3 * DAY) / DAY)
     y = STD * random.standard_normal((len(day), P))
@@ -32,7 +32,7 @@ def test_stated_change_is_the_one_that_brings_a_detector_to_its_limit() -> None:
         assert (reached.value / reached.limit)[:, -1].max() == pytest.approx(1.0, rel=0.1)
 
 
-def test_it_is_told_of_every_window_and_a_missing_thermometer_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_detectable_change_is_stated_per_window_and_missing_thermometer_once(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played = Played(5, monkeypatch)
     windows = (replace(w, temperature=np.nan) for w in played.windows(BASELINE + 2))
@@ -49,7 +49,7 @@ def test_it_is_told_of_every_window_and_a_missing_thermometer_once(monkeypatch: 
     assert text.endswith(NO_THERMOMETER)
 
 
-def test_a_mode_that_no_detector_finds_alone_is_named() -> None:
+def test_mode_that_is_not_detectable_alone_is_named() -> None:
     found = DetectableChange(alike_percent=0.5, modes_percent=[2.0, np.inf, 3.0], thermometer=True)
     assert detectable_text(DetectableChange.model_validate(json.loads(found.model_dump_json()))) == (
         "a lasting change of all frequencies alike by 0.5 %, or of one mode alone by 2 % (mode 1) to 3 % (mode 3); "

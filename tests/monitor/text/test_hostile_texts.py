@@ -27,20 +27,20 @@ def test_a_line_is_printable_and_bounded(text: str) -> None:
     assert printable(line) == line
 
 
-def test_escape_sequences_are_shown() -> None:
+def test_escape_sequences_are_shown_as_text() -> None:
     assert printable("\x1b[31mred\x07 \u202e°²") == "\\x1b[31mred\\x07 \\u202e°²"
 
 
 @pytest.mark.parametrize(
     "text", ["[" * 30_000, "a = " + "[" * 200 + "]" * 200, "a." * 500 + "b = 1", "a = 0x" + "f" * 99]
 )
-def test_toml_is_bounded(text: str) -> None:
+def test_too_deep_or_too_large_toml_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"nested up to|64 bits|Invalid"):
         parse_toml(text)
 
 
 @pytest.mark.parametrize("text", ["[" * 30_000, "[" * 200 + "]" * 200, "1" * 6000, "1" * 40, '{"a":' * 900])
-def test_json_is_bounded(text: str) -> None:
+def test_too_deep_or_too_large_json_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"nested up to|64 bits|digits|Expecting"):
         parse_json(text)
 
@@ -64,7 +64,7 @@ SITE = (
         ("[alarm]\nhold_windows = 9223372036854775807", "alarm.hold_windows: "),
     ],
 )
-def test_settings(commands: Commands, tmp_path: Path, more: str, message: str) -> None:
+def test_hostile_settings_give_a_short_error(commands: Commands, tmp_path: Path, more: str, message: str) -> None:
     (tmp_path / "t.toml").write_text(T_FRAME)
     (tmp_path / "site.toml").write_text(SITE + more + "\n")
     done = commands("settings", tmp_path / "site.toml")
@@ -81,13 +81,13 @@ def test_settings(commands: Commands, tmp_path: Path, more: str, message: str) -
         ("elements = ", "elements = true #", "expected a number, found True"),
     ],
 )
-def test_numbers_of_structures(old: str, new: str, message: str) -> None:
+def test_invalid_numbers_in_a_structure_are_refused(old: str, new: str, message: str) -> None:
     assert old in T_FRAME
     with pytest.raises(StructureError, match=message):
         parse_structure(T_FRAME.replace(old, new, 1))
 
 
-def test_more_sensors_than_memory_holds() -> None:
+def test_too_many_sensors_are_refused() -> None:
     sensors = "".join(
         f'[[sensor]]\nchannel = "s{k}"\nat = [0, 0, {0.1 + 1e-5 * k:.5f}]\ndirection = [1, 0, 0]\n' for k in range(1001)
     )

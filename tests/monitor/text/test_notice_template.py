@@ -34,13 +34,13 @@ def test_hostile_templates_are_refused(template: str, stated: str) -> None:
     assert time.monotonic() - begun < 30
 
 
-def test_a_notice_is_sent_in_the_own_words_where_the_template_fails() -> None:
+def test_failed_template_is_replaced_by_the_default_text() -> None:
     stated = message([NOTICE], LOOPS).text
     assert stated.startswith("bridge, then: a mass was added")
     assert "template has failed" in stated
 
 
-def test_templates_see_what_they_always_saw() -> None:
+def test_notice_variables_are_available_in_templates() -> None:
     template = "{% for n in notices %}{{ n.site }}: {{ n.text }} ({{ others }}){% endfor %} {{ notice.kind }}"
     assert message([NOTICE], template, 3).text == "bridge: a mass was added (3) alarm"
     with pytest.raises(TemplateFailure, match="'nothing'"):

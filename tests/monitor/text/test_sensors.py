@@ -17,12 +17,12 @@ def health(gain: list[float], delay: list[float], std: float = 0.005) -> SensorH
     )
 
 
-def test_all_as_they_were_is_one_short_line() -> None:
+def test_sensors_without_faults_are_summarized_in_one_line() -> None:
     reported = health_text(health_result(health([1.004, 0.99, 1.0], [2e-5, -1e-5, 0.0])))
     assert reported == "sensors: all gains within 2.0 %, delays within 0.040 ms"
 
 
-def test_what_is_wrong_is_named_with_its_deviation() -> None:
+def test_sensor_faults_are_listed_with_standard_deviations() -> None:
     found = health_result(health([-0.8, 1.0, 1.0], [0.0, 4e-4, -3e-4]))
     assert health_text(found) == (
         "sensors: left: polarity turned, gain -0.800 ± 0.005; middle: +0.400 ± 0.010 ms late; "
@@ -31,19 +31,19 @@ def test_what_is_wrong_is_named_with_its_deviation() -> None:
     assert [row["fault"] != "" for row in health_rows(found)] == [True, True, True]
 
 
-def test_faults_are_no_one_s_while_the_structure_is_unexplained() -> None:
+def test_sensor_faults_are_conditional_if_the_change_is_unexplained() -> None:
     found = health_result(health([1.0, 1.0, 1.0], [0.0, 4e-4, 0.0]))
     assert health_text(found, explained=False) == (
         "sensors (assuming that the unexplained part is a sensor fault): middle: +0.400 ± 0.010 ms late"
     )
 
 
-def test_no_gain_is_told_finer_than_a_tenth_of_a_per_cent() -> None:
+def test_gain_tolerance_is_at_least_a_tenth_of_a_percent() -> None:
     found = health_result(health([1.0002, 0.9999], [np.nan] * 2, std=1e-4))
     assert health_text(found) == "sensors: all gains within 0.1 %"
 
 
-def test_what_is_not_sure_is_not_said() -> None:
+def test_uncertain_gain_is_not_reported_as_a_fault() -> None:
     found = health_result(health([0.85, 1.0, 1.0], [np.nan] * 3, std=0.05))
     assert health_text(found) == "sensors: all gains within 25.0 %"
     assert health_rows(found)[0] == {"channel": "left", "gain": "0.850 ± 0.050", "delay": "not known", "fault": ""}

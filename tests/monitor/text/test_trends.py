@@ -67,7 +67,7 @@ def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPa
     assert resumed.novelty.trend is None
 
 
-def test_trend_forgiven_so_far_is_reported_after_the_setting_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forgiven_trend_is_reported_after_the_setting_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     def follow(watch: TrendWatch, _weekly: object) -> tuple[TrendWatch, bool]:
         return TrendWatch(week=watch.week + 1, present=trend(3), reported=trend(3)), watch.reported is None
 

@@ -34,7 +34,7 @@ def learnt(temperature: FloatArray, *, tailed: bool = False) -> LawState:
 
 
 @pytest.mark.parametrize("tailed", [False, True])
-def test_change_that_could_be_told_is_the_one_that_brings_a_window_to_the_limit(*, tailed: bool) -> None:
+def test_smallest_detectable_change_brings_a_window_to_the_limit(*, tailed: bool) -> None:
     watched = learnt(np.linspace(10.1, 11.2, DAY), tailed=tailed)
     _, least = at(watched, 21.5, 0.0)
     assert least is not None
@@ -43,7 +43,7 @@ def test_change_that_could_be_told_is_the_one_that_brings_a_window_to_the_limit(
     assert least > 1e-3 * 10 * 2  # the prior slope is 1e-3 per kelvin, and a limit lies beyond two deviations
 
 
-def test_nothing_is_said_where_the_law_knows() -> None:
+def test_no_uncertainty_is_reported_in_the_learned_temperature_range() -> None:
     days = 15 + 10 * np.sin(2 * np.pi * np.arange(3 * DAY + 1) / DAY)
     narrow, wide = learnt(np.linspace(10.1, 11.2, DAY)), learnt(days)
     assert at(narrow, 10.6, 0.0)[1] is None
@@ -60,7 +60,7 @@ def warmed(windows: Iterator[Recording], celsius: FloatArray) -> Iterator[Record
         yield replace(window, temperature=float(temperature))
 
 
-def test_report_does_not_say_that_nothing_has_changed_where_that_cannot_be_known(
+def test_headline_states_uncertainty_outside_the_baseline_temperature_range(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     without_answers(monkeypatch)
@@ -83,7 +83,7 @@ def test_report_does_not_say_that_nothing_has_changed_where_that_cannot_be_known
     )
 
 
-def test_log_of_before_this_was_said_repeats_and_one_that_says_otherwise_does_not(
+def test_missing_uncertainty_field_of_an_old_log_is_no_difference(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     without_answers(monkeypatch)

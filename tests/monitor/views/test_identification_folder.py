@@ -31,9 +31,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_folder_holds_modes_for_programs_and_pictures_for_people(
-    modalwatch: Commands, log: Path, tmp_path: Path
-) -> None:
+def test_folder_contains_mode_files_and_pictures(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "modes"
     done = modalwatch("identify", log, "--window", 60, "--out", out, "--json", tmp_path / "same.json")
     assert (done.code, done.err) == (0, "")
@@ -52,7 +50,7 @@ def test_the_folder_holds_modes_for_programs_and_pictures_for_people(
         np.testing.assert_allclose(found["r1"], [complex(*mode["shape"][f"{i}_x"]) for i in (1, 2, 3, 4)], atol=1e-5)
 
 
-def test_with_a_structure_the_places_are_known(modalwatch: Commands, tmp_path: Path) -> None:
+def test_log_with_a_structure_gives_sensor_positions_and_geometry(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     (tmp_path / "tracks.png").write_text("of an earlier run with more windows")
     done = modalwatch("identify", path, "--window", 60, "--out", tmp_path)
@@ -72,7 +70,7 @@ def test_with_a_structure_the_places_are_known(modalwatch: Commands, tmp_path: P
     assert all(value is None or 0.5 < value <= 1 for value in content["comac"].values())
 
 
-def test_what_cannot_be_written_is_said(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+def test_unwritable_output_folder_is_reported(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     assert_refused(
         modalwatch("identify", log, "--out", tmp_path / "file"), "--out: ", tmp_path / "file", "cannot be wri"
@@ -84,7 +82,7 @@ def found_modes() -> tuple[ModalEstimate, Identification]:
     return found.estimate, found
 
 
-def test_the_diagrams_show_what_was_found() -> None:
+def test_diagrams_show_the_identified_modes() -> None:
     estimate, found = found_modes()
     upper, lower, _ = stabilization_figure(simulate(CHAIN, 200.0, 40.0, seed=23), found, estimate).axes
     shown = np.concatenate([np.asarray(line.get_xdata(), float) for line in upper.lines if line.get_marker() == "."])
@@ -98,7 +96,7 @@ def test_the_diagrams_show_what_was_found() -> None:
     np.testing.assert_allclose(other, mac_matrix(estimate.shape, CHAIN.shapes[:2]))
 
 
-def test_arrows_of_a_complex_shape_stand_at_their_phases() -> None:
+def test_complexity_arrows_have_the_phases_of_the_shape() -> None:
     estimate, _ = found_modes()
     shape = normalise(estimate.shape + 0.3j * np.random.default_rng(1).standard_normal(estimate.shape.shape))
     for k, axes in enumerate(complexity_figure(replace(estimate, shape=shape)).axes):

@@ -64,7 +64,7 @@ def happened(what: str, **payload: object) -> Event:
     return Event(topic=f"/event/{what}", time=START, payload=payload)
 
 
-def test_what_was_lost_is_counted_by_device(tmp_path: Path) -> None:
+def test_lost_data_are_counted_per_device(tmp_path: Path) -> None:
     path = log(
         tmp_path / "run.mcap",
         block("a", 0),
@@ -83,12 +83,12 @@ def test_what_was_lost_is_counted_by_device(tmp_path: Path) -> None:
     assert (run.dropped, run.ended, run.results.name) == (4, True, "run")
 
 
-def test_a_cut_log_is_told(tmp_path: Path) -> None:
+def test_truncated_log_is_marked_as_not_ended(tmp_path: Path) -> None:
     run = load_run(log(tmp_path / "run.mcap", block("a", 0), window(0)))
     assert (run.dropped, run.ended) == (None, False)
 
 
-def test_last_signals_are_what_was_measured() -> None:
+def test_last_signals_equal_the_measured_signals() -> None:
     """The grid is interpolated to -80 dB, 1e-4 of the amplitude; times are the device's, to a microsecond."""
     signals = last_signals([block(d, s) for s in range(16) for d in ("a", "b")], SITE)
     assert signals is not None
@@ -99,7 +99,7 @@ def test_last_signals_are_what_was_measured() -> None:
     np.testing.assert_allclose(signals.data[:, 0], expected, atol=2e-4 * 1e5 * EPSON_SCALE)
 
 
-def test_last_signals_are_without_what_devices_are_late_by() -> None:
+def test_last_signals_are_corrected_for_device_delays() -> None:
     """Shifted by 0.3 of a sample: -80 dB as the grid itself, but for half a second at both ends."""
     late = 1.5e-3
     signals = last_signals([block(d, s) for s in range(16) for d in ("a", "b")], SITE, {"b": late})
@@ -118,24 +118,24 @@ def reference(time: int, **late: float) -> Event:
     return Event(topic="/result/reference", time=time, payload=found.payload())
 
 
-def test_the_newest_baseline_tells_how_late_devices_are(tmp_path: Path) -> None:
+def test_device_delays_are_read_from_the_newest_reference(tmp_path: Path) -> None:
     path = log(tmp_path / "run.mcap", block("a", 0), reference(START, a=1e-3, b=-1e-3), reference(START + 1, a=2e-3))
     assert late_devices(path) == {"a": 2e-3}
     assert late_devices(log(tmp_path / "new.mcap", block("a", 0))) == {}
 
 
-def test_a_device_silent_at_the_end_is_left_out() -> None:
+def test_device_without_data_at_the_end_is_omitted() -> None:
     signals = last_signals([block("a", s) for s in range(16)], SITE)
     assert signals is not None
     assert [c.name for c in signals.channels] == ["a_x"]
 
 
-def test_too_little_or_no_settings_give_no_signals() -> None:
+def test_short_log_or_missing_settings_give_no_signals() -> None:
     assert last_signals([block("a", 0)], SITE) is None
     assert last_signals([block("a", s) for s in range(16)], "") is None
 
 
-def test_fast_signals_are_low_passed_before_they_are_thinned() -> None:
+def test_fast_signals_are_low_pass_filtered_before_decimation() -> None:
     """At 2000 Hz, 40 Hz stays within the filter's ripple (1 %); 470 Hz, that would fold to 30 Hz, is gone (-40 dB)."""
     time = np.arange(20_000) / 2000.0
     data = np.column_stack([np.sin(2 * np.pi * f * time) for f in (40.0, 470.0)])
@@ -147,7 +147,7 @@ def test_fast_signals_are_low_passed_before_they_are_thinned() -> None:
     assert np.abs(slow.data[:, 1]).max() < 0.01
 
 
-def test_newest_log_of_a_folder_is_taken(tmp_path: Path) -> None:
+def test_newest_log_of_a_folder_is_selected(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     for age, name in enumerate(("log/new.mcap", "old.mcap")):
         path = log(tmp_path / name, window(0))
@@ -156,7 +156,7 @@ def test_newest_log_of_a_folder_is_taken(tmp_path: Path) -> None:
     assert find_log(tmp_path / "old.mcap").name == "old.mcap"
 
 
-def test_what_was_not_a_number_is_read_back_as_such(tmp_path: Path) -> None:
+def test_infinite_value_is_read_back_as_nan(tmp_path: Path) -> None:
     strange = window(0)
     strange.payload["novelty"] = Novelty(t2=float("inf"), limit=1.0, modes=[]).payload()
     (read,) = load_run(log(tmp_path / "run.mcap", strange)).results.windows
@@ -164,14 +164,14 @@ def test_what_was_not_a_number_is_read_back_as_such(tmp_path: Path) -> None:
     assert np.isnan(read.novelty.t2)
 
 
-def test_a_result_of_another_version_is_named(tmp_path: Path) -> None:
+def test_result_of_another_version_is_refused(tmp_path: Path) -> None:
     strange = window(0)
     strange.payload["novelty"] = {"t2": "much", "limit": 1.0, "modes": []}
     with pytest.raises(ResultsError, match=r"run\.mcap: holds a result .* WindowResult, novelty\.t2: "):
         load_run(log(tmp_path / "run.mcap", strange))
 
 
-def test_what_cannot_be_shown_is_named(tmp_path: Path) -> None:
+def test_missing_or_empty_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match=r"nowhere: there is no such"):
         load_run(tmp_path / "nowhere")
     with pytest.raises(ResultsError, match=r"holds no log: expected \*\.mcap"):

@@ -44,7 +44,7 @@ def levels(results: list[Result]) -> list[float]:
     return [w.novelty.t2 / w.novelty.limit for w in judged(results) if w.novelty]
 
 
-def test_accepted_change_is_watched_by_and_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_accepted_change_is_the_new_reference_until_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     played, pipeline, reported = changed(11, monkeypatch, 7)
     raised = next(r.time for r in reported if isinstance(r, AlarmResult) and r.raised)
     before, after = played.true_frequency(None), played.true_frequency(PUMP)
@@ -79,7 +79,7 @@ def test_accepted_change_is_watched_by_and_undone(monkeypatch: pytest.MonkeyPatc
     assert any(isinstance(r, AlarmResult) and r.raised for r in again)
 
 
-def test_a_body_that_was_taken_off_is_accepted_remembered_and_found_when_it_returns(
+def test_accepted_removal_of_a_body_is_saved_and_its_return_located(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """200 g on the crossbeam: the accepted structure is calibrated with the body on and does not have it."""
@@ -113,7 +113,7 @@ def test_a_body_that_was_taken_off_is_accepted_remembered_and_found_when_it_retu
 
 
 @pytest.mark.parametrize("seed", few_of([12, 13]))
-def test_next_change_is_found_beside_an_accepted_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_next_change_after_an_accepted_one_is_detected(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played, pipeline, _ = changed(seed, monkeypatch, 6)
     assert accept(pipeline)[-1].payload()["kind"] == "accepted"
@@ -124,7 +124,7 @@ def test_next_change_is_found_beside_an_accepted_one(seed: int, monkeypatch: pyt
     assert [r.kind for r in reported if isinstance(r, AlarmResult) and r.raised] == ["state"]  # a new alarm
 
 
-def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modes_missing_after_an_acceptance_are_monitored_again_when_identified(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(17, monkeypatch)
     pipeline = played.pipeline()
     [*_, first, _] = (r for r in run(pipeline, played.windows(BASELINE)) if not isinstance(r, WindowResult))
@@ -181,7 +181,7 @@ def test_change_that_hides_modes_is_accepted_and_they_are_watched_again(monkeypa
 
 
 @pytest.mark.parametrize("hidden", [(0, 1, 2, 3, 4, 5)])
-def test_change_that_leaves_too_few_modes_is_not_accepted(
+def test_change_with_too_few_identified_modes_is_not_accepted(
     hidden: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without_answers(monkeypatch)
@@ -197,7 +197,7 @@ def test_change_that_leaves_too_few_modes_is_not_accepted(
     assert text.startswith("'pump, 250 g' cannot be accepted: only mode 7, 8 of 8 identified since the change")
 
 
-def test_acceptance_waits_for_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_acceptance_waits_for_enough_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     """Three windows of it: one may hold both states, so three more are needed; a restart forgets nothing."""
     without_answers(monkeypatch)
     played, pipeline, _ = changed(14, monkeypatch, 3)
@@ -210,7 +210,7 @@ def test_acceptance_waits_for_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     assert kinds == ["accepted"]
 
 
-def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_change_that_disappears_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played, pipeline, _ = changed(15, monkeypatch, 3)
     accept(pipeline)
@@ -223,7 +223,7 @@ def test_change_that_goes_away_is_not_accepted(monkeypatch: pytest.MonkeyPatch) 
     assert refused.payload()["text"] == "nothing is undone: no change has been accepted"
 
 
-def test_acceptance_that_waits_is_taken_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pending_acceptance_can_be_undone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Undone before there were windows enough, it does not come true when there are."""
     without_answers(monkeypatch)
     played, pipeline, _ = changed(16, monkeypatch, 3)
@@ -235,14 +235,14 @@ def test_acceptance_that_waits_is_taken_back(monkeypatch: pytest.MonkeyPatch) ->
     assert judged(later)[-1].phase == "alarm"
 
 
-def test_other_alarm_is_not_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_acceptance_of_an_inactive_alarm_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     _, pipeline, _ = changed(16, monkeypatch, 3)
     [refused] = accept(pipeline, 12345)
     assert "the active alarm is of 2026-01-01" in refused.payload()["text"]
 
 
-def test_words_of_the_inbox(tmp_path: Path) -> None:
+def test_inbox_reads_acceptance_and_undo_commands(tmp_path: Path) -> None:
     write_command(tmp_path, Acceptance(cause="pump", by="Ada", alarm=5))
     assert list(Inbox(tmp_path).taken()) == [ChangeAccepted(by="Ada", cause="pump", alarm=5)]
     write_command(tmp_path, UndoAcceptance(by="Bob"))
@@ -260,7 +260,7 @@ def site(tmp_path: Path) -> Path:
     return tmp_path / "site.toml"
 
 
-def test_command_names_the_alarm_that_it_accepts(modalwatch: Commands, site: Path) -> None:
+def test_accept_command_contains_the_time_of_its_alarm(modalwatch: Commands, site: Path) -> None:
     state, minute = site.parent / "state", 60 * 10**9
     refused = modalwatch("accept", site, "--reason", "pump")
     assert (refused.code, "ALARM: no alarm is known" in refused.err) == (2, True)

@@ -31,7 +31,7 @@ channels = {y = "beam_left_y", z = "beam_left_z"}
 SECONDS = 90
 
 
-def test_windows_are_left_out_until_the_newest(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_backlog_above_the_limit_skips_all_but_the_newest_window(monkeypatch: pytest.MonkeyPatch) -> None:
     """Six may wait; from the seventh on all are left out, but for the last."""
     windows = list(Played(41, monkeypatch).windows(12))
     for waiting, expected in ((MAX_WINDOWS, 0), (MAX_WINDOWS + 1, MAX_WINDOWS), (11, 10)):
@@ -41,7 +41,7 @@ def test_windows_are_left_out_until_the_newest(monkeypatch: pytest.MonkeyPatch) 
         assert left_out == [True] * expected + [False] * (waiting + 1 - expected)
 
 
-def test_short_windows_may_wait_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_windows_are_skipped_after_one_minute(monkeypatch: pytest.MonkeyPatch) -> None:
     [window] = Played(42, monkeypatch).windows(1)
     for speed, seconds, left_out in ((1, 59, False), (1, 61, True), (10, 599, False), (10, 601, True)):
         settings = parse_settings(f"{SITE}[clock]\nspeed = {speed}")
@@ -49,7 +49,7 @@ def test_short_windows_may_wait_a_minute(monkeypatch: pytest.MonkeyPatch) -> Non
         assert backlog(0, window) == left_out
 
 
-def test_watch_goes_on_past_windows_that_were_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_monitoring_continues_after_skipped_windows(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(43, monkeypatch)
     out = {3, BASELINE + 3, BASELINE + 4}
     pipeline = Pipeline(played.structure, played.settings, None, lambda index, _: index in out)
@@ -67,7 +67,7 @@ def test_watch_goes_on_past_windows_that_were_left_out(monkeypatch: pytest.Monke
 
 
 @pytest.mark.live
-def test_what_was_left_out_live_is_left_out_in_replay(tmp_path: Path) -> None:
+def test_replay_skips_the_same_windows_as_the_live_run(tmp_path: Path) -> None:
     """All signals come at once, before the first window is looked at: only the last one is analysed."""
     blocks = [make_block("beam_left", first) for first in range(0, SECONDS * 1000, 250)]
     stopped = Stopped(dropped=0).event(START)

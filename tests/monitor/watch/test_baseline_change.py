@@ -24,7 +24,7 @@ def texts(results: list[Result]) -> list[str]:
 
 
 @pytest.mark.parametrize("seed", few_of([41, 42]))
-def test_live_learning_begins_anew_at_a_change(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_live_learning_restarts_at_a_change(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played = Played(seed, monkeypatch)
     pipeline = played.pipeline()
@@ -47,7 +47,7 @@ def test_live_learning_begins_anew_at_a_change(seed: int, monkeypatch: pytest.Mo
     assert [r for r in back if isinstance(r, AlarmResult) and r.raised]
 
 
-def test_a_structure_that_keeps_changing_is_learnt_in_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_baseline_of_a_repeatedly_changing_structure_is_finally_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played = Played(43, monkeypatch)
     pipeline = played.pipeline()
@@ -88,7 +88,7 @@ def observation(seed: int, bodies: list[Body | None]) -> Observation:
 
 
 @pytest.mark.parametrize("seed", few_of([44, 45]))
-def test_reference_logs_lose_the_windows_of_another_state(seed: int) -> None:
+def test_reference_windows_of_another_state_are_excluded(seed: int) -> None:
     before = observation(seed, [None] * 5 + [PUMP] * 3)
     found = explain(t_frame(), before, before.chosen(np.arange(5, 8)), only=("added_mass",))
     diagnosis = found.explained.diagnosis

@@ -41,7 +41,7 @@ def lacking(kind: SiteKind, n: int) -> list[tuple[str, int]]:
     return found
 
 
-def test_hourly_bridge_needs_days_and_a_hall_needs_no_more_than_it_has() -> None:
+def test_required_baseline_length_of_a_bridge_and_an_indoor_site() -> None:
     """A bridge with wind, autocorrelated errors and a thermometer in the sun: 24 windows raise 21 alarms per year."""
     day, week, hall = lacking(BRIDGE, 24), lacking(BRIDGE, 144), lacking(INDOORS, 24)
     print(
@@ -53,14 +53,14 @@ def test_hourly_bridge_needs_days_and_a_hall_needs_no_more_than_it_has() -> None
     assert sum(not text for text, _ in hall) >= 0.9 * N_SITES
 
 
-def test_four_hours_in_which_the_temperature_moves_lack_a_day() -> None:
+def test_four_hours_of_baseline_with_temperature_change_are_too_short() -> None:
     found = [text for text, needed in lacking(KINDS[0], 24) if "of a daily cycle" in text and needed >= 144]
     print(found[0])
     assert len(found) >= 0.7 * N_SITES
     assert not any("of a daily cycle" in text for text, _ in lacking(KINDS[0], 144))
 
 
-def test_missing_readings_change_nothing() -> None:
+def test_missing_temperature_readings_do_not_change_the_required_length() -> None:
     """Every eighth reading is missing."""
     n = 24
     y = 1e-3 * np.random.default_rng(1).standard_normal((n, 4))
@@ -91,7 +91,7 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Played:
     return site
 
 
-def test_learning_goes_on_over_a_restart_and_says_so_once(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_extended_learning_is_reported_once_and_continues_after_a_restart(monkeypatch: pytest.MonkeyPatch) -> None:
     site = played(monkeypatch)
     celsius = np.linspace(10.0, 16.0, 48)
     pipeline = site.pipeline()
@@ -109,7 +109,7 @@ def test_learning_goes_on_over_a_restart_and_says_so_once(monkeypatch: pytest.Mo
     )
 
 
-def test_change_while_learning_goes_on_is_not_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_change_during_extended_learning_is_not_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
     site = played(monkeypatch)
     celsius = np.linspace(10.0, 16.0, 48)
     pipeline = site.pipeline()
@@ -121,7 +121,7 @@ def test_change_while_learning_goes_on_is_not_learnt(monkeypatch: pytest.MonkeyP
     assert "learning begins anew with the 14 windows since" in text
 
 
-def test_length_that_is_set_is_kept_and_what_it_lacks_is_stated(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_configured_baseline_length_is_kept_and_its_shortcoming_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     site = Played(6, monkeypatch)
     (text,) = texts(run(site.pipeline(), warmed(site.windows(BASELINE), np.linspace(10.0, 13.0, BASELINE))))

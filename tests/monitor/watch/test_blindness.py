@@ -18,7 +18,7 @@ from tests.support.monitor.status import WELL
 DEAD = "beam_left_y"
 
 
-def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
+def test_failed_sensor_is_reported_and_excluded_from_the_sensor_check(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     played = Played(31, monkeypatch)
@@ -41,7 +41,7 @@ def test_a_sensor_that_dies_is_told_and_not_judged_by_what_it_said_before(
     assert np.isfinite([window.novelty.t2 for window in last if window.novelty]).all()
 
 
-def test_a_dead_channel_that_a_person_takes_out_of_the_settings_is_not_back() -> None:
+def test_dead_channel_removed_from_settings_is_not_reported_as_recovered() -> None:
     dead = WindowResult(
         index=0, start=0, end=1, phase="watching", channels=["a", "b"], faults={"c": "constant"}, modes=[], rms={}
     )

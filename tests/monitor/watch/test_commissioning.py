@@ -15,7 +15,7 @@ from updater import Body, t_structure_toml
 MASS, AT = 0.25, (0.0, 0.0, 0.9)
 
 
-def test_what_cannot_be_proven_yet_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unmet_conditions_of_the_proof_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(31, monkeypatch)
     pipeline = played.pipeline()
     run(pipeline, played.windows(3))
@@ -32,7 +32,7 @@ def test_what_cannot_be_proven_yet_is_said(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.thorough
-def test_drill_by_what_the_monitor_remembers(
+def test_proof_with_a_known_mass_from_the_saved_state(
     modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without_answers(monkeypatch)
@@ -73,7 +73,7 @@ def test_drill_by_what_the_monitor_remembers(
     assert names == [kept.name, kept.name.replace(".json", "_2.json")]
 
 
-def test_places_that_make_no_sense(modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_positions_are_refused(modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(33, monkeypatch)
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (tmp_path / "site.toml").write_text(played.text, encoding="utf-8")

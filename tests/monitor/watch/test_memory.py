@@ -44,7 +44,7 @@ class Held:
     st.none() | st.text(),
     st.integers(-(2**62), 2**62),
 )
-def test_any_values_come_back_to_the_last_bit(
+def test_all_values_are_restored_bit_for_bit(
     real: npt.NDArray[np.float64], turned: npt.NDArray[np.complex128], number: float, word: str | None, whole: int
 ) -> None:
     alarm = Alarm(rules=AlarmRules(latched=True), raised=whole, flips=(1, 2))
@@ -68,14 +68,14 @@ def test_any_values_come_back_to_the_last_bit(
         ("inside", {}, "inside: expected an object of"),
     ],
 )
-def test_values_of_another_kind_are_named(place: str, value: object, reported: str) -> None:
+def test_values_of_a_wrong_type_are_named(place: str, value: object, reported: str) -> None:
     held = encode(Held(np.ones(1), (), {}, None, 1, True, Alarm(rules=AlarmRules())))
     with pytest.raises(CodecError, match=reported):
         decode(Held, held | {place: value})
 
 
 @pytest.mark.parametrize("stops", [(3, BASELINE - 1, BASELINE, BASELINE + 3, BASELINE + 4)])
-def test_restarts_change_nothing_of_what_is_said(stops: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_restarts_do_not_change_the_results(stops: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     """The same windows with restarts between them: while a baseline is learnt; before, in and after a hold."""
     played = Played(5, monkeypatch)
     without_answers(monkeypatch)
@@ -94,7 +94,7 @@ def test_restarts_change_nothing_of_what_is_said(stops: tuple[int, ...], monkeyp
     ]  # one alarm, raised once
 
 
-def test_the_first_block_after_a_restart_says_what_is_watched_by(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_block_after_a_restart_reports_reference_and_active_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(6, monkeypatch)
     before = played.pipeline()
     run(before, played.windows(BASELINE))
@@ -115,7 +115,7 @@ def test_the_first_block_after_a_restart_says_what_is_watched_by(monkeypatch: py
     assert window.increments.n_windows == 3  # evidence of before the restart, less the window that may hold both states
 
 
-def test_limits_and_rules_are_those_of_the_settings_now(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_restored_run_uses_the_present_limits_and_rules(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(7, monkeypatch)
     pipeline = played.pipeline()
     run(pipeline, played.windows(BASELINE))
@@ -142,7 +142,9 @@ def remembered(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_memory_of_another_watch_says_what_differs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_saved_state_of_a_different_site_is_refused_with_the_difference(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     remembered(tmp_path, monkeypatch)
     structure, settings = parse_structure(t_structure_toml()), site_settings()
     assert recall(tmp_path, structure, settings).refused is None
@@ -155,7 +157,7 @@ def test_memory_of_another_watch_says_what_differs(tmp_path: Path, monkeypatch: 
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_damage_anywhere_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+def test_damaged_saved_state_is_detected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """A bit changed, or the end cut off; SHA-256 detects either."""
     path = remembered(tmp_path, monkeypatch)
     content = bytearray(path.read_bytes())
@@ -170,16 +172,18 @@ def test_damage_anywhere_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "memory.json" in (found.refused or "")
 
 
-def test_no_memory_is_no_complaint(tmp_path: Path) -> None:
+def test_missing_saved_state_is_no_error(tmp_path: Path) -> None:
     assert recall(tmp_path, parse_structure(t_structure_toml()), site_settings()).refused is None
 
 
-def test_other_version_is_refused() -> None:
+def test_saved_state_of_another_version_is_refused() -> None:
     with pytest.raises(CodecError, match=f"it is of version 99, this program reads {VERSION}"):
         parse_memory('{"modalwatch": 99, "sha256": ""}\n{}')
 
 
-def test_memory_is_written_only_after_what_it_rests_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_saved_state_is_written_only_after_its_result_is_logged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not before its result is logged, nor within the second after it; at the end at once."""
     now = 100.0
     monkeypatch.setattr("monitor.watch.memory.file.time.monotonic", lambda: now)
@@ -204,7 +208,7 @@ def test_memory_is_written_only_after_what_it_rests_on(tmp_path: Path, monkeypat
     assert [p.name for p in path.parent.iterdir()] == [MEMORY]
 
 
-def test_memory_that_comes_after_its_result_was_logged_is_written(tmp_path: Path) -> None:
+def test_state_arriving_after_its_result_was_logged_is_written(tmp_path: Path) -> None:
     """On a busy machine the log is quicker than the words: each memory waited for a result that had been before it."""
     path = tmp_path / MEMORY
     for n in range(3):
@@ -217,7 +221,7 @@ def test_memory_that_comes_after_its_result_was_logged_is_written(tmp_path: Path
         assert path.read_text() == f"memory {n}"
 
 
-def test_a_disk_that_takes_no_memory_is_said(tmp_path: Path) -> None:
+def test_unwritable_state_folder_is_reported(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("a file where the folder should be")
     event = Event(topic="/result/window", time=0, payload={})
     with MemoryFile(tmp_path / "state" / MEMORY) as memory:

@@ -14,7 +14,7 @@ def fails(*_: object, **__: object) -> None:
     raise IndexError("a case that nobody thought of")
 
 
-def test_alarm_is_raised_though_diagnosis_sensors_and_self_test_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_alarm_is_raised_although_diagnosis_sensor_check_and_self_test_fail(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each would end the process of the analysis, with each window again."""
     monkeypatch.setattr("monitor.watch.window_evaluator.answer", fails)
     monkeypatch.setattr("monitor.watch.window_evaluator.sensors", fails)
@@ -54,7 +54,7 @@ def broken(reference: Reference, comparison: Comparison) -> Cause:
         (("compare_windows", "locate_mass_with_forecast", "increment_result"), {"diagnosis"}),
     ],
 )
-def test_parts_of_the_answer_that_fail_cost_only_themselves(
+def test_failed_part_of_the_answer_does_not_affect_the_others(
     parts: tuple[str, ...], left: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The alarm is raised and the other parts are there; a cause that fails within the diagnosis is reported once."""

@@ -38,7 +38,7 @@ def frequencies(*bodies: Body) -> FloatArray:
     return build_model(structure, shear_flexible=True, mass="consistent").modes(8).frequency
 
 
-def test_mass_changes_frequencies_as_in_the_whole_model() -> None:
+def test_simulated_mass_shifts_frequencies_as_in_the_full_model() -> None:
     """Thirty modes represent the rest, within the allowed 2e-4: shifts are up to a tenth."""
     model, random = build_model(t_frame(), shear_flexible=True, mass="consistent"), np.random.default_rng(0)
     measured = [measure(model, random, np.ones(12)) for _ in range(3)]
@@ -54,7 +54,7 @@ def test_mass_changes_frequencies_as_in_the_whole_model() -> None:
 
 
 @pytest.mark.parametrize(("percent", "seen"), few_of([(8.0, range(DRAWS // 2, DRAWS + 1)), (1e-4, range(1))]))
-def test_what_weighs_enough_is_seen_and_nothing_is_not(
+def test_self_test_detects_a_sufficient_mass_and_no_negligible_one(
     percent: float, seen: range, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     played = Played(21, monkeypatch)
@@ -79,7 +79,7 @@ def test_what_weighs_enough_is_seen_and_nothing_is_not(
     assert [w.payload() for w in judged(reported)][1:] == [w.payload() for w in after]
 
 
-def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_self_tests_run_when_due_but_not_during_alarms(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played = Played(22, monkeypatch)
     played.settings = site_settings(OFTEN + "2.0")
@@ -93,7 +93,7 @@ def test_tests_come_when_due_after_a_restart_too_and_never_in_an_alarm(monkeypat
 
 
 @pytest.mark.parametrize(("percent", "passed", "tested"), few_of([(8.0, True, 1), (1e-4, False, 2)]))
-def test_one_that_failed_is_tried_again_the_next_day(
+def test_failed_self_test_is_repeated_the_next_day(
     percent: float, passed: bool, tested: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     without_answers(monkeypatch)
@@ -112,7 +112,7 @@ TEST = SelfTestResult(time=10**18, mass=0.15, places=24, detected=20, passed=Tru
 FAILED = TEST.model_copy(update={"detected": 3, "passed": False})
 
 
-def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
+def test_failed_self_test_and_next_success_are_each_reported_once(tmp_path: Path) -> None:
     assert TEST.text == "self-test passed: 150 g would raise the alarm at 20 of 24 places"
     assert TEST.probability == pytest.approx(20 / 24)
     news = NoticeFilter("frame")
@@ -134,7 +134,7 @@ def test_failed_test_is_told_and_the_next_that_passes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["[]", "", '{"time": 1}'])
-def test_last_test_remains_after_a_restart_and_a_damaged_file_is_no_status(tmp_path: Path, damage: str) -> None:
+def test_last_self_test_survives_restart_and_damaged_status_is_ignored(tmp_path: Path, damage: str) -> None:
     path = tmp_path / FILE_NAME
     assert read_status(path) is None
     for results in ([FAILED], []):
@@ -165,7 +165,9 @@ def test_self_test_in_metrics_and_on_the_page(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("days", "phase", "well"), [(7, "watching", False), (7, "learning", True), (0, "watching", True)]
 )
-def test_test_that_no_other_will_follow_makes_no_site_unwell(tmp_path: Path, days: int, phase: str, well: bool) -> None:
+def test_failed_self_test_without_a_successor_is_not_a_health_problem(
+    tmp_path: Path, days: int, phase: str, well: bool
+) -> None:
     """A test has failed before tests were turned off, or before a new baseline was learned."""
     path, pace = tmp_path / FILE_NAME, pace_of(site_settings(f"self_test_days = {days}"))
     before = MonitorStatus(path, (), Pace(step=600.0, window=600.0), SystemClock())

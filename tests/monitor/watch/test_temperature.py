@@ -51,14 +51,14 @@ def stated(*readings: tuple[float, float]) -> SiteTemperature:
     return weather
 
 
-def test_window_has_the_mean_of_its_readings_or_the_last_before() -> None:
+def test_window_temperature_is_mean_of_its_or_last_earlier_reading() -> None:
     weather = stated((95, 2.0), (101, 4.0), (109, 6.0), (111, 50.0))
     assert weather.of(window(100)) == 5.0
     assert weather.of(window(112)) == 50.0
     assert stated((41, 3.0)).of(window(100)) == 3.0  # 59 minutes old
 
 
-def test_devices_go_on_for_a_thermometer_that_fails_without_a_step() -> None:
+def test_device_temperature_replaces_a_failed_thermometer_without_a_step() -> None:
     """Devices in the sun measure 8 K more: with this offset removed their temperature continues, without a step."""
     weather = stated((101, 4.0), (111, 5.0))
     assert weather.of(window(100, own=12.0)) == 4.0
@@ -66,18 +66,18 @@ def test_devices_go_on_for_a_thermometer_that_fails_without_a_step() -> None:
     assert weather.of(window(300, own=10.0)) == pytest.approx(2.0)
 
 
-def test_devices_replace_a_failed_thermometer_after_a_restart_too() -> None:
+def test_device_temperature_replaces_a_failed_thermometer_after_a_restart() -> None:
     weather = stated((101, 4.0))
     weather.of(window(100, own=12.0))
     assert SiteTemperature(60.0, weather.offset).of(window(300, own=10.0)) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("own", [21.0, math.nan])
-def test_nothing_is_made_up_before_the_first_reading(own: float) -> None:
+def test_temperature_is_undefined_before_the_first_reading(own: float) -> None:
     assert math.isnan(stated().of(window(100, own)))
 
 
-def test_pipeline_judges_windows_by_the_thermometer(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pipeline_uses_the_thermometer_if_configured(monkeypatch: pytest.MonkeyPatch) -> None:
     """The devices measure 21.5 degC, the thermometer 3: windows have the latter, if the settings name one."""
     for section, expected in (("", 21.5), ('[temperature]\ncsv = "air.csv"\n', 3.0)):
         pipeline = Pipeline(parse_structure(t_structure_toml()), parse_settings(SITE + section))
@@ -115,7 +115,7 @@ class Csv:
         return [(event.time, event.payload["celsius"]) for event in events]
 
 
-def test_file_is_followed_line_by_line(tmp_path: Path) -> None:
+def test_csv_file_is_read_line_by_line(tmp_path: Path) -> None:
     file = Csv(tmp_path)
     old = "".join(f"{1000 + k},50,{k % 30}\n" for k in range(9000))
     assert file.add(old) == [(9999 * 10**9, 29.0)]  # only the last of what was there before
@@ -141,7 +141,7 @@ def test_file_is_followed_line_by_line(tmp_path: Path) -> None:
         "5,50,'" + "9" * 200_000,
     ],
 )
-def test_line_that_says_no_temperature_is_told_and_passed(tmp_path: Path, line: str) -> None:
+def test_invalid_line_is_reported_and_skipped(tmp_path: Path, line: str) -> None:
     file = Csv(tmp_path)
     file.add("1,50,8.0\n")
     assert file.add(f"{line}\n") == []
@@ -155,7 +155,7 @@ def test_line_that_says_no_temperature_is_told_and_passed(tmp_path: Path, line: 
     ("shift", "says"),
     [(-5 * 3600.0, "5 h behind now: expected UTC"), (2 * 3600.0, "2 h ahead of now"), (None, "ahead of now")],
 )
-def test_time_that_is_not_of_now_is_told(tmp_path: Path, shift: float | None, says: str) -> None:
+def test_reading_with_an_implausible_time_is_reported(tmp_path: Path, shift: float | None, says: str) -> None:
     """A logger by local time, or in milliseconds: its readings would never be used, or not fit into any log."""
     path = tmp_path / "air.csv"
     when = time.time() * 1000 if shift is None else time.time() + shift
@@ -170,7 +170,7 @@ def test_time_that_is_not_of_now_is_told(tmp_path: Path, shift: float | None, sa
     assert reader.problem is None
 
 
-def test_column_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_column_is_named(tmp_path: Path) -> None:
     file = Csv(tmp_path, "time,humidity\n")
     with pytest.raises(ValueError, match="column: expected one of humidity, found 'temperature'"):
         file.add("1,50\n")
@@ -183,9 +183,7 @@ def until(true: Callable[[], object]) -> None:
         time.sleep(0.01)
 
 
-def test_source_that_fails_is_told_once_and_again_when_it_is_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_source_failure_and_recovery_are_each_reported_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.service.acquisition.thermometer._POLL", 0.01)
     path, reported = tmp_path / "air.csv", list[Event]()
 
@@ -202,7 +200,7 @@ def test_source_that_fails_is_told_once_and_again_when_it_is_back(
     assert "No such file" in reported[0].payload["why"]
 
 
-def test_broker_that_refuses_is_told_with_its_reason() -> None:
+def test_broker_refusal_is_reported_with_its_reason() -> None:
     url = f"mqtt://127.0.0.1:{broker(answer=5)}/site/air"
     with thermometer(TemperatureSettings(mqtt=url), SystemClock()) as source:
         until(lambda: source.problem)
@@ -234,7 +232,7 @@ def broker(*payloads: bytes, answer: int = 0) -> int:
 @pytest.mark.parametrize(
     ("payloads", "celsius"), [((b"-2.5",), -2.5), ((b"warm", b'{"temperature": 7, "rh": 40}'), 7.0)]
 )
-def test_topic_says_a_number_or_an_object(payloads: tuple[bytes, ...], celsius: float) -> None:
+def test_mqtt_payload_is_a_number_or_an_object(payloads: tuple[bytes, ...], celsius: float) -> None:
     url = f"mqtt://127.0.0.1:{broker(*payloads)}/site/air"
     found: list[Event] = []
 
@@ -256,13 +254,13 @@ def test_topic_says_a_number_or_an_object(payloads: tuple[bytes, ...], celsius: 
         ('[temperature]\ncsv = "a"\nstale_minutes = 0\n', "temperature.stale_minutes"),
     ],
 )
-def test_settings_that_make_no_sense(section: str, says: str) -> None:
+def test_invalid_temperature_settings_are_refused(section: str, says: str) -> None:
     with pytest.raises(SettingsError) as caught:
         parse_settings(SITE + section)
     assert says in str(caught.value)
 
 
-def test_baseline_is_of_the_thermometer_wherever_the_site_lies(tmp_path: Path) -> None:
+def test_state_fingerprint_does_not_depend_on_the_site_folder(tmp_path: Path) -> None:
     """The analysis has the path as in the settings, a start as it is resolved: a restart must not learn again."""
     structure = parse_structure(t_structure_toml())
     (tmp_path / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")

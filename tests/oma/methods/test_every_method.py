@@ -15,7 +15,7 @@ def window() -> Recording:
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_modes_of_a_chain_with_a_gap_and_a_dead_channel(name: str) -> None:
+def test_chain_modes_are_identified_with_gap_and_constant_channel(name: str) -> None:
     recording = window()
     recording.data[1000:1200, 1] = np.nan
     recording.data[:, 2] = 0.5
@@ -31,7 +31,7 @@ def test_modes_of_a_chain_with_a_gap_and_a_dead_channel(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_equal_data_give_equal_digits_whatever_their_unit(name: str) -> None:
+def test_results_are_independent_of_data_unit(name: str) -> None:
     """A power of two is exact in floating point."""
     first = identify_all(window(), METHODS[name]())
     again = identify_all(replace(window(), data=window().data / 1024), METHODS[name]())
@@ -42,13 +42,13 @@ def test_equal_data_give_equal_digits_whatever_their_unit(name: str) -> None:
 
 @pytest.mark.parametrize("name", METHODS)
 @pytest.mark.parametrize("n", [2, 40, 400])
-def test_what_is_too_short_is_refused(name: str, n: int) -> None:
+def test_too_short_recording_is_refused(name: str, n: int) -> None:
     with pytest.raises(IdentificationError):
         identify(replace(window(), data=window().data[:n]), METHODS[name]())
 
 
 @pytest.mark.parametrize("name", ["fsdd", "plscf"])
-def test_a_tone_is_no_mode(name: str) -> None:
+def test_tone_is_not_reported_as_mode(name: str) -> None:
     recording = simulate(chain(), 300.0, 50.0, 5)
     tone = np.sin(2 * np.pi * 7.3 * np.arange(len(recording.data)) / 50.0)
     recording.data[:] += np.outer(tone, np.linspace(1, 2, 6)) * recording.data.std()

@@ -34,7 +34,7 @@ def law(truth: Structure, duration: float) -> FloatArray:
 
 @pytest.mark.parametrize("method", [FDD, EFDD, FSDD])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_all_modes_of_a_chain_are_found_and_none_false(method: type[FDD], seed: int) -> None:
+def test_all_chain_modes_are_identified_without_false_modes(method: type[FDD], seed: int) -> None:
     found, truth = estimate(method.name, seed), chain()
     assert found.n_modes == 6, found.frequency
     assert np.all(np.diag(mac_matrix(found.shape, truth.shapes)) > 0.99)
@@ -44,7 +44,9 @@ def test_all_modes_of_a_chain_are_found_and_none_false(method: type[FDD], seed: 
 
 
 @pytest.mark.parametrize(("method", "frequency", "damping"), [(FSDD, 1.5, 1.7), (EFDD, 3.0, 3.0), (FDD, 5.0, 1.7)])
-def test_errors_are_near_the_law_as_far_as_the_method_goes(method: type[FDD], frequency: float, damping: float) -> None:
+def test_errors_relative_to_uncertainty_law_are_within_method_limits(
+    method: type[FDD], frequency: float, damping: float
+) -> None:
     """Root mean square of 24 modes over the uncertainty law's; 1.05, 1.9, 3.3 and 1.3, 1.9 measured on 40 windows."""
     limits = law(chain(), 300.0)
     errors = [
@@ -57,7 +59,7 @@ def test_errors_are_near_the_law_as_far_as_the_method_goes(method: type[FDD], fr
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_close_modes_are_told_apart(seed: int) -> None:
+def test_close_modes_are_separated(seed: int) -> None:
     """A pair 1.7 % apart in 120 s: the bells overlap to half their height."""
     truth = frame()
     found = identify(simulate(truth, 120.0, 1000.0, seed), FSDD(), band=(8.0, 60.0))
@@ -66,7 +68,7 @@ def test_close_modes_are_told_apart(seed: int) -> None:
     assert np.all(np.diag(mac_matrix(found.shape, truth.shapes[:3])) > 0.9)
 
 
-def test_gaps_are_left_out() -> None:
+def test_all_modes_are_identified_from_data_with_gaps() -> None:
     recording = simulate(chain(), 400.0, 50.0, 3)
     recording.data[5000:7000, 2] = np.nan
     recording.data[12_000:12_010] = np.nan
@@ -76,14 +78,14 @@ def test_gaps_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_noise_has_no_modes(seed: int) -> None:
+def test_no_modes_are_identified_in_noise(seed: int) -> None:
     recording = window(0)
     quiet = np.random.default_rng(seed).standard_normal(recording.data.shape)
     with pytest.raises(IdentificationError, match=r"is a mode|too short"):
         identify(Recording(channels=recording.channels, data=quiet, rate=50.0, start=0), FSDD())
 
 
-def test_a_rolling_window_is_the_window() -> None:
+def test_rolling_window_equals_new_window() -> None:
     """Blocks that were dropped leave no trace but the segment that reaches into the window."""
     level = Level(rate=50.0, band=(1.0, 20.0), noise_lags=0)
     method, data = FSDD(n_fft=512), simulate(chain(), 800.0, 50.0, 1).data
@@ -98,7 +100,7 @@ def test_a_rolling_window_is_the_window() -> None:
     assert np.all(np.abs(frequencies[0] - frequencies[1]) < 0.3 * law(chain(), 400.0)[0])
 
 
-def test_a_bell_narrower_than_a_line_has_its_damping() -> None:
+def test_damping_is_correct_for_peak_narrower_than_spectral_line() -> None:
     """Of the expected spectrum itself, without chance: the effect of the window is known exactly."""
     pole = complex(-0.004, 0.8)
     n_fft, n = 256, 40_000
@@ -115,7 +117,7 @@ def test_a_bell_narrower_than_a_line_has_its_damping() -> None:
     assert fit.pole.real == pytest.approx(pole.real, rel=0.02)
 
 
-def test_the_influence_of_a_line_is_the_derivative_of_the_pole() -> None:
+def test_influence_of_spectral_line_is_derivative_of_pole() -> None:
     rng = np.random.default_rng(2)
     system = signal.cont2discrete((np.array([1.0, 0.0]), np.array([1.0, 0.02, 1.0])), 1.0)
     data = signal.lfilter(system[0].ravel(), system[1], rng.standard_normal((20_000, 1)), axis=0) * np.ones(2)
@@ -136,6 +138,6 @@ def test_the_influence_of_a_line_is_the_derivative_of_the_pole() -> None:
 
 @pytest.mark.parametrize("options", [{"n_fft": 8}, {"n_blocks": 2}, {"decimation": 1}])
 @pytest.mark.parametrize("method", [FDD, EFDD, FSDD])
-def test_impossible_options_are_refused(method: type[FDD], options: dict[str, int]) -> None:
+def test_invalid_options_are_refused(method: type[FDD], options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="expected at least"):
         method(**options)  # type: ignore[arg-type]

@@ -32,7 +32,7 @@ def estimate(seed: int) -> ModalEstimate:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_all_modes_of_a_chain_are_found_and_none_false(seed: int) -> None:
+def test_all_chain_modes_are_identified_without_false_modes(seed: int) -> None:
     found, truth = estimate(seed), chain()
     assert found.n_modes == 6, found.frequency
     assert np.all(np.diag(mac_matrix(found.shape, truth.shapes)) > 0.99)
@@ -40,13 +40,13 @@ def test_all_modes_of_a_chain_are_found_and_none_false(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", few_of(range(3)))
-def test_all_modes_of_a_frame_with_two_close_ones_are_found(seed: int) -> None:
+def test_all_frame_modes_with_a_close_pair_are_identified(seed: int) -> None:
     found = identify(simulate(frame(), 60.0, 1000.0, seed), PLSCF())
     assert found.n_modes == 8, found.frequency
     assert np.all(np.diag(mac_matrix(found.shape, frame().shapes)) > 0.9)
 
 
-def test_errors_are_near_the_law_and_claimed_deviations_cover() -> None:
+def test_stated_deviations_cover_errors_near_the_uncertainty_law() -> None:
     """Of 36 modes, measured on 40 windows: 1.05 times the law for frequencies, 1.2 for damping."""
     truth = chain()
     pairs = zip(truth.frequency, truth.damping, strict=True)
@@ -62,13 +62,13 @@ def test_errors_are_near_the_law_and_claimed_deviations_cover() -> None:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_noise_has_no_modes(seed: int) -> None:
+def test_no_modes_are_identified_in_noise(seed: int) -> None:
     quiet = np.random.default_rng(seed).standard_normal(window(0).data.shape)
     with pytest.raises(IdentificationError, match="no resonance"):
         identify(replace(window(0), data=quiet), PLSCF())
 
 
-def test_two_channels_and_gaps_are_enough() -> None:
+def test_modes_are_identified_from_two_channels_with_gaps() -> None:
     recording = simulate(chain(), 400.0, 50.0, 2)
     recording.data[5000:7000, 2] = np.nan
     few = replace(recording, channels=recording.channels[2::3], data=recording.data[:, 2::3])
@@ -88,7 +88,7 @@ def free_decays(n_lags: int) -> tuple[FloatArray, FloatArray]:
     return np.einsum("tm,mij->tij", np.exp(np.outer(np.arange(n_lags), pole)), residue).real, pole
 
 
-def test_poles_of_decays_are_exact_and_the_window_is_taken_out_of_the_damping() -> None:
+def test_poles_of_free_decays_are_exact_after_window_correction() -> None:
     correlation, pole = free_decays(400)
     decay = -np.log(1e-6) / 400  # what is cut off at the end is a millionth
     spectrum = half_spectrum(correlation * np.exp(-decay * np.arange(400))[:, None, None], BAND)
@@ -98,7 +98,7 @@ def test_poles_of_decays_are_exact_and_the_window_is_taken_out_of_the_damping() 
         assert np.abs(found - expected).min() < 1e-4  # the ridge of the normal equations, where there is no noise
 
 
-def test_all_orders_come_from_one_set_of_equations() -> None:
+def test_poles_of_an_order_are_independent_of_other_requested_orders() -> None:
     """An order is the same whether others are requested with it or not."""
     correlation = correlation_sums(window(0).data, 80, 1).mean[1:]
     spectrum = half_spectrum(correlation, BAND)
@@ -107,7 +107,7 @@ def test_all_orders_come_from_one_set_of_equations() -> None:
     assert np.allclose(np.sort(np.abs(alone.root)), np.sort(np.abs(among.root)), rtol=1e-6)
 
 
-def test_the_influence_of_a_block_is_the_derivative_of_poles_by_its_share() -> None:
+def test_block_influences_are_derivatives_of_poles_and_shapes() -> None:
     sums = correlation_sums(window(1).data / window(1).data.std(axis=0), 81, 6)
     decay = -np.log(0.01) / 80
     tapered = np.exp(-decay * np.arange(80))[:, None, None]
@@ -141,7 +141,7 @@ def test_the_influence_of_a_block_is_the_derivative_of_poles_by_its_share() -> N
         assert np.linalg.norm(stated.real - slope.real) < 0.2 * np.linalg.norm(slope.real)
 
 
-def test_stated_deviations_of_shapes_cover() -> None:
+def test_stated_shape_deviations_cover_the_errors() -> None:
     inside = []
     for seed in SEEDS:
         shape = estimate(seed).shape.real
@@ -155,6 +155,6 @@ def test_stated_deviations_of_shapes_cover() -> None:
     "options",
     [{"n_lags": 5}, {"n_references": 0}, {"n_orders": 2}, {"n_blocks": 2}, {"decimation": 1}, {"window": 2.0}],
 )
-def test_impossible_options_are_refused(options: dict[str, int]) -> None:
+def test_invalid_options_are_refused(options: dict[str, int]) -> None:
     with pytest.raises(ValueError, match="expected"):
         PLSCF(**options)  # type: ignore[arg-type]

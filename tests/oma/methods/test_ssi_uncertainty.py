@@ -52,7 +52,7 @@ def modes(correlation: FloatArray) -> tuple[FloatArray, FloatArray, ComplexArray
     return np.abs(pole[up]) / (2 * np.pi), -pole[up].real / np.abs(pole[up]), normalise(model.shape[up])
 
 
-def test_influences_are_the_derivatives_of_frequency_damping_and_shape() -> None:
+def test_influences_are_derivatives_of_frequency_damping_and_shape() -> None:
     mean = exact_correlations()
     noise = np.random.default_rng(11).standard_normal((BLOCKS, LAGS, 3, 3))
     counts = np.array([100.0, 150.0, 80.0, 120.0])[:, None] * np.ones(LAGS)
@@ -73,7 +73,7 @@ def test_influences_are_the_derivatives_of_frequency_damping_and_shape() -> None
             np.testing.assert_allclose(influence.shape[b], shape[k], rtol=1e-4, atol=1e-4 * np.abs(shape[k]).max())
 
 
-def test_moves_of_a_pole_are_those_of_frequency_and_damping() -> None:
+def test_pole_changes_are_converted_to_frequency_and_damping_changes() -> None:
     pole, moves = -1.3 + 21.0j, np.array([1.0, 1.0j, 0.4 - 0.7j])
 
     after, before = pole + 1e-5 * moves, pole - 1e-5 * moves
@@ -84,14 +84,14 @@ def test_moves_of_a_pole_are_those_of_frequency_and_damping() -> None:
     )
 
 
-def test_moves_of_a_raw_shape_are_those_of_the_normalised_one() -> None:
+def test_shape_changes_are_converted_to_normalised_shape_changes() -> None:
     random = np.random.default_rng(5)
     shape, move = (random.standard_normal((n, 4)) + 1j * random.standard_normal((n, 4)) for n in (1, 3))
     expected = (normalise(shape + 1e-6 * move) - normalise(shape - 1e-6 * move)) / 2e-6
     np.testing.assert_allclose(normalised_move(shape[0], move), expected, atol=1e-7)
 
 
-def test_sum_of_blocks_scatters_by_the_root_of_their_number() -> None:
+def test_deviation_of_block_sum_grows_with_root_of_block_count() -> None:
     random = np.random.default_rng(6)
     assert block_std(np.array([[1.0], [-1.0], [1.0], [-1.0]])).tolist() == pytest.approx([4 / np.sqrt(3)])
     claimed = [block_std(random.normal(0.0, 0.2, 30)) for _ in range(400)]
@@ -113,7 +113,7 @@ def window(first: float, seed: int) -> ModalEstimate:
 @pytest.mark.parametrize(
     ("first", "n"), [(2.0, 4), (10.0, 4), (100.0, 4), *few_of([(2.0, 60), (10.0, 60), (100.0, 60)], 0)]
 )
-def test_claimed_deviations_cover_damping_and_shapes(first: float, n: int) -> None:
+def test_stated_deviations_cover_damping_and_shape_errors(first: float, n: int) -> None:
     """At 2, 10 and 100 Hz alike; 93 % is the least coverage of two Student deviations of 30 blocks."""
     truth = chain(3, first, 0.01)
     found = [window(first, seed) for seed in range(n)]

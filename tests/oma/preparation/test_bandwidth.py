@@ -20,27 +20,27 @@ RATE = 10.0  # Hz: the third mode lies at 0.425 of it
 
 
 @pytest.mark.parametrize(("band", "modes"), [(None, [0, 1, 2]), ((4.05, 4.9), [2]), ((0.5, 4.0), [0, 1])])
-def test_a_mode_above_two_fifths_of_the_rate_is_found(band: tuple[float, float] | None, modes: list[int]) -> None:
+def test_mode_above_0_4_of_sampling_rate_is_identified(band: tuple[float, float] | None, modes: list[int]) -> None:
     found = identify_all(simulate(BUILDING, 1200.0, RATE, 5, noise=0.2), band=band)
     assert found.band == pytest.approx((band[0], min(band[1], 4.8)) if band else (100 / 1200, 4.8))
     assert found.estimate.n_modes == len(modes)
     assert (abs(found.estimate.frequency - BUILDING.frequency[modes]) < 4 * found.estimate.frequency_std).all()
 
 
-def test_a_band_beyond_the_usable_end_is_refused() -> None:
+def test_band_above_usable_frequency_is_refused() -> None:
     with pytest.raises(ValueError, match=r"expected low < 4.8 Hz \(0.48 of the rate\), found 4.85 Hz"):
         identify_all(simulate(BUILDING, 60.0, RATE, 5), band=(4.85, 5.0))
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_an_anti_alias_filter_ends_the_band_earlier(seed: int) -> None:
+def test_anti_alias_filter_lowers_upper_end_of_band(seed: int) -> None:
     recording = anti_aliased(simulate(frame_with_higher_modes(), 20.0, 4000.0, seed), 4, 0.01, seed)
     assert usable_share(recording.data) == PASS
     assert identify_all(recording).band[1] == PASS * recording.rate
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_without_a_filter_there_is_no_slope(seed: int) -> None:
+def test_usable_band_is_reduced_only_by_a_filter_slope(seed: int) -> None:
     # six segments, the fewest that are looked at: the floor of one channel scatters by some 2 dB, against 6 dB
     rng = np.random.default_rng(seed)
     white = rng.standard_normal((6 * 256, 3))
@@ -52,7 +52,7 @@ def test_without_a_filter_there_is_no_slope(seed: int) -> None:
     assert usable_share(gap.data) == TOP
 
 
-def test_modes_near_half_the_rate_may_be_aliases_and_are_left_out_of_what_is_sure() -> None:
+def test_modes_near_nyquist_are_uncertain_unless_band_is_chosen() -> None:
     """A mode at 4.6 Hz of a 10 Hz record, where converters let aliases pass; a band that is chosen keeps it."""
     print("seed 14")
     high = replace(BUILDING, frequency=np.array([0.9, 2.6, 4.6]))

@@ -10,7 +10,7 @@ def recording(data: FloatArray) -> Recording:
     return Recording(channels=channels, data=data, rate=100.0, start=0)
 
 
-def test_faults_are_named() -> None:
+def test_channel_faults_are_classified() -> None:
     data = np.random.default_rng(0).standard_normal((1000, 4))
     data[:, 0] = np.nan
     data[:, 1] = 9.81
@@ -24,7 +24,7 @@ def test_faults_are_named() -> None:
     assert [fault.kind for fault in found.values()] == ["no_signal", "no_signal", "gaps"]
 
 
-def test_the_channel_with_most_gaps_is_given_up_first() -> None:
+def test_channel_with_most_gaps_is_excluded_first() -> None:
     data = np.random.default_rng(0).standard_normal((1000, 3))
     data[:400, 0] = np.nan
     data[700:, 1] = np.nan
@@ -34,7 +34,7 @@ def test_the_channel_with_most_gaps_is_given_up_first() -> None:
     assert [fault.kind for fault in faults.values()] == ["gaps", "gaps"]
 
 
-def test_mean_and_slope_go_whatever_is_missing() -> None:
+def test_mean_and_slope_are_removed_despite_gaps() -> None:
     data = (3.0 + 0.01 * np.arange(500.0))[:, None] * np.ones(2)
     data[100:300, 1] = np.nan
     assert np.nanmax(np.abs(detrended(data))) < 1e-12

@@ -34,7 +34,7 @@ def window() -> Recording:
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_and_biases_no_mode(fault: str) -> None:
+def test_channel_fault_is_reported_and_biases_no_mode(fault: str) -> None:
     found = identify_all(faulty(window(), fault, SEED))
     reported = {name: state for name, state in found.channels.items() if state != "ok"}
     expected = (GIVEN_UP | MENDED | UNHARMED)[fault]
@@ -52,20 +52,20 @@ def test_a_fault_is_named_and_biases_no_mode(fault: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_sound_channels_have_no_fault(seed: int) -> None:
+def test_fault_free_channels_have_no_reported_fault(seed: int) -> None:
     recording = simulate(chain(), 60.0, 50.0, seed, noise=0.01)
     assert channel_faults(recording) == {}
     coarse = 0.2 * recording.data.std()  # a converter of few levels piles up nothing at its highest one
     assert channel_faults(replace(recording, data=coarse * np.round(recording.data / coarse))) == {}
 
 
-def test_blows_that_all_channels_feel_are_no_spikes() -> None:
+def test_impacts_on_all_channels_are_not_spikes() -> None:
     recording = simulate(chain(), 60.0, 50.0, 3, noise=0.01, taps=20)
     assert channel_faults(recording) == {}
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_clipping_of_one_sample_in_a_hundred_leaves_a_channel_its_gain(seed: int) -> None:
+def test_gain_is_restored_after_clipping_of_one_percent(seed: int) -> None:
     """Clipping takes its share of the samples off the gain, replacing them gives at least three quarters back."""
     recording = simulate(chain(), 60.0, 50.0, seed, noise=0.01)
     data = recording.data.copy()
@@ -80,7 +80,7 @@ def test_clipping_of_one_sample_in_a_hundred_leaves_a_channel_its_gain(seed: int
     assert abs(left) < 0.25 * loss
 
 
-def test_a_spike_is_taken_out_with_its_neighbours() -> None:
+def test_spike_is_removed_with_adjacent_samples() -> None:
     data = window().data.copy()
     data[1000, 4] += 50 * data[:, 4].std()
     mended, taken = without_spikes(data)
@@ -89,7 +89,7 @@ def test_a_spike_is_taken_out_with_its_neighbours() -> None:
     assert not np.isnan(np.delete(mended, 4, axis=1)).any()
 
 
-def test_a_channel_of_spikes_is_given_up() -> None:
+def test_channel_with_many_spikes_is_excluded() -> None:
     data = window().data.copy()
     data[::40, 4] += 50 * data[:, 4].std()  # with neighbours an eighth of the samples
     found = identify_all(replace(window(), data=data))
@@ -97,7 +97,7 @@ def test_a_channel_of_spikes_is_given_up() -> None:
     assert "mass_5" not in found.estimate.channels
 
 
-def test_the_quality_of_a_window_is_told() -> None:
+def test_window_quality_is_reported() -> None:
     found = identify_all(window())
     assert found.quality.complete == 1.0
     assert found.quality.cycles == pytest.approx(60 * 2.0, rel=0.02)
@@ -127,7 +127,7 @@ def test_the_quality_of_a_window_is_told() -> None:
         (np.random.default_rng(0).standard_normal((400, 3)), "too short: at least"),
     ],
 )
-def test_what_cannot_be_identified_is_one_clear_error(data: FloatArray, says: str) -> None:
+def test_unusable_recording_gives_one_line_error(data: FloatArray, says: str) -> None:
     channels = tuple(Channel(name=f"c{i}", device="d", axis=0) for i in range(data.shape[1]))
     with pytest.raises(IdentificationError, match=says) as caught:
         identify_all(Recording(channels=channels, data=data, rate=100.0, start=0))

@@ -4,7 +4,7 @@ from oma.preparation.gaps import ORDER, filled, short_gaps
 from tests.support.oma.scenes import SCENES
 
 
-def test_what_can_be_told_from_the_others_is_filled() -> None:
+def test_missing_samples_are_predicted_from_other_channels() -> None:
     whole = SCENES["short"].record(2).data
     missing = np.random.default_rng(2).random(whole.shape) < 0.1
     found = filled(np.where(missing, np.nan, whole))
@@ -14,7 +14,7 @@ def test_what_can_be_told_from_the_others_is_filled() -> None:
     assert np.std((found - whole)[missing]) < 0.25 * np.std(whole)
 
 
-def test_a_sum_of_sines_is_filled_to_its_noise() -> None:
+def test_gaps_in_sum_of_sines_are_filled_to_noise_level() -> None:
     time = np.arange(2000.0)
     whole = np.column_stack([np.sin(0.3 * time), np.sin(0.3 * time + 1) + np.sin(1.1 * time)])
     noise = 1e-3 * np.random.default_rng(0).standard_normal(whole.shape)
@@ -23,7 +23,7 @@ def test_a_sum_of_sines_is_filled_to_its_noise() -> None:
     assert np.sqrt(np.mean((found - whole)[missing] ** 2)) < 3e-3
 
 
-def test_long_gaps_stay() -> None:
+def test_long_gaps_are_not_filled() -> None:
     data = SCENES["short"].record(2).data.copy()
     data[100 : 100 + ORDER, 3] = np.nan
     data[300 : 300 + ORDER + 1, 3] = np.nan
@@ -33,7 +33,7 @@ def test_long_gaps_stay() -> None:
     assert short_gaps(np.isnan(data)).sum() == ORDER
 
 
-def test_short_recordings_are_left_alone() -> None:
+def test_short_recordings_are_not_changed() -> None:
     data = np.ones((20, 3))
     data[4, 1] = np.nan
     assert filled(data) is data

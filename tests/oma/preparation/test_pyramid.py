@@ -9,7 +9,7 @@ from oma.preparation import Decimator, HighPass, levels
 
 
 @pytest.mark.parametrize(("frequency", "kept"), [(5.0, True), (8.0, True), (12.0, False), (20.0, False), (45.0, False)])
-def test_decimation_by_five_keeps_the_band_and_folds_nothing_into_it(frequency: float, kept: bool) -> None:
+def test_decimation_by_five_keeps_band_without_aliasing(frequency: float, kept: bool) -> None:
     # 100 Hz to 20 Hz: the band kept ends at 0.40 x 20 = 8 Hz, and only what lies above 0.60 x 20 folds into it
     tone = np.sin(2 * np.pi * frequency * np.arange(4000) / 100.0)[:, None]
     rms = np.sqrt(2 * np.mean(Decimator(5).add(tone) ** 2))
@@ -19,7 +19,7 @@ def test_decimation_by_five_keeps_the_band_and_folds_nothing_into_it(frequency: 
         assert rms < 3e-4  # 75 dB down, and the ends of the tone
 
 
-def test_long_gaps_stay_and_short_ones_are_bridged() -> None:
+def test_long_gaps_are_kept_and_short_gaps_are_bridged() -> None:
     data = np.sin(2 * np.pi * 2.0 * np.arange(4000) / 100.0)[:, None] * np.ones(3)
     whole = Decimator(5).add(data)
     data[1000:1500, 1] = np.nan
@@ -31,19 +31,19 @@ def test_long_gaps_stay_and_short_ones_are_bridged() -> None:
     assert np.nanmax(np.abs(found - whole)) < 0.25 * 1.9
 
 
-def test_the_bands_of_the_pyramid_cover_the_band_asked_for() -> None:
+def test_pyramid_bands_cover_the_requested_band() -> None:
     bands = [level.band for level in levels(1000.0, (1.7, 400.0), 5) if level]
     assert bands[0][1] == 400.0
     assert bands[-1][0] == 1.7
     assert all(higher[0] < lower[1] for higher, lower in pairwise(bands))
 
 
-def test_no_rate_is_analysed_above_the_band() -> None:
+def test_rates_above_the_band_are_not_analysed() -> None:
     assert [level and level.rate for level in levels(1000.0, (1.0, 10.0), 5)] == [None, None, 40.0, 8.0]
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_filters_do_not_mind_how_a_stream_is_cut(seed: int) -> None:
+def test_filter_output_is_independent_of_chunking(seed: int) -> None:
     random = np.random.default_rng(seed)
     data = random.normal([0.0, 100.0], 1.0, (3000, 2))
     data[700:703, 0] = np.nan
@@ -60,7 +60,7 @@ def test_filters_do_not_mind_how_a_stream_is_cut(seed: int) -> None:
     assert np.allclose(rest, again.add(data[800:]), atol=1e-9)
 
 
-def test_mean_and_drift_go_and_a_tone_above_the_corner_stays() -> None:
+def test_high_pass_removes_mean_and_drift_and_keeps_tone() -> None:
     time = np.arange(60_000.0)
     tone = np.sin(2 * np.pi * 0.01 * time)
     found = HighPass(0.001).add((5.0 + 1e-4 * time + tone)[:, None])[:, 0]

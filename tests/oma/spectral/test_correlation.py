@@ -25,7 +25,7 @@ def brute(data: np.ndarray, n_lags: int, start: int, stop: int) -> tuple[np.ndar
 ])  # fmt: skip
 @pytest.mark.parametrize("gaps", [False, True])
 @pytest.mark.parametrize("references", [None, (2,), (0, 2)])
-def test_sums_equal_the_definition_however_the_stream_is_cut(
+def test_correlation_sums_equal_definition_for_any_chunking(
     n_samples: int, n_lags: int, ends: tuple[int, ...], gaps: bool, references: tuple[int, ...] | None
 ) -> None:
     data = np.random.default_rng(n_samples).standard_normal((n_samples, 3))
@@ -42,7 +42,7 @@ def test_sums_equal_the_definition_however_the_stream_is_cut(
         assert np.array_equal(accumulator.blocks[b][1], counts)
 
 
-def test_a_window_rolls_by_adding_and_dropping_blocks() -> None:
+def test_rolling_correlation_equals_that_of_remaining_blocks() -> None:
     data = np.random.default_rng(3).standard_normal((600, 2))
     rolling = CorrelationAccumulator(2, 8)
     for block in np.split(data, 6):
@@ -52,13 +52,13 @@ def test_a_window_rolls_by_adding_and_dropping_blocks() -> None:
     assert np.allclose(rolling.sums.mean, sums / counts[:, None, None], atol=1e-11)
 
 
-def test_influences_of_the_blocks_add_up_to_nothing() -> None:
+def test_block_influences_sum_to_zero() -> None:
     data = np.random.default_rng(1).standard_normal((500, 2))
     data[100:130, 0] = np.nan
     assert np.max(np.abs(np.sum(list(correlation_sums(data, 9, 5).influences()), axis=0))) < 1e-14
 
 
-def test_influence_is_the_first_order_change_of_leaving_a_block_out() -> None:
+def test_influence_is_first_order_change_on_omitting_a_block() -> None:
     data = np.random.default_rng(2).standard_normal((4000, 2))
     found = correlation_sums(data, 4, 20)
     without = np.sum(found.sums[1:], axis=0) / found.counts[1:].sum(axis=0)[:, None, None]
@@ -66,7 +66,7 @@ def test_influence_is_the_first_order_change_of_leaving_a_block_out() -> None:
     assert np.allclose(without - found.mean, -next(found.influences()) * 20 / 19, rtol=2e-3, atol=1e-12)
 
 
-def test_channels_never_there_together_are_refused() -> None:
+def test_channels_without_common_samples_are_refused() -> None:
     data = np.random.default_rng(5).standard_normal((100, 2))
     data[:55, 0] = np.nan
     data[45:, 1] = np.nan

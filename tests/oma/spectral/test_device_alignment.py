@@ -20,14 +20,14 @@ def delayed(recording: Recording, late: dict[str, float]) -> Recording:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_delays_are_found_within_what_modes_do_not_mind(seed: int) -> None:
+def test_device_delays_are_estimated_within_0_2_ms(seed: int) -> None:
     """Other windows scatter by 50 us, of noise; 0.2 ms leave modes up to 300 Hz as real as 0.87 (cos^2)."""
     found = device_delays(delayed(simulate(frame(), 40.0, 1000.0, seed), LATE))
     assert list(found) == sorted(DEVICES)
     assert found == pytest.approx({name: LATE.get(name, 0.0) for name in DEVICES}, abs=2e-4)
 
 
-def test_delays_cost_no_modes() -> None:
+def test_number_of_modes_is_unaffected_by_device_delays() -> None:
     recording = simulate(frame(), 60.0, 1000.0, 4)
     plain, late = identify_all(recording), identify_all(delayed(recording, LATE))
     assert not any(plain.delays.values())
@@ -37,14 +37,14 @@ def test_delays_cost_no_modes() -> None:
     assert np.all(np.diag(mac_matrix(late.estimate.shape, plain.estimate.shape)) > 0.95)
 
 
-def test_small_delays_and_a_device_of_noise_are_left_alone() -> None:
+def test_small_delays_and_noise_device_are_not_corrected() -> None:
     recording = simulate(frame(), 40.0, 1000.0, 5)
     data = delayed(recording, {"beam_mid": 1e-4}).data
     data[:, -2:] = np.random.default_rng(6).standard_normal((len(data), 2))
     assert device_delays(replace(recording, data=data)) == dict.fromkeys(sorted(DEVICES), 0.0)
 
 
-def test_a_shift_forth_and_back_changes_nothing_but_ends_and_gaps() -> None:
+def test_time_shift_and_its_inverse_change_only_ends_and_gaps() -> None:
     recording = simulate(frame(), 5.0, 1000.0, 7)
     gap = recording.data.copy()
     gap[2000:2100, 8:10] = np.nan
@@ -58,7 +58,7 @@ def test_a_shift_forth_and_back_changes_nothing_but_ends_and_gaps() -> None:
         np.testing.assert_allclose(back[there], data[there], atol=0.1 * float(np.nanstd(data)))
 
 
-def test_what_is_too_short_or_one_device_has_no_delays() -> None:
+def test_delays_of_short_record_or_single_device_are_zero() -> None:
     recording = simulate(frame(), 1.0, 1000.0, 8)
     assert not any(device_delays(recording).values())
     alone = tuple(Channel(name=c.name, device="all", axis=0) for c in recording.channels)

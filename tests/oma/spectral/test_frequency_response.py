@@ -20,7 +20,7 @@ def accelerance() -> np.ndarray:
 
 
 @pytest.mark.parametrize("mode", range(3))
-def test_clean_responses_give_each_mode(mode: int) -> None:
+def test_modes_are_identified_from_noise_free_responses(mode: int) -> None:
     frequency, damping, residue = MODES[mode]
     found = fit_resonance(LINES, accelerance(), (0.8 * frequency, 1.2 * frequency))
     # what other modes' curvature leaves of a straight line over 1.2 Hz: 5e-5 of the resonance
@@ -30,7 +30,7 @@ def test_clean_responses_give_each_mode(mode: int) -> None:
     assert found.misfit < 1e-4
 
 
-def test_deviations_are_what_noise_scatters_by() -> None:
+def test_stated_deviations_equal_scatter_due_to_noise() -> None:
     random = np.random.default_rng(5)
     frequency, damping, residue = MODES[1]
     clean, z = accelerance(), []
@@ -50,16 +50,16 @@ def test_deviations_are_what_noise_scatters_by() -> None:
     assert np.all(np.abs(np.mean(z, axis=0)) < 0.4)  # four deviations of a mean of 100
 
 
-def test_a_band_without_a_resonance_is_refused() -> None:
+def test_band_without_resonance_is_refused() -> None:
     with pytest.raises(IdentificationError, match="no resonance"):
         fit_resonance(LINES, accelerance(), (33.0, 45.0))
 
 
-def test_a_band_of_few_lines_is_refused() -> None:
+def test_band_of_few_lines_is_refused() -> None:
     with pytest.raises(IdentificationError, match="expected 24 lines"):
         fit_resonance(LINES, accelerance(), (18.0, 18.5))
 
 
-def test_one_response_must_be_a_column() -> None:
+def test_one_dimensional_response_is_refused() -> None:
     with pytest.raises(ValueError, match="n_responses"):
         fit_resonance(LINES, accelerance()[:, 0], (15.0, 22.0))

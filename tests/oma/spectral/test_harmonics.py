@@ -30,7 +30,7 @@ def power_of_resonances(times: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("times", [4, 8, 32, 128, 512])
-def test_a_resonance_is_as_steady_as_a_tone_once_in_ten_thousand_windows(times: float) -> None:
+def test_false_tone_rate_of_steadiness_limit_is_1_in_10000(times: float) -> None:
     mean, variance = power_of_resonances(times)
     variation = variance / mean**2
     assert np.sum(variation < steadiest(times)) <= stats.binom.ppf(1 - 1e-4, N_WINDOWS, 1e-4)
@@ -38,14 +38,14 @@ def test_a_resonance_is_as_steady_as_a_tone_once_in_ten_thousand_windows(times: 
     assert np.quantile(variation, 0.01) < 3 * steadiest(times)
 
 
-def test_too_short_a_window_tells_no_tone() -> None:
+def test_steadiness_limit_is_zero_for_too_short_window() -> None:
     assert steadiest(1.0) == 0.0
 
 
 @pytest.mark.parametrize("wander", [0.0, 1e-3])
 @pytest.mark.parametrize("frequency", [11.5, 9.87])
 @pytest.mark.parametrize("seed", range(2))
-def test_tones_beside_modes_are_harmonics_and_nothing_else_is(frequency: float, wander: float, seed: int) -> None:
+def test_tone_near_modes_is_the_only_reported_harmonic(frequency: float, wander: float, seed: int) -> None:
     recording = simulate(tower(), 300.0, RATE, seed)
     found = identify_all(with_tone(recording, Tone(frequency=frequency, share=1.0, wander=wander), seed))
     assert found.estimate.n_modes == 8
@@ -66,7 +66,7 @@ def light(damping: float, seed: int) -> Structure:
 
 
 @pytest.mark.parametrize(("damping", "duration"), [(5e-4, 60.0), (5e-4, 300.0), (2e-3, 60.0)])
-def test_lightly_damped_modes_are_no_tones(damping: float, duration: float) -> None:
+def test_lightly_damped_modes_are_not_classified_as_tones(damping: float, duration: float) -> None:
     found = [identify_all(simulate(light(damping, seed), duration, RATE, seed)) for seed in range(4)]
     assert sum(len(f.harmonics) for f in found) == 0
     assert [f.estimate.n_modes for f in found] == [5] * 4
@@ -81,7 +81,7 @@ def fast(seed: int) -> Structure:
 
 @pytest.mark.parametrize("share", [1.0, 0.3])
 @pytest.mark.parametrize("seed", range(2))
-def test_a_short_record_shows_a_tone_and_its_multiple(share: float, seed: int) -> None:
+def test_tone_and_its_multiple_are_detected_in_short_record(share: float, seed: int) -> None:
     recording = simulate(fast(seed), 14.0, 6000.0, seed)
     for frequency in (1000.0, 2000.0):
         recording = with_tone(recording, Tone(frequency=frequency, share=share), seed)
@@ -103,7 +103,7 @@ def narrow_band(decay: float, noise: float, seed: int, n: int = 64) -> ComplexAr
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-2, 1.0])
 @pytest.mark.parametrize("decay", [0.5, 4.0, 30.0])
-def test_a_resonance_gives_no_evidence_of_a_tone(decay: float, noise: float) -> None:
+def test_resonance_gives_no_evidence_of_a_tone(decay: float, noise: float) -> None:
     """A likelihood ratio exceeds x by chance in 1 / x of cases at most; n lines are searched."""
     n, lines = 64, np.zeros(400, np.complex128)
     found = []
@@ -116,7 +116,7 @@ def test_a_resonance_gives_no_evidence_of_a_tone(decay: float, noise: float) -> 
 
 
 @pytest.mark.parametrize(("least_decay", "noise"), [(0.5, 1e-3), (4.0, 0.03), (30.0, 0.3)])
-def test_a_tone_is_told_from_every_resonance(least_decay: float, noise: float) -> None:
+def test_tone_is_distinguished_from_resonances(least_decay: float, noise: float) -> None:
     n, lines = 64, np.zeros(400, np.complex128)
     tests = []
     for seed in range(40):
@@ -131,7 +131,7 @@ def judged(recording: Recording, estimate: ModalEstimate) -> LineClasses:
     return classify(recording.data, recording.rate, estimate, none, Selection())
 
 
-def test_gaps_make_no_tone() -> None:
+def test_gaps_cause_no_false_tone() -> None:
     recording = SCENES["clean"].record(3)
     data = recording.data.copy()
     data[5000:9000] = np.nan
@@ -139,7 +139,7 @@ def test_gaps_make_no_tone() -> None:
     assert not judged(replace(recording, data=data), estimate).tone.any()
 
 
-def test_a_gap_hides_no_tone() -> None:
+def test_tone_is_detected_despite_gap() -> None:
     recording = SCENES["harmonic"].record(0)
     data = recording.data.copy()
     data[9000:12000] = np.nan
@@ -148,7 +148,7 @@ def test_a_gap_hides_no_tone() -> None:
     assert found.estimate.n_modes == 8
 
 
-def test_half_a_window_without_data_is_not_judged() -> None:
+def test_no_tone_is_reported_if_half_the_window_is_missing() -> None:
     recording = SCENES["harmonic"].record(0)
     found = identify_all(recording)
     data = recording.data.copy()
@@ -158,13 +158,13 @@ def test_half_a_window_without_data_is_not_judged() -> None:
     assert not judged(replace(recording, data=data), tone).tone.any()
 
 
-def test_an_uncertain_line_at_a_multiple_of_a_tone_is_a_tone() -> None:
+def test_uncertain_line_at_multiple_of_a_tone_is_a_tone() -> None:
     frequency, tone = np.array([50.0, 100.001, 100.2, 150.0]), np.array([True, False, False, False])
     assert _multiples(frequency, tone, 60.0).tolist() == [False, True, False, True]
     assert not _multiples(frequency, tone, 1.0).any()  # so short a record would have a multiple by chance
 
 
-def test_a_record_too_short_to_tell_says_so() -> None:
+def test_possible_tone_in_short_record_is_marked_uncertain() -> None:
     """A weak line of 40 periods in noise: a mode of 0.02 % would look the same."""
     uncertain = named = 0
     for seed in range(6):

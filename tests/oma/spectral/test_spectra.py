@@ -15,7 +15,7 @@ def white(seed: int, density: float, rate: float = 200.0, n: int = 100_000) -> R
 
 
 @pytest.mark.parametrize("gaps", [False, True])
-def test_white_noise_has_its_density(gaps: bool) -> None:
+def test_spectral_density_of_white_noise_is_correct(gaps: bool) -> None:
     recording = white(1, density=0.3)
     if gaps:
         recording.data[1000:2000, 0] = np.nan
@@ -34,13 +34,13 @@ def test_first_singular_value_peaks_at_the_modes() -> None:
         assert frequency[near][np.argmax(values[near, 0])] == pytest.approx(f, abs=1.0)
 
 
-def test_two_singular_values_stand_out_at_two_close_modes() -> None:
+def test_two_singular_values_are_large_at_two_close_modes() -> None:
     frequency, values = singular_values(simulate(frame(), 60.0, 1000.0, 2), 4096)
     line = np.argmin(np.abs(frequency - 10.9))
     assert values[line, 1] > 30 * values[line, 2]
 
 
-def test_too_short_a_recording_is_refused() -> None:
+def test_too_short_recording_is_refused() -> None:
     with pytest.raises(TooShort):
         singular_values(white(1, 1.0, n=100), 256)
 
@@ -50,7 +50,7 @@ def noise(n: int, n_channels: int = 3) -> FloatArray:
 
 
 @pytest.mark.parametrize("lengths", [[5000], [1, 255, 2744, 2000], [100] * 50, [4999, 1]])
-def test_blocks_of_any_length_add_up_to_the_same_spectrum(lengths: list[int]) -> None:
+def test_spectrum_is_independent_of_block_lengths(lengths: list[int]) -> None:
     accumulator = SpectrumAccumulator(3, 100.0, 256)
     for block in np.split(noise(5000), np.cumsum(lengths)[:-1]):
         accumulator.add(block)
@@ -61,7 +61,7 @@ def test_blocks_of_any_length_add_up_to_the_same_spectrum(lengths: list[int]) ->
     assert accumulator.n_complete == 5000
 
 
-def test_a_rolling_window_is_the_window() -> None:
+def test_rolling_window_equals_new_window() -> None:
     """A segment that began in a block that was dropped is still there: 1024 samples, and the half before them."""
     data = noise(4096)
     rolling = SpectrumAccumulator(3, 100.0, 256)
@@ -79,7 +79,7 @@ def test_lines_outside_the_band_are_not_kept() -> None:
     assert np.array_equal(part.mean(), whole.mean(slice(20, 41)))
 
 
-def test_influences_of_the_blocks_are_what_leaving_one_out_changes() -> None:
+def test_influence_is_first_order_change_on_omitting_a_block() -> None:
     """To first order: (mean - mean without the block) is the influence over the share of the others."""
     sums = spectral_sums(noise(6400), 100.0, 128, 5)
     weight = sums.windows[:, 0]
@@ -91,7 +91,7 @@ def test_influences_of_the_blocks_are_what_leaving_one_out_changes() -> None:
         assert np.allclose(influence[:, rows, columns], change * (1 - weight[b] / weight.sum()), atol=1e-9)
 
 
-def test_the_window_tells_what_gaps_and_segments_do_to_a_correlation() -> None:
+def test_window_function_includes_effect_of_gaps_and_segments() -> None:
     """The spectrum of a sinusoid's samples is the transform of its correlation times the windows', gaps included."""
     n, line = 64, 9.3
     data = np.sqrt(2) * np.cos(2 * np.pi * line / n * np.arange(20_000) + 1.0)[:, None] * np.ones(2)
@@ -104,7 +104,7 @@ def test_the_window_tells_what_gaps_and_segments_do_to_a_correlation() -> None:
     assert np.allclose(sums.mean()[:, 0, 1], expected, atol=3 / np.sqrt(310) * expected.max() / 10)
 
 
-def test_nothing_complete_is_refused() -> None:
+def test_record_without_complete_samples_is_refused() -> None:
     data = noise(1000)
     data[:, 1] = np.nan
     with pytest.raises(IdentificationError, match="gaps leave no complete sample"):

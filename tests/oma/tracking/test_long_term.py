@@ -43,7 +43,7 @@ def test_modes_keep_their_identities_through_drift_crossing_and_outages(seed: in
     assert (tracks.seen >= LongTermTracker().confirm).sum() == len(FREQUENCY)
 
 
-def test_a_sudden_change_is_inherited_after_some_windows() -> None:
+def test_identities_continue_after_sudden_frequency_change() -> None:
     found, _ = identities(replace(WEEK, jump=0.03, unseen=0.0), 3)
     for mode in set(found) - {STRANGE, RARE}:
         (best, total), others = found[mode].most_common(1)[0], sum(found[mode].values())
@@ -51,7 +51,7 @@ def test_a_sudden_change_is_inherited_after_some_windows() -> None:
         assert others - total == LongTermTracker().confirm - 1  # new ones, until they are seen often enough
 
 
-def test_what_is_remembered_survives_a_restart_to_the_last_digit() -> None:
+def test_tracks_are_restored_exactly_after_restart() -> None:
     windows = list(month(replace(WEEK, days=1), 4))
     tracks: Tracks | None = None
     restarted: Tracks | None = None
@@ -88,7 +88,7 @@ def two(k: int, frequency: list[float], angle: float) -> ModalEstimate:
     )
 
 
-def test_modes_that_mix_are_said_to_be_doubtful_and_others_not() -> None:
+def test_only_mixed_modes_are_marked_doubtful() -> None:
     tracks: Tracks | None = None
     for k in range(20):
         followed = LongTermTracker().follow(tracks, two(k, [5.0, 5.01], 0.0))
@@ -103,7 +103,7 @@ def test_modes_that_mix_are_said_to_be_doubtful_and_others_not() -> None:
     assert not crossed.doubtful.any()
 
 
-def test_a_mode_not_seen_goes_where_the_others_go() -> None:
+def test_unobserved_mode_follows_the_common_drift() -> None:
     tracks: Tracks | None = None
     for k in range(20):
         tracks = LongTermTracker().follow(tracks, two(k, [5.0, 7.0], 0.0)).tracks

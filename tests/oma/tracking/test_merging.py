@@ -49,7 +49,7 @@ def setups(first_seed: int, sigma: float = 0.01) -> list[ModalEstimate]:
     ]
 
 
-def test_without_noise_the_whole_shape_comes_out() -> None:
+def test_noise_free_setups_merge_to_the_exact_shape() -> None:
     merged = merge(setups(1, sigma=0.0), REFERENCES)
     assert merged.channels == tuple(TOWER.channels[i] for i in ORDER)
     np.testing.assert_allclose(merged.shape, normalise(TOWER.shapes[:, ORDER]), atol=1e-12)
@@ -57,7 +57,7 @@ def test_without_noise_the_whole_shape_comes_out() -> None:
 
 
 @pytest.mark.parametrize("first_seed", [1000])
-def test_stated_deviations_of_merged_modes_are_the_real_ones(first_seed: int) -> None:
+def test_stated_deviations_of_merged_modes_equal_their_scatter(first_seed: int) -> None:
     exact = normalise(TOWER.shapes[:, ORDER]).real
     shape, frequency, damping = [], [], []
     for run in range(100):
@@ -75,7 +75,7 @@ def test_stated_deviations_of_merged_modes_are_the_real_ones(first_seed: int) ->
     assert np.abs(np.sqrt(np.mean(np.square(shape), axis=0)) - 1).max() < 0.28
 
 
-def test_a_poor_reference_is_believed_less() -> None:
+def test_uncertain_reference_channel_gets_less_weight() -> None:
     """Scales by the good reference alone are nearly as sure as by both; by the poor one alone, three times less."""
     (first, *_) = setups(5)
     both = merge(setups(5), REFERENCES).shape_std[0, -1]
@@ -100,7 +100,7 @@ def only(estimate: ModalEstimate, modes: list[int]) -> ModalEstimate:
     return replace(estimate, **{name: getattr(estimate, name)[modes] for name in names})
 
 
-def test_setups_that_differ_by_more_than_they_state_make_the_mean_less_sure() -> None:
+def test_scatter_between_setups_increases_stated_deviation() -> None:
     calm = setups(7)
     warm = [replace(e, frequency=e.frequency * f) for e, f in zip(calm, (0.995, 1.0, 1.005), strict=True)]
     still, drifted = merge(calm, REFERENCES), merge(warm, REFERENCES)
@@ -109,7 +109,7 @@ def test_setups_that_differ_by_more_than_they_state_make_the_mean_less_sure() ->
     assert (still.frequency_std / still.frequency < 0.0015).all()
 
 
-def test_modes_are_matched_though_some_are_missing() -> None:
+def test_modes_are_matched_across_setups_with_missing_modes() -> None:
     found = setups(9)
     found[1], found[2] = only(found[1], [0, 2, 3, 4, 5, 6, 7]), only(found[2], [0, 1, 2, 3, 4, 6, 7])
     assert match_setups(found, REFERENCES).tolist() == [
@@ -118,7 +118,7 @@ def test_modes_are_matched_though_some_are_missing() -> None:
     assert merge(found, REFERENCES).n_modes == 6
 
 
-def test_close_modes_that_drift_past_each_other_are_told_by_their_shapes() -> None:
+def test_close_modes_with_crossing_frequencies_are_matched_by_shape() -> None:
     close = replace(TOWER, frequency=np.append(TOWER.frequency[:6], [5.0, 5.02]))
     swapped = replace(close, frequency=np.append(TOWER.frequency[:6], [5.03, 4.99]))
     sigma = np.full(4, 0.01)
@@ -126,7 +126,7 @@ def test_close_modes_that_drift_past_each_other_are_told_by_their_shapes() -> No
     assert match_setups(found, REFERENCES)[-2:].tolist() == [[6, 6], [7, 7]]
 
 
-def test_what_does_not_fit_together_is_refused() -> None:
+def test_incompatible_setups_are_refused() -> None:
     first, second, third = setups(13)
     with pytest.raises(ValueError, match="set-up 2: expected the references mass_8, mass_3, lacks mass_3"):
         merge([first, without(second, "mass_3"), third], REFERENCES)
@@ -160,7 +160,7 @@ PUBLISHED = np.array([1.2283, 1.4358, 2.1000, 4.0175, 4.7704, 6.6824, 7.6157, 9.
 
 
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
-def test_five_setups_of_a_measured_steel_frame_merge_to_its_published_modes() -> None:
+def test_measured_steel_frame_setups_merge_to_published_modes() -> None:
     found, references = [], ("ref_x", "ref_y", "ref_z")
     for k in range(1, 6):
         recording = read_data(Path(REAL or "") / "weimar-steel-frame" / f"measurement_{k:02d}.npz")

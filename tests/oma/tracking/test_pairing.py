@@ -4,14 +4,14 @@ import pytest
 from oma import pair_modes
 
 
-def test_pairing_is_one_to_one_where_mac_alone_ties() -> None:
+def test_pairing_is_one_to_one_for_equal_mac() -> None:
     """Two model modes with the same shape at the sensors: frequency distinguishes them."""
     shape = np.array([[1.0, 0.0, 0.2], [1.0, 0.0, 0.2]])
     paired = pair_modes(np.array([10.0, 50.0]), shape, np.array([10.5, 49.0, 80.0]), np.vstack([shape, [[0, 1.0, 0]]]))
     assert paired.tolist() == [0, 1]
 
 
-def test_a_mode_without_partner_is_left_out() -> None:
+def test_mode_without_partner_is_left_unpaired() -> None:
     paired = pair_modes(
         np.array([10.0]), np.array([[1.0, 0.0]]), np.array([10.0, 11.0]), np.array([[0.0, 1.0], [0.1, 1.0]])
     )
@@ -19,7 +19,7 @@ def test_a_mode_without_partner_is_left_out() -> None:
 
 
 @pytest.mark.parametrize("moves", [0.0, 1e-14, 1e-4])
-def test_a_mode_that_no_channel_sees_answers_to_nothing_though_its_rounding_looks_alike(moves: float) -> None:
+def test_model_mode_without_motion_at_sensors_is_not_paired(moves: float) -> None:
     """Nor though it has a small part of the neighbouring mode, and is nearer to the measured one."""
     measured = np.array([[0.6, 0.8]])
     model = np.array([[0.6 * moves, 0.8 * moves], [0.5, 0.9]])  # the first moves across the sensors

@@ -33,7 +33,7 @@ def some(whole: ModalEstimate, modes: list[int]) -> ModalEstimate:
 REFERENCE = estimate(FRAME_FREQUENCY, frame().shapes)
 
 
-def test_identity_survives_the_shift_of_an_added_mass() -> None:
+def test_identities_are_kept_under_frequency_shift_by_added_mass() -> None:
     # 304 g on the frame: frequencies of the reference structure's definition
     shifted = np.array([10.36, 10.55, 36.65, 66.37, 91.93, 153.98, 241.08, 269.60])
     assert Tracker(reference=REFERENCE).assign(estimate(shifted, frame().shapes)).tolist() == list(range(8))
@@ -47,17 +47,17 @@ def test_close_modes_are_not_exchanged_when_their_frequencies_cross() -> None:
 
 
 @pytest.mark.parametrize(("modes", "found"), [([2], [2]), ([], [])])
-def test_so_few_modes_have_no_neighbour(modes: list[int], found: list[int]) -> None:
+def test_tracking_works_with_one_or_no_reference_mode(modes: list[int], found: list[int]) -> None:
     assert Tracker(reference=some(REFERENCE, modes)).assign(REFERENCE).tolist() == found
 
 
-def test_a_mode_may_vanish_and_return() -> None:
+def test_mode_keeps_identity_after_temporary_absence() -> None:
     tracker = Tracker(reference=REFERENCE)
     assert tracker.assign(some(REFERENCE, [0, 2, 3, 4, 5, 6])).tolist() == [0, -1, 1, 2, 3, 4, 5, -1]
     assert tracker.assign(REFERENCE).tolist() == list(range(8))
 
 
-def test_a_stranger_takes_no_identity() -> None:
+def test_unknown_mode_gets_no_identity() -> None:
     frequency = np.append(FRAME_FREQUENCY, 10.8)
     stranger = np.random.default_rng(1).standard_normal((1, 12))
     found = estimate(frequency, np.vstack((frame().shapes, stranger)))
@@ -66,7 +66,7 @@ def test_a_stranger_takes_no_identity() -> None:
 
 
 @pytest.mark.parametrize("turn", [-1.0, -0.6, 0.6, 1.0])
-def test_modes_that_a_window_cannot_part_are_followed_by_their_frequencies(turn: float) -> None:
+def test_unresolved_close_modes_are_tracked_by_frequency(turn: float) -> None:
     """Modes 1.4 % apart, known to 0.2 %: their shapes are turned into each other, here by up to 57 degrees."""
     turned = frame().shapes.copy()
     turned[0] = np.cos(turn) * frame().shapes[0] + np.sin(turn) * frame().shapes[1]
@@ -79,7 +79,7 @@ def test_modes_that_a_window_cannot_part_are_followed_by_their_frequencies(turn:
     )
 
 
-def test_missing_channels_are_left_out() -> None:
+def test_modes_are_tracked_with_missing_channels() -> None:
     kept = [i for i, name in enumerate(REFERENCE.channels) if not name.startswith("beam_left")]
     fewer = replace(
         REFERENCE,
@@ -97,14 +97,14 @@ def test_unrelated_channels_are_refused() -> None:
 
 
 @pytest.mark.parametrize("seed", [20, 21])
-def test_identified_windows_keep_their_identities(seed: int) -> None:
+def test_modes_of_identified_windows_keep_their_identities(seed: int) -> None:
     found = identify(simulate(frame(), 60.0, 1000.0, seed))
     assigned = Tracker(reference=REFERENCE).assign(found)
     assert np.all(assigned >= 0)
     assert np.all(np.abs(found.frequency[assigned] / FRAME_FREQUENCY - 1) < 0.01)
 
 
-def test_of_two_channels_two_close_modes_are_not_followed_by_any_shape() -> None:
+def test_dissimilar_shapes_at_two_channels_are_not_tracked() -> None:
     """Two modes that look alike at both: every shape lies among them, and this one looks like neither."""
     both = replace(
         some(REFERENCE, [0, 1]),
@@ -155,20 +155,24 @@ def alike(
         (0.045, 0.6, 1e-2, -1),
     ],
 )
-def test_gates_of_frequency_and_shape(shift: float, agreement: float, std: float, found: int) -> None:
+def test_mode_is_tracked_only_within_frequency_and_mac_limits(
+    shift: float, agreement: float, std: float, found: int
+) -> None:
     reference = alike([10.0], 1.0, std, reference=True)
     moved = alike([10.0 * np.exp(shift)], agreement, std)
     assert Tracker(reference=reference).assign(moved).tolist() == [found]
 
 
 @pytest.mark.parametrize(("frequency", "found"), [([10.1, 10.4], 0), ([9.6, 9.9], 1), ([9.7, 10.1], 1)])
-def test_of_modes_of_one_shape_the_nearest_in_frequency_is_taken(frequency: list[float], found: int) -> None:
+def test_nearest_frequency_is_chosen_among_modes_of_equal_shape(frequency: list[float], found: int) -> None:
     assert Tracker(reference=alike([10.0], 1.0, reference=True)).assign(alike(frequency, 1.0)).tolist() == [found]
 
 
 @pytest.mark.parametrize(("inside", "found"), [(0.75, [-1, -1]), (0.85, [0, -1])])
 @pytest.mark.parametrize("aside", [0.0, 2.0])
-def test_mixed_mode_lies_to_four_fifths_among_the_modes_it_mixes(inside: float, found: list[int], aside: float) -> None:
+def test_mixed_mode_needs_80_percent_of_shape_in_reference_shapes(
+    inside: float, found: list[int], aside: float
+) -> None:
     """A shape far from both of two modes 0.4 % apart that are known to 0.1 %, whatever its norm at shared channels."""
     reference = alike([10.0, 10.04], 1.0, 1e-3, reference=True)
     both = replace(reference, shape=np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], np.complex128))

@@ -19,7 +19,7 @@ def asked(case: Case, structure: Structure) -> Explanation:
 
 
 @pytest.mark.parametrize("seed", few_of([961, 962]))
-def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
+def test_inconsistent_structure_file_is_diagnosed_and_corrected(seed: int) -> None:
     """By ten per cent in frequency: the cause is the file's stiffness, and the written file explains new windows."""
     case = draw("built frame: nothing", seed)
     found = asked(case, stiffer(FRAME, TOO_STIFF))
@@ -43,7 +43,7 @@ def test_a_file_that_is_far_off_is_told_and_mended(seed: int) -> None:
     assert again.explained.diagnosis.verdict == "nothing_to_explain"
 
 
-def test_what_is_told_of_before_is_the_file_s_own() -> None:
+def test_frequencies_without_causes_are_those_of_the_file() -> None:
     """Frequencies before any cause are those of the file's model, each of them once."""
     structure = stiffer(FRAME, TOO_STIFF)
     found = asked(draw("built frame: nothing", 963), structure)
@@ -56,7 +56,7 @@ def test_what_is_told_of_before_is_the_file_s_own() -> None:
 
 
 @pytest.mark.thorough
-def test_a_body_is_found_beside_it() -> None:
+def test_body_is_found_in_addition_to_file_errors() -> None:
     case = draw("built frame: added_mass", 1)
     [true] = case.done.hidden
     assert true.position is not None
@@ -71,7 +71,7 @@ def test_a_body_is_found_beside_it() -> None:
 
 
 @pytest.mark.thorough
-def test_where_nothing_explains_it_the_nearer_model_is_there_all_the_same() -> None:
+def test_unexplained_change_still_gives_the_recalibrated_model() -> None:
     """All sensors mounted again, each slightly turned, which no cause of the catalogue describes."""
     found = asked(draw("reseated", 1), stiffer(FRAME, TOO_STIFF)).explained
     assert (found.diagnosis.verdict, found.extended, found.diagnosis.gain) == ("unexplained", None, None)
@@ -86,5 +86,5 @@ def test_where_nothing_explains_it_the_nearer_model_is_there_all_the_same() -> N
     )
 
 
-def test_a_file_that_is_nearly_right_is_not_moved() -> None:
+def test_nearly_correct_file_is_not_recalibrated() -> None:
     assert asked(draw("built frame: nothing", 964), FRAME).sought.nominal is None

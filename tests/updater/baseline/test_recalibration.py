@@ -25,7 +25,7 @@ def learnt(before: Observation) -> Reference:
 
 
 @pytest.mark.parametrize("seed", few_of([1, 2]))
-def test_a_loosened_foot_is_sized_within_its_deviations(seed: int) -> None:
+def test_loosened_foot_stiffness_is_within_its_stated_deviations(seed: int) -> None:
     """The file has the second mode 35 % off and the feet clamped: 60 kN m/rad before, 15 after."""
     random, state = np.random.default_rng((seed, 6)), as_it_stands(seed)
     reference = learnt(observed(state, 8, random))
@@ -52,7 +52,7 @@ def test_a_loosened_foot_is_sized_within_its_deviations(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", few_of([324, 325, 327, 329]))
-def test_the_softer_of_two_bearings_that_the_file_has_alike_is_told_by_shapes(seed: int) -> None:
+def test_mode_shapes_identify_the_softer_of_two_bearings(seed: int) -> None:
     """Frequencies alone do not determine it: a fit to them leaves both bearings alike."""
     state = BRIDGE.draw(seed)
     before = observed(state, 8, np.random.default_rng(seed))
@@ -69,7 +69,7 @@ def test_the_softer_of_two_bearings_that_the_file_has_alike_is_told_by_shapes(se
 
 
 @pytest.mark.parametrize("seed", [3])
-def test_modes_that_the_file_has_too_far_away_are_paired_in_the_end(seed: int) -> None:
+def test_modes_far_from_the_file_are_paired_after_recalibration(seed: int) -> None:
     """Eight sensors along x: the first sway mode of the file is half as high again as the measured one."""
     before = observed(with_channels(as_it_stands(seed), "x"), 8, np.random.default_rng((seed, 6)))
     reference = learnt(before)

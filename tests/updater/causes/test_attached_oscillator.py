@@ -79,7 +79,7 @@ def explained(learnt: tuple[Reference, Model], model: Model, seed: int, n_modes:
         ]
     ),
 )
-def test_what_hangs_on_is_placed_weighed_and_tuned(
+def test_attached_oscillator_has_correct_position_mass_and_frequency(
     learnt: tuple[Reference, Model], seed: int, at: tuple[float, float, float], axis: int, mass: float, frequency: float
 ) -> None:
     found = explained(learnt, hung(learnt[1], at, axis, mass, frequency), seed)
@@ -102,7 +102,7 @@ def test_what_hangs_on_is_placed_weighed_and_tuned(
 
 
 @pytest.mark.parametrize(("seed", "frequency"), few_of([(866, 75.0), (867, 98.0)], 0))
-def test_one_whose_own_mode_nobody_saw_is_found_beside_the_mode_that_it_moves(
+def test_oscillator_with_unmeasured_mode_is_found_by_the_shifted_mode(
     learnt: tuple[Reference, Model], seed: int, frequency: float
 ) -> None:
     """A twelfth of the mode's frequency above or below: each of the two is half the oscillator's, and one is seen.
@@ -127,7 +127,9 @@ def test_one_whose_own_mode_nobody_saw_is_found_beside_the_mode_that_it_moves(
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", [869])
-def test_own_frequency_that_hardly_any_mode_tells_is_told_as_open(learnt: tuple[Reference, Model], seed: int) -> None:
+def test_poorly_determined_oscillator_frequency_has_a_large_deviation(
+    learnt: tuple[Reference, Model], seed: int
+) -> None:
     """Across its spring 214 g ride with the frame; along it, near the column, no mode moves them."""
     reference, bare = learnt
     at, mass, frequency = (0.0877, 0.0, 1.48), 0.2136, 19.1
@@ -141,7 +143,7 @@ def test_own_frequency_that_hardly_any_mode_tells_is_told_as_open(learnt: tuple[
 
 
 @pytest.mark.parametrize("seed", few_of([871, 872]))
-def test_a_mode_of_any_shape_is_nobodys(learnt: tuple[Reference, Model], seed: int) -> None:
+def test_spurious_mode_of_random_shape_is_ignored(learnt: tuple[Reference, Model], seed: int) -> None:
     """Something that identification took for a mode: at a random frequency, of a random shape."""
     reference, bare = learnt
     event, _ = event_of(reference, bare, seed, 8)
@@ -156,7 +158,7 @@ def test_a_mode_of_any_shape_is_nobodys(learnt: tuple[Reference, Model], seed: i
     assert diagnosis.verdict == "nothing_to_explain"
 
 
-def test_a_mode_that_was_not_seen_before_is_nothing_new(learnt: tuple[Reference, Model]) -> None:
+def test_model_mode_missing_in_the_baseline_is_no_change(learnt: tuple[Reference, Model]) -> None:
     """The ninth of the frame, which the baseline lacks and the reference's model has."""
     event, known = event_of(learnt[0], learnt[1], 881, 9)
     assert known.extra is not None
@@ -166,7 +168,7 @@ def test_a_mode_that_was_not_seen_before_is_nothing_new(learnt: tuple[Reference,
 
 
 @pytest.mark.parametrize(("seed", "mode", "off"), few_of([(891, 1, 0.004), (892, 3, -0.012)]))
-def test_a_mode_seen_twice_is_nobodys(learnt: tuple[Reference, Model], seed: int, mode: int, off: float) -> None:
+def test_mode_identified_twice_is_no_change(learnt: tuple[Reference, Model], seed: int, mode: int, off: float) -> None:
     """Identification split one mode in two, the second a little off the first and with its shape."""
     reference, bare = learnt
     event, _ = event_of(reference, bare, seed, 8)
@@ -177,7 +179,7 @@ def test_a_mode_seen_twice_is_nobodys(learnt: tuple[Reference, Model], seed: int
 
 
 @pytest.mark.thorough
-def test_the_extended_model_leaves_nothing_to_explain(learnt: tuple[Reference, Model]) -> None:
+def test_extended_model_with_oscillator_needs_no_further_cause(learnt: tuple[Reference, Model]) -> None:
     """Fresh modes of the same frame, against the structure file with the oscillator written in, taken at its word."""
     model = hung(learnt[1], (-0.27, 0.0, 1.48), 2, 0.25, 30.0)
     extended = explained(learnt, model, 863).extended
@@ -190,7 +192,7 @@ def test_the_extended_model_leaves_nothing_to_explain(learnt: tuple[Reference, M
     assert diagnose(reference, matched(reference.baseline, fresh)).diagnosis.verdict == "nothing_to_explain"
 
 
-def test_a_body_too_light_to_move_any_mode_is_told_by_its_own(learnt: tuple[Reference, Model]) -> None:
+def test_light_oscillator_is_found_by_its_own_mode(learnt: tuple[Reference, Model]) -> None:
     """A mode that the baseline lacks is no drift, and the advice states how to be surer of it."""
     found = explained(learnt, hung(learnt[1], (0.3, 0.0, 1.48), 2, 0.006, 120.0), 871)
     assert found.diagnosis.verdict != "nothing_to_explain"
@@ -198,7 +200,7 @@ def test_a_body_too_light_to_move_any_mode_is_told_by_its_own(learnt: tuple[Refe
     assert found.diagnosis.next_measurement
 
 
-def test_what_to_measure_next_beside_an_oscillator(learnt: tuple[Reference, Model]) -> None:
+def test_next_measurement_compares_oscillator_with_added_mass(learnt: tuple[Reference, Model]) -> None:
     """Hypotheses with and without motions of their own are set against each other."""
     reference, bare = learnt
     event, known = event_of(reference, hung(bare, (0.3, 0.0, 1.48), 2, 0.05, 120.0), 872)

@@ -74,7 +74,9 @@ def in_full(reference: Reference, chosen: SelectedCause, channels: tuple[str, ..
 
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in OF_FILES])
 @pytest.mark.parametrize("seed", range(3))
-def test_prediction_is_the_extended_structures(compared: tuple[Reference, Comparison], name: str, seed: int) -> None:
+def test_prediction_matches_the_extended_structure(
+    compared: tuple[Reference, Comparison], name: str, seed: int
+) -> None:
     """Thirty modes miss a full solution by under 3e-4 of frequency and 2e-3 of a unit shape, for such changes."""
     reference, data = compared
     cause = CATALOGUE[name].propose(reference, data)
@@ -104,7 +106,7 @@ def test_prediction_is_the_extended_structures(compared: tuple[Reference, Compar
 
 
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in OF_FILES])
-def test_alternatives_share_the_prior_and_their_fit_says_where_and_what(
+def test_alternatives_share_the_prior_and_fit_gives_location_and_parameters(
     compared: tuple[Reference, Comparison], name: str
 ) -> None:
     reference, data = compared

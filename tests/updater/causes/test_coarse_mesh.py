@@ -41,7 +41,7 @@ def truth() -> Model:
     return build_model(t_frame().with_mesh(0.01), shear_flexible=True, mass="consistent")
 
 
-def test_three_elements_a_member_are_too_few(truth: Model) -> None:
+def test_three_elements_per_member_are_diagnosed_as_mesh_error(truth: Model) -> None:
     found = asked(coarse(3), truth, 911)
     assert (found.diagnosis.verdict, [c.cause for c in found.diagnosis.causes]) == ("explained", ["mesh_error"])
     assert found.extended is not None
@@ -49,13 +49,13 @@ def test_three_elements_a_member_are_too_few(truth: Model) -> None:
     assert again.diagnosis.verdict == "nothing_to_explain"
 
 
-def test_forty_elements_are_not(truth: Model) -> None:
+def test_forty_elements_per_member_give_no_mesh_error(truth: Model) -> None:
     found = asked(coarse(40), truth, 921).diagnosis
     assert found.verdict == "nothing_to_explain"
     assert "mesh_error" not in {r.cause for r in found.rejected}
 
 
-def test_what_it_predicts_is_the_finer_models() -> None:
+def test_mesh_error_prediction_matches_the_refined_model() -> None:
     """In the coarse model's thirty modes: the compared ones to 1e-3, of which the coarse mesh is up to 3e-2 off."""
     random = np.random.default_rng(931)
     structure = coarse(4)
@@ -71,7 +71,7 @@ def test_what_it_predicts_is_the_finer_models() -> None:
     assert np.abs(data.frequency[:8] / exact - 1).max() > 5e-3
 
 
-def test_measured_baselines_have_no_mesh() -> None:
+def test_mesh_error_is_not_proposed_for_a_measured_baseline() -> None:
     random = np.random.default_rng(941)
     bare = true_model(np.random.default_rng(942))
     reference = learn_reference(coarse(3), [measure(bare, random, GAIN) for _ in range(5)], [TRACK] * 5)

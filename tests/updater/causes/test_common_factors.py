@@ -65,7 +65,7 @@ def named(diagnosis: Diagnosis) -> set[str]:
     return {name for cause in diagnosis.causes for name in (cause.cause, *cause.cannot_be_told_from)}
 
 
-def test_one_record_cannot_tell_density(learnt: tuple[Reference, Model]) -> None:
+def test_density_change_is_ambiguous_from_modes_alone(learnt: tuple[Reference, Model]) -> None:
     diagnosis = found(learnt, denser(learnt[1], 1.02), Circumstances(), 811).diagnosis
     assert diagnosis.verdict == "ambiguous"
     assert named(diagnosis) == EVERYTHING
@@ -73,7 +73,7 @@ def test_one_record_cannot_tell_density(learnt: tuple[Reference, Model]) -> None
     assert diagnosis.causes[0].probability > 0.95
 
 
-def test_a_thermometer_tells_temperature(learnt: tuple[Reference, Model]) -> None:
+def test_measured_warming_identifies_temperature_as_cause(learnt: tuple[Reference, Model]) -> None:
     """30 K by two sensors of half a kelvin: the law's 14 % leaves a shift that no other maker has to have."""
     warm = Circumstances(warmer=30.0, warmer_std=0.5)
     diagnosis = found(learnt, warmed(learnt[1], 30.0), warm, 821).diagnosis
@@ -82,14 +82,14 @@ def test_a_thermometer_tells_temperature(learnt: tuple[Reference, Model]) -> Non
     assert abs(softening.value - (3.6e-4 - 3 * 1.2e-5)) < 4 * softening.std  # frequencies see stiffness over mass
 
 
-def test_a_thermometer_that_stayed_excludes_temperature(learnt: tuple[Reference, Model]) -> None:
+def test_constant_measured_temperature_excludes_temperature_as_cause(learnt: tuple[Reference, Model]) -> None:
     still = Circumstances(warmer=0.1, warmer_std=0.5)
     diagnosis = found(learnt, denser(learnt[1], 1.02), still, 831).diagnosis
     assert diagnosis.verdict == "ambiguous"
     assert named(diagnosis) == EVERYTHING - {"temperature"}
 
 
-def test_tones_that_moved_along_tell_the_clock(learnt: tuple[Reference, Model]) -> None:
+def test_shifted_tones_identify_a_sampling_clock_error(learnt: tuple[Reference, Model]) -> None:
     """Mains and its third harmonic, which wandered by 2e-4, read by a clock 0.6 % off."""
     tones = tone_ratios(np.array([50.0, 150.0]), np.array([50.0, 150.0]) * 1.0002 * 1.006)
     assert tones == pytest.approx(np.log(1.0002 * 1.006))
@@ -106,13 +106,13 @@ def test_tones_that_moved_along_tell_the_clock(learnt: tuple[Reference, Model]) 
 @pytest.mark.parametrize(
     "tones", few_of([[0.0, -0.0003, 0.02], [0.0001]]), ids=["mains and a machine that slowed", "mains"]
 )
-def test_tones_that_stayed_exclude_the_clock(learnt: tuple[Reference, Model], tones: list[float]) -> None:
+def test_unshifted_tones_exclude_a_sampling_clock_error(learnt: tuple[Reference, Model], tones: list[float]) -> None:
     still: FloatArray = np.array(tones)
     diagnosis = found(learnt, denser(learnt[1], 1.02), Circumstances(tones=still), 851).diagnosis
     assert diagnosis.verdict == "ambiguous"
     assert named(diagnosis) == EVERYTHING - {"sampling_clock"}
 
 
-def test_tones_far_apart_do_not_answer_to_each_other() -> None:
+def test_tones_far_apart_are_not_paired() -> None:
     assert not len(tone_ratios(np.array([50.0]), np.array([60.0])))
     assert not len(tone_ratios(np.empty(0), np.array([60.0])))

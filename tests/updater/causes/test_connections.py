@@ -30,12 +30,12 @@ def _springs(structure: Structure) -> list[str]:
 
 
 @pytest.mark.parametrize("name", few_of(["portal", *sorted({*DESIGNS} - {"portal"})]))
-def test_springs_of_half_to_twice_what_the_file_says_are_calibrated(name: str) -> None:
+def test_springs_of_half_to_twice_the_file_value_are_calibrated(name: str) -> None:
     """To within 0.3 %: the tolerance of a beam model and half as much; before, the upper modes are per cents off."""
     assert _off(_learnt(name, 40)) < 3e-3
 
 
-def test_a_bearing_is_found_where_the_file_has_it_too_stiff() -> None:
+def test_bearing_stiffness_is_calibrated_when_the_file_is_too_stiff() -> None:
     """Both bearings together, as determined by the modes of a symmetric beam; a third of a factor of two."""
     state = BRIDGE.draw(42)
     true = np.mean([1 / ground.along[2] for ground in state.frame.grounds])
@@ -44,7 +44,7 @@ def test_a_bearing_is_found_where_the_file_has_it_too_stiff() -> None:
     assert abs(np.log(found / true)) < 0.25
 
 
-def test_every_end_of_a_member_has_a_joint_of_its_own() -> None:
+def test_every_member_end_has_its_own_joint() -> None:
     """As the file states them, and as they are meant where it states none."""
     portal = parse_structure(PORTAL.toml())
     bare = portal.model_copy(update={"joint": ()})
@@ -55,14 +55,14 @@ def test_every_end_of_a_member_has_a_joint_of_its_own() -> None:
     assert {(j.member, j.at) for j in sprung.joint} == set(meetings(bare))
 
 
-def test_one_of_the_members_at_a_joint_is_what_the_others_turn_against() -> None:
+def test_point_with_a_stated_joint_needs_no_second_spring() -> None:
     """A joint that is stated takes its member out: the other needs no spring against itself."""
     portal = parse_structure(PORTAL.toml())
     half = portal.model_copy(update={"joint": portal.joint[:1]})
     assert [at for _, at in meetings(half)] == [(3.0, 0.0, 2.0)]
 
 
-def test_only_a_bearing_gives_along_an_axis() -> None:
+def test_only_bearings_have_translational_springs() -> None:
     """A clamp turns before it slides; a hinge can only slide."""
     assert not any(name.endswith((" x", " y", " z")) for name in _springs(t_frame()))
     names = _springs(parse_structure(BRIDGE.toml()))
@@ -70,7 +70,7 @@ def test_only_a_bearing_gives_along_an_axis() -> None:
 
 
 @pytest.mark.parametrize("axis", ["z", "rx"])
-def test_a_knob_writes_its_flexibility(axis: Axis) -> None:
+def test_model_parameter_writes_its_flexibility(axis: Axis) -> None:
     structure = parse_structure(BRIDGE.toml())
     (knob,) = (k for k in model_parameters_of(structure) if k.name == f"support 1 flexibility {axis}")
     changed = apply_parameters(structure, [knob], np.array([1e-3])).support[1]
@@ -78,7 +78,7 @@ def test_a_knob_writes_its_flexibility(axis: Axis) -> None:
     assert changed.stiffness[axis] == pytest.approx(1e3 * flexibility_unit(structure, axis))
 
 
-def test_a_twist_that_sensors_see_as_the_bending_beside_it_leaves_that_out() -> None:
+def test_bending_mode_similar_to_a_torsion_mode_is_left_out() -> None:
     """Of the bridge at 111 Hz: after a change either may be the other."""
     reference = _learnt("bridge", 0)
     frequency = np.exp(reference.known.log_frequency)

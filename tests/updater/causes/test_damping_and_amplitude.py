@@ -55,7 +55,7 @@ def named(diagnosis: Diagnosis) -> list[str]:
 
 
 @pytest.mark.parametrize(("modes", "factor"), few_of([(range(8), 1.7), ([2], 3.0), (range(8), 0.6)], 2))
-def test_damping_that_changed_is_told_with_its_factor(
+def test_damping_change_is_diagnosed_with_its_factor(
     learnt: tuple[Reference, Model], modes: range | list[int], factor: float
 ) -> None:
     reference, bare = learnt
@@ -72,7 +72,7 @@ def test_damping_that_changed_is_told_with_its_factor(
         assert cause.parameters["frequency"].value == pytest.approx(bare.modes(3).frequency[2], rel=0.01)
 
 
-def test_what_damping_does_to_identified_frequencies_is_no_second_cause(learnt: tuple[Reference, Model]) -> None:
+def test_frequency_bias_from_damping_is_no_second_cause(learnt: tuple[Reference, Model]) -> None:
     """Analysis puts frequencies up to a tenth of the half bandwidth too high; damping of 0.4 % has become 1.2 %."""
     reference, bare = learnt
     random = np.random.default_rng(962)
@@ -94,7 +94,7 @@ def levels(
     return windows, Circumstances(trend=trend)
 
 
-def test_frequencies_that_fall_with_amplitude_are_told(learnt: tuple[Reference, Model]) -> None:
+def test_amplitude_softening_is_diagnosed_with_its_slope(learnt: tuple[Reference, Model]) -> None:
     """Springs of foot and joint at 60 % of their values at rest where the level is highest."""
     reference, bare = learnt
     rms = np.linspace(0.02, 0.5, 8)
@@ -109,7 +109,7 @@ def test_frequencies_that_fall_with_amplitude_are_told(learnt: tuple[Reference, 
 
 
 @pytest.mark.parametrize("seed", few_of([981, 982]))
-def test_levels_alone_are_nothing(learnt: tuple[Reference, Model], seed: int) -> None:
+def test_level_variation_without_softening_is_no_change(learnt: tuple[Reference, Model], seed: int) -> None:
     print(f"seed {seed}")
     reference, bare = learnt
     windows, known = levels(reference, bare, np.random.default_rng(seed), np.linspace(0.02, 0.5, 8), 0.0)
@@ -117,7 +117,7 @@ def test_levels_alone_are_nothing(learnt: tuple[Reference, Model], seed: int) ->
     assert judged(reference, windows, known).verdict == "nothing_to_explain"
 
 
-def test_a_trend_that_was_there_before_is_no_change(learnt: tuple[Reference, Model]) -> None:
+def test_amplitude_trend_already_in_the_baseline_is_no_change(learnt: tuple[Reference, Model]) -> None:
     """The same softening in the baseline's windows, at the same levels."""
     _, bare = learnt
     random, rms = np.random.default_rng(991), np.linspace(0.02, 0.5, 8)
@@ -131,6 +131,6 @@ def test_a_trend_that_was_there_before_is_no_change(learnt: tuple[Reference, Mod
     assert judged(reference, both[1], Circumstances(trend=trend)).verdict == "nothing_to_explain"
 
 
-def test_one_level_has_no_trend(learnt: tuple[Reference, Model]) -> None:
+def test_constant_level_or_few_windows_give_no_trend(learnt: tuple[Reference, Model]) -> None:
     assert trend_of(learnt[0].windows, np.full(8, 0.3) + 0.001 * np.arange(8)) is None
     assert trend_of(learnt[0].windows.windows(np.arange(3)), np.array([0.1, 0.3, 0.5])) is None

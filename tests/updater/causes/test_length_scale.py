@@ -44,7 +44,7 @@ def bracket(youngs_modulus: float, density: float, elements: int, axes: str = "x
 
 
 @pytest.mark.thorough
-def test_fifty_milligrams_are_found_on_a_bracket_of_five_centimetres() -> None:
+def test_50_mg_mass_is_found_on_a_5_cm_bracket() -> None:
     """Of 1.1 g; a body's centre is millimetres off such an axis, and positions a centimetre apart would be four."""
     given, true = bracket(70e9, 2700, 25), bracket(68.5e9, 2730, 50)
     random, gain = np.random.default_rng(3), np.ones(len(given.channels))
@@ -68,7 +68,7 @@ def test_fifty_milligrams_are_found_on_a_bracket_of_five_centimetres() -> None:
     assert mass.std < 1e-5
 
 
-def test_sensors_in_a_plane_see_modes_beyond_those_measured() -> None:
+def test_model_includes_unmeasured_modes_observable_by_sensors_in_one_plane() -> None:
     """Half of a bracket's modes are across its plane: thirty are not enough to describe a change in it."""
     given = bracket(70e9, 2700, 25, axes="x")
     model = build_model(given, shear_flexible=True, mass="consistent")
@@ -98,7 +98,7 @@ def girder(youngs_modulus: float, elements: int) -> Structure:
     )
 
 
-def test_a_body_under_a_girder_is_found_though_nothing_says_to_which_side_it_hangs() -> None:
+def test_offset_body_on_a_girder_is_found_without_side_information() -> None:
     """On the axis of a symmetric structure a fit has no slope to either side, and stayed there."""
     given, true = girder(210e9, 30), girder(207e9, 60)
     random, gain = np.random.default_rng(5), np.ones(len(given.channels))

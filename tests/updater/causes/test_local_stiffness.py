@@ -74,7 +74,7 @@ def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: B
 
 @pytest.mark.parametrize("shift", [-0.4, 0.7])
 @pytest.mark.parametrize("longer", [-1.3, 0.0, 0.4, 1.2])
-def test_finer_stretches_begin_where_the_coarser_were_fitted_to(shift: float, longer: float) -> None:
+def test_refined_stretches_start_at_the_fitted_coarse_stretches(shift: float, longer: float) -> None:
     """Also at a length between those of two kinds: with precise data, half a step away is far off."""
     reference, observed = reference_and_event()
     cause = propose_local_stiffness(reference, compare(reference, observed))
@@ -120,7 +120,7 @@ def test_softened_stretch_is_found(seed: int, name: str, start: float, end: floa
     ("seed", "name", "start", "end", "left"),
     few_of([(185, "column", 0.70, 0.76, (0.4, 0.9, 0.8)), (186, "crossbeam", 0.58, 0.64, (0.8, 0.35, 0.7))], 0),
 )
-def test_a_cut_from_one_side_is_found(
+def test_cut_from_one_side_is_found(
     seed: int, name: str, start: float, end: float, left: tuple[float, float, float]
 ) -> None:
     """The loss about each axis and in twist, each within 4 deviations; the written model has it."""
@@ -145,7 +145,7 @@ def test_a_cut_from_one_side_is_found(
 
 
 @pytest.mark.thorough
-def test_one_factor_beside_a_body_is_told_as_one() -> None:
+def test_uniform_stiffness_loss_with_a_body_has_one_loss_parameter() -> None:
     """Alone, separate losses about the axes absorb the effect of the body: with it, nothing supports them."""
     body = Body(at=(0.25, 0.0, 1.48), mass=0.1)
     found = diagnose(*event(402, "column", 0.55, 0.60, 0.32, body)).diagnosis
@@ -157,14 +157,14 @@ def test_one_factor_beside_a_body_is_told_as_one() -> None:
 
 
 @pytest.mark.thorough
-def test_a_body_beside_a_stretch_is_no_oscillator() -> None:
+def test_body_with_a_softened_stretch_is_not_an_oscillator() -> None:
     """One with an unmeasured mode fits too: its own frequency absorbs the loss of the crossbeam."""
     body = Body(at=(0.0, 0.0, 0.945), mass=0.39)
     found = diagnose(*event(411, "crossbeam", 0.11, 0.20, 0.65, body)).diagnosis
     assert {cause.cause for cause in found.causes} == {"added_mass", "local_stiffness"}
 
 
-def test_places_that_data_do_not_tell_apart_stay_open() -> None:
+def test_refinement_keeps_all_indistinguishable_positions() -> None:
     """Refined is the neighbourhood of the likeliest; where all are alike the others stay."""
     reference, event_mean = event(187, "column", 0.6, 0.7, 0.9)
     cause = propose_local_stiffness(reference, compare(reference, event_mean))
@@ -184,7 +184,7 @@ def test_places_that_data_do_not_tell_apart_stay_open() -> None:
     assert not far.any()
 
 
-def test_crack_beside_the_foot_may_be_the_foot() -> None:
+def test_crack_next_to_the_foot_is_ambiguous_with_the_foot() -> None:
     """A hinge 1 cm above the foot turns the column as a spring under it does: both are named."""
     found = diagnose(*event(184, "column", 0.0, 0.02, 0.3)).diagnosis
     assert found.verdict == "ambiguous"

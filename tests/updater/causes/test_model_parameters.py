@@ -26,7 +26,7 @@ def _asked(structure: Structure, random: np.random.Generator) -> tuple[Reference
 
 
 @pytest.mark.parametrize("name", ["frame", "portal", "grid", "bridge"])
-def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> None:
+def test_prediction_of_all_parameters_matches_the_extended_structure(name: str) -> None:
     """E off by 4 %, feet and joints that give up to 0.1 L / (E I), welds of half a joint's zone, all at once."""
     random = np.random.default_rng(951)
     reference, data = _asked(structure_of(f"{name}: "), random)
@@ -41,7 +41,7 @@ def test_what_they_do_together_is_what_the_extended_structures_do(name: str) -> 
     assert np.abs(np.log(found[:, None] / exact)).min(1).max() < 2e-3
 
 
-def test_members_that_meet_at_a_point_have_one_weld_and_no_more_than_all_of_it() -> None:
+def test_members_at_one_point_share_one_bounded_weld() -> None:
     """The fitted values are the written ones, also where a fit has gone beyond the range of a weld."""
     frame = t_frame()
     column, beam = (frame.member_named(name) for name in ("column", "crossbeam"))
@@ -76,7 +76,7 @@ class _Differenced(_Moved):
 
 
 @pytest.mark.parametrize("name", ["frame", "grid"])
-def test_exact_derivatives_are_those_of_differences(name: str) -> None:
+def test_exact_derivatives_match_finite_differences(name: str) -> None:
     """Statically determinate, and nineteen times not.
 
     Of a prior deviation of each parameter: in its own unit, a bearing's flexibility has 10 000 times the effect.
@@ -93,7 +93,7 @@ def test_exact_derivatives_are_those_of_differences(name: str) -> None:
 
 
 @pytest.mark.parametrize("seed", few_of([953, 955]))
-def test_a_file_is_told_and_mended(seed: int) -> None:
+def test_file_errors_are_diagnosed_and_corrected(seed: int) -> None:
     """E and density off by per cents, a flexible foot and joint: the answer names these, and corrects the file."""
     random = np.random.default_rng(952)
     truth = true_model(np.random.default_rng(seed))
@@ -117,7 +117,7 @@ def test_a_file_is_told_and_mended(seed: int) -> None:
 
 
 @pytest.mark.thorough
-def test_a_body_is_found_beside_it() -> None:
+def test_body_is_found_in_addition_to_file_errors() -> None:
     """414 g on a frame whose file is 1.5 % off in frequency without it; a body alone would be an oscillator."""
     case = draw("built frame: added_mass", 1)
     [true] = case.done.hidden
@@ -130,7 +130,7 @@ def test_a_body_is_found_beside_it() -> None:
 
 
 @pytest.mark.parametrize("name", ["frame", "bridge", "grid"])
-def test_what_stays_as_rigid_as_the_file_has_it_is_not_told(name: str) -> None:
+def test_connections_confirmed_as_rigid_are_not_reported(name: str) -> None:
     """For correct files, data state that feet, bearings and joints are rigid: no error."""
     reference, data = _asked(structure_of(f"{name}: "), np.random.default_rng(957))
     cause = propose_model_parameters(reference, data)
@@ -143,7 +143,7 @@ def test_what_stays_as_rigid_as_the_file_has_it_is_not_told(name: str) -> None:
     assert not {cause.knobs[k].key for k in np.flatnonzero(stays).tolist()} & set(stated)
 
 
-def test_a_calibrated_reference_has_none() -> None:
+def test_model_parameters_are_not_proposed_for_a_calibrated_reference() -> None:
     random = np.random.default_rng(954)
     bare = true_model(np.random.default_rng(955))
     reference = learn_reference(t_frame(), [measure(bare, random, np.ones(12)) for _ in range(5)], [TRACK] * 5)

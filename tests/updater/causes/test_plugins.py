@@ -42,7 +42,7 @@ def with_ice(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("with_ice")
-def test_the_example_is_found_among_others() -> None:
+def test_example_plugin_cause_is_found_among_built_in_causes() -> None:
     """800 g along the crossbeam, as a denser crossbeam of another mesh, weighed with three of our own causes."""
     assert list(CATALOGUE)[-1] == "ice"
     random, gain = np.random.default_rng(901), np.ones(12)
@@ -75,7 +75,7 @@ def test_the_example_is_found_among_others() -> None:
         ("global_stiffness", "math:floor", "that name is taken"),
     ],
 )
-def test_what_cannot_be_used_is_named_and_left_out(
+def test_unusable_plugin_is_reported_and_left_out(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, name: str, value: str, problem: str
 ) -> None:
     monkeypatch.setattr("updater.causes.catalogue.entry_points", lambda group: [EntryPoint(name, value, group)])

@@ -67,7 +67,7 @@ class Rig:
         return diagnose(self.reference, event, circumstances=known)
 
 
-def test_a_fault_is_not_combined_with_itself_on_the_same_channels() -> None:
+def test_sensor_fault_is_not_combined_with_itself_on_same_channels() -> None:
     rig = Rig(221)
     data = compare(rig.reference, rig.event())
     cause = propose_sensor_orientation(rig.reference, data)
@@ -98,7 +98,7 @@ def the_cause(found: Diagnosis, name: str, *channels: str) -> dict[str, tuple[fl
         ]
     ),
 )
-def test_delay_is_found_to_a_twentieth_of_a_millisecond(seed: int, channels: tuple[str, ...], delay: float) -> None:
+def test_sensor_delay_is_found_within_50_microseconds(seed: int, channels: tuple[str, ...], delay: float) -> None:
     rig = Rig(seed)
     found = rig.explained(rig.event(late=delay * only(*channels)))
     value, std = the_cause(found.diagnosis, "sensor_delay", *channels)["delay"]
@@ -114,7 +114,9 @@ def test_delay_is_found_to_a_twentieth_of_a_millisecond(seed: int, channels: tup
     ("seed", "channel", "axis", "angle"),
     few_of([(211, "beam_left_z", (1.0, 0.0, 0.0), 0.15), (212, "col_111_x", (0.0, 0.6, 0.8), 0.3)]),
 )
-def test_sensor_that_points_askew(seed: int, channel: str, axis: tuple[float, float, float], angle: float) -> None:
+def test_misaligned_sensor_is_found_with_its_angle(
+    seed: int, channel: str, axis: tuple[float, float, float], angle: float
+) -> None:
     """To four deviations and 1 degree: the model's other directions are right to 3 % of the tilt."""
     rig = Rig(seed)
     way = np.array(rig.bare.structure.sensor[CHANNELS.index(channel)].direction, float)
@@ -133,7 +135,7 @@ def test_sensor_that_points_askew(seed: int, channel: str, axis: tuple[float, fl
     assert np.degrees(np.arccos(np.dot(sensor.direction, turned))) < max(1.0, 4 * np.degrees(std))
 
 
-def test_channel_that_says_nothing() -> None:
+def test_channel_without_signal_is_diagnosed_as_dead() -> None:
     rig = Rig(221)
     found = rig.explained(rig.event(gain=1 - only("beam_right_y")))
     assert not the_cause(found.diagnosis, "sensor_dead", "beam_right_y")
@@ -141,7 +143,7 @@ def test_channel_that_says_nothing() -> None:
     assert set(CHANNELS) - set(found.extended.active_channels) == {"beam_right_y"}
 
 
-def test_channel_that_identification_gave_up() -> None:
+def test_channel_left_out_as_constant_is_diagnosed_as_dead() -> None:
     rig = Rig(222)
     lost = ("col_037_x", "col_037_y")
     event = rig.event().at(tuple(c for c in CHANNELS if c not in lost))
@@ -158,7 +160,7 @@ def test_channel_left_out_for_another_reason_is_no_cause(kind: FaultKind) -> Non
     assert rig.explained(event, faults).diagnosis.verdict == "nothing_to_explain"
 
 
-def test_small_errors_that_were_there_before_are_no_faults() -> None:
+def test_small_errors_already_in_the_baseline_are_no_faults() -> None:
     """Half a per cent in gains and 0.02 ms in devices cancel against the baseline; two rigs."""
     verdicts = [rig.explained(rig.event()).diagnosis.verdict for rig in map(Rig, (231, 232))]
     assert verdicts == ["nothing_to_explain"] * 2

@@ -60,7 +60,7 @@ EVERY = [("bridge", "support_stiffness"), ("portal", "support_stiffness"), ("por
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
-def test_every_set_of_springs_of_a_connection_is_an_alternative_begun_twice(design: str, name: str) -> None:
+def test_every_spring_set_of_a_connection_has_two_starts(design: str, name: str) -> None:
     """Springs that turn and springs that slide are alternatives of their own; nothing that is held is one."""
     reference, cause = springs(design, name)
     expected = []
@@ -86,7 +86,7 @@ def test_every_set_of_springs_of_a_connection_is_an_alternative_begun_twice(desi
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
-def test_prior_is_a_loose_connection_and_its_least_flexibility_a_thousandth(design: str, name: str) -> None:
+def test_prior_std_is_a_loose_connection_and_flexibility_is_bounded(design: str, name: str) -> None:
     """Of a spring that turns a tenth of L / (E I), or its own flexibility; of one that slides ten times its own."""
     reference, cause = springs(design, name)
     for row, (connection, axes) in enumerate(zip(cause.connections, cause.axes, strict=True)):
@@ -102,7 +102,7 @@ def test_prior_is_a_loose_connection_and_its_least_flexibility_a_thousandth(desi
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
-def test_fits_begin_at_one_step_of_gauss_and_newton_within_bounds(design: str, name: str) -> None:
+def test_fits_start_after_one_bounded_gauss_newton_step(design: str, name: str) -> None:
     """Slopes of the frequencies are those of the model with the springs of the extended structure."""
     reference, cause = springs(design, name, log_ratio=-2e-2)
     half, data = len(cause.lower) // 2, cause.comparison
@@ -126,7 +126,7 @@ def test_fits_begin_at_one_step_of_gauss_and_newton_within_bounds(design: str, n
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
-def test_stated_deviation_of_a_stiffness_is_that_of_its_flexibilities(design: str, name: str) -> None:
+def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, name: str) -> None:
     """Of 1 / (1 / before + change): the deviations of both, times the square of the stiffness."""
     reference, cause = springs(design, name)
     row = int(np.argmax(cause.active.sum(1)))
@@ -182,7 +182,7 @@ def test_stated_deviation_of_a_stiffness_is_that_of_its_flexibilities(design: st
 @pytest.mark.parametrize(
     ("design", "name", "draws"), [("bridge", "support_stiffness", 40), ("portal", "joint_stiffness", 40)]
 )
-def test_fitted_changes_are_off_by_what_they_state(design: str, name: str, draws: int) -> None:
+def test_errors_of_fitted_changes_match_stated_deviations(design: str, name: str, draws: int) -> None:
     """Changes of up to 3 % of a frequency, noise as stated: mean square of the standard scores, chi-square at 1e-4."""
     reference, cause = springs(design, name)
     random, data = np.random.default_rng(8), cause.comparison

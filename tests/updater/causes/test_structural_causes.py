@@ -39,7 +39,7 @@ def off(cause: Cause, place: tuple[float, float, float]) -> float:
 
 
 @pytest.mark.thorough
-def test_snow_on_the_crossbeam() -> None:
+def test_snow_on_the_crossbeam_is_diagnosed_as_distributed_mass() -> None:
     """0.4 kg in beads a centimetre apart over half of it; 4 deviations."""
     beads = tuple(Body(at=(x, 0, 1.48), mass=0.01) for x in np.linspace(-0.195, 0.195, 40))
     cause = found(191, body=beads)
@@ -51,7 +51,7 @@ def test_snow_on_the_crossbeam() -> None:
 
 
 @pytest.mark.parametrize(("seed", "force"), few_of([(192, -1500.0), (193, 1000.0)]))
-def test_axial_force_of_the_column(seed: int, force: float) -> None:
+def test_axial_force_of_the_column_is_found(seed: int, force: float) -> None:
     """7 and 5 % of its buckling load, with preload in elements of 1 cm; 4 deviations."""
     members = tuple(m.model_copy(update={"preload": force}) if m.name == "column" else m for m in true_members())
     cause = found(seed, member=members)
@@ -68,7 +68,9 @@ def true_members() -> tuple[Member, ...]:
 @pytest.mark.parametrize(
     ("seed", "at", "axis", "stiffness"), few_of([(194, (0, 0, 0.9), "y", 8e3), (195, (0.3, 0, 1.48), "z", 2e4)])
 )
-def test_prop(seed: int, at: tuple[float, float, float], axis: str, stiffness: float) -> None:
+def test_added_prop_is_found_with_its_stiffness(
+    seed: int, at: tuple[float, float, float], axis: str, stiffness: float
+) -> None:
     """A spring at a node of the truth's mesh; 4 deviations."""
     spring = Support.model_validate({"at": at, "stiffness": {axis: stiffness}})
     cause = found(seed, support=(spring,))

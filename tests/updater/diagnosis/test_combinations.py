@@ -41,7 +41,7 @@ def place(chosen: SelectedCause) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(973, 981))
-def test_two_bodies_on_beam_and_column(learnt: tuple[Reference, Model], seed: int) -> None:
+def test_two_bodies_on_beam_and_column_are_located(learnt: tuple[Reference, Model], seed: int) -> None:
     """Of 100 to 300 g, drawn anywhere but where nothing moves; to first order they are placed to 5 cm."""
     random = np.random.default_rng(seed)
     at = (random.uniform(-0.35, 0.35), 0.0, 1.48), (0.0, 0.0, random.uniform(0.5, 1.2))
@@ -55,7 +55,7 @@ def test_two_bodies_on_beam_and_column(learnt: tuple[Reference, Model], seed: in
 
 
 @pytest.mark.parametrize("channel", [3, 9])
-def test_a_body_and_a_gain(learnt: tuple[Reference, Model], channel: int) -> None:
+def test_body_and_sensor_gain_error_are_found_together(learnt: tuple[Reference, Model], channel: int) -> None:
     gain = GAIN.copy()
     gain[channel] = 1.15
     found = pair_of(learnt, (Body(at=(0.2, 0.0, 1.48), mass=0.2),), gain, 981)

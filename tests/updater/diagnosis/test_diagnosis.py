@@ -17,7 +17,7 @@ def explained(seed: int, change: Change) -> DiagnosisResult:
 
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", [101, 102])
-def test_a_body_is_weighed_and_placed(seed: int) -> None:
+def test_added_body_has_correct_mass_and_position(seed: int) -> None:
     found = explained(seed, Change(bodies=(Body(at=(0.21, 0, 1.48), mass=0.3, offset=(0, 0.01, 0.01)),))).diagnosis
     assert (found.verdict, names(found)) == ("explained", ["added_mass"])
     (cause,) = found.causes
@@ -29,7 +29,7 @@ def test_a_body_is_weighed_and_placed(seed: int) -> None:
 
 
 @pytest.mark.parametrize(("seed", "axes"), few_of([(111, "rx ry rz"), (112, "ry"), (113, "rx")], 0))
-def test_a_loosened_foot_is_told_by_axis(seed: int, axes: str) -> None:
+def test_loosened_foot_is_diagnosed_by_axis(seed: int, axes: str) -> None:
     """To a quarter of the stiffness: found to four of its own deviations, or 15 % (the reference's share is fitted)."""
     reference, bare, event = learnt(seed)
     change = Change(foot=dict.fromkeys(axes.split(), 0.25))
@@ -45,7 +45,7 @@ def test_a_loosened_foot_is_told_by_axis(seed: int, axes: str) -> None:
             assert abs(quantity.value - true[axis]) < max(4 * quantity.std, 0.15 * true[axis])  # type: ignore[index]
 
 
-def test_a_foot_is_found_also_where_modes_cross_on_the_way() -> None:
+def test_loosened_foot_is_found_when_modes_cross() -> None:
     """The first two modes change places; a fit begun from no change stays where they meet, 300 of chi-square worse."""
     reference, _, event = learnt(506)
     found = diagnose(reference, event(Change(foot={"rx": 0.100, "ry": 0.122}))).diagnosis
@@ -53,19 +53,19 @@ def test_a_foot_is_found_also_where_modes_cross_on_the_way() -> None:
 
 
 @pytest.mark.thorough
-def test_a_loosened_joint_is_no_foot() -> None:
+def test_loosened_joint_is_not_diagnosed_as_a_foot() -> None:
     found = explained(121, Change(joint={"ry": 0.25})).diagnosis
     assert (found.verdict, names(found)) == ("explained", ["joint_stiffness"])
 
 
-def test_torsion_alone_cannot_tell_foot_from_joint() -> None:
+def test_foot_and_joint_are_indistinguishable_in_torsion() -> None:
     found = explained(122, Change(foot={"rz": 0.2})).diagnosis
     assert found.verdict == "ambiguous"
     (cause,) = found.causes
     assert {cause.cause, *cause.cannot_be_told_from} == {"support_stiffness", "joint_stiffness"}
 
 
-def test_one_factor_on_all_frequencies_has_four_makers() -> None:
+def test_common_frequency_factor_has_four_possible_causes() -> None:
     found = explained(123, Change(stiffness=0.98)).diagnosis
     (cause,) = found.causes
     makers = {"global_stiffness", "global_density", "temperature", "sampling_clock"}
@@ -84,7 +84,9 @@ def test_one_factor_on_all_frequencies_has_four_makers() -> None:
         0,  # by default: tests/examined/test_modes.py
     ),
 )
-def test_faults_of_the_chain_are_told_from_changes(seed: int, change: Change, cause: str, channels: set[str]) -> None:
+def test_sensor_faults_are_distinguished_from_structural_changes(
+    seed: int, change: Change, cause: str, channels: set[str]
+) -> None:
     found = explained(seed, change)
     assert (found.diagnosis.verdict, names(found.diagnosis)) == ("explained", [cause])
     where = found.diagnosis.causes[0].where
@@ -105,7 +107,7 @@ def test_faults_of_the_chain_are_told_from_changes(seed: int, change: Change, ca
         0,  # by default: tests/examined/test_modes.py
     ),
 )
-def test_two_at_once_are_two(seed: int, other: Change, causes: str) -> None:
+def test_two_simultaneous_causes_are_both_found(seed: int, other: Change, causes: str) -> None:
     found = explained(seed, replace(other, bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),))).diagnosis
     assert (found.verdict, names(found)) == ("explained", causes.split())
     (mass,) = (c.parameters["mass"] for c in found.causes if c.cause == "added_mass")
@@ -113,7 +115,7 @@ def test_two_at_once_are_two(seed: int, other: Change, causes: str) -> None:
 
 
 @pytest.mark.thorough
-def test_the_gain_is_measured_on_what_was_held_out() -> None:
+def test_gain_is_measured_on_held_out_data() -> None:
     found = explained(151, Change(foot={"ry": 0.25}))
     gain = found.diagnosis.gain
     assert gain is not None
@@ -124,7 +126,7 @@ def test_the_gain_is_measured_on_what_was_held_out() -> None:
     assert found.extended is not None
 
 
-def test_three_at_once_are_three() -> None:
+def test_three_simultaneous_sensor_faults_are_all_found() -> None:
     """Two channels turned and a third at half its gain."""
     faults = (("col_037_x", -1.0), ("col_111_y", -1.0), ("beam_mid_x", 0.5))
     found = explained(161, Change(gain=faults)).diagnosis
@@ -134,7 +136,7 @@ def test_three_at_once_are_three() -> None:
 
 
 @pytest.mark.thorough
-def test_what_is_in_no_catalogue_is_not_explained() -> None:
+def test_change_outside_the_catalogue_is_unexplained() -> None:
     """Four channels at little more than half their gains: no three causes do that."""
     change = Change(gain=tuple((channel, 0.6) for channel in ("col_037_x", "col_111_y", "beam_left_z", "beam_mid_x")))
     reference, _, event = learnt(162)
@@ -147,7 +149,7 @@ def test_what_is_in_no_catalogue_is_not_explained() -> None:
 
 
 @pytest.mark.parametrize("rigs", few_of([range(170, 171), range(170, 172)]), ids=["four", "eight"])
-def test_nothing_is_explained_by_nothing(rigs: range) -> None:
+def test_unchanged_structure_needs_no_cause(rigs: range) -> None:
     """Four events per rig: at a posterior of 0.8 against even odds one in 8 would be no surprise; two are under 1 in
     1000 at the rate of 1 in 200 that 40 simulated pairs of records allow.
     """

@@ -112,7 +112,7 @@ def girder() -> tuple[Observation, Observation]:
     return observed(random, 18), observed(random, 18, mass=1000.0)
 
 
-def test_flexibilities_that_no_mode_shows_stay_within_those_of_a_loose_connection(
+def test_unobservable_flexibilities_stay_below_those_of_a_loose_connection(
     girder: tuple[Observation, Observation],
 ) -> None:
     """No vertical mode turns a bearing about the vertical axis: that parameter had come to 1e21 in self-stress."""
@@ -130,7 +130,7 @@ def test_flexibilities_that_no_mode_shows_stay_within_those_of_a_loose_connectio
     assert np.isfinite(fit(data, cause).log_evidence)
 
 
-def test_a_mass_on_a_girder_of_three_spans_is_found_at_changing_levels(
+def test_mass_on_three_span_girder_is_found_at_varying_levels(
     girder: tuple[Observation, Observation],
 ) -> None:
     found = explain(girder_file(), *girder).explained.diagnosis
@@ -146,7 +146,7 @@ def test_a_mass_on_a_girder_of_three_spans_is_found_at_changing_levels(
     assert "amplitude_softening" in {r.cause for r in found.rejected}
 
 
-def test_a_cause_that_fails_is_left_out_reported_and_logged(
+def test_failing_cause_is_left_out_reported_and_logged(
     girder: tuple[Observation, Observation], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """One cannot be proposed, another one's effect is singular; numpy's error is a ValueError, but no wrong input."""

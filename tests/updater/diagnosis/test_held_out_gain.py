@@ -19,7 +19,7 @@ ONLY = ("added_mass",)  # which cause is found is tested elsewhere
 
 
 @pytest.mark.parametrize("seed", few_of([301, 302]))
-def test_what_was_held_out_is_explained_to_its_noise(seed: int) -> None:
+def test_held_out_data_are_predicted_within_noise(seed: int) -> None:
     """Changes are mispredicted by at most 1.5 times the noise of the records, and by an eighth of the changes."""
     reference, _, event = learnt(seed)
     found = diagnose(reference, event(CHANGE), heldout=(kept := event(CHANGE)), only=ONLY)
@@ -35,7 +35,7 @@ def test_what_was_held_out_is_explained_to_its_noise(seed: int) -> None:
     assert after < before / 8
 
 
-def test_the_extended_model_takes_up_what_the_reference_gets_wrong() -> None:
+def test_extended_model_parameters_are_adjusted_to_the_measured_frequencies() -> None:
     """Of 400 g: the decision leaves 1 % of the shift; the extended model is as near to the frequencies as possible."""
     reference, _, event = learnt(306)
     data = compare(reference, event(Change(bodies=(Body(at=(0.1, 0, 1.48), mass=0.4),))))
@@ -60,7 +60,7 @@ def test_a_held_out_record_may_lack_a_mode_or_a_channel() -> None:
     assert not gain.heldout
 
 
-def test_each_mode_is_foretold_by_the_others() -> None:
+def test_each_left_out_mode_is_predicted_by_the_others() -> None:
     """A mode that is left out is predicted within four stated deviations; not closer than noise allows."""
     reference, _, event = learnt(303)
     found = diagnose(reference, event(CHANGE), only=ONLY)
@@ -76,7 +76,7 @@ def test_each_mode_is_foretold_by_the_others() -> None:
     assert error.after < 0.1  # %: five windows of 0.1 % each, and what the reference gets wrong of 1 %
 
 
-def test_what_may_be_chance_is_not_significant() -> None:
+def test_gain_of_a_negligible_mass_is_not_significant() -> None:
     """A thousandth of an undetectable mass, on data in which nothing has changed."""
     reference, _, event = learnt(304)
     data = compare(reference, event(Change()))

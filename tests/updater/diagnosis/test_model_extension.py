@@ -25,7 +25,7 @@ def asked(structure: Structure, windows: TrackedModes) -> DiagnosisResult:
 
 
 @pytest.mark.parametrize("seed", few_of([2, 4], 0))
-def test_the_extended_model_has_nothing_left_to_explain(seed: int) -> None:
+def test_extended_model_needs_no_further_cause(seed: int) -> None:
     """A frame whose foot, joint, modulus and density are not the file's, and six fresh windows of it."""
     random = np.random.default_rng((seed, 9))
     gain = 1 + 0.005 * random.standard_normal(12)

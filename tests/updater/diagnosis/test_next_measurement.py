@@ -34,7 +34,7 @@ def with_sensors(structure: Structure, *more: Sensor) -> Structure:
     return structure.model_copy(update={"sensor": kept + more})
 
 
-def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
+def test_proposed_sensor_on_the_crossbeam_separates_left_from_right() -> None:
     """Sensors of the column alone see mirror images alike; what is named must lie on the beam that holds the mass."""
     random, bare = np.random.default_rng(501), true_model(np.random.default_rng(502))
     before = [on_the_column(measure(bare, random, np.ones(12))) for _ in range(8)]
@@ -66,7 +66,7 @@ def test_a_sensor_on_the_crossbeam_tells_left_from_right() -> None:
     assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, reported
 
 
-def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
+def test_thermometer_tone_and_known_mass_are_proposed_for_common_factor() -> None:
     reference, _, event = learnt(503)
     reported = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
     assert "A thermometer during both records" in reported
@@ -74,7 +74,7 @@ def test_a_common_factor_needs_a_thermometer_a_tone_and_a_known_mass() -> None:
     assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", reported), reported
 
 
-def test_what_nothing_tells_apart_is_said() -> None:
+def test_inseparable_causes_are_reported_as_inseparable() -> None:
     """A foot and a joint that both give in torsion alone."""
     reference, _, event = learnt(122)
     found = diagnose(reference, event(Change(foot={"rz": 0.2}))).diagnosis
@@ -82,7 +82,7 @@ def test_what_nothing_tells_apart_is_said() -> None:
     assert "None of the measurements considered separates" in found.next_measurement
 
 
-def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explained_verdict_proposes_no_separating_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
     """Open candidates of one name together with a sure cause need no separation."""
     reference, _, event = learnt(504)
 
@@ -96,7 +96,7 @@ def test_an_explained_verdict_asks_for_no_separation(monkeypatch: pytest.MonkeyP
     assert "None of" not in found.next_measurement
 
 
-def test_a_frequency_that_fits_is_not_called_odd() -> None:
+def test_fitting_frequency_is_not_reported_as_outlier() -> None:
     reference, _, event = learnt(505)
     data = compare(reference, event(Change()))
     masses = EvidenceComparison(reference, data).causes["added_mass"]

@@ -31,7 +31,7 @@ def _changes(found: DiagnosisResult) -> dict[str, ParameterChange]:
     return {change.name: change for cause in found.diagnosis.causes for change in cause.changes}
 
 
-def test_each_change_has_its_place_its_unit_and_both_values(found: DiagnosisResult) -> None:
+def test_each_change_has_position_unit_and_both_values(found: DiagnosisResult) -> None:
     changes = _changes(found)
     modulus = changes["steel.E"]
     assert (modulus.unit, modulus.position, modulus.quantity) == ("Pa", None, "Young's modulus")
@@ -45,7 +45,7 @@ def test_each_change_has_its_place_its_unit_and_both_values(found: DiagnosisResu
     assert [cause.where for cause in found.diagnosis.causes] == [None]
 
 
-def test_what_is_within_two_deviations_of_the_file_is_no_change(found: DiagnosisResult) -> None:
+def test_parameter_within_two_deviations_of_the_file_is_no_change(found: DiagnosisResult) -> None:
     """A connection's flexibility, which the file has as 0, has the relative deviation of its stiffness."""
     changes = _changes(found)
     assert changes
@@ -56,14 +56,14 @@ def test_what_is_within_two_deviations_of_the_file_is_no_change(found: Diagnosis
             assert abs(change.after - change.before) > 1.9 * change.std, change
 
 
-def test_it_is_said_in_engineering_units(found: DiagnosisResult) -> None:
+def test_cause_text_uses_engineering_units(found: DiagnosisResult) -> None:
     text = cause_text(found.diagnosis.causes[0])
     assert "Young's modulus of steel 252 -> 2" in text
     assert " GPa (-1" in text
     assert "L/(E I)" not in text
 
 
-def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(found: DiagnosisResult) -> None:
+def test_written_file_has_few_digits_and_no_redundant_entries(found: DiagnosisResult) -> None:
     assert found.extended is not None
     text = dump_structure(found.extended, t_structure_toml())
     written = parse_structure(text)
@@ -77,7 +77,7 @@ def test_the_written_file_has_few_digits_and_no_entries_that_change_nothing(foun
         assert len(f"{value:.12g}".strip("0").replace(".", "").strip("0")) <= 5, value
 
 
-def test_rounding_moves_no_frequency_by_more_than_a_tenth_of_what_is_measured(found: DiagnosisResult) -> None:
+def test_rounding_changes_frequencies_by_less_than_0_1_per_cent(found: DiagnosisResult) -> None:
     """Frequencies scatter by 0.02 to 0.07 % in a window; the file's are compared with the fit's own prediction."""
     assert found.extended is not None
     own = build_model(found.extended, shear_flexible=True, mass="consistent").modes(40).frequency
@@ -86,7 +86,7 @@ def test_rounding_moves_no_frequency_by_more_than_a_tenth_of_what_is_measured(fo
             assert np.abs(np.log(own / mode.frequency.after)).min() < 1e-3
 
 
-def test_a_loosened_foot_is_reported_before_and_after() -> None:
+def test_loosened_foot_is_reported_with_values_before_and_after() -> None:
     reference, _, event = learnt(41)
     found = diagnose(reference, event(Change(foot={"rx": 0.3})))
     (cause,) = found.diagnosis.causes

@@ -35,7 +35,7 @@ def _with_tip_mass(share: float, highest: float) -> FloatArray:
 
 
 @pytest.mark.parametrize("share", [-0.05, -0.1, -0.2])
-def test_modes_of_a_cantilever_without_a_tip_mass_have_the_closed_form(share: float) -> None:
+def test_cantilever_modes_with_removed_tip_mass_match_closed_form(share: float) -> None:
     """The mass exceeds that of an element by 2 to 8 times: the consistent mass matrix is indefinite."""
     elements = 40
     structure = beam(length=1.0, elements=elements, support=clamped()).with_bodies([Body(at=(1, 0, 0), mass=share)])
@@ -50,7 +50,7 @@ def test_modes_of_a_cantilever_without_a_tip_mass_have_the_closed_form(share: fl
 
 @pytest.mark.parametrize("elements", [4, 30], ids=["all of the matrix", "its lowest modes"])
 @pytest.mark.parametrize("mass", ["consistent", "lumped"])
-def test_a_body_that_takes_off_more_than_moves_is_refused_by_its_place(
+def test_too_heavy_removed_body_is_refused_with_its_position(
     elements: int, mass: Literal["consistent", "lumped"]
 ) -> None:
     bodies = [Body(at=(0.5, 0, 0), mass=-0.02), Body(at=(1, 0, 0), mass=-0.5)]
@@ -59,7 +59,7 @@ def test_a_body_that_takes_off_more_than_moves_is_refused_by_its_place(
         build_model(structure, mass=mass).modes(5)
 
 
-def test_a_file_whose_bodies_leave_no_mass_is_refused() -> None:
+def test_file_with_bodies_that_leave_no_mass_is_refused() -> None:
     text = f"{t_structure_toml()}\n[[body]]\nat = [-0.2, 0.0, 1.48]\nmass = -1000\n"
     with pytest.raises(StructureError, match=r"t\.toml: .*body at \[-0\.2, 0\.0, 1\.48\]: mass: expected more than -7"):
         parse_structure(text, "t.toml")
@@ -69,7 +69,7 @@ def test_a_file_whose_bodies_leave_no_mass_is_refused() -> None:
     ("seed", "s", "mass_on", "only"),
     [pytest.param(1, 0.2, 0.2, (), marks=pytest.mark.thorough), (2, 0.05, 0.45, ("added_mass", "joint_stiffness"))],
 )
-def test_a_removed_body_goes_through_explanation_and_extended_model(
+def test_removed_body_is_diagnosed_and_written_to_the_extended_model(
     seed: int, s: float, mass_on: float, only: tuple[str, ...]
 ) -> None:
     """A body on the crossbeam, whose elements weigh 165 g each, during the reference; then it is removed."""
@@ -122,7 +122,7 @@ def test_a_removed_body_goes_through_explanation_and_extended_model(
     np.testing.assert_allclose(again.health.gain, 1.0, atol=0.03)
 
 
-def test_modes_of_the_frame_without_a_body_are_those_of_the_frame() -> None:
+def test_equal_added_and_removed_bodies_leave_the_modes_unchanged() -> None:
     """A body of +200 g and one of -200 g 1 mm away from it: 1 mm of a couple remains."""
     frame = t_frame()
     pair = [Body(at=(x, 0, 1.48), mass=m, offset=(0, 0.03, 0.04)) for x, m in ((-0.2, 0.2), (-0.199, -0.2))]
@@ -131,7 +131,7 @@ def test_modes_of_the_frame_without_a_body_are_those_of_the_frame() -> None:
 
 
 @pytest.mark.parametrize(("seed", "mass", "s"), few_of([(705, 0.63, 0.45), (701, 0.63, 0.59), (703, 0.66, 0.23)], n=0))
-def test_a_large_removed_body_is_explained_and_the_file_is_written_without_it(seed: int, mass: float, s: float) -> None:
+def test_large_removed_body_is_explained_and_absent_from_extended_file(seed: int, mass: float, s: float) -> None:
     """The calibration had made up for a fourth of a mode's mass by stiffness: nothing fitted before."""
     print(f"seed {seed}")
     bare, random = draw_state(seed), np.random.default_rng((seed, 8))

@@ -64,7 +64,7 @@ def test_every_verdict_has_the_keys_of_the_contract(verdict: str) -> None:
 
 
 @pytest.mark.parametrize("verdict", KINDS)
-def test_what_is_not_explained_gains_nothing(verdict: str) -> None:
+def test_only_verdicts_with_causes_have_a_gain(verdict: str) -> None:
     found = answer(verdict)
     if verdict in {"explained", "ambiguous"}:
         assert found["causes"]
@@ -80,7 +80,7 @@ def test_what_is_not_explained_gains_nothing(verdict: str) -> None:
 
 
 @pytest.mark.parametrize("verdict", KINDS)
-def test_modes_without_a_partner_have_a_null(verdict: str) -> None:
+def test_unpaired_modes_have_null_values(verdict: str) -> None:
     modes = answer(verdict)["modes"]
     assert [set(mode) for mode in modes] == [{"frequency", "mac"}] * 9
     gone = modes[3]
@@ -96,7 +96,7 @@ def test_modes_without_a_partner_have_a_null(verdict: str) -> None:
         assert (frequency["after"] is None) == (verdict in {"nothing_to_explain", "unexplained"})
 
 
-def test_a_place_has_a_region_on_its_member_and_what_has_no_place_has_none() -> None:
+def test_located_cause_has_a_region_and_common_factor_no_location() -> None:
     (mass,) = answer("explained")["causes"]
     where = mass["where"]
     assert where["member"] == "crossbeam"

@@ -30,7 +30,7 @@ def measured(structure: Structure, bodies: Sequence[tuple[float, float]], seed: 
     return read_tables(structure, [path])
 
 
-def test_two_bodies_taken_off_are_among_what_is_named(tmp_path: Path) -> None:
+def test_removal_of_two_bodies_is_among_the_named_causes(tmp_path: Path) -> None:
     """A stiffening of two stretches, with the same effect from the other end, was named with 99.9 %."""
     structure = parse_structure(structure_file(BODIES, Clamp(mass=0.45)))
     before = measured(structure, BODIES, 1, tmp_path / "before.csv")
@@ -53,7 +53,7 @@ def test_two_bodies_taken_off_are_among_what_is_named(tmp_path: Path) -> None:
     assert answer.gain.change_error_percent.after < 0.1  # of 2.3 %: noise leaves 0.03 %
 
 
-def test_damping_that_was_not_measured_is_no_datum(tmp_path: Path) -> None:
+def test_unmeasured_damping_is_not_counted_as_data(tmp_path: Path) -> None:
     """Five frequencies are five data, so that the p value of a fit is that of five."""
     structure = parse_structure(structure_file(BODIES, Clamp(mass=0.45)))
     before, after = (measured(structure, BODIES, seed, tmp_path / f"{seed}.csv") for seed in (3, 4))

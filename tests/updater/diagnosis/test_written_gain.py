@@ -25,7 +25,7 @@ AGAIN = ("model_parameters", *STRUCTURAL)
         2,
     ),
 )
-def test_the_gain_is_that_of_the_written_file(cell: str, seed: int) -> None:
+def test_stated_gain_matches_the_written_file(cell: str, seed: int) -> None:
     """Loaded from its text, paired by other means: to the last digits; without noise within the effect of noise."""
     case = draw(cell, seed)
     cause = case.done.hidden[0].cause
@@ -46,7 +46,7 @@ def test_the_gain_is_that_of_the_written_file(cell: str, seed: int) -> None:
     assert loop.again.explained.diagnosis.verdict == "nothing_to_explain"
 
 
-def test_what_is_told_of_each_mode_is_the_file_s() -> None:
+def test_reported_mode_frequencies_match_the_written_file() -> None:
     """Frequencies with the causes are those of the loaded file, not predicted changes of the measured ones."""
     loop = closed_loop(draw("added_mass", 8002), only=("added_mass",), again_only=("model_parameters",))
     assert loop.written is not None

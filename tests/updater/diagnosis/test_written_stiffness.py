@@ -14,7 +14,7 @@ def reported(name: str) -> Cause:
     return Cause(cause=name, probability=0.9, where=where, parameters=stiffness)
 
 
-def test_a_foot_that_is_softer_in_the_file_too_is_told_as_it_is_written() -> None:
+def test_foot_stiffness_is_reported_as_written_to_the_file() -> None:
     frame = t_frame()
     [foot] = frame.support
     softer = foot.model_copy(update={"fixed": ("x", "y", "z", "rx", "ry"), "stiffness": {"rz": 6e5}})
@@ -23,5 +23,5 @@ def test_a_foot_that_is_softer_in_the_file_too_is_told_as_it_is_written() -> Non
     assert found.parameters["stiffness_rz"].std == pytest.approx(4e4 * (6 / 8) ** 2)
 
 
-def test_another_cause_is_told_as_it_was() -> None:
+def test_other_cause_is_reported_unchanged() -> None:
     assert as_written(reported("support_spring"), t_frame()) == reported("support_spring")

@@ -44,7 +44,7 @@ def diagnosed(which: str, before: State, after: State, seed: int) -> Diagnosis:
 @pytest.mark.parametrize(
     ("which", "bar", "seed"), few_of([("frame", "column", 11), ("portal", "left", 5), ("bridge", "girder", 5)])
 )
-def test_a_loss_over_a_whole_member_is_one_stretch(which: str, bar: str, seed: int) -> None:
+def test_stiffness_loss_over_a_whole_member_is_one_stretch(which: str, bar: str, seed: int) -> None:
     """16 % of a column, a post, a girder; it was two touching stretches, or a factor on all stiffness."""
     print(f"seed {seed}")
     state, _ = specimen(which.removeprefix("frame"), seed)
@@ -80,7 +80,7 @@ def begun(cause: Cause) -> SelectedCause:
     return SelectedCause(cause, 0, np.zeros(len(cause.prior_std)))
 
 
-def test_two_stretches_that_touch_and_agree_are_merged() -> None:
+def test_adjacent_stretches_of_equal_loss_are_merged() -> None:
     state, _ = specimen("", 12)
     weighing = replace(
         weighing_of(state, softened(state, "column", 0.8, (0.1, 0.9)), 12), instead={"local_stiffness": halves_at_most}
@@ -99,7 +99,7 @@ def test_two_stretches_that_touch_and_agree_are_merged() -> None:
     assert merged(weighing, elsewhere) is elsewhere
 
 
-def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
+def test_zero_size_model_parameters_are_rejected_with_a_mass() -> None:
     """The file is right and a body is on the structure; significance of parameters, in five draws."""
     structure, track = t_frame(), np.arange(8)
     heavier = structure.with_bodies([Body(at=(0.25, 0.0, 1.48), mass=0.3)])
@@ -125,7 +125,7 @@ def test_model_parameters_of_zero_size_are_not_accepted_beside_a_mass() -> None:
 
 
 @pytest.mark.parametrize("name", few_of(["support_stiffness", "local_stiffness"]))
-def test_springs_and_stretches_of_zero_size_are_not_accepted_beside_a_mass(name: str) -> None:
+def test_zero_size_springs_and_stretches_are_rejected_with_a_mass(name: str) -> None:
     """A cause that the data do not need is insignificant, and a needed one is significant."""
     state, do = specimen("", 21)
     done = do["added_mass"](state, np.random.default_rng(3))

@@ -109,7 +109,7 @@ def test_a_structure_without_support_is_refused() -> None:
         build_model(bar((), 4)).modes(3)
 
 
-def test_shear_flexible_cantilever_deflects_as_timoshenko_says() -> None:
+def test_shear_flexible_cantilever_deflection_matches_timoshenko() -> None:
     """u = P L^3 / 3 E SECOND + P L / kappa G A, exact at the nodes for any mesh."""
     model = build_model(bar(ALL, 3), shear_flexible=True)
     tip = model.read(np.array([LENGTH, 0, 0]), 1)
@@ -125,14 +125,14 @@ def test_t_frame_has_the_published_frequencies(added: tuple[float, float, float]
     np.testing.assert_allclose(model.modes(8).frequency, TABLE[added], rtol=1e-4, atol=0.006)
 
 
-def test_reference_model_has_the_papers_mass_and_node_mass() -> None:
+def test_reference_model_matches_total_and_nodal_mass_of_the_paper() -> None:
     model = build_model(t_frame())
     assert model.total_mass() == pytest.approx(7.505, abs=5e-4)
     column_node = model.read(np.array([0, 0, 0.92]), 0)
     assert column_node @ model.mass @ column_node == pytest.approx(1 / 7.5911, rel=5e-4)  # 3.292 kg/m
 
 
-def test_moving_the_mesh_moves_no_sensor() -> None:
+def test_mesh_shift_does_not_change_shapes_at_sensors() -> None:
     """RIG: under 0.2 % in any mode at any sensor when nodes move by half an element; fine mesh, so that modes agree."""
     structure = t_frame()
     shapes = []
@@ -144,13 +144,13 @@ def test_moving_the_mesh_moves_no_sensor() -> None:
     assert np.abs(shapes[0] - shapes[1]).max() < 2e-3
 
 
-def test_stiff_joint_springs_are_a_rigid_joint() -> None:
+def test_very_stiff_joint_springs_equal_a_rigid_joint() -> None:
     stiff = Joint(member="crossbeam", at=(0, 0, 1.48), stiffness={"rx": 1e10, "ry": 1e10, "rz": 1e10})
     jointed = build_model(t_frame().model_copy(update={"joint": (stiff,)})).modes(8).frequency
     np.testing.assert_allclose(jointed, build_model(t_frame()).modes(8).frequency, rtol=1e-5)
 
 
-def test_a_body_with_offset_is_a_rigid_arm() -> None:
+def test_body_with_offset_equals_a_mass_on_a_rigid_arm() -> None:
     """The same mass on a massless, very stiff member of that length."""
     arm = 0.05
     offset = t_frame().with_bodies([Body(at=(0.25, 0, 1.48), mass=0.3, offset=(0, 0, arm))])

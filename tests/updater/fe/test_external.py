@@ -59,7 +59,7 @@ def tower(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "tower.toml"
 
 
-def test_modes_and_sensors_are_those_of_the_model_that_was_written(tower: Path) -> None:
+def test_external_model_has_modes_and_sensors_of_the_written_model(tower: Path) -> None:
     """Hermite's cubics differ from a Timoshenko element's by at most phi/4 = 1e-2 of its own bending."""
     own = build_model(t_frame(), shear_flexible=True, mass="consistent")
     model = build_model(load_structure(tower), mass="consistent")
@@ -72,7 +72,7 @@ def test_modes_and_sensors_are_those_of_the_model_that_was_written(tower: Path) 
     assert model.total_mass() == pytest.approx(own.total_mass() - 3.292 * 0.02, rel=3e-3)
 
 
-def test_matrix_market_files_and_npz_hold_the_same(tower: Path, tmp_path: Path) -> None:
+def test_matrix_market_files_and_npz_have_the_same_content(tower: Path, tmp_path: Path) -> None:
     model = build_model(load_structure(tower), mass="consistent")
     save_matrices(tmp_path, matrices_of(model))
     files = 'stiffness = "stiffness.mtx"\nmass = "mass.mtx"\ndofs = "dofs.csv"'
@@ -83,7 +83,7 @@ def test_matrix_market_files_and_npz_hold_the_same(tower: Path, tmp_path: Path) 
 
 
 @pytest.mark.parametrize("seed", [11, 12])
-def test_mass_is_located_and_diagnosed_in_matrices_as_in_a_structure(tower: Path, seed: int) -> None:
+def test_mass_is_located_and_diagnosed_with_external_matrices(tower: Path, seed: int) -> None:
     """The truth is another frame: flexible foot and joint, 10 mm mesh, other E and density, gains that scatter."""
     truth = t_truth(seed)
     bare = truth.model()
@@ -109,7 +109,7 @@ def test_mass_is_located_and_diagnosed_in_matrices_as_in_a_structure(tower: Path
     assert explained.diagnosis.causes[0].cause == "added_mass"
 
 
-def test_extended_file_reads_back_and_carries_the_mass(tower: Path) -> None:
+def test_extended_file_with_added_mass_is_read_back(tower: Path) -> None:
     structure = load_structure(tower).with_bodies([Body(at=(0.25, 0, 1.48), mass=0.304)])
     again = parse_structure(dump_structure(structure), tower.parent / "extended.toml")
     heavier = build_model(again, mass="consistent")
@@ -118,7 +118,7 @@ def test_extended_file_reads_back_and_carries_the_mass(tower: Path) -> None:
     np.testing.assert_allclose(heavier.modes(4).frequency, expected.modes(4).frequency, rtol=1e-6)
 
 
-def test_diagnosed_causes_go_into_the_file_and_its_comments_stay(tower: Path, tmp_path: Path) -> None:
+def test_diagnosed_causes_are_written_and_comments_are_kept(tower: Path, tmp_path: Path) -> None:
     text = "# as built\n" + tower.read_text(encoding="utf-8")
     structure = load_structure(tower).with_bodies([Body(at=(0.25, 0, 1.48), mass=0.304)])
     extended = dump_structure(structure, text)
@@ -126,7 +126,7 @@ def test_diagnosed_causes_go_into_the_file_and_its_comments_stay(tower: Path, tm
     assert parse_structure(extended, tmp_path / "extended.toml") == structure
 
 
-def test_blocks_of_nodes_are_whole_and_nothing_else_is_changed() -> None:
+def test_node_blocks_are_completed_without_changing_values() -> None:
     """Stored entries of the frame's assembly, zeros included, from the entries that are not zero."""
     model = build_model(t_frame(), shear_flexible=True)
     found = matrices_of(model)
@@ -137,20 +137,20 @@ def test_blocks_of_nodes_are_whole_and_nothing_else_is_changed() -> None:
     assert abs(whole - model.stiffness).max() == 0
 
 
-def test_text_for_other_folders_names_the_whole_path(tower: Path) -> None:
+def test_portable_text_contains_absolute_paths(tower: Path) -> None:
     text = portable_text(tower)
     assert parse_structure(text, "elsewhere/x.toml").external == load_structure(tower.resolve()).external
     assert str(tower.parent.resolve() / "tower.npz") in text
 
 
-def test_particles_keep_the_mass_and_are_positive(tower: Path) -> None:
+def test_lumped_masses_keep_the_total_and_are_positive(tower: Path) -> None:
     whole, lumped = (build_model(load_structure(tower), mass=kind) for kind in ("consistent", "lumped"))
     assert lumped.total_mass() == pytest.approx(whole.total_mass(), rel=1e-12)
     assert lumped.mass.diagonal().min() == 0  # rotations
     assert (lumped.mass.diagonal()[lumped.dofs[lumped.dofs[:, 0] >= 0][:, 0]] > 0).all()
 
 
-def test_nodes_without_rotations_are_read_in_straight_lines_and_loose_ones_by_themselves(tmp_path: Path) -> None:
+def test_translation_only_nodes_are_interpolated_and_loose_nodes_read_directly(tmp_path: Path) -> None:
     """A chain of springs in y: u_y = (0.1, 0.2, 0.4) at x = 1, 2, 3 and one more node off the line."""
     dofs = np.full((5, 6), -1, np.int32)
     dofs[1:, 1] = np.arange(4)
@@ -180,7 +180,7 @@ def test_nodes_without_rotations_are_read_in_straight_lines_and_loose_ones_by_th
         ("mass", 6, 6, -2.0, r"mass: -2 on the diagonal of x at \[0\.6667"),
     ],
 )
-def test_matrices_of_no_structure_are_refused_by_row(
+def test_invalid_matrices_are_refused_with_the_row(
     tmp_path: Path, name: str, row: int, column: int, value: float, message: str
 ) -> None:
     found = matrices_of(build_model(beam(length=1.0, elements=3, support=clamped()), mass="consistent"))
@@ -217,7 +217,7 @@ def test_indefinite_matrices_are_refused(tmp_path: Path) -> None:
         ("node,x,y,z,axis\n1,0,0,1,y\n", r"m\.npz: expected 1 x 1 entries as d\.csv has rows, found \(18, 18\)"),
     ],
 )
-def test_dof_table_that_does_not_fit_is_refused_by_line(tmp_path: Path, table: str, message: str) -> None:
+def test_inconsistent_dof_table_is_refused_with_the_line(tmp_path: Path, table: str, message: str) -> None:
     model = build_model(beam(length=1.0, elements=3, support=clamped()), mass="consistent")
     save_matrices(tmp_path / "m.npz", matrices_of(model))
     (tmp_path / "d.csv").write_text(table, encoding="utf-8")
@@ -225,7 +225,7 @@ def test_dof_table_that_does_not_fit_is_refused_by_line(tmp_path: Path, table: s
         build_model(_beam_of(tmp_path, 'matrices = "m.npz"\ndofs = "d.csv"'))
 
 
-def test_missing_and_foreign_files_are_named(tmp_path: Path) -> None:
+def test_missing_and_invalid_matrix_files_are_named_in_the_error(tmp_path: Path) -> None:
     with pytest.raises(StructureError, match=r"none\.npz: cannot be read"):
         build_model(_beam_of(tmp_path, 'matrices = "none.npz"'))
     (tmp_path / "text.npz").write_text("no", encoding="utf-8")
@@ -233,7 +233,7 @@ def test_missing_and_foreign_files_are_named(tmp_path: Path) -> None:
         build_model(_beam_of(tmp_path, 'matrices = "text.npz"'))
 
 
-def test_member_and_support_without_nodes_are_named(tower: Path) -> None:
+def test_members_and_supports_without_nodes_are_named_in_the_error(tower: Path) -> None:
     structure = load_structure(tower)
     longer = structure.member[1].model_copy(update={"end": (0.5, 0, 1.48)})
     wrong = structure.model_copy(update={"member": (structure.member[0], longer)})

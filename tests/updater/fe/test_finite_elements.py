@@ -28,7 +28,7 @@ def _closed_form() -> FloatArray:
     return np.asarray(np.sort(np.r_[CANTILEVER**2 * weak, CANTILEVER**2 * strong] / (2 * np.pi))[:6], np.float64)
 
 
-def test_cantilever_bends_at_the_closed_form_frequencies_in_both_planes() -> None:
+def test_cantilever_bending_frequencies_match_closed_form_in_both_planes() -> None:
     # a finite element of fourth order: (beta h)^4 / 720, 6e-5 for the fourth mode of 24 elements
     np.testing.assert_allclose(_cantilever_frequencies(24), _closed_form(), rtol=(CANTILEVER[3] / 24) ** 4 / 700)
 
@@ -72,7 +72,7 @@ def _thick(elements: int, support: tuple[Support, ...]) -> Model:
     [(0, np.sqrt(3.0 / 1.3)), (3, np.sqrt(0.7 * 0.04 / (1.3 * 0.05)))],
     ids=["axial", "torsion"],
 )
-def test_fixed_free_rod_meets_the_closed_form(axis: int, speed: float) -> None:
+def test_fixed_free_rod_matches_the_closed_form(axis: int, speed: float) -> None:
     model = _thick(10, clamped())
     wave_number = (2 * np.arange(1, 6) - 1) * np.pi / 4  # (2 j - 1) pi / (2 L), L = 2
     found = of_axis(model, all_modes(model), axis)[:5]
@@ -81,7 +81,7 @@ def test_fixed_free_rod_meets_the_closed_form(axis: int, speed: float) -> None:
     assert found[0] * 4 * 2 / speed - 1 == pytest.approx((np.pi / 4 * 0.2) ** 2 / 24, rel=0.05)
 
 
-def test_free_free_rod_on_soft_springs_meets_the_closed_form() -> None:
+def test_free_free_rod_on_soft_springs_matches_the_closed_form() -> None:
     soft = dict.fromkeys(ALL, 1e-5)
     model = _thick(10, (Support.model_validate({"at": (0, 0, 0), "stiffness": soft}),))
     found = of_axis(model, all_modes(model), 0)
@@ -117,7 +117,7 @@ def _timoshenko_pinned(k: FloatArray, e: float, g: float, i: float, kappa: float
     return np.asarray(np.sqrt((b - np.sqrt(b**2 - 4 * a * c)) / (2 * a)) / (2 * np.pi))
 
 
-def test_pinned_timoshenko_beam_meets_the_closed_form() -> None:
+def test_pinned_timoshenko_beam_matches_the_closed_form() -> None:
     moment = 2e-3
     support = (
         Support(at=(0, 0, 0), fixed=("x", "y", "z", "rx")),
@@ -144,7 +144,7 @@ def test_pinned_timoshenko_beam_meets_the_closed_form() -> None:
 
 @pytest.mark.parametrize("shear_flexible", [False, True])
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), SKEW], ids=["along x", "along z", "skew"])
-def test_one_element_carries_tip_loads_exactly(shear_flexible: bool, direction: tuple[float, float, float]) -> None:
+def test_one_element_is_exact_for_tip_loads(shear_flexible: bool, direction: tuple[float, float, float]) -> None:
     moment, length, shear = 2e-3, 0.7, 5 / 6 * 0.4
     structure = beam(
         length=length, elements=1, support=clamped(), second_moment=(moment, moment), torsion_constant=3e-3,
@@ -168,7 +168,7 @@ def test_one_element_carries_tip_loads_exactly(shear_flexible: bool, direction: 
 
 @pytest.mark.parametrize("shear_flexible", [False, True])
 @pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, 0.0, 1.0), SKEW])
-def test_rigid_motion_strains_nothing_and_weighs_the_rigid_body(
+def test_rigid_motion_causes_no_strain_and_has_rigid_body_inertia(
     shear_flexible: bool, direction: tuple[float, float, float]
 ) -> None:
     structure = beam(length=2.0, elements=5, support=(), second_moment=(0.02, 0.02), direction=direction)

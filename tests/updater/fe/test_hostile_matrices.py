@@ -30,7 +30,7 @@ def sound(tmp_path: Path) -> Path:
         ("nodes", np.nan),
     ],
 )
-def test_indices_outside(sound: Path, name: str, value: float) -> None:
+def test_matrices_with_invalid_indices_or_coordinates_are_refused(sound: Path, name: str, value: float) -> None:
     with np.load(sound) as found:
         arrays = dict(found)
     arrays[name] = np.full_like(arrays[name], value)
@@ -43,7 +43,7 @@ def test_indices_outside(sound: Path, name: str, value: float) -> None:
 @pytest.mark.parametrize(
     "body", ["999999999999 3 2\n1 1 2.0", "3 3 999999999999\n", "3 3 2\n1 1 2. 0\n2 2 1.0", "3 3 1\n9 9 1.0", ""]
 )
-def test_stated_sizes(sound: Path, body: str) -> None:
+def test_matrix_files_with_wrong_stated_sizes_are_refused(sound: Path, body: str) -> None:
     wrong = sound.with_name("wrong.mtx")
     wrong.write_text(f"%%MatrixMarket matrix coordinate real symmetric\n%\n{body}\n")
     with pytest.raises(StructureError, match="stiffness: no matrix can be read"):
@@ -51,7 +51,7 @@ def test_stated_sizes(sound: Path, body: str) -> None:
 
 
 @pytest.mark.parametrize(("field", "value"), [(4, 255), (6, 0x41)], ids=["version", "encrypted"])
-def test_archive_that_cannot_be_unpacked(sound: Path, field: int, value: int) -> None:
+def test_archive_that_cannot_be_unpacked_is_refused(sound: Path, field: int, value: int) -> None:
     """Each entry states the version needed to extract it and its flags; the directory at the end, two bytes later."""
     content = bytearray(sound.read_bytes())
     for signature, at in ((b"PK\x03\x04", field), (b"PK\x01\x02", field + 2)):

@@ -23,7 +23,7 @@ def _frame() -> Model:
 
 
 @pytest.mark.parametrize("pardiso", SOLVERS)
-def test_modes_are_those_of_arpack_and_orthonormal(pardiso: bool) -> None:
+def test_modes_match_arpack_and_are_orthonormal(pardiso: bool) -> None:
     """1372 DOFs, condition 1e11: a solution with K is right to 1e-5 of its length, its energy to the square of that."""
     model = _frame()
     found = lowest_modes(model.stiffness, model.mass, 12, "frame", pardiso=pardiso)
@@ -33,7 +33,7 @@ def test_modes_are_those_of_arpack_and_orthonormal(pardiso: bool) -> None:
     np.testing.assert_allclose(found.shape.T @ (model.mass @ found.shape), np.eye(12), atol=1e-12)
 
 
-def test_modes_of_one_frequency_come_together() -> None:
+def test_both_modes_of_each_repeated_frequency_are_found() -> None:
     """A column that bends alike in both planes, every frequency twice."""
     column = beam(length=1.0, elements=30, support=clamped(), second_moment=(1e-9, 1e-9))
     frequency = build_model(column, mass="consistent").modes(8).frequency
@@ -41,7 +41,7 @@ def test_modes_of_one_frequency_come_together() -> None:
     assert np.all(np.diff(frequency[::2]) > 0.1 * frequency[0])
 
 
-def test_modes_without_inertia_never_enter_and_too_many_are_fewer() -> None:
+def test_block_lanczos_returns_only_modes_with_inertia() -> None:
     """Twelve elements with particles: 36 translations have mass, 36 rotations none."""
     model = build_model(beam(length=1.0, elements=12, support=clamped()))
     inverse, shape = block_lanczos(factorise(model.stiffness), model.mass, 50, model.mass)
@@ -50,7 +50,7 @@ def test_modes_without_inertia_never_enter_and_too_many_are_fewer() -> None:
 
 
 @pytest.mark.parametrize("pardiso", SOLVERS)
-def test_stiffness_that_is_none_is_refused(pardiso: bool) -> None:
+def test_indefinite_or_singular_stiffness_is_refused(pardiso: bool) -> None:
     indefinite = sparse.csc_array(np.array([[1.0, 2.0], [2.0, 1.0]]))
     with pytest.raises(ModelError, match="indefinite"):
         factorise(indefinite, pardiso=pardiso)
@@ -58,7 +58,7 @@ def test_stiffness_that_is_none_is_refused(pardiso: bool) -> None:
         factorise(sparse.csc_array(np.array([[1.0, 1.0], [1.0, 1.0]])), pardiso=pardiso)
 
 
-def test_many_points_are_read_as_one_by_one() -> None:
+def test_points_read_together_equal_points_read_separately() -> None:
     model = build_model(t_frame())
     random = np.random.default_rng(3)
     points = np.concatenate([m.point(random.uniform(0, m.length, 20)) for m in model.structure.member])
@@ -68,7 +68,7 @@ def test_many_points_are_read_as_one_by_one() -> None:
 
 @pytest.mark.parametrize("seed", [21, 22])
 @pytest.mark.parametrize("mass", [0.03, 0.3])
-def test_what_first_order_keeps_holds_the_posterior(seed: int, mass: float) -> None:
+def test_positions_kept_by_first_order_contain_the_posterior(seed: int, mass: float) -> None:
     """A third of all positions, by first order, contains the exact posterior of all: all but 1 % of it."""
     truth = t_truth(seed)
     random = np.random.default_rng((seed, 7))
@@ -82,7 +82,7 @@ def test_what_first_order_keeps_holds_the_posterior(seed: int, mass: float) -> N
     assert fit(data, everywhere, refine=False).probability[kept].sum() > 0.99
 
 
-def test_of_very_many_positions_the_most_likely_nodes_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_the_most_likely_of_many_positions_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same frame taken for a large one: nodes 0.04 and 0.05 m apart, 40 of 54 kept, then finer between them."""
     truth = t_truth(23)
     bare, loaded = truth.model(), truth.model(Body(at=(0.22, 0, 1.48), mass=0.3))

@@ -36,18 +36,18 @@ def _said(structure: Structure) -> str:
         (("z", "rx", "ry"), "along x, along y, about z"),
     ],
 )
-def test_ways_in_which_all_of_it_moves_are_named(fixed: tuple[str, ...], ways: str, elements: int) -> None:
+def test_free_rigid_body_motions_are_named(fixed: tuple[str, ...], ways: str, elements: int) -> None:
     support = Support.model_validate({"at": (0, 0, 0), "fixed": fixed})
     structure = beam(length=1.0, elements=elements, support=(support,), second_moment=(1e-3, 2e-3))
     assert _said(structure).partition("; a freely")[0] == f"; all of it is free {ways}"
 
 
-def test_frame_without_a_foot_is_free_every_way() -> None:
+def test_frame_without_a_foot_is_free_in_all_directions() -> None:
     reported = _said(t_frame().model_copy(update={"support": ()}))
     assert reported == f"; all of it is free {EVERY_WAY}; {HANGS}"
 
 
-def test_a_frame_that_hangs_on_soft_springs_has_six_slow_modes_and_its_own() -> None:
+def test_frame_on_soft_springs_has_six_slow_rigid_body_modes() -> None:
     """Springs of 1 N/m move the first elastic mode of the free frame, near 60 Hz, by under (0.2 Hz / 60 Hz)^2."""
     frequency = []
     for stiffness in (1.0, 2.0):
@@ -59,7 +59,7 @@ def test_a_frame_that_hangs_on_soft_springs_has_six_slow_modes_and_its_own() -> 
     np.testing.assert_allclose(frequency[1][6:], frequency[0][6:], rtol=1e-3)
 
 
-def test_axis_of_a_free_turn_may_pass_anywhere_and_lie_askew() -> None:
+def test_free_rotation_axis_is_found_at_any_position_and_direction() -> None:
     ends = (Support(at=(0, 0, 0), fixed=("x", "y", "z")), Support(at=(1, 0, 0), fixed=("y", "z")))
     level = beam(length=1.0, elements=6, support=ends, second_moment=(1e-3, 2e-3))
     assert _said(level) == "; all of it is free about x"
@@ -76,13 +76,13 @@ def _portal(foot: Any, spans: list[tuple[int, int]], points: FloatArray) -> Stru
     return frame(points, section, elements=4, material=material, support=support, spans=spans)
 
 
-def test_member_that_nothing_joins_is_named() -> None:
+def test_unconnected_member_is_named() -> None:
     points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
     reported = _said(_portal(ALL, [(0, 1), (1, 2), (3, 4)], points))
     assert reported.startswith("; free to move by itself: 2 at [3.0, 0.0, ")
 
 
-def test_member_that_only_spins_is_named() -> None:
+def test_member_free_to_rotate_about_its_axis_is_named() -> None:
     """A strut between two balls next to a supported frame."""
     points = np.array([[0, 0, 0], [0, 0, 1.0], [1.0, 0, 1.0], [3.0, 0, 0], [3.0, 0, 1.0]])
     structure = _portal(ALL, [(0, 1), (1, 2), (3, 4)], points)
@@ -91,7 +91,7 @@ def test_member_that_only_spins_is_named() -> None:
     assert reported.startswith("; free to turn by itself: 2 at [3.0, 0.0, ")
 
 
-def test_nodes_that_only_move_hold_no_turn() -> None:
+def test_translation_only_nodes_leave_all_rigid_motions_free() -> None:
     """A tetrahedron of bars, three DOFs a node, as matrices of another program may be: free every way, and no more."""
     nodes = np.array([[0, 0, 0], [1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
     dofs = np.full((4, 6), -1, np.int32)

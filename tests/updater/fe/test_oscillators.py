@@ -41,7 +41,7 @@ frequency = 30.0
 """
 
 
-def test_two_masses_in_a_row_have_the_closed_form() -> None:
+def test_two_masses_in_series_match_the_closed_form() -> None:
     """k = EA/L = 1e5 N/m holds 2 kg, and 100 g are attached at 30 Hz."""
     found = build_model(parse_structure(ROD), mass="consistent").modes(2).frequency
     k, m, own, spring = 1e5, 2.0, 0.1, 0.1 * (60 * np.pi) ** 2
@@ -50,7 +50,7 @@ def test_two_masses_in_a_row_have_the_closed_form() -> None:
     np.testing.assert_allclose(found, np.sort(np.sqrt(omega2)) / (2 * np.pi), rtol=1e-6)
 
 
-def test_across_its_direction_it_is_a_body() -> None:
+def test_oscillator_acts_as_a_rigid_body_across_its_direction() -> None:
     """As if of infinite stiffness: the frame's modes that it does not move along are those with a body."""
     structure = t_frame()
     at = (0.0, 0.0, 1.48)
@@ -71,7 +71,7 @@ def test_across_its_direction_it_is_a_body() -> None:
     np.testing.assert_allclose(model.modes(3).frequency[1:], clamped.modes(2).frequency, rtol=1e-4)
 
 
-def test_it_is_written_and_read_back() -> None:
+def test_oscillator_is_written_and_read_back() -> None:
     structure = parse_structure(ROD)
     assert parse_structure(dump_structure(structure)) == structure
     other = Oscillator(at=(0.5, 0, 0), direction=(0, 1, 0), mass=1, frequency=2)
@@ -89,7 +89,7 @@ def test_it_is_written_and_read_back() -> None:
         ("frequency = 30.0", "frequency = -1", "oscillator.0.frequency"),
     ],
 )
-def test_a_wrong_one_is_named(old: str, new: str, message: str) -> None:
+def test_invalid_oscillator_is_named_in_the_error(old: str, new: str, message: str) -> None:
     assert old in ROD
     with pytest.raises(StructureError) as caught:
         parse_structure(ROD.replace(old, new))

@@ -66,13 +66,13 @@ def _with_preload(structure: Structure, force: float) -> Structure:
     ],
     ids=["pinned", "cantilever", "clamped", "clamped and pinned"],
 )
-def test_buckling_load_is_eulers(support: tuple[Support, ...], effective_length: float) -> None:
+def test_buckling_load_matches_euler(support: tuple[Support, ...], effective_length: float) -> None:
     model = build_model(_loaded(0.0, 16, support, moment=1e-3))  # stout, so that K is well conditioned
     error = (np.pi / 16 / effective_length) ** 4 / 720  # of the cubics, leading term
     assert _buckling_load(model) == pytest.approx(np.pi**2 * 1e-3 / effective_length**2, rel=1.1 * error)
 
 
-def test_beam_that_shears_buckles_as_engesser_says() -> None:
+def test_buckling_load_of_shear_flexible_beam_matches_engesser() -> None:
     """N = N_Euler / (1 + N_Euler / (kappa G A)), Timoshenko & Gere (1961), eq. 2-59."""
     moment = 1e-2
     euler, shear = np.pi**2 * moment, 5 / 6 * 0.4
@@ -87,7 +87,7 @@ def test_beam_that_shears_buckles_as_engesser_says() -> None:
     assert abs(4 * error[1] - error[0]) / 3 < 1e-5  # and what is left is of fourth
 
 
-def test_tension_stiffens_twist_by_the_polar_radius() -> None:
+def test_tension_increases_torsional_stiffness_by_the_polar_radius() -> None:
     """A shaft under tension twists as one of G J + N (I_y + I_z) / A (McGuire et al. 2000, s. 9.2)."""
     structure = beam(
         length=1.0, elements=4, support=clamped(), second_moment=(0.02, 0.03), torsion_constant=0.04, shear_modulus=0.4
@@ -101,7 +101,7 @@ def test_tension_stiffens_twist_by_the_polar_radius() -> None:
     assert 1 / turn[1] == pytest.approx(0.4 * 0.04 + 0.1 * 0.05)
 
 
-def test_rigid_motion_under_preload_only_turns_the_force() -> None:
+def test_rigid_translation_under_preload_causes_no_force() -> None:
     """A translation does no work against the preload."""
     model = build_model(_with_preload(beam(length=1.0, elements=3, support=()), 5.0))
     for axis in range(3):
@@ -117,5 +117,5 @@ def test_compression_beyond_buckling_is_refused(share: float, elements: int) -> 
         build_model(_loaded(share * EULER, elements, PINNED), mass="consistent").modes(4)
 
 
-def test_compression_just_below_buckling_is_not() -> None:
+def test_compression_just_below_buckling_is_accepted() -> None:
     assert build_model(_loaded(-0.99 * EULER, 40, PINNED), mass="consistent").modes(1).frequency[0] > 0

@@ -23,7 +23,7 @@ from tests.support.updater.published_frames import (
 from updater import Structure, build_model
 
 
-def test_double_cross_vibrates_as_nafems_fv2() -> None:
+def test_double_cross_frequencies_match_nafems_fv2() -> None:
     """Sixteen modes in groups of seven equal ones, on the mesh that the test prescribes."""
     found = double_cross(4).modes(16).frequency
     # (beta L / 4)^4 / 1440 of f, beta L = 3.927 and 7.069: 0.06 and 0.7 %; arms that stretch lower modes 2, 3 by 0.13 %
@@ -34,20 +34,20 @@ def test_double_cross_vibrates_as_nafems_fv2() -> None:
     np.testing.assert_allclose(found[11:16], found[11], rtol=1e-8)
 
 
-def test_off_centre_masses_vibrate_as_nafems_fv4() -> None:
+def test_frequencies_with_off_centre_masses_match_nafems_fv4() -> None:
     """Two close modes, and bending that twists: what the bodies' offsets do. The answers have four digits."""
     np.testing.assert_allclose(off_centre_masses(5).modes(6).frequency, FV4, rtol=6e-4)
     np.testing.assert_allclose(off_centre_masses(20).modes(6).frequency, FV4, rtol=2e-4)
 
 
-def test_deep_beam_vibrates_as_nafems_fv5() -> None:
+def test_deep_beam_frequencies_match_nafems_fv5() -> None:
     """Shear, rotary inertia and twist of a beam five times as long as it is deep; second order from below."""
     coarse, fine = (deep_beam(n).modes(9).frequency for n in (10, 20))
     np.testing.assert_allclose((4 * fine - coarse) / 3, FV5, rtol=3e-4)  # the shear factor: 0.85 here, 5/6 or so there
 
 
 @pytest.mark.parametrize("case", ["curved", "twisted"])
-def test_cantilevers_of_macneal_and_harder(case: str) -> None:
+def test_cantilever_deflections_match_macneal_and_harder(case: str) -> None:
     """Six chords of the ring, twelve strips of the twist: as many elements as the paper prescribes."""
     found, known = (curved_cantilever(6), CURVED) if case == "curved" else (twisted_cantilever(12), TWISTED)
     for name, expected in known.items():
@@ -55,7 +55,7 @@ def test_cantilevers_of_macneal_and_harder(case: str) -> None:
         assert found[name] == pytest.approx(expected, rel=0.012 if name == "out of it" else 6e-4), name
 
 
-def test_chords_converge_to_the_ring_with_second_order() -> None:
+def test_straight_elements_converge_to_a_ring_with_second_order() -> None:
     """Castigliano: pi R^3 / 4 EI + pi R / 4 (1 / EA + 1 / kappa GA) in the plane; with twist out of it."""
     radius, e, g, area = 4.22, 1e7, 4e6, 0.02
     inside, outside, torsion, kappa = 0.1 * 0.2**3 / 12, 0.2 * 0.1**3 / 12, 0.2287 * 0.2 * 0.1**3, 12.5 / 14.75
@@ -104,7 +104,7 @@ def _exact(strain: str, x: FloatArray, shear_flexible: bool) -> FloatArray:
 
 @pytest.mark.parametrize("shear_flexible", [False, True], ids=["Euler-Bernoulli", "Timoshenko"])
 @pytest.mark.parametrize("strain", _STRAINS)
-def test_patch_of_uneven_elements_bears_constant_strain_exactly(strain: str, shear_flexible: bool) -> None:
+def test_patch_of_uneven_elements_is_exact_for_constant_strain(strain: str, shear_flexible: bool) -> None:
     """The exact field is in equilibrium at every inner node, its end force is the unit, and inner points read it."""
     model = build_model(_patch(), shear_flexible=shear_flexible)
     axes = model.elements[0][2].axes(np.array([0.36, -0.48, 0.8]))
@@ -129,7 +129,7 @@ def test_patch_of_uneven_elements_bears_constant_strain_exactly(strain: str, she
 
 
 @pytest.mark.parametrize("foot", [ALL, ("x", "y", "z", "rx", "rz")], ids=["clamped", "pinned"])
-def test_portal_buckles_sideways_as_timoshenko_and_gere_say(foot: tuple[str, ...]) -> None:
+def test_portal_sway_buckling_load_matches_timoshenko_and_gere(foot: tuple[str, ...]) -> None:
     """Posts and beam alike: k L / tan k L = -6 on clamped feet, k L tan k L = 6 on pinned ones (1961, s. 2.4)."""
     stiffness, geometric = portal(foot, 8)
     load = 1 / np.linalg.eigvals(np.linalg.solve(stiffness, geometric)).real.max()

@@ -27,7 +27,7 @@ def _response(model: Model, damping: FloatArray, rate: float, seed: int, density
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_spectrum_and_variance_of_an_oscillator(seed: int) -> None:
+def test_oscillator_spectrum_and_variance_match_closed_forms(seed: int) -> None:
     """Displacement variance pi S0 / (2 zeta omega^3 m^2), S0 = density / 2 pi (Crandall & Mark 1963, s. 2.2)."""
     model, zeta, rate = build_model(_bar()), 0.05, 20.0
     omega = float(model.modes(1).omega[0])
@@ -49,7 +49,7 @@ def test_spectrum_and_variance_of_an_oscillator(seed: int) -> None:
     assert variance == pytest.approx(exact, rel=0.05 + 4 / np.sqrt(zeta * omega * n / rate))
 
 
-def test_chunks_do_not_matter() -> None:
+def test_response_does_not_depend_on_chunk_lengths() -> None:
     model = build_model(beam(length=1.0, elements=3, support=clamped(), second_moment=(0.01, 0.02)), mass="consistent")
     damping = np.full(4, 0.02)
     whole = _response(model, damping, 50.0, 7).step(1000)
@@ -72,7 +72,7 @@ def _two_models() -> tuple[Model, Model]:
     return build_model(light, mass="consistent"), build_model(heavy, mass="consistent")
 
 
-def test_change_keeps_displacement_and_velocity() -> None:
+def test_model_change_keeps_displacement_and_velocity() -> None:
     """In all modes: to another model and back, without a step between, is as if nothing had happened."""
     light, heavy = _two_models()
     damping = np.full(light.n_dofs, 0.02)
@@ -84,7 +84,7 @@ def test_change_keeps_displacement_and_velocity() -> None:
     np.testing.assert_allclose(changed.step(200), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
-def test_changed_model_moves_on_as_its_own() -> None:
+def test_response_after_a_model_change_has_the_new_resonance() -> None:
     """Long after the change the response is the new model's: its lowest resonance, not the old one's."""
     light, heavy = _two_models()
     response = _response(light, np.full(light.n_dofs, 0.05), 20.0, 5)

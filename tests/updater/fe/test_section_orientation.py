@@ -36,7 +36,7 @@ def _tip_stiffness(model: Model, load: FloatArray) -> float:
         ((0.0, 1.0, 0.0), (0.0, 5.0, -1.0)),
     ],
 )
-def test_section_resists_across_its_own_axes(
+def test_bending_stiffness_follows_the_local_section_axes(
     direction: tuple[float, float, float], local_y: tuple[float, float, float]
 ) -> None:
     """3 E I / L^3 along y by the second moment about z, and the other way round."""
@@ -49,7 +49,7 @@ def test_section_resists_across_its_own_axes(
 
 
 @pytest.mark.parametrize("local_y", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0)])
-def test_section_turns_with_its_own_inertia(local_y: tuple[float, float, float]) -> None:
+def test_rotary_inertia_follows_the_local_section_axes(local_y: tuple[float, float, float]) -> None:
     """A free beam's inertia about its end: A L^3 / 3 and the second moment about the same axis, per density."""
     plain = beam(length=1.0, elements=3, support=(), second_moment=(UPRIGHT, FLAT))
     model = build_model(
@@ -65,14 +65,14 @@ def test_section_turns_with_its_own_inertia(local_y: tuple[float, float, float])
         assert rigid @ (model.mass @ rigid) == pytest.approx(1 / 3 + moment, rel=1e-12)
 
 
-def test_unless_said_width_is_horizontal() -> None:
+def test_default_section_width_is_horizontal() -> None:
     level, post = _turned((0.6, 0.8, 0.0), None), _turned((0.0, 0.0, 1.0), None)
     assert _tip_stiffness(level, np.array([0.0, 0.0, 1.0])) == pytest.approx(3 * UPRIGHT, rel=1e-9)
     assert _tip_stiffness(level, np.array([-0.8, 0.6, 0.0])) == pytest.approx(3 * FLAT, rel=1e-9)
     assert _tip_stiffness(post, np.array([0.0, 1.0, 0.0])) == pytest.approx(3 * FLAT, rel=1e-9)
 
 
-def test_motion_inside_a_turned_element_is_read_rightly() -> None:
+def test_displacement_inside_a_turned_element_is_exact() -> None:
     """Two elements interpolate the exact cubic under a tip load, whichever way the section is turned."""
     for local_y, load in itertools.product(((0.0, 1.0, 0.0), (0.0, 1.0, 1.0)), np.eye(3)[1:]):
         model = _turned((1.0, 0.0, 0.0), local_y)
@@ -83,13 +83,13 @@ def test_motion_inside_a_turned_element_is_read_rightly() -> None:
 
 
 @pytest.mark.parametrize("local_y", ["[0.0, 0.0, 1.0]", "[0.0, 0.0, 0.0]", "[0, 0, -3]"])
-def test_axis_along_the_member_is_refused(local_y: str) -> None:
+def test_local_y_along_the_member_is_refused(local_y: str) -> None:
     text = t_structure_toml().replace("elements = 37", f"elements = 37\nlocal_y = {local_y}")
     with pytest.raises(StructureError, match=r"member\.0 of column: member column: local_y .* does not point across"):
         parse_structure(text)
 
 
-def test_square_tube_does_not_care() -> None:
+def test_square_tube_frequencies_do_not_depend_on_orientation() -> None:
     frame = t_frame()
     turned = frame.model_copy(
         update={"member": (frame.member[0].model_copy(update={"local_y": (1, 2, 0)}), frame.member[1])}

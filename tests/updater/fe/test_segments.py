@@ -36,7 +36,7 @@ def cut_in_three(start: float, end: float, middle: Material) -> Structure:
 
 
 @pytest.mark.parametrize("mass", ["consistent", "lumped"])
-def test_segment_is_a_member_of_another_material(mass: str) -> None:
+def test_segment_equals_a_member_of_another_material(mass: str) -> None:
     """Both have the same nodes, every 20 mm."""
     other = STEEL.model_copy(
         update={
@@ -54,7 +54,7 @@ def test_segment_is_a_member_of_another_material(mass: str) -> None:
     assert models[0].total_mass() == pytest.approx(models[1].total_mass(), rel=1e-12)
 
 
-def test_segment_about_one_axis_is_a_member_of_another_section() -> None:
+def test_segment_with_axis_factors_equals_a_member_of_another_section() -> None:
     """With particles, whose mass has no section; local y of the column is global y."""
     tube = t_frame().section["tube_40x40x3"]
     (y, z), j = tube.second_moment, tube.torsion_constant
@@ -71,7 +71,7 @@ def test_segment_about_one_axis_is_a_member_of_another_section() -> None:
 
 
 @pytest.mark.parametrize("gyration", [0.0, 0.5, 2.0])
-def test_mass_turns_as_its_gyration_states(gyration: float) -> None:
+def test_rotary_inertia_of_segment_mass_follows_its_gyration(gyration: float) -> None:
     """A clamped shaft in twist, omega^2 = (pi / 2 L)^2 G J / (rho I_p + g m I_p / (A L)); as a whole it moves alike."""
     section = t_frame().section["tube_40x40x3"]
     shaft = {
@@ -100,14 +100,14 @@ def test_mass_turns_as_its_gyration_states(gyration: float) -> None:
     assert model.total_mass() == pytest.approx(STEEL.density * section.area + 4.0)
 
 
-def test_mass_that_is_taken_off_leaves_rotary_inertia() -> None:
+def test_removed_segment_mass_with_too_large_gyration_is_refused() -> None:
     weight = STEEL.density * t_frame().section["tube_40x40x3"].area * 0.2
     segment = Segment(member="column", at=(0, 0, 0.6), extent=0.2, mass=-0.6 * weight, gyration=2.0)
     with pytest.raises(ValueError, match="gyration: expected less"):
         with_segments(segment)
 
 
-def test_segments_that_overlap_add_up() -> None:
+def test_overlapping_segments_multiply_stiffness_and_add_mass() -> None:
     """Two halves over the same stretch are a quarter; ends need no node of the mesh."""
     half = Segment(member="column", at=(0, 0, 0.613), extent=0.111, stiffness=0.5, mass=0.1)
     quarter = half.model_copy(update={"stiffness": 0.25, "mass": 0.2})
@@ -137,6 +137,6 @@ def test_segment_is_written_and_read_back() -> None:
         ('member = "column"\nat = [0, 0, 0.5]\nextent = 0.1\nbending = [0.5]', "segment.0.bending.1: Field required"),
     ],
 )
-def test_what_is_wrong_with_a_segment_is_said(entry: str, message: str) -> None:
+def test_invalid_segment_is_refused_with_the_reason(entry: str, message: str) -> None:
     with pytest.raises(StructureError, match=message):
         parse_structure(f"{dump_structure(t_frame())}\n[[segment]]\n{entry}\n")

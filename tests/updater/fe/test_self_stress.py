@@ -23,7 +23,7 @@ def sprung(name: str) -> Structure:
 
 
 @pytest.mark.parametrize("name", STATES)
-def test_states_are_as_many_as_the_structure_is_redundant_and_orthogonal_in_energy(name: str) -> None:
+def test_self_stress_states_match_redundancy_and_are_energy_orthogonal(name: str) -> None:
     structure = sprung(name)
     found = self_stress(build_model(structure, shear_flexible=True, mass="consistent"))
     assert found.n == STATES[name]
@@ -56,7 +56,7 @@ def portal() -> tuple[Reference, Comparison]:
     ("name", "parameters"),
     [("local_stiffness", (1.2, 0, 0, 0)), ("support_stiffness", (0.2,) * 3), ("joint_stiffness", (0.2,) * 3)],
 )
-def test_frequencies_of_what_gives_much_are_the_extended_structures(
+def test_frequencies_with_large_flexibility_match_the_extended_structure(
     portal: tuple[Reference, Comparison], name: str, parameters: tuple[float, ...]
 ) -> None:
     """70 % of the stiffness of a stretch, and feet and joints that give 0.2 L / (E I): five alternatives of each.

@@ -26,7 +26,7 @@ def _elastic(truth: Truth, body: Body | None = None) -> Modes:
 
 
 @pytest.mark.parametrize("seed", [5, 6])
-def test_mass_on_a_hung_frame_is_located_though_its_springs_are_not_known(seed: int) -> None:
+def test_mass_on_a_suspended_frame_is_located_with_unknown_springs(seed: int) -> None:
     drawn = t_truth(seed)
     truth = Truth(seed=seed, structure=_hung(drawn.structure, 70.0), gain=drawn.gain)
     rows = truth.model().sensor_rows

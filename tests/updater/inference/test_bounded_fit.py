@@ -67,7 +67,7 @@ def best(b: FloatArray, lower: FloatArray) -> FloatArray:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_without_bounds_the_fit_is_the_least_squares(linear: Any, seed: int) -> None:
+def test_fit_without_bounds_equals_least_squares(linear: Any, seed: int) -> None:
     b = np.random.default_rng(seed).normal(0.0, 3.0, (5, 5))
     found = fit(linear, Linear(b, np.full((5, 3), -1e9), np.zeros((5, 3)), PRIOR))  # type: ignore[type-var]
     for theta, one in zip(found.theta, b, strict=True):
@@ -82,7 +82,7 @@ def test_without_bounds_the_fit_is_the_least_squares(linear: Any, seed: int) -> 
 
 
 @pytest.mark.parametrize("scale", [1.0, 50.0])
-def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(
+def test_parameter_at_its_bound_does_not_bias_the_others(
     linear: Any, scale: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Data that require a parameter below its bound, along it and off it: a step that is cut there fits worse.
@@ -105,7 +105,7 @@ def test_what_would_leave_its_bounds_does_not_lead_the_others_astray(
         assert reached - cost < 0.2  # of chi-square: a tenth of the evidence
 
 
-def test_evidence_has_the_determinant_of_the_whitener_that_was_used(linear: Any) -> None:
+def test_evidence_includes_the_determinant_of_the_used_whitener(linear: Any) -> None:
     """A drift common to all frequencies is allowed, or not: two covariances of the same data."""
     linear.plain, linear.drifting = SimpleNamespace(log_det=1.5), SimpleNamespace(log_det=-0.7)
     one = Linear(b=np.ones((1, 5)), lower=np.full((1, 3), -np.inf), start=np.zeros((1, 3)), prior_std=PRIOR)
@@ -116,7 +116,7 @@ def test_evidence_has_the_determinant_of_the_whitener_that_was_used(linear: Any)
     assert density[0] == pytest.approx(exact + 1.5)
 
 
-def test_alternatives_that_are_left_out_have_no_probability(linear: Any) -> None:
+def test_left_out_alternatives_have_zero_probability(linear: Any) -> None:
     b = np.random.default_rng(5).standard_normal((3, 5))
     found = fit(linear, Linear(b=b, lower=np.full((3, 3), -np.inf), start=np.zeros((3, 3)), prior_std=PRIOR))  # type: ignore[type-var]
     some = found.only(np.array([True, False, True]))

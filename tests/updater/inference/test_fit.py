@@ -13,7 +13,7 @@ from updater.inference import compare, fit, freedom_of_frequencies
 
 
 @pytest.mark.parametrize("seed", [181, 182, 183])
-def test_many_shapes_do_not_drown_frequencies_that_do_not_fit(seed: int) -> None:
+def test_many_fitting_shapes_do_not_mask_misfitting_frequencies(seed: int) -> None:
     """Each frequency off by two and a half deviations is nothing to a chi-square of two hundred numbers."""
     reference, _, event = learnt(seed)
     data = compare(reference, event(Change()))
@@ -29,7 +29,7 @@ def test_many_shapes_do_not_drown_frequencies_that_do_not_fit(seed: int) -> None
     assert found.p_value < 1e-3
 
 
-def test_freedom_of_frequencies_is_what_a_refit_leaves_of_their_errors() -> None:
+def test_frequency_degrees_of_freedom_match_the_residuals_of_refits() -> None:
     """Shapes determine most of a body's place and mass, so that less than its four parameters is lost."""
     reference, _, event = learnt(184)
     data = compare(reference, event(Change(bodies=(Body(at=(0.2, 0.0, 1.48), mass=0.3),))))

@@ -17,7 +17,7 @@ def prior(x: float) -> float:
 
 
 @pytest.mark.parametrize(("value", "std"), [(0.3, 0.1), (-0.02, 0.05), (0.0, 0.004), (0.3, 0.003)])
-def test_the_posterior_is_that_of_plain_quadrature(value: float, std: float) -> None:
+def test_posterior_matches_numerical_quadrature(value: float, std: float) -> None:
     """Where the prior is taken as constant the error is (std / value)^2 < 0.25 %; else that of 200 points."""
 
     def weighed(x: float, power: int) -> float:
@@ -35,7 +35,7 @@ def test_the_posterior_is_that_of_plain_quadrature(value: float, std: float) -> 
     assert found.variance[0] == pytest.approx(integral(2) / whole - (mean / whole) ** 2, rel=0.02)
 
 
-def test_the_prior_is_proper() -> None:
+def test_log_uniform_prior_is_proper() -> None:
     """Data without information leave the Gaussian prior; its evidence is then the other prior's whole probability."""
     found = log_uniform(np.zeros(1), np.array([GAUSSIAN]), gaussian=GAUSSIAN, least=MIN, most=MAX)
     assert found.log_ratio[0] == pytest.approx(0, abs=1e-9)

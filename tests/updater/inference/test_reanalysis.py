@@ -29,7 +29,7 @@ def in_modes_of(data: Comparison, frequency: FloatArray) -> Comparison:
 
 
 @pytest.mark.parametrize(("n", "tolerance"), [(None, 1e-8), (30, 2e-4)])
-def test_reanalysis_in_all_modes_is_exact_and_in_thirty_nearly_so(n: int | None, tolerance: float) -> None:
+def test_reanalysis_is_exact_in_all_modes_and_accurate_in_thirty(n: int | None, tolerance: float) -> None:
     """0.3 kg at (0.25, 0, 1.48): frequencies of the full eigenproblem; ALGORITHMS-size truncation error in thirty."""
     model = build_model(t_frame(), mass="consistent")
     k, m = model.stiffness.toarray(), model.mass.toarray()
@@ -46,7 +46,7 @@ def test_reanalysis_in_all_modes_is_exact_and_in_thirty_nearly_so(n: int | None,
 
 
 @pytest.mark.parametrize("seed", [2, 3])
-def test_derivatives_are_those_of_differences(seed: int) -> None:
+def test_derivatives_match_finite_differences(seed: int) -> None:
     """Mass and flexibility changed at once; second order left out is 1e-6 of the change squared."""
     random = np.random.default_rng(seed)
     _, data = compared(seed)
@@ -71,7 +71,7 @@ def test_derivatives_are_those_of_differences(seed: int) -> None:
     np.testing.assert_allclose(d_vector, difference, atol=1e-5 * np.abs(difference).max())
 
 
-def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
+def test_negative_flexibility_is_treated_as_very_stiff() -> None:
     """A trial step may take off more of a mode's flexibility than it has; the others answer as they would."""
     _, data = compared(5)
     own = (2 * np.pi * data.frequency) ** -2.0
@@ -87,7 +87,7 @@ def test_flexibility_that_cannot_be_is_very_stiff_and_no_error() -> None:
 
 
 @pytest.mark.parametrize("own_damping", [0.001, 0.01])
-def test_modes_damp_as_they_share_their_energy_with_what_hangs_there(own_damping: float) -> None:
+def test_modal_damping_follows_the_energy_share_of_an_oscillator(own_damping: float) -> None:
     """Against complex modes where each part loses as much of the energy that it holds, tuned 4 % above a mode."""
     reference, data = compared(6)
     damping, mass, tuned = 0.004, 0.05, 1.04 * float(data.frequency[data.paired[3]])

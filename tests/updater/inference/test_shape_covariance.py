@@ -19,7 +19,7 @@ from updater.reference import Reference
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_lies_beside_a_shape_keeps_its_size_and_angles(seed: int) -> None:
+def test_rotation_of_shape_residuals_keeps_lengths_and_angles(seed: int) -> None:
     """A rotation, to rounding; for any sign and size of the prediction."""
     random = np.random.default_rng(seed)
     base = random.standard_normal((4, 12))
@@ -32,7 +32,7 @@ def test_what_lies_beside_a_shape_keeps_its_size_and_angles(seed: int) -> None:
     np.testing.assert_allclose((turned * as_well).sum(-1), (rest * other).sum(-1), atol=1e-12)
 
 
-def test_a_mode_turned_towards_another_is_off_along_that_one_alone() -> None:
+def test_residual_of_a_rotated_mode_lies_along_the_other_mode() -> None:
     """By half a radian; the cosine's 12 % of its own shape are in the rotation, not in the rest."""
     own, other = np.eye(12)[[2]], np.eye(12)[[7]]
     shape = np.cos(0.5) * own + np.sin(0.5) * other
@@ -42,7 +42,7 @@ def test_a_mode_turned_towards_another_is_off_along_that_one_alone() -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 60.0, 80.0, 99.0])
-def test_a_phase_that_is_hardly_known_makes_its_mode_as_much_less_sure(degrees: float) -> None:
+def test_shape_deviation_grows_with_phase_uncertainty(degrees: float) -> None:
     """One of two channels late by about a quarter period; 4000 times tell a deviation to 1 / sqrt(8000) = 1.1 %."""
     random, noise = np.random.default_rng(9), 1e-3
     exact: ComplexArray = np.array([0.7, 0.7, 0.1]) * np.exp(-1j * np.radians([0.0, degrees, 0.0]))
@@ -58,7 +58,7 @@ def test_a_phase_that_is_hardly_known_makes_its_mode_as_much_less_sure(degrees: 
     assert (rest @ along).std() == pytest.approx(expected, rel=4 * 0.011)
 
 
-def test_noise_turns_close_modes_into_each_other() -> None:
+def test_noise_mixes_close_modes() -> None:
     """By a frequency's deviation over their distance; then by all that is stated of their shapes."""
     reference, _, _ = learnt(612)
     f, at_channels = reference.frequency, reference.at_channels(CHANNELS)
@@ -83,7 +83,7 @@ def test_noise_turns_close_modes_into_each_other() -> None:
     assert share(0.3 * gap, 0.2)[0, 1] == pytest.approx(min(0.5, np.sqrt(2) * np.hypot(0.3, 0.2)) * louder, rel=0.05)
 
 
-def test_a_reference_that_fits_badly_is_believed_less() -> None:
+def test_poor_reference_has_larger_model_error_factor() -> None:
     """400 g that the model lacks: its frequencies are 1.6 % off after calibration."""
     plain, _, _ = learnt(611)
     laden, _, _ = learnt(611, Change(bodies=(Body(at=(0, 0, 0.7), mass=0.4),)))
@@ -92,7 +92,7 @@ def test_a_reference_that_fits_badly_is_believed_less() -> None:
 
 
 @pytest.mark.parametrize("gap", [0.05, 0.1, 0.3])
-def test_share_of_another_mode_is_that_of_a_body_on_two(gap: float) -> None:
+def test_mode_mixing_by_a_body_matches_the_two_mode_solution(gap: float) -> None:
     """Unit modal displacements at the body: exact modes of K b = omega^2 (1 + m J) b, where they turn little."""
     frequency, mass = np.array([10.0, 10.0 * (1 + gap)]), 0.004
     stiffness = np.diag((2 * np.pi * frequency) ** 2)
@@ -104,7 +104,7 @@ def test_share_of_another_mode_is_that_of_a_body_on_two(gap: float) -> None:
     np.testing.assert_allclose(found, [turned[1, 0] ** 2, turned[0, 1] ** 2], rtol=0.35)
 
 
-def test_close_modes_may_mix_wholly_and_unchanged_ones_do_not() -> None:
+def test_only_changed_close_modes_may_mix_completely() -> None:
     reference = cast("Reference", SimpleNamespace(frequency=np.array([10.0, 10.05, 40.0]), paired=np.arange(3)))
     tracks = np.arange(3)
     changed = mixed_by_change(reference, tracks, np.array([-0.01, -0.01, -0.01]))

@@ -64,7 +64,7 @@ def records(references: list[Reference], off: tuple[int, ...], seed: int) -> lis
     return found
 
 
-def test_bodies_taken_off_are_named_as_surely_as_they_are_right(references: list[Reference]) -> None:
+def test_stated_probabilities_of_removed_bodies_match_the_hit_rate(references: list[Reference]) -> None:
     """Over none, one and two bodies the right answers are as many as their stated probabilities add up to."""
     masses, std = np.full(4, -MASS), np.full(4, 0.1 * MASS)
     stated, right, alone, alone_right = [], [], [], []
@@ -85,7 +85,7 @@ def test_bodies_taken_off_are_named_as_surely_as_they_are_right(references: list
     assert np.mean(right) > np.mean(alone_right)
 
 
-def test_more_records_make_it_surer_and_their_scatter_is_learnt(references: list[Reference]) -> None:
+def test_more_records_increase_probability_and_determine_the_scatter(references: list[Reference]) -> None:
     every = records(references, (1,), 11)
     found = select_bodies(every, np.full(4, -MASS), np.full(4, 0.1 * MASS), most=2)
     assert found.best == (1,)
@@ -97,7 +97,7 @@ def test_more_records_make_it_surer_and_their_scatter_is_learnt(references: list
     assert np.exp(np.log(found.scatter).mean()) == pytest.approx(SCATTER, rel=0.7)
 
 
-def test_what_does_not_belong_together_is_refused(references: list[Reference]) -> None:
+def test_missing_or_inconsistent_records_are_refused(references: list[Reference]) -> None:
     found = records(references, (), 12)
     with pytest.raises(ModalDataError, match="expected at least one"):
         select_bodies([], np.full(4, -MASS), np.full(4, MASS))

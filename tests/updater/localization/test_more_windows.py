@@ -36,7 +36,7 @@ def rig() -> Rig:
     return Rig()
 
 
-def test_few_windows_sharpen_as_their_square_root_and_many_do_not(rig: Rig) -> None:
+def test_deviation_falls_with_square_root_of_windows_then_levels_off(rig: Rig) -> None:
     """Variances add, so d ln std / d ln n = -(1 - least^2 / std^2) / 2; the priors of offset, inertia and drift bend it
     as the noise falls: 0.1 of an exponent of 0.5.
     """
@@ -49,7 +49,7 @@ def test_few_windows_sharpen_as_their_square_root_and_many_do_not(rig: Rig) -> N
     assert exponent[-1] > -0.25
 
 
-def test_it_says_when_more_windows_are_of_no_use(rig: Rig) -> None:
+def test_forecast_reports_the_useful_number_of_windows(rig: Rig) -> None:
     found = sharpening(rig.reference, rig.event(2))
     twice = found.distance_std**2 > 2 * found.least_distance_std**2
     np.testing.assert_array_equal(twice, found.n < found.enough)
@@ -60,7 +60,7 @@ def test_it_says_when_more_windows_are_of_no_use(rig: Rig) -> None:
     assert "more windows will not reduce the deviation" in later.text
 
 
-def test_a_short_baseline_limits_before_the_model_does(rig: Rig) -> None:
+def test_short_baseline_limits_the_accuracy_before_the_model(rig: Rig) -> None:
     """Ten times the deviation is a hundredth of the windows."""
     baseline = rig.reference.baseline
     noisy = replace(baseline, log_frequency_std=10 * baseline.log_frequency_std, shape_std=10 * baseline.shape_std)
@@ -69,7 +69,7 @@ def test_a_short_baseline_limits_before_the_model_does(rig: Rig) -> None:
     assert "a longer baseline would" in found.text
 
 
-def test_what_is_foretold_is_what_more_windows_give(rig: Rig) -> None:
+def test_forecast_accuracy_matches_the_result_of_more_windows(rig: Rig) -> None:
     """To 30 %: the grid's posterior is no Gaussian, and its deviation is of one realisation."""
     found = sharpening(rig.reference, rig.event(2))
     change = locate_mass(rig.reference, rig.event(32, seed=3))

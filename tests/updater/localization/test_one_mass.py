@@ -66,7 +66,7 @@ def centre(body: Body, change: MassChange) -> float:
     return float((np.add(body.at, body.offset) - member.start) @ along)
 
 
-def test_bodies_on_many_truths_are_found(many: list[tuple[Body, MassChange]]) -> None:
+def test_bodies_on_many_random_frames_are_found(many: list[tuple[Body, MassChange]]) -> None:
     """Every one within 0.05 m and 12 %; medians 15 mm and 5 %."""
     off = [np.linalg.norm(place(change) - np.array(body.at)) for body, change in many]
     error = np.abs([change.mass / body.mass - 1 for body, change in many])
@@ -76,7 +76,7 @@ def test_bodies_on_many_truths_are_found(many: list[tuple[Body, MassChange]]) ->
     assert np.median(error) < 0.05
 
 
-def test_credible_regions_and_intervals_hold_what_they_say(many: list[tuple[Body, MassChange]]) -> None:
+def test_credible_regions_and_intervals_have_the_stated_coverage(many: list[tuple[Body, MassChange]]) -> None:
     """At 95 % stated: the first percentile of the binomial, 25 of 30; a model's own error may cost two more."""
     least = binom.ppf(0.01, len(many), 0.95) - 2
     held = [
@@ -92,7 +92,7 @@ def test_credible_regions_and_intervals_hold_what_they_say(many: list[tuple[Body
     assert np.median([sum(part.stop - part.start for part in change.region) for _, change in many]) < 0.05
 
 
-def test_the_fit_is_accepted_where_one_body_is_the_cause(many: list[tuple[Body, MassChange]]) -> None:
+def test_fit_is_accepted_when_one_body_is_the_cause(many: list[tuple[Body, MassChange]]) -> None:
     assert sum(change.p_value < 0.01 for _, change in many) <= binom.ppf(0.999, len(many), 0.01)
 
 
@@ -108,7 +108,7 @@ def removed(body: Body, seed: int, *, filed: bool) -> MassChange:
 
 
 @pytest.mark.parametrize("filed", few_of([False, True]))
-def test_a_removed_body_has_its_mass(filed: bool) -> None:
+def test_removed_body_has_the_correct_negative_mass(filed: bool) -> None:
     """A body that is not in the file had come out too small by its share of the modal mass, up to 22 %."""
     bodies = [Body(at=(x, 0, 1.48), mass=0.3) for x in (-0.25, 0.12, 0.3)] + [Body(at=(0, 0, 0.92), mass=0.152)]
     found = [removed(body, seed, filed=filed) for seed, body in enumerate(bodies)]
@@ -121,13 +121,13 @@ def test_a_removed_body_has_its_mass(filed: bool) -> None:
 
 
 @pytest.mark.parametrize("x", few_of([-0.3, 0.3]))
-def test_left_and_right_are_told_apart_by_shapes(x: float) -> None:
+def test_mode_shapes_distinguish_left_from_right(x: float) -> None:
     _, change = located(21, Body(at=(x, 0, 1.48), mass=0.2))
     assert np.sign(place(change)[0]) == np.sign(x)
     assert change.member == "crossbeam"
 
 
-def test_nothing_weighs_nothing() -> None:
+def test_unchanged_structure_has_no_significant_mass() -> None:
     _, change = located(22, None)
     assert abs(change.mass) < 3 * change.mass_std + 0.002
 
@@ -142,7 +142,7 @@ def test_too_few_modes_are_refused() -> None:
         locate_mass(reference, event)
 
 
-def test_frequencies_alone_leave_left_and_right_open() -> None:
+def test_frequencies_alone_do_not_distinguish_left_from_right() -> None:
     """The frame is its own mirror image: both places are named, each with its mass, no mean of both."""
     reference, event = compared(21, Body(at=(0.3, 0, 1.48), mass=0.2))
     change = locate_mass(reference, event.without_shapes())
@@ -161,7 +161,7 @@ def test_frequencies_alone_leave_left_and_right_open() -> None:
     assert reported.distance == pytest.approx(0.7, abs=0.03)
 
 
-def test_a_mode_without_a_shape_counts_by_its_frequency() -> None:
+def test_mode_without_a_shape_is_used_by_its_frequency() -> None:
     reference, event = compared(24, Body(at=(0, 0, 0.8), mass=0.2))
     shape = event.shape.copy()
     shape[3] = np.nan
@@ -172,7 +172,7 @@ def test_a_mode_without_a_shape_counts_by_its_frequency() -> None:
     assert 3 not in locate_mass(reference, fewer).tracks
 
 
-def test_a_body_beside_the_axis_shows_its_offset() -> None:
+def test_offset_of_a_large_body_from_the_axis_is_determined() -> None:
     """4 cm in front of the crossbeam couple torsion: seen to 4 standard deviations; along the member there is none."""
     _, change = located(25, Body(at=(0.3, 0, 1.48), mass=0.3, offset=(0, 0.04, 0)))
     assert change.body.offset_known
@@ -181,7 +181,7 @@ def test_a_body_beside_the_axis_shows_its_offset() -> None:
     assert change.body.offset[0] == 0
 
 
-def test_a_small_body_does_not_show_its_offset() -> None:
+def test_offset_of_a_small_body_is_stated_as_unknown() -> None:
     """5 g turn no mode by a measurable amount: the offset is stated as unknown."""
     _, change = located(26, Body(at=(0, 0, 1.1), mass=0.005, offset=(0.01, 0, 0)))
     assert not change.body.offset_known

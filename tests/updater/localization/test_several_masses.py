@@ -57,7 +57,7 @@ def place(change: MassChange) -> np.ndarray:
         ),
     ],
 )
-def test_masses_are_counted_placed_and_weighed(loaded: Loaded, bodies: tuple[Body, ...]) -> None:
+def test_number_positions_and_masses_of_bodies_are_found(loaded: Loaded, bodies: tuple[Body, ...]) -> None:
     """Within four standard deviations and 2 mm of rounding; each at least determined to 0.1 m."""
     reference, event = loaded
     found = locate_masses(reference, event(bodies), most=max(len(bodies), 2))
@@ -73,7 +73,7 @@ def test_masses_are_counted_placed_and_weighed(loaded: Loaded, bodies: tuple[Bod
     assert len({change.mass for change in found.masses}) == len(bodies)
 
 
-def test_a_mass_that_moved_is_one_removed_and_one_added() -> None:
+def test_moved_mass_is_one_removed_and_one_added_mass() -> None:
     """200 g were at (0.3, 0, 1.48) while the reference learnt, and are at (0, 0, 0.8) now."""
     random = np.random.default_rng(302)
     gain = 1 + 0.005 * random.standard_normal(12)
@@ -91,7 +91,7 @@ def test_a_mass_that_moved_is_one_removed_and_one_added() -> None:
     assert np.linalg.norm(place(added) - [0, 0, 0.8]) < 4 * added.distance_std + 0.002
 
 
-def test_at_most_one_is_at_most_one(loaded: Loaded) -> None:
+def test_number_of_masses_is_limited_to_the_given_maximum(loaded: Loaded) -> None:
     reference, event = loaded
     bodies = (Body(at=(0.25, 0, 1.48), mass=0.304), Body(at=(0, 0, 0.92), mass=0.152))
     found = locate_masses(reference, event(bodies), most=1)
@@ -99,7 +99,7 @@ def test_at_most_one_is_at_most_one(loaded: Loaded) -> None:
     assert len(found.probability) == 2
 
 
-def test_three_masses_are_not_surely_two() -> None:
+def test_three_masses_are_not_reported_as_certainly_two() -> None:
     """Three masses on a frame of the examiner's, one of which hardly shows; two were stated with 0.97."""
     case = frame_with_masses(3, "coarse", np.random.default_rng((11, 1, 3, 3)))
     found = locate_masses(case.reference, case.event)

@@ -30,7 +30,7 @@ def modes_of(windows: SiteWindows, site: int) -> TrackedModes:
 
 
 @pytest.mark.parametrize("n_windows", [8, 24])
-def test_windows_of_one_state_contain_a_change_no_more_often_than_stated(n_windows: int) -> None:
+def test_false_change_points_are_no_more_frequent_than_stated(n_windows: int) -> None:
     """Eighteen kinds of site: frost, drift, wind, bursts of a wrong pole, thermometers late or absent, loads."""
     found, n = 0, 0
     for kind in KINDS:
@@ -79,7 +79,7 @@ def _both(before: SiteWindows, after: SiteWindows, site: int) -> list[tuple[Floa
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_three_of_eight_windows_moved_by_three_per_cent_are_left_out(seed: int) -> None:
+def test_three_shifted_windows_of_eight_are_excluded(seed: int) -> None:
     random = np.random.default_rng(seed)
     first = int(random.integers(0, 6))
     y = 5e-4 * random.standard_normal((8, 6))
@@ -91,7 +91,7 @@ def test_three_of_eight_windows_moved_by_three_per_cent_are_left_out(seed: int) 
     assert kept.tolist() == np.setdiff1d(np.arange(8), np.arange(first, first + 3)).tolist()
 
 
-def test_what_temperature_or_amplitude_explains_is_no_change() -> None:
+def test_shift_explained_by_temperature_or_amplitude_is_no_change() -> None:
     """A step of 12 K of steel, and bolts that soften by 1 % where it shakes twice as much."""
     random, n, p = np.random.default_rng(3), 16, 6
     noise = 3e-4 * random.standard_normal((n, p))

@@ -14,7 +14,7 @@ DEVICES = {channel: channel.rsplit("_", 1)[0] for channel in CHANNELS}
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_whitener_without_a_mode_is_that_of_the_others_covariance(seed: int) -> None:
+def test_whitener_without_a_mode_matches_the_remaining_covariance(seed: int) -> None:
     """Three modes, four channels, errors that all share: the inverse of the others' own covariance remains."""
     random = np.random.default_rng(seed)
     root = random.standard_normal((12, 12))
@@ -42,7 +42,7 @@ def apart(estimate: ModalEstimate, device: str) -> float:
     return float(-(weight * off).sum() / (weight * 2 * np.pi * estimate.frequency).sum())
 
 
-def test_what_a_device_is_late_by_beyond_what_it_was_is_put_back() -> None:
+def test_device_delay_beyond_its_baseline_value_is_restored() -> None:
     """0.1 ms before, 0.5 ms now; identification took 0.3 ms out of each window already."""
     random = np.random.default_rng(11)
     taken = dict.fromkeys(DEVICES.values(), 0.0) | {"col_074": 3e-4}
@@ -57,7 +57,7 @@ def test_what_a_device_is_late_by_beyond_what_it_was_is_put_back() -> None:
     assert np.mean([apart(e, "col_074") for e in with_new_delays]) == pytest.approx(4e-4, abs=2e-5)
 
 
-def test_known_delays_of_channels_leave_nothing() -> None:
+def test_known_channel_delays_are_removed_completely() -> None:
     """A device 0.5 ms late of which identification removed 0.3 ms, and the structure file states 0.5 ms."""
     random = np.random.default_rng(12)
     (window,) = windows(random, dict.fromkeys(DEVICES.values(), 0.0) | {"beam_left": 2e-4}, 1)

@@ -52,7 +52,7 @@ def error(estimate: ModalEstimate, truth: FloatArray, known: DeviceDelays) -> fl
 
 
 @pytest.mark.parametrize("stated", [1.0, 0.5], ids=["phases as sure as stated", "half as sure"])
-def test_constants_are_recovered_within_their_deviation(stated: float) -> None:
+def test_constant_delays_are_recovered_within_their_deviation(stated: float) -> None:
     """Chi-square of 5 free delays over 40 baselines: 200 +- 20 if the deviation is right; within 4 of that."""
     random = np.random.default_rng(3)
     chi_square = 0.0
@@ -66,7 +66,7 @@ def test_constants_are_recovered_within_their_deviation(stated: float) -> None:
     assert chi_square == pytest.approx(200 * 45 / 43, abs=4 * 20 * np.sqrt(1 + 5 / 45) * 45 / 43)
 
 
-def test_deviations_hold_where_windows_share_the_errors_of_their_modes() -> None:
+def test_delay_deviations_have_correct_coverage_with_common_shape_errors() -> None:
     """Shapes that are off by as much as a window's noise, in all windows alike: 40 baselines of 30 windows.
 
     Of 200 free delays 190 +- 3 are within 1.96 deviations if these are right and known; the jackknife determines them
@@ -84,14 +84,14 @@ def test_deviations_hold_where_windows_share_the_errors_of_their_modes() -> None
 
 
 @pytest.mark.parametrize("wander", [20e-6, 100e-6])
-def test_wander_is_told_from_noise(wander: float) -> None:
+def test_delay_wander_is_separated_from_noise(wander: float) -> None:
     """12 windows, 5 free devices: 55 degrees of freedom determine a deviation to 1 / sqrt(110) = 10 %."""
     random = np.random.default_rng(4)
     learnt = learn_delays([window(random, wander)[0] for _ in range(12)], DEVICES)
     assert learnt.wander == pytest.approx(wander, rel=4 * 0.1)
 
 
-def test_constants_win_where_clocks_are_quiet_and_do_not_harm_where_they_wander() -> None:
+def test_learnt_delays_improve_stable_clocks_without_harming_wandering_clocks() -> None:
     random = np.random.default_rng(5)
     gain = {}
     for wander in (0.0, 100e-6):
@@ -104,7 +104,7 @@ def test_constants_win_where_clocks_are_quiet_and_do_not_harm_where_they_wander(
 
 
 @pytest.mark.parametrize("late", [0.96e-3, 1.86e-3, 9e-3])
-def test_delays_of_periods_of_the_highest_mode_are_as_exact_as_small_ones(late: float) -> None:
+def test_delays_of_several_periods_are_as_accurate_as_small_delays(late: float) -> None:
     """A quarter, half and two and a half periods at 267 Hz; a large one costs nothing of a window's 3 to 10 us."""
     estimate, _ = window(np.random.default_rng(6), 0.0)
     delayed = remove_delays(estimate, DEVICES, {name: -late * (name == "beam_mid") for name in NAMES})
@@ -114,7 +114,7 @@ def test_delays_of_periods_of_the_highest_mode_are_as_exact_as_small_ones(late: 
     assert large == pytest.approx(small, rel=0.01)
 
 
-def test_one_device_has_no_delay_to_learn() -> None:
+def test_single_device_has_no_relative_delay() -> None:
     estimate, _ = window(np.random.default_rng(7), 0.0)
     assert learn_delays([estimate] * 3, dict.fromkeys(CHANNELS, "all")) is NO_DELAYS
     assert estimate_delays(estimate, dict.fromkeys(CHANNELS, "all")) == {"all": pytest.approx(0, abs=1e-15)}

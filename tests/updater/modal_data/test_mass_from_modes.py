@@ -21,7 +21,7 @@ def test_all_modes_of_a_chain_give_its_masses() -> None:
     assert not found.std.any()
 
 
-def test_deviations_are_what_repeated_measurements_scatter_by() -> None:
+def test_stated_deviations_match_the_scatter_of_repeated_measurements() -> None:
     random = np.random.default_rng(11)
     root = 0.01 * np.abs(modes()).max() * random.standard_normal((3, 3, 3))  # errors of a mode's components together
     covariance = root @ root.transpose(0, 2, 1)
@@ -36,7 +36,7 @@ def test_deviations_are_what_repeated_measurements_scatter_by() -> None:
     np.testing.assert_allclose(drawn.std(axis=0), stated, rtol=0.1)
 
 
-def test_modes_that_are_the_same_are_refused() -> None:
+def test_identical_modes_are_refused() -> None:
     doubled = modes()[[0, 0, 1]]
     with pytest.raises(ModalDataError, match="same shape"):
         mass_of_modes(doubled, np.zeros((3, 3, 3)))

@@ -22,14 +22,14 @@ def reordered(modes: ModalMean, order: np.ndarray) -> ModalMean:
     return modes.only(order)
 
 
-def test_order_and_missing_modes_do_not_matter() -> None:
+def test_matching_does_not_depend_on_order_or_missing_modes() -> None:
     order = np.array([3, 1, 0, 7, 5, 6])
     found = match_modes(mean(1), reordered(mean(2), order))
     np.testing.assert_array_equal(found, [2, 1, -1, 0, -1, 4, 5, 3])
 
 
 @pytest.mark.parametrize("pair", [(0, 6), (1, 9), (9, 11), (2, 3)])
-def test_exchanged_channels_do_not_hide_the_modes(pair: tuple[int, int]) -> None:
+def test_modes_with_exchanged_channels_are_matched(pair: tuple[int, int]) -> None:
     event = mean(3)
     shape = event.shape.copy()
     shape[:, list(pair)] = shape[:, list(pair[::-1])]
@@ -39,12 +39,12 @@ def test_exchanged_channels_do_not_hide_the_modes(pair: tuple[int, int]) -> None
     assert without_fault(mean(4), event) is event
 
 
-def test_a_heavy_body_that_turns_and_crosses_modes_does_not_hide_them() -> None:
+def test_modes_changed_and_crossed_by_a_heavy_body_are_matched() -> None:
     event = mean(5, Body(at=(0.38, 0, 1.48), mass=0.5, inertia=(1e-4, 1e-4, 1e-4)))
     assert (match_modes(mean(6), event) >= 0).sum() >= 7
 
 
-def test_a_mean_of_mixtures_is_not_taken_for_the_mode_that_it_looks_like() -> None:
+def test_mean_of_mixed_modes_is_not_matched_with_similar_mode() -> None:
     """Windows that mix the lowest two modes with either sign have a mean similar to the second, with a message."""
     event = mean(11)
     first, second = event.shape[:2]
@@ -61,18 +61,18 @@ def test_a_mean_of_mixtures_is_not_taken_for_the_mode_that_it_looks_like() -> No
     assert match_modes(baseline, well_known)[0] == 0
 
 
-def test_matched_is_in_the_baselines_order_with_gaps() -> None:
+def test_matched_modes_are_in_baseline_order_with_gaps() -> None:
     event = matched(mean(7), reordered(mean(8), np.array([5, 2])))
     assert np.flatnonzero(np.isfinite(event.log_frequency)).tolist() == [2, 5]
     assert event.n.tolist() == [0, 0, 3, 0, 0, 3, 0, 0]
 
 
-def test_a_mode_that_was_not_seen_is_nobodys() -> None:
+def test_unmeasured_mode_is_not_matched() -> None:
     event = matched(mean(13), reordered(mean(14), np.array([5, 2, 7])))
     np.testing.assert_array_equal(match_modes(mean(15), event), [-1, -1, 2, -1, -1, 5, -1, 7])
 
 
-def test_channels_that_only_one_has_are_left_out() -> None:
+def test_channels_missing_in_one_record_are_left_out() -> None:
     event = mean(9).at(CHANNELS[:7])
     found = matched(mean(10), event)
     assert found.channels == CHANNELS[:7]

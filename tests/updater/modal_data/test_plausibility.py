@@ -56,13 +56,13 @@ def with_mode(mode: int, **values: object) -> Spoil:
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(2 * np.pi, "rad/s"), (1e-3, "kHz"), (60.0, "revolutions a minute")])
-def test_a_baseline_in_a_wrong_unit_is_told(factor: float, unit: str) -> None:
+def test_baseline_in_a_wrong_unit_is_refused(factor: float, unit: str) -> None:
     with pytest.raises(ModalDataError, match=f"expected hertz.*in {unit}"):
         learn_reference(t_frame(), [in_unit(factor)(e) for e in windows(3, 1)], unmoved(3))
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(2 * np.pi, "rad/s"), (1e-3, "kHz"), (60.0, "revolutions a minute")])
-def test_an_event_in_a_wrong_unit_is_told(reference: Reference, factor: float, unit: str) -> None:
+def test_event_in_a_wrong_unit_is_refused(reference: Reference, factor: float, unit: str) -> None:
     wrong = reference.mean_of(stack_tracks([in_unit(factor)(e) for e in windows(3, 2)], unmoved(3)))
     with pytest.raises(ModalDataError, match=f"expected hertz.*are they in {unit}"):
         locate_mass(reference, wrong)
@@ -70,7 +70,7 @@ def test_an_event_in_a_wrong_unit_is_told(reference: Reference, factor: float, u
         diagnose(reference, wrong)
 
 
-def test_a_wrong_unit_is_told_before_modes_are_matched(reference: Reference) -> None:
+def test_wrong_unit_is_refused_before_modes_are_matched(reference: Reference) -> None:
     tracked = stack_tracks([in_unit(2 * np.pi)(e) for e in windows(3, 2)], unmoved(3))
     with pytest.raises(ModalDataError, match="in rad/s"):
         matched(reference.baseline, reference.mean_of(tracked))
@@ -87,7 +87,7 @@ def test_a_wrong_unit_is_told_before_modes_are_matched(reference: Reference) -> 
         (with_mode(5, shape=np.nan), "window 1, mode 5: .* has no value at channel col_037_x"),
     ],
 )
-def test_a_window_with_what_is_no_mode_is_refused(spoil: Spoil, message: str) -> None:
+def test_window_with_an_invalid_mode_is_refused(spoil: Spoil, message: str) -> None:
     first, second = windows(2, 1)
     with pytest.raises(ModalDataError, match=message):
         stack_tracks([first, spoil(second)], unmoved(2))
@@ -105,7 +105,7 @@ def doubled(estimate: ModalEstimate) -> ModalEstimate:
     return estimate[order]
 
 
-def test_a_doubled_mode_is_refused_before_and_after(reference: Reference) -> None:
+def test_duplicate_mode_is_refused_in_baseline_and_event(reference: Reference) -> None:
     with pytest.raises(ModalDataError, match="tracks 2 and 3 are one mode twice"):
         learn_reference(t_frame(), [doubled(e) for e in windows(3, 1)], unmoved(3))
     event = reference.mean_of(stack_tracks([doubled(e) for e in windows(3, 2)], unmoved(3)))
@@ -113,7 +113,7 @@ def test_a_doubled_mode_is_refused_before_and_after(reference: Reference) -> Non
         locate_mass(reference, event)
 
 
-def test_of_a_doubled_mode_the_less_known_is_the_double() -> None:
+def test_less_certain_of_two_equal_modes_is_the_duplicate() -> None:
     twice = mean_modes(stack_tracks([doubled(e) for e in windows(3, 1)], unmoved(3)))
     assert doubles(twice).tolist() == [2]
     wide = np.where(np.arange(8)[:, None] == 3, 2.0, 1.0) * twice.shape_std
@@ -121,11 +121,11 @@ def test_of_a_doubled_mode_the_less_known_is_the_double() -> None:
     assert not len(doubles(mean_modes(stack_tracks(windows(3, 1), unmoved(3)))))
 
 
-def test_a_frequency_of_unknown_certainty_is_refused(reference: Reference, event: ModalMean) -> None:
+def test_frequency_without_standard_deviation_is_refused(reference: Reference, event: ModalMean) -> None:
     std = np.where(np.arange(8) == 4, np.nan, event.log_frequency_std)
     with pytest.raises(ModalDataError, match="track 4: expected a standard deviation"):
         locate_mass(reference, replace(event, log_frequency_std=std))
 
 
-def test_what_is_right_is_let_through(reference: Reference, event: ModalMean) -> None:
+def test_valid_event_is_accepted(reference: Reference, event: ModalMean) -> None:
     assert len(locate_mass(reference, event).tracks) == len(event.log_frequency) == 8

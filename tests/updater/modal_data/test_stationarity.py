@@ -30,7 +30,7 @@ UNKNOWN = np.full(N, np.nan)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_noise_and_a_few_gross_errors_are_one_state_and_a_slide_is_not(seed: int) -> None:
+def test_noise_and_outliers_are_one_state_but_drift_is_not(seed: int) -> None:
     random = np.random.default_rng((seed, 1))
     scatter = learn_scatter(windows(np.zeros((N, 6)), seed + 100))
     assert is_steady(windows(np.zeros((N, 6)), seed), scatter, UNKNOWN, UNKNOWN)
@@ -40,7 +40,7 @@ def test_noise_and_a_few_gross_errors_are_one_state_and_a_slide_is_not(seed: int
     assert not is_steady(windows(slide, seed), scatter, UNKNOWN, UNKNOWN)
 
 
-def test_what_goes_with_temperature_is_one_state() -> None:
+def test_changes_correlated_with_temperature_are_one_state() -> None:
     warmth = np.random.default_rng(6).uniform(10, 30, N)
     warm = windows(np.outer(-2e-4 * warmth, np.ones(6)), 7)
     scatter = learn_scatter(windows(np.zeros((N, 6)), 8))
@@ -52,7 +52,7 @@ def test_what_goes_with_temperature_is_one_state() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_what_goes_with_amplitude_is_one_state_as_far_as_it_may(seed: int) -> None:
+def test_limited_changes_correlated_with_amplitude_are_one_state(seed: int) -> None:
     """Bolts soften by per cents where it shakes twice as much; five windows that slide go with a tenth more as well."""
     rms = np.geomspace(0.01, 0.03, N)
     scatter = learn_scatter(windows(np.zeros((N, 6)), seed + 100))

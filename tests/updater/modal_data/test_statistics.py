@@ -45,7 +45,7 @@ def distance(window: FloatArray, mean: ModalMean, scatter: Scatter) -> tuple[flo
 
 
 @pytest.mark.parametrize("factor", [0.7, 1.0, 1.6])
-def test_false_alarm_rate_is_as_stated_whatever_the_windows_claim(factor: float) -> None:
+def test_false_alarm_rate_is_as_stated_for_wrong_window_deviations(factor: float) -> None:
     """1 % a window, over 1500 baselines of twelve windows; binomial bounds at 1e-4 each side."""
     random, n, alpha = np.random.default_rng(7), 1500, 0.01
     alarms = 0
@@ -58,7 +58,7 @@ def test_false_alarm_rate_is_as_stated_whatever_the_windows_claim(factor: float)
     assert binom.ppf(1e-4, n, alpha) <= alarms <= binom.ppf(1 - 1e-4, n, alpha)
 
 
-def test_a_window_lacking_modes_is_judged_by_those_it_has() -> None:
+def test_window_with_missing_modes_is_scored_by_the_remaining_modes() -> None:
     mean, scatter = baseline(np.random.default_rng(1), 1e-3, 1e-3)
     window = mean.log_frequency.copy()
     window[3:] = np.nan
@@ -66,7 +66,7 @@ def test_a_window_lacking_modes_is_judged_by_those_it_has() -> None:
     assert (t2, p) == (0.0, 3)
 
 
-def test_scatter_recovers_the_factor() -> None:
+def test_learnt_scatter_recovers_the_true_factor() -> None:
     """Its relative standard deviation is 1 / sqrt(2 x 88 degrees of freedom) = 7.5 %: four of them."""
     _, scatter = baseline(np.random.default_rng(2), 1e-3, 1.5e-3)
     assert scatter.degrees_of_freedom == N_MODES * (N_WINDOWS - 1)
@@ -111,7 +111,7 @@ def delayed(random: np.random.Generator, delay: dict[str, float]) -> ModalEstima
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_delays_of_devices_are_told_from_phases_and_removed(seed: int) -> None:
+def test_device_delays_are_estimated_from_phases_and_removed(seed: int) -> None:
     """Up to 0.4 ms, found to 10 us: a phase noise of 2e-3 / 0.4 over two channels at 271 Hz is 2 us."""
     random = np.random.default_rng(seed)
     true = dict(zip("abc", random.uniform(-2e-4, 2e-4, 3), strict=True))

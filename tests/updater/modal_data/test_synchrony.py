@@ -25,7 +25,7 @@ def merged(late: dict[str, float], seed: int) -> Recording:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_delays_of_channels_are_found(seed: int) -> None:
+def test_delays_of_asynchronous_channels_are_found(seed: int) -> None:
     recording = merged(LATE, seed)
     estimate = identify_all(recording).estimate
     assert np.median(mpc(estimate.shape)) < 0.6
@@ -48,7 +48,7 @@ def test_synchronous_channels_have_no_delays(seed: int) -> None:
     assert asynchrony(recording, replace(estimate, shape=twisted)) is None  # not real, but not for any delays
 
 
-def test_shapes_that_are_not_real_are_marked(modalwatch: Commands, tmp_path: Path) -> None:
+def test_complex_shapes_of_asynchronous_channels_are_marked(modalwatch: Commands, tmp_path: Path) -> None:
     write_recording(tmp_path / "log.mcap", merged(LATE, 3))
     done = modalwatch("identify", tmp_path / "log.mcap", "--json", tmp_path / "modes.json")
     assert (done.code, done.err) == (0, "")

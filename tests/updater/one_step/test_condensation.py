@@ -16,7 +16,7 @@ def _model(bodies: tuple[Body, ...] = (), n: int = 6) -> Model:
 
 
 @pytest.mark.parametrize("elements", [6, 40], ids=["all of the matrix", "its lowest modes"])
-def test_modes_are_those_of_the_condensed_matrices(elements: int) -> None:
+def test_modes_match_the_condensed_matrices(elements: int) -> None:
     """K_c = K_tt - K_tr K_rr^-1 K_rt over the translations, and the rotations are -K_rr^-1 K_rt times them."""
     model = _model(n=elements)
     stiffness, mass = model.stiffness.toarray(), model.mass.toarray()
@@ -31,7 +31,7 @@ def test_modes_are_those_of_the_condensed_matrices(elements: int) -> None:
     np.testing.assert_allclose((turn @ modes.shape[heavy] - modes.shape[~heavy]) / scale, 0, atol=1e-6)
 
 
-def test_every_mode_with_inertia_is_found_and_no_other() -> None:
+def test_exactly_the_modes_with_inertia_are_found() -> None:
     """As many as there are masses that move; together they are the inverse of the mass (eq. 3)."""
     model = _model()
     heavy = model.mass.diagonal() > 0
@@ -40,7 +40,7 @@ def test_every_mode_with_inertia_is_found_and_no_other() -> None:
     np.testing.assert_allclose(inverse * model.mass.diagonal()[heavy], np.eye(heavy.sum()), atol=1e-9)
 
 
-def test_a_body_with_offset_and_inertia_gives_its_node_rotations_that_move_by_themselves() -> None:
+def test_body_with_offset_and_inertia_adds_three_modes() -> None:
     """Six more masses at one node, of which its translations had three: three modes more than without the body."""
     body = Body(at=(0.0, 0.0, 1.48), mass=0.3, offset=(0.02, 0.03, 0.05), inertia=(1e-4, 2e-4, 3e-4))
     counts = []

@@ -32,7 +32,7 @@ def frames(frame: str) -> list[Specimen]:
 
 
 @pytest.mark.parametrize(("frame", "fewest"), few_of([("T-frame", 6), ("portal", 4)]))
-def test_claimed_places_hold_the_body(frame: str, fewest: int) -> None:
+def test_located_positions_and_regions_contain_the_body(frame: str, fewest: int) -> None:
     """Places claimed within 0.1 m; the region of 95 % holds the body but in a few of all flagged events.
 
     The peak of normalised increments is more than 0.1 m off in a third of the events on the T-frame.
@@ -54,7 +54,7 @@ def test_claimed_places_hold_the_body(frame: str, fewest: int) -> None:
 
 
 @pytest.mark.thorough
-def test_the_region_holds_a_heavy_body_near_the_top_of_a_mast() -> None:
+def test_region_contains_a_heavy_body_near_the_mast_top() -> None:
     """Bodies that move close modes so much that a mass fitted to first order rules out the place where they are."""
     one = specimen("mast", 531)
     updater, held = MassUpdater(one.reference), []
@@ -66,7 +66,7 @@ def test_the_region_holds_a_heavy_body_near_the_top_of_a_mast() -> None:
     assert sum(held) >= 4
 
 
-def test_flags_begin_at_the_place() -> None:
+def test_flagged_nodes_are_sorted_by_distance_from_the_location() -> None:
     one = frames("T-frame")[0]
     nodes = one.reference.model.nodes
     for _, event in one.bodies(2, lightest=0.02):
@@ -77,7 +77,7 @@ def test_flags_begin_at_the_place() -> None:
 
 
 @pytest.mark.parametrize("cell", few_of(["support_stiffness", "local_stiffness", "sensor_gain"]))
-def test_what_is_no_mass_gets_no_place(cell: str) -> None:
+def test_change_other_than_a_mass_gets_no_location(cell: str) -> None:
     """Increments of a loosened foot, a softened stretch or a wrong gain are not those of one mass."""
     flagged = 0
     for seed in (51, 52, 53):
@@ -89,7 +89,7 @@ def test_what_is_no_mass_gets_no_place(cell: str) -> None:
     assert flagged
 
 
-def test_undisturbed_events_claim_nothing() -> None:
+def test_undisturbed_event_has_no_flags_and_no_location() -> None:
     one = frames("T-frame")[0]
     update = MassUpdater(one.reference).update(one.event(one.state))
     assert update.flagged == ()

@@ -21,16 +21,14 @@ def rig() -> Rig:
     return Rig(3)
 
 
-def test_unchanged_data_have_no_increment_at_all(rig: Rig) -> None:
+def test_unchanged_data_have_zero_increments(rig: Rig) -> None:
     """Though the reference does not reproduce the baseline's shapes: rounding of 1e-15 times cond(t) and 0.2 kg."""
     found = MassUpdater(rig.reference).update(rig.reference.baseline)
     assert np.abs(found.increment).max() < 1e-14
     assert found.flagged == ()
 
 
-def test_to_the_letter_of_the_paper_totals_are_the_same_and_jump_with_noise(
-    rig: Rig, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_literal_paper_method_has_equal_totals_but_more_scatter(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without noise within 5 % of the mass of ours; at 3 % on shapes clusters change in size: 66 g and 15."""
     monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
 
@@ -47,7 +45,7 @@ def test_to_the_letter_of_the_paper_totals_are_the_same_and_jump_with_noise(
     assert scatter[1] > 2 * scatter[0]
 
 
-def test_totals_count_the_joint_once_and_leave_the_unmoved_out(rig: Rig) -> None:
+def test_totals_count_the_joint_once_and_exclude_motionless_directions(rig: Rig) -> None:
     found = MassUpdater(rig.reference).update(
         rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, 4, 2), unmoved(4)))
     )
@@ -62,7 +60,7 @@ def test_totals_count_the_joint_once_and_leave_the_unmoved_out(rig: Rig) -> None
     assert np.isfinite(found.normalised[middle, :2]).all()
 
 
-def test_modes_that_become_alike_shrink_the_clusters(rig: Rig) -> None:
+def test_modes_of_equal_shape_reduce_the_cluster_size(rig: Rig) -> None:
     """Both close modes measured with one shape: [A B2] would be singular in clusters that hold both."""
     event = rig.reference.baseline
     shape = event.shape.copy()
@@ -71,7 +69,7 @@ def test_modes_that_become_alike_shrink_the_clusters(rig: Rig) -> None:
     assert np.abs(found.increment).max() < 0.05
 
 
-def test_body_between_nodes_couples_them(rig: Rig) -> None:
+def test_body_between_nodes_gives_coupled_nodal_masses(rig: Rig) -> None:
     """Eq. 7 with a mass that is not diagonal: B^T M B = I holds for the update's M B, to rounding."""
     calibration = rig.reference.calibration
     heavy = calibration.structure.with_bodies([Body(at=(0.0, 0.0, 0.94), mass=0.5, offset=(0.05, 0.0, 0.0))])
@@ -103,7 +101,7 @@ def test_totals_do_not_depend_on_the_mesh(rig: Rig) -> None:
     assert fine_totals[2] == pytest.approx(coarse_totals[2], rel=0.1)
 
 
-def test_shape_of_zeros_and_a_wrong_unit_are_refused(rig: Rig) -> None:
+def test_zero_shape_is_ignored_and_wrong_unit_is_refused(rig: Rig) -> None:
     base = rig.reference.baseline
     shape = base.shape.copy()
     shape[3] = 0
@@ -119,13 +117,15 @@ def test_event_without_modes_is_refused(rig: Rig) -> None:
         MassUpdater(rig.reference).update(replace(rig.reference.baseline, log_frequency=nothing))
 
 
-def test_other_channels_are_refused(rig: Rig) -> None:
+def test_event_with_other_channels_is_refused(rig: Rig) -> None:
     with pytest.raises(ValueError, match="channels: expected the baseline's col_037_x"):
         MassUpdater(rig.reference).update(replace(rig.reference.baseline, channels=("a",)))
 
 
 @pytest.mark.parametrize(("loaded", "draws"), few_of([(True, 30), (True, 100), (False, 100)], n=0))
-def test_increments_scatter_as_they_say(rig: Rig, loaded: bool, draws: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stated_increment_deviations_match_the_scatter(
+    rig: Rig, loaded: bool, draws: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Monte Carlo over baseline and event: n draws determine a deviation to 1 / sqrt(2 n), 7 % of 100.
 
     With a common factor in the loaded event, which drowns the noise there; without one, noise alone.
@@ -157,7 +157,7 @@ def test_increments_scatter_as_they_say(rig: Rig, loaded: bool, draws: int, monk
 
 
 @pytest.mark.parametrize("baselines", few_of([10, 30]))
-def test_undisturbed_events_are_flagged_once_in_a_hundred(rig: Rig, baselines: int) -> None:
+def test_at_most_one_per_cent_of_undisturbed_events_are_flagged(rig: Rig, baselines: int) -> None:
     """Four events to a baseline; more flagged than this of one in a hundred has a chance of 2e-4.
 
     Frequencies drift together as far as is allowed for; without drift (0 of 800) there are fewer flags.
@@ -175,7 +175,7 @@ def test_undisturbed_events_are_flagged_once_in_a_hundred(rig: Rig, baselines: i
 
 
 @pytest.mark.parametrize("seed", few_of([0, 1, 2, 3], 2))
-def test_mass_is_flagged_where_it_is(seed: int) -> None:
+def test_added_mass_is_flagged_at_its_position(seed: int) -> None:
     """304 g at location 1: within two nodes of it, in all directions."""
     rig = Rig(20 + seed)
     event = rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, N_EVENT, seed), unmoved(N_EVENT)))
@@ -187,7 +187,7 @@ def test_mass_is_flagged_where_it_is(seed: int) -> None:
     assert {"xyz"[f.direction] for f in found.flagged} == {"x", "y", "z"}
 
 
-def test_a_common_factor_is_no_local_mass(rig: Rig) -> None:
+def test_uniform_shift_is_not_flagged_as_local_mass(rig: Rig) -> None:
     """The effect of 17 degrees of warming on all of steel's frequencies alike, 0.3 %, flags nothing."""
     base = rig.reference.baseline
     assert MassUpdater(rig.reference).update(replace(base, log_frequency=base.log_frequency - COMMON_STD)).flagged == ()

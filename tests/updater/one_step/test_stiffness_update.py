@@ -50,7 +50,7 @@ def event_of(rig: Rig, structure: Structure, seed: int) -> ModalMean:
     return rig.reference.mean_of(stack_tracks(rig.windows(modes, N_EVENT, seed), unmoved(N_EVENT)))
 
 
-def test_flexibility_of_a_hinge_is_its_elements_own() -> None:
+def test_hinge_flexibility_matches_the_element_flexibility() -> None:
     """L / (G J) in twist, L / (E I) in bending, of a frame without redundant members; cond(K) eps = 1e-7."""
     model = build_model(t_frame(), shear_flexible=True)
     hinges = hinges_of(model)
@@ -61,7 +61,7 @@ def test_flexibility_of_a_hinge_is_its_elements_own() -> None:
         np.testing.assert_allclose(found[here & (hinges.axis > 0)], length / (210e9 * 9.3e-8), rtol=1e-7)
 
 
-def test_flexibility_of_a_sprung_foot_is_its_springs_own() -> None:
+def test_foot_flexibility_matches_its_springs() -> None:
     model = build_model(loosened(t_frame_with_foot(), "ry", 0.5))
     hinges = hinges_of(model)
     foot = np.array([name == "foot 0" for name in hinges.name])
@@ -74,7 +74,7 @@ def t_frame_with_foot() -> Structure:
     return frame.model_copy(update={"support": (frame.support[0].model_copy(update=springs),)})
 
 
-def test_where_members_are_redundant_the_others_hold_as_well() -> None:
+def test_redundant_supports_reduce_the_hinge_flexibility() -> None:
     ends = clamped()[0]
     both = (ends, ends.model_copy(update={"at": (1.0, 0.0, 0.0)}))
     single, double = (build_model(beam(length=1.0, elements=4, support=s)) for s in (clamped(), both))
@@ -82,7 +82,7 @@ def test_where_members_are_redundant_the_others_hold_as_well() -> None:
     assert (held < 0.9 * own).all()
 
 
-def test_all_modes_make_up_the_flexibility_of_a_hinge() -> None:
+def test_sum_over_all_modes_gives_the_hinge_flexibility() -> None:
     """Eq. 3's counterpart: R K^-1 R^T = sum (R b)^2 / omega^2, to the rounding of 24 modes."""
     stocky = beam(length=1.0, elements=4, support=clamped(), second_moment=(1e-2, 4e-2), torsion_constant=1e-2)
     model = build_model(stocky, mass="consistent")
@@ -91,7 +91,7 @@ def test_all_modes_make_up_the_flexibility_of_a_hinge() -> None:
     np.testing.assert_allclose((parts**2).sum(1), flexibility(model, rows), rtol=1e-9)
 
 
-def test_slope_of_the_orthonormalised_is_its_derivative() -> None:
+def test_orthonormal_slope_matches_finite_differences() -> None:
     """Central differences of 1e-6: 1e-12 of curvature and 1e-16 / 1e-6 of rounding."""
     random = np.random.default_rng(4)
     t, slope = np.eye(6) + 0.1 * random.standard_normal((6, 6)), random.standard_normal((6, 3))
@@ -103,13 +103,13 @@ def test_slope_of_the_orthonormalised_is_its_derivative() -> None:
         np.testing.assert_allclose(found[:, i], difference.ravel(), atol=2e-9)
 
 
-def test_unchanged_data_have_no_increment_at_all(rig: Rig, updater: StiffnessUpdater) -> None:
+def test_unchanged_data_have_zero_increments(rig: Rig, updater: StiffnessUpdater) -> None:
     found = updater.update(rig.reference.baseline)
     assert np.abs(found.increment).max() < 1e-12 * found.flexibility.max()
     assert not len(found.flagged)
 
 
-def test_a_common_factor_is_no_local_loss(rig: Rig, updater: StiffnessUpdater) -> None:
+def test_uniform_shift_is_not_flagged_as_local_stiffness_loss(rig: Rig, updater: StiffnessUpdater) -> None:
     base = rig.reference.baseline
     assert not len(updater.update(replace(base, log_frequency=base.log_frequency - COMMON_STD)).flagged)
 
@@ -117,7 +117,7 @@ def test_a_common_factor_is_no_local_loss(rig: Rig, updater: StiffnessUpdater) -
 @pytest.mark.parametrize(
     ("start", "stop", "loss"), [(0.6, 0.72, 0.3), (0.2, 0.4, 0.2)], ids=["30 % of 12 cm", "20 % of 20 cm"]
 )
-def test_softened_column_is_flagged_where_it_is(
+def test_softened_column_is_flagged_at_its_position(
     rig: Rig, updater: StiffnessUpdater, start: float, stop: float, loss: float
 ) -> None:
     """In both planes of bending, within two elements; the largest relative increment leads."""
@@ -145,7 +145,7 @@ def test_loosened_foot_is_flagged_at_the_foot(
 
 
 @pytest.mark.parametrize("draws", few_of([30, 60]))
-def test_increments_scatter_as_they_say(rig: Rig, draws: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stated_increment_deviations_match_the_scatter(rig: Rig, draws: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Monte Carlo over baseline and event: n draws determine a deviation to 1 / sqrt(2 n), 9 % of 60."""
     monkeypatch.setattr("updater.one_step.stiffness_update.COMMON_STD", 0.0)
     monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at
@@ -165,7 +165,7 @@ def test_increments_scatter_as_they_say(rig: Rig, draws: int, monkeypatch: pytes
     assert np.abs(ratio - 1).max() < 5 * error
 
 
-def test_undisturbed_events_are_flagged_once_in_a_hundred(rig: Rig) -> None:
+def test_at_most_one_per_cent_of_undisturbed_events_are_flagged(rig: Rig) -> None:
     """8 baselines with 4 events each: more than 3 flagged of 0.3 expected has a chance of 3e-4."""
     flagged = 0
     for seed in range(8):

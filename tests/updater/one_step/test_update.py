@@ -45,7 +45,7 @@ def frame() -> Frame:
     return Frame()
 
 
-def test_low_rank_mass_is_equation_7(frame: Frame) -> None:
+def test_low_rank_mass_update_matches_equation_7(frame: Frame) -> None:
     """Relative to the largest mass, to the rounding of a dense inverse: N eps / 2 = 1.7e-14 at worst, 3e-15 found."""
     b, a = frame.modes.shape[frame.weighed, :M], (frame.modes.shape @ frame.t)[frame.weighed]
     mass = frame.mass[frame.weighed]
@@ -57,7 +57,7 @@ def test_low_rank_mass_is_equation_7(frame: Frame) -> None:
     np.testing.assert_allclose(change.diagonal()[frame.weighed], np.diag(dense), atol=1e-14 * mass.max())
 
 
-def test_diagonal_of_the_mass_is_not_one_over_that_of_its_inverse(frame: Frame) -> None:
+def test_mass_diagonal_is_not_the_reciprocal_of_the_inverse_diagonal(frame: Frame) -> None:
     """M_u is full: reading increments off the inverse's diagonal is wrong by several per cent of the largest."""
     change = update_mass(frame.mass_times_modes, frame.t, frame.replaced).diagonal()[frame.weighed]
     b, a = frame.modes.shape[frame.weighed, :M], (frame.modes.shape @ frame.t)[frame.weighed]
@@ -66,7 +66,7 @@ def test_diagonal_of_the_mass_is_not_one_over_that_of_its_inverse(frame: Frame) 
     assert np.abs(short_cut - change).max() > 0.02 * np.abs(change).max()
 
 
-def test_all_modes_with_inertia_make_up_the_inverse_mass() -> None:
+def test_all_modes_with_inertia_sum_to_the_inverse_mass() -> None:
     """Eq. 3 with massless rotations condensed, exactly: 2e-14 of the largest entry; static rows of the rotations."""
     model = build_model(t_frame())
     weighed = model.mass.diagonal() > 0
@@ -78,7 +78,7 @@ def test_all_modes_with_inertia_make_up_the_inverse_mass() -> None:
     assert np.abs(moments).max() < 1e-7 * np.abs(model.stiffness.toarray()[~weighed] @ np.abs(modes.shape[:, :M])).max()
 
 
-def test_low_rank_stiffness_is_equation_8(frame: Frame) -> None:
+def test_low_rank_stiffness_update_matches_equation_8(frame: Frame) -> None:
     b, a = frame.modes.shape[:, :M], frame.modes.shape @ frame.t
     flexibility = np.linalg.inv(frame.stiffness)
     dense = np.linalg.inv(flexibility - b / frame.modes.omega[:M] ** 2 @ b.T + a / frame.omega**2 @ a.T)
@@ -89,7 +89,7 @@ def test_low_rank_stiffness_is_equation_8(frame: Frame) -> None:
     np.testing.assert_allclose(change.dense(), dense - frame.stiffness, atol=1e-7 * scale)
 
 
-def test_measured_and_kept_modes_are_the_modes_of_the_updated_matrices(frame: Frame) -> None:
+def test_updated_matrices_have_the_measured_and_kept_modes(frame: Frame) -> None:
     """All 40 frequencies and [A B2] themselves: M_u and K_u leave the span of B to itself, where the pencil is small.
 
     Eigenvalues from 4.6e3 to 1.6e9: the least is right to 1.6e9 / 4.6e3 * 2e-16 = 8e-11 of itself, times a few.
@@ -113,7 +113,7 @@ def reduced(change: LowRank, shapes: FloatArray) -> FloatArray:
     return np.asarray(left @ change.core @ left.T)
 
 
-def test_modes_turned_among_themselves_are_the_same_structure(frame: Frame) -> None:
+def test_rotation_among_replaced_modes_changes_no_mass(frame: Frame) -> None:
     """Why the first stage orthonormalises: A A^T = B1 B1^T for any rotation, and M_u = M."""
     random = np.random.default_rng(7)
     rotation = orthonormal(np.eye(M) + 0.3 * random.standard_normal((M, M)))
@@ -121,7 +121,7 @@ def test_modes_turned_among_themselves_are_the_same_structure(frame: Frame) -> N
     assert np.abs(change.dense()).max() < 1e-14 * frame.mass.max() * M
 
 
-def test_small_mass_on_a_node_gives_the_first_order_increments_and_is_largest_there(frame: Frame) -> None:
+def test_small_nodal_mass_gives_first_order_increments_largest_at_node(frame: Frame) -> None:
     """Eqs 7, 12, 13, 14 in one: m M_jj (sum b_i(j) b_i(s))^2 / sum b_i(j)^2 with exact modes of the body's structure.
 
     The next order is m b(s)^2 = 2.5e-5 of this one, over the gap of the two close modes, 3.5 % of omega^2: 7e-4.
@@ -141,7 +141,7 @@ def test_small_mass_on_a_node_gives_the_first_order_increments_and_is_largest_th
     assert np.nanargmax(found / mass) == at
 
 
-def test_a_small_change_mixes_in_the_modes_nearest_in_frequency(frame: Frame) -> None:
+def test_small_change_mixes_modes_according_to_first_order_perturbation(frame: Frame) -> None:
     """The local correspondence principle, why few modes about the paired one carry a change of shape.
 
     d b_i = sum_k b_k b_k^T (omega_i^2 dM) b_i / (omega_k^2 - omega_i^2) - (b_i^T dM b_i) / 2 b_i. The next order
@@ -161,12 +161,12 @@ def test_a_small_change_mixes_in_the_modes_nearest_in_frequency(frame: Frame) ->
     assert value == pytest.approx(omega**2 * (1 - np.diag(change)), rel=1e-2 * size)
 
 
-def test_unchanged_data_change_nothing(frame: Frame) -> None:
+def test_unchanged_data_give_no_mass_change(frame: Frame) -> None:
     same = update_mass(frame.mass_times_modes, frame.replaced, frame.replaced)
     assert np.abs(same.diagonal()).max() < 1e-14
 
 
-def test_two_tests_on_one_mode_are_refused(frame: Frame) -> None:
+def test_two_measured_modes_of_equal_shape_are_refused(frame: Frame) -> None:
     twice = frame.t.copy()
     twice[:, 4] = -2 * twice[:, 1]
     with pytest.raises(PairingError, match="measured modes 2 and 5 are the same"):
@@ -177,7 +177,7 @@ def test_two_tests_on_one_mode_are_refused(frame: Frame) -> None:
         )
 
 
-def test_slope_of_the_diagonal_is_its_derivative(frame: Frame) -> None:
+def test_mass_diagonal_slope_matches_finite_differences(frame: Frame) -> None:
     """Central differences of 1e-6: 1e-12 curvature and 1e-16 / 1e-6 rounding, over entries of up to 1."""
     slope = mass_slope(frame.mass_times_modes, frame.t, frame.replaced)
     direction = np.random.default_rng(6).standard_normal(frame.t.shape)
@@ -196,7 +196,7 @@ def test_expansion_recovers_a_shape_inside_its_cluster_exactly(frame: Frame) -> 
     np.testing.assert_allclose(found, t, atol=1e-10)
 
 
-def test_shape_expanded_by_itself_has_unit_mass_and_its_slope_is_its_derivative(frame: Frame) -> None:
+def test_expanded_shape_has_unit_mass_and_correct_slope(frame: Frame) -> None:
     """Central differences of 1e-6: 1e-12 of curvature and 1e-16 / 1e-6 of rounding."""
     at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
     random = np.random.default_rng(9)
@@ -212,7 +212,7 @@ def test_shape_expanded_by_itself_has_unit_mass_and_its_slope_is_its_derivative(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_cluster_is_the_one_that_foretells_left_out_sensors_best(frame: Frame, seed: int) -> None:
+def test_selected_cluster_best_predicts_left_out_sensors(frame: Frame, seed: int) -> None:
     """Against refits with each sensor left out in turn, one cluster size after the other."""
     at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
     near = np.argsort(np.abs(frame.modes.omega**2 - frame.modes.omega[4] ** 2))
@@ -232,7 +232,7 @@ def test_cluster_is_the_one_that_foretells_left_out_sensors_best(frame: Frame, s
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_modes_that_three_sensors_fit_exactly_foretell_none_of_them(seed: int) -> None:
+def test_expansion_uses_fewer_modes_than_sensors_with_motion(seed: int) -> None:
     """Three modes at three sensors across a bridge, measured with noise of 0.5 %: the hat matrix is 0 / 0 for each."""
     across = np.array([[0.14, 0.98, 0.14], [-0.71, 0.0, 0.71], [0.66, -0.37, 0.66]])
     upwards = np.array([0.5, 0.7, 0.5, -0.1])
@@ -243,7 +243,7 @@ def test_modes_that_three_sensors_fit_exactly_foretell_none_of_them(seed: int) -
     assert np.count_nonzero(found) < 3
 
 
-def test_what_stands_still_at_the_sensors_takes_no_part_in_an_expansion(frame: Frame) -> None:
+def test_mode_without_motion_at_sensors_is_excluded_from_expansion(frame: Frame) -> None:
     """A mode with 1e-5 of its motion at them would be expanded to 1e5 times its noise."""
     at_channels = (build_model(t_frame()).sensor_rows @ frame.modes.shape).T
     near = np.argsort(np.abs(frame.modes.omega**2 - frame.modes.omega[4] ** 2))[1]
@@ -255,7 +255,7 @@ def test_what_stands_still_at_the_sensors_takes_no_part_in_an_expansion(frame: F
     assert found[4] == pytest.approx(1, abs=0.02)
 
 
-def test_orthonormalised_modes_alter_no_mass() -> None:
+def test_orthonormalised_modes_have_identity_modal_mass() -> None:
     random = np.random.default_rng(1)
     t = orthonormal(np.eye(M) + 0.1 * random.standard_normal((M, M)))
     np.testing.assert_allclose(t.T @ t, np.eye(M), atol=1e-12)
@@ -292,20 +292,20 @@ def reference_and_event(seed: int, grams: float) -> tuple[Reference, FloatArray]
     return reference, update.totals
 
 
-def test_the_papers_totals_have_the_order_of_the_mass_and_do_not_weigh_it() -> None:
+def test_totals_have_only_the_order_of_magnitude_of_the_mass() -> None:
     """304 g at location 1: the paper has 416, 246, 354 g in x, y, z; ours within a factor of 2.2 of it."""
     _, totals = reference_and_event(11, 304)
     assert np.all(totals > 0.304 / 2.2)
     assert np.all(totals < 0.304 * 2.2)
 
 
-def test_no_change_has_no_mass() -> None:
+def test_unchanged_structure_has_negligible_totals() -> None:
     """Noise of 1e-7 in, 1e-7 of the structure's 7.5 kg out, times a few for the normalisation."""
     _, totals = reference_and_event(12, 0)
     assert np.abs(totals).max() < 1e-4
 
 
-def test_without_stiffness_scaling_the_mass_vanishes(frame: Frame) -> None:
+def test_mass_increment_vanishes_without_stiffness_scaling(frame: Frame) -> None:
     """Eq. 13 carries the frequencies: at equal shapes and lower frequencies only the scaled modes show more mass."""
     lower = 0.98 * frame.modes.omega[:M]
     scaled = scale_by_stiffness(frame.replaced, frame.modes.omega[:M], lower)

@@ -50,7 +50,7 @@ def steel_beam() -> Structure:
     return plain.model_copy(update={"sensor": tuple(sensors)})
 
 
-def test_a_shape_errs_along_another_mode_as_the_law_says() -> None:
+def test_shape_error_along_another_mode_matches_the_leakage_formula() -> None:
     """Two modes forced alike: the part of the second in the estimate of the first, by least squares in its band.
 
     400 windows estimate a standard deviation to 3.5 %; a band of sixteen half widths leaves out 8 % of the power,
@@ -76,7 +76,7 @@ def _oscillator(frequency: float, damping: float, rate: float, force: FloatArray
     return np.asarray(lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], force))
 
 
-def test_errors_fall_with_the_root_of_the_record() -> None:
+def test_errors_fall_with_the_square_root_of_record_length() -> None:
     long, frequency = Record(seconds=6000.0), np.array([10.0, 10.3, 40.0])
     measured = np.arange(3)
     np.testing.assert_allclose(MINUTE.log_frequency_std(frequency), 10 * long.log_frequency_std(frequency))
@@ -84,7 +84,7 @@ def test_errors_fall_with_the_root_of_the_record() -> None:
     np.testing.assert_allclose(MINUTE.blur(frequency), 10 * long.blur(frequency))
 
 
-def test_the_weakest_mass_at_a_cantilevers_tip_raises_the_alarm_nineteen_times_in_twenty() -> None:
+def test_smallest_detectable_tip_mass_raises_alarm_in_95_per_cent() -> None:
     """All bending modes of a uniform cantilever move its tip by 2 / sqrt(M): each frequency falls by 2 m / M.
 
     Shear and rotary inertia change that by under 1 % here. 4000 events estimate 95 % to 1.2 % (three deviations).
@@ -102,7 +102,7 @@ def test_the_weakest_mass_at_a_cantilevers_tip_raises_the_alarm_nineteen_times_i
     assert outlook.weakest_mass()[0] == np.inf  # the clamp does not move
 
 
-def test_a_longer_record_sees_less_and_locates_better() -> None:
+def test_longer_record_detects_smaller_masses_and_locates_better() -> None:
     """16 x the time: 4 x less noise; fewer records per year have a lower limit, priors and biases stay."""
     short, long = t_outlook(), t_outlook().lasting(960.0)
     ratio = short.weakest_mass()[20:] / long.weakest_mass()[20:]
@@ -113,7 +113,7 @@ def test_a_longer_record_sees_less_and_locates_better() -> None:
     assert (sharper < 4.01).all()
 
 
-def test_a_body_on_a_frame_of_another_kind_is_found_as_foreseen() -> None:
+def test_simulated_localization_accuracy_holds_for_a_different_frame() -> None:
     """50 g at 0.20 m on the beam, a minute before and after."""
     foresight = LocalizationSimulation(t_outlook(), Target(mass=0.05))
     away_from = np.linalg.norm(t_outlook().point[foresight.places] - (0.2, 0, 1.48), axis=1)
@@ -124,7 +124,7 @@ def test_a_body_on_a_frame_of_another_kind_is_found_as_foreseen() -> None:
     assert sum(near) >= binom.ppf(0.005, 3, 0.95)
 
 
-def test_sensors_on_the_middle_line_cannot_tell_left_from_right() -> None:
+def test_sensors_on_symmetry_axis_do_not_distinguish_left_from_right() -> None:
     """The T is symmetric: its modes at the column are the same for a body on either arm."""
     plain = t_frame()
     column = tuple(s for s in plain.sensor if s.at[0] == 0 and s.at[2] < 1.4)
@@ -137,7 +137,7 @@ def test_sensors_on_the_middle_line_cannot_tell_left_from_right() -> None:
     assert LocalizationSimulation(t_outlook(), Target(mass=0.1)).chance(600.0, np.array([right]))[0] > 0.99
 
 
-def test_the_record_needed_gives_the_chance_asked_for() -> None:
+def test_required_record_length_gives_the_requested_probability() -> None:
     target = Target(mass=0.02)
     foresight = LocalizationSimulation(t_outlook(), target)
     place = foresight.places[[33]]
@@ -149,7 +149,7 @@ def test_the_record_needed_gives_the_chance_asked_for() -> None:
     assert foresight.seconds_needed(np.array([0]))[0] == np.inf
 
 
-def test_ever_fewer_sensors_know_ever_less_and_one_more_knows_more() -> None:
+def test_position_deviation_grows_with_fewer_sensors_and_falls_with_more() -> None:
     outlook = t_outlook()
     choices = backward_elimination(outlook, 0.075)
     assert [len(choice.sensors) for choice in choices] == list(range(11, 1, -1))
@@ -160,7 +160,7 @@ def test_ever_fewer_sensors_know_ever_less_and_one_more_knows_more() -> None:
     assert added.changed not in t_frame().sensor
 
 
-def test_one_more_sensor_goes_where_nothing_is_seen() -> None:
+def test_additional_sensor_measures_the_unmeasured_direction() -> None:
     """Sensors across the beam in y only: the one more measures z."""
     bar = steel_beam()
     in_y = tuple(Sensor(channel=f"y{x}", at=(x, 0, 0), direction=(0, 1, 0)) for x in (0.3, 0.5, 0.8, 1.0))
@@ -174,7 +174,7 @@ def test_a_target_as_heavy_as_the_structure_is_refused() -> None:
 
 
 @pytest.mark.parametrize("sensors", [0, 1])
-def test_too_few_sensors_are_refused_by_name(sensors: int) -> None:
+def test_too_few_sensors_are_refused(sensors: int) -> None:
     few = t_frame().model_copy(update={"sensor": t_frame().sensor[:sensors]})
     with pytest.raises(
         ModelError, match=f"expected at least two sensors that measure three modes .* found {sensors} that"
@@ -185,18 +185,18 @@ def test_too_few_sensors_are_refused_by_name(sensors: int) -> None:
 @pytest.mark.parametrize(
     ("field", "value"), [("seconds", 0.0), ("damping", -0.1), ("highest", np.nan), ("false_alarms_per_year", np.inf)]
 )
-def test_a_record_that_is_none_is_refused(field: str, value: float) -> None:
+def test_invalid_record_is_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"{field}: expected a positive number"):
         Record(**{field: value})
 
 
 @pytest.mark.parametrize(("field", "value"), [("mass", 0.0), ("within", -1.0), ("chance", 1.0)])
-def test_a_target_that_is_none_is_refused(field: str, value: float) -> None:
+def test_invalid_target_is_refused(field: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"{field}: expected"):
         Target(**({"mass": 0.05} | {field: value}))
 
 
-def test_the_likeliest_place_is_the_one_that_localization_names() -> None:
+def test_most_likely_position_matches_the_localization_posterior() -> None:
     """Posteriors of two to three bumps over two members, against the one-at-a-time places of the real posterior."""
     random, grid = np.random.default_rng(4), np.linspace(0, 1, 101)
     member, position = np.repeat([0, 1], 101), np.tile(grid, 2)
@@ -213,7 +213,7 @@ def test_the_likeliest_place_is_the_one_that_localization_names() -> None:
         assert best.member + best.start <= mean[k] <= best.member + best.stop
 
 
-def test_places_are_near_enough_to_be_told_apart_or_refused() -> None:
+def test_position_spacing_is_fine_enough_or_refused() -> None:
     """A beam of 1 km: 600 places, 2400 at most."""
     bar = steel_beam()
     member = bar.member[0].model_copy(update={"end": (1000.0, 0.0, 0.0)})
@@ -227,7 +227,7 @@ def test_places_are_near_enough_to_be_told_apart_or_refused() -> None:
         study_detectability(long, slow, within=0.05)
 
 
-def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
+def test_modes_of_equal_frequency_and_sensor_shape_count_as_one() -> None:
     """A bar of square section bends alike both ways; sensors at 45 degrees see only one mode of each pair."""
     bar = steel_beam()
     square = bar.section["s"].model_copy(update={"second_moment": (1e-8, 1e-8)})
@@ -240,7 +240,7 @@ def test_two_modes_that_look_alike_at_one_frequency_are_one() -> None:
     np.testing.assert_allclose(both[::2], both[1::2], rtol=1e-6)
 
 
-def test_a_bar_that_twists_is_not_seen_on_its_axis() -> None:
+def test_torsion_of_a_bar_is_not_observable_on_its_axis() -> None:
     """The torsion measured by sensors on the axis is rounding, and so is the motion of the axis: no share of it is
     seen.
     """
@@ -276,7 +276,7 @@ sensor = [
 
 
 @pytest.mark.parametrize("n_sensors", [20, 60])
-def test_bounds_are_those_of_all_channels(n_sensors: int) -> None:
+def test_reduced_rows_keep_the_information_of_all_channels(n_sensors: int) -> None:
     """Of more channels than modes fewer rows are kept: the information is that of the covariances of all channels."""
     random = np.random.default_rng(4)
     ways = np.eye(3).tolist()

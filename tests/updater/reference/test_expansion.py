@@ -25,7 +25,7 @@ def slope_of(function: Callable[[FloatArray], FloatArray], at: FloatArray) -> Fl
     return np.stack([(function(at + h * e) - function(at - h * e)) / (2 * h) for e in np.eye(len(at))], axis=1)
 
 
-def test_modes_that_make_a_shape_up_are_found(shapes: FloatArray) -> None:
+def test_expansion_recovers_the_modes_of_a_combined_shape(shapes: FloatArray) -> None:
     t = np.zeros(N)
     t[[2, 3]] = 1.3, -0.4
     np.testing.assert_allclose(expand(t @ shapes, shapes, OMEGA, PAIRED, largest=4), t, atol=1e-12)
@@ -33,7 +33,7 @@ def test_modes_that_make_a_shape_up_are_found(shapes: FloatArray) -> None:
     np.testing.assert_allclose(expand(t @ shapes, shapes, OMEGA, PAIRED, largest=4), t, atol=1e-12)
 
 
-def test_fewer_modes_are_taken_where_a_sensor_left_out_shows_that_more_are_noise(shapes: FloatArray) -> None:
+def test_number_of_modes_minimises_the_leave_one_out_error(shapes: FloatArray) -> None:
     """By the leave-one-out error written out, sensor by sensor."""
     shape = shapes[2] + 0.05 * np.random.default_rng(8).standard_normal(SENSORS)
     near, errors = [2, 3, 1, 0], []
@@ -48,13 +48,13 @@ def test_fewer_modes_are_taken_where_a_sensor_left_out_shows_that_more_are_noise
     assert set(np.flatnonzero(found)) == set(near[: 1 + int(np.argmin(errors))])
 
 
-def test_cluster_grows_outwards_and_has_fewer_modes_than_sensors(shapes: FloatArray) -> None:
+def test_cluster_contains_nearest_modes_and_fewer_modes_than_sensors(shapes: FloatArray) -> None:
     assert well_posed_cluster(shapes, OMEGA, PAIRED, largest=3).tolist() == [2, 3, 1]
     assert well_posed_cluster(shapes, OMEGA, PAIRED, largest=1).tolist() == [2]
     assert well_posed_cluster(shapes[:, :3], OMEGA, PAIRED, largest=6).tolist() == [2, 3]
 
 
-def test_modes_that_sensors_cannot_tell_apart_are_no_cluster() -> None:
+def test_modes_indistinguishable_at_the_sensors_form_no_cluster() -> None:
     """Shapes of a condition of just under and just over ten."""
     for angle, n in ((0.22, 2), (0.18, 1)):  # cot(angle / 2) = 9.05, 11.1
         shapes = np.zeros((N, SENSORS))
@@ -63,7 +63,7 @@ def test_modes_that_sensors_cannot_tell_apart_are_no_cluster() -> None:
         assert len(well_posed_cluster(shapes, OMEGA, PAIRED, largest=2)) == n
 
 
-def test_nearest_orthonormal_matrix_and_its_derivative() -> None:
+def test_orthonormal_matrix_is_nearest_and_has_correct_derivative() -> None:
     random = np.random.default_rng(5)
     t, slope = np.eye(4) + 0.3 * random.standard_normal((4, 4)), random.standard_normal((4, 3))
     u = orthonormal(t)
@@ -81,7 +81,7 @@ def test_nearest_orthonormal_matrix_and_its_derivative() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_shape_is_expanded_at_unit_norm_with_its_derivative(shapes: FloatArray, sign: float) -> None:
+def test_expanded_shape_has_unit_norm_and_correct_derivative(shapes: FloatArray, sign: float) -> None:
     shape = sign * (shapes[2] + 0.2 * shapes[3] + 0.1 * shapes[1])
     found = expand_shape(shape, shapes, OMEGA, PAIRED, largest=3)
     assert np.linalg.norm(found.t) == pytest.approx(1.0)

@@ -25,7 +25,7 @@ def _windows(n: int, keep: np.ndarray) -> tuple[Reference, ModalMean]:
     return reference, learn_reference(t_frame(), windows[n:], [np.arange(8)] * n).baseline
 
 
-def test_a_mode_of_the_model_that_the_baseline_did_not_show_is_not_new() -> None:
+def test_model_mode_missing_in_the_baseline_is_not_new() -> None:
     """The first two lie 2 % apart and are not always distinguished; one elsewhere is new."""
     reference, event = _windows(5, np.arange(1, 8))
     found, new = matched_and_new(reference, event)
@@ -36,7 +36,7 @@ def test_a_mode_of_the_model_that_the_baseline_did_not_show_is_not_new() -> None
     np.testing.assert_array_equal(matched_and_new(reference, higher)[1], [0])
 
 
-def test_a_second_mode_beside_one_that_answers_is_new() -> None:
+def test_second_mode_close_to_a_paired_mode_is_new() -> None:
     """An attached part may split a mode in two similar ones."""
     reference, event = _windows(5, np.arange(8))
     double = event.only(np.array([2]))
@@ -55,7 +55,7 @@ def _bridge() -> tuple[State, Reference]:
     return state, learn_reference(structure_of("bridge: "), before.estimates, tracks, delays)
 
 
-def test_a_mode_that_two_may_have_followed_is_not_compared() -> None:
+def test_baseline_mode_with_two_possible_partners_is_not_compared() -> None:
     """A bearing that keeps 15 % of its stiffness takes the fifth bending mode half of the way to the next one."""
     state, reference = _bridge()
     first, last = state.frame.grounds
@@ -73,7 +73,7 @@ def test_a_mode_that_two_may_have_followed_is_not_compared() -> None:
 
 
 @pytest.mark.parametrize("away", [-0.01, 0.01])
-def test_of_a_bending_and_a_twist_that_looks_like_it_neither_is_compared(away: float) -> None:
+def test_bending_mode_and_similar_torsion_mode_are_not_compared(away: float) -> None:
     """The bridge twists at 110.8 Hz, which its sensors, all on its axis, only see where that mixes with bending."""
     _, reference = _bridge()
     event = reference.baseline

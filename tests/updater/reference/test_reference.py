@@ -30,7 +30,7 @@ def reference() -> Reference:
     return learn_reference(t_frame(), truth.windows(model.modes(8), model.sensor_rows, 4, 1), unmoved(4))
 
 
-def test_first_stage_leaves_the_mass_as_it_was(reference: Reference) -> None:
+def test_first_stage_does_not_change_the_mass(reference: Reference) -> None:
     mass = reference.model.mass
     gram = reference.shape.T @ (mass @ reference.shape)
     np.testing.assert_allclose(gram, np.eye(len(gram)), atol=1e-9)
@@ -45,7 +45,7 @@ def test_reference_has_the_measured_frequencies(reference: Reference) -> None:
 
 
 @pytest.mark.parametrize("at", [(0.25, 0, 1.48), (0, 0, 0.92)], ids=["location 1", "location 2"])
-def test_frequencies_carry_most_of_the_mass(at: tuple[float, float, float]) -> None:
+def test_frequency_shifts_determine_most_of_the_total_mass(at: tuple[float, float, float]) -> None:
     """Eq. 13: at the baseline's frequencies directions gain the losses of others, and the three totals almost cancel.
 
     Single directions do not vanish (-156, 35, 145 g for 304 g at location 1): the shapes of close modes turn.
@@ -61,7 +61,7 @@ def test_frequencies_carry_most_of_the_mass(at: tuple[float, float, float]) -> N
     assert abs(unseen) < 0.25 * seen
 
 
-def test_track_that_the_baseline_never_showed_is_left_out() -> None:
+def test_track_never_measured_in_the_baseline_is_left_out() -> None:
     truth = t_truth(4)
     model = truth.model()
     windows = truth.windows(model.modes(8), model.sensor_rows, 3, 1)
@@ -69,7 +69,7 @@ def test_track_that_the_baseline_never_showed_is_left_out() -> None:
     assert learn_reference(t_frame(), windows, tracks).calibration.tracks.tolist() == list(range(8))
 
 
-def test_coarse_mesh_has_fewer_modes_and_still_finds_the_body() -> None:
+def test_body_is_located_with_a_coarse_mesh_of_few_modes() -> None:
     coarse = t_frame().with_mesh(0.5)
     truth = t_truth(5)
     bare, loaded = truth.model(), truth.model(Body(at=(0, 0, 0.92), mass=0.3))
@@ -81,7 +81,7 @@ def test_coarse_mesh_has_fewer_modes_and_still_finds_the_body() -> None:
     assert change.distance == pytest.approx(0.92, abs=0.05)
 
 
-def test_another_structure_is_refused() -> None:
+def test_modes_of_another_structure_are_refused() -> None:
     random = np.random.default_rng(1)
     channels = t_frame().channels
     strange = [as_estimate([1.0, 2.0, 3.0], random.standard_normal((3, 12)), channels=channels) for _ in range(3)]
@@ -89,7 +89,7 @@ def test_another_structure_is_refused() -> None:
         learn_reference(t_frame(), strange, unmoved(3, 3))
 
 
-def test_channel_without_sensor_is_named() -> None:
+def test_channel_without_sensor_is_named_in_the_error() -> None:
     shape = np.random.default_rng(1).standard_normal((3, 1))
     windows = [as_estimate([10.0, 20.0, 30.0], shape, channels=("roof_x",)) for _ in range(3)]
     with pytest.raises(PairingError, match="'roof_x'"):
@@ -105,7 +105,7 @@ def _well_conditioned(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_low_rank_updates_are_the_dense_ones_to_rounding(seed: int) -> None:
+def test_low_rank_updates_match_the_dense_formulas(seed: int) -> None:
     """Eqs 7 and 8 on well-conditioned matrices: 1e-12; [A B2] are the modes of (M_u, K_u) to 5e-10."""
     from scipy.linalg import eigh
 
@@ -143,7 +143,7 @@ def test_shape_scatter_factor_is_recovered() -> None:
     assert learn_scatter(modes).shape_factor == pytest.approx(2.0, rel=4 / np.sqrt(2 * 8 * 11 * 5))
 
 
-def test_baseline_that_saw_each_mode_once_is_refused() -> None:
+def test_baseline_with_each_mode_measured_once_is_refused() -> None:
     once = np.where(np.eye(3, dtype=bool), 1.0, np.nan)
     modes = TrackedModes(
         channels=("a", "b"), log_frequency=once, log_frequency_std=once, damping=once, damping_std=once,
@@ -159,7 +159,7 @@ def test_real_shape_has_unit_norm_and_a_positive_peak() -> None:
     np.testing.assert_allclose(found, [[-1 / np.sqrt(10), 3 / np.sqrt(10), 0]])
 
 
-def test_sensors_do_not_feel_the_mesh() -> None:
+def test_shapes_at_sensors_do_not_depend_on_the_mesh() -> None:
     """The reference's own mesh moved by half an element changes no sensor's shape by more than 0.2 % of the largest."""
     frame = t_frame()
     halves = {"column": ((0.0, 0.02, 1.46, 1.48), (1, 36, 1)), "crossbeam": ((0.0, 0.025, 0.775, 0.8), (1, 15, 1))}

@@ -60,13 +60,13 @@ def test_linear_problem_has_the_gaussian_posterior(seed: int) -> None:
     assert found[2.0].converged
 
 
-def test_bound_holds_what_would_leave_it_and_says_so() -> None:
+def test_parameter_is_limited_by_its_bound_and_reported() -> None:
     found = fit_parameters(Linear(np.eye(2), np.array([3.0, -3.0])), prior(2, 1e3, lower=-1.0))
     np.testing.assert_allclose(found.value, [3.0, -1.0], atol=1e-3)
     assert found.at_bound.tolist() == [False, True]
 
 
-def test_too_few_iterations_are_said() -> None:
+def test_missing_convergence_is_reported() -> None:
     class Valley(Linear):
         """Rosenbrock's."""
 
@@ -83,7 +83,7 @@ def test_too_few_iterations_are_said() -> None:
     np.testing.assert_allclose(found.value, 1, atol=1e-3)
 
 
-def test_slope_of_frequencies_is_their_derivative() -> None:
+def test_frequency_slope_with_respect_to_modulus_is_one_half() -> None:
     """E doubled is K doubled: d ln omega / d ln E is a half for all, exactly."""
     model = best_model(t_frame())
     modes = model.modes(8)
@@ -91,7 +91,7 @@ def test_slope_of_frequencies_is_their_derivative() -> None:
     np.testing.assert_allclose(slope, 0.5, rtol=1e-8)
 
 
-def test_slope_of_the_calibration_is_its_derivative(rig: Rig) -> None:
+def test_calibration_slope_matches_finite_differences(rig: Rig) -> None:
     """Central differences of a thousandth: (1e-3)^2 of curvatures of a few times the slope."""
     knobs = model_parameters_of(t_frame())
     problem = _Misfit(t_frame(), knobs, rig.reference.baseline, int(rig.reference.paired.max()) + 1)
@@ -106,7 +106,7 @@ def test_slope_of_the_calibration_is_its_derivative(rig: Rig) -> None:
 
 
 @pytest.mark.parametrize("seed", [4, 5])
-def test_calibration_brings_frequencies_within_the_models_error(seed: int) -> None:
+def test_calibrated_frequencies_are_within_the_model_error(seed: int) -> None:
     """Seven parameters with priors, eight frequencies of a frame of another kind: 0.2 % is allowed for the model."""
     truth = Rig(seed).truth
     model = truth.model()
@@ -123,7 +123,7 @@ def test_calibration_brings_frequencies_within_the_models_error(seed: int) -> No
     assert ratio == pytest.approx(1, abs=4 * found.parameters[0].std)
 
 
-def test_unchanged_data_spread_no_mass(rig: Rig) -> None:
+def test_unchanged_data_give_no_spread_mass(rig: Rig) -> None:
     assert np.abs(spread_mass(rig.reference, rig.reference.baseline).mass).max() < 1e-6
 
 
@@ -132,7 +132,7 @@ def test_unchanged_data_spread_no_mass(rig: Rig) -> None:
     [Body(at=(0.25, 0, 1.48), mass=0.304), Body(at=(0, 0, 0.92), mass=0.152)],
     ids=["location 1", "location 2"],
 )
-def test_mass_is_spread_about_its_place(rig: Rig, body: Body) -> None:
+def test_spread_mass_lies_around_the_true_position(rig: Rig, body: Body) -> None:
     """Ill-posed as it is, the largest node lies within 0.2 m; the sum, which frequencies carry, within a fifth."""
     modes = rig.truth.model(body).modes(8)
     event = rig.reference.mean_of(stack_tracks(rig.windows(modes, 4, 2), unmoved(4)))
@@ -146,7 +146,7 @@ def test_mass_is_spread_about_its_place(rig: Rig, body: Body) -> None:
     assert found.mass.max() < 0.5 * body.mass  # it cannot say that it is one body
 
 
-def test_node_gives_no_more_than_it_has(rig: Rig) -> None:
+def test_removed_mass_is_limited_by_the_nodal_mass(rig: Rig) -> None:
     """Frequencies as of a tenth of the frame taken off its ends: bounds hold nodes there."""
     base = rig.reference.baseline
     found = spread_mass(rig.reference, replace(base, log_frequency=base.log_frequency + np.linspace(0.05, 0.3, 8)))

@@ -34,7 +34,7 @@ def _printed(value: float, like: str) -> str:
     ],
     ids=["40x40x3", "50x30x3 upright", "50x30x3 flat", "60x40x3", "48.3x3.2", "IPE 200"],
 )  # fmt: skip
-def test_rolled_and_cold_formed_sections_have_the_constants_of_the_tables(
+def test_section_constants_of_standard_profiles_match_the_tables(
     measures: dict[str, Any], area: str, about_y: str, about_z: str, torsion: str
 ) -> None:
     section = Section.model_validate(measures)
@@ -46,7 +46,7 @@ def test_rolled_and_cold_formed_sections_have_the_constants_of_the_tables(
 
 # Timoshenko & Goodier, s. 109: J = k long short^3
 @pytest.mark.parametrize(("ratio", "k"), [(1, 0.1406), (1.5, 0.1958), (2, 0.229), (5, 0.291), (10, 0.312)])
-def test_rectangle_twists_as_the_tables_of_saint_venant_say(ratio: float, k: float) -> None:
+def test_rectangle_torsion_constant_matches_saint_venant_tables(ratio: float, k: float) -> None:
     for width, height in ((0.02, 0.02 * ratio), (0.02 * ratio, 0.02)):
         section = Section.model_validate({"shape": "rectangle", "width": width, "height": height})
         assert section.torsion_constant == pytest.approx(k * ratio * 0.02**4, rel=3e-3)  # k has three digits
@@ -54,7 +54,7 @@ def test_rectangle_twists_as_the_tables_of_saint_venant_say(ratio: float, k: flo
 
 
 # Cowper (1966), table 1, at a Poisson's ratio of 0.3
-def test_shear_factors_are_cowpers() -> None:
+def test_shear_factors_match_cowper() -> None:
     def factor(**measures: Any) -> Any:
         return Section.model_validate(measures).shear_factor
 
@@ -69,9 +69,7 @@ def test_shear_factors_are_cowpers() -> None:
 
 
 @pytest.mark.parametrize("shape", ["box", "i"])
-def test_without_lateral_strain_cowpers_factors_are_those_of_the_shear_flow(
-    shape: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shear_factors_at_zero_poisson_ratio_match_the_shear_flow(shape: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """kappa = I^2 / (A int S^2 / t ds), S the first moment of the part that is cut off; walls so thin that they are
     lines.
     """
@@ -89,7 +87,7 @@ def test_without_lateral_strain_cowpers_factors_are_those_of_the_shear_flow(
     assert section.shear_area(1) / section.area == pytest.approx(expected, rel=1e-5)
 
 
-def test_shear_goes_to_the_walls_along_it() -> None:
+def test_shear_area_is_that_of_the_parallel_walls() -> None:
     """Most of a flat box resists along its width, most of an I's web along its height."""
     along_width, along_height = Section.model_validate(
         {"shape": "box", "width": 0.3, "height": 0.1, "thickness": 0.005}
@@ -101,7 +99,7 @@ def test_shear_goes_to_the_walls_along_it() -> None:
     assert section.shear_area(0) == pytest.approx(5 / 6 * 2 * 0.1 * 0.0085)
 
 
-def test_round_corners_are_what_the_shipped_frame_has() -> None:
+def test_round_corner_tube_reproduces_the_shipped_frame_frequencies() -> None:
     """The T-frame's constants are rounded ones of a cold-formed 40 x 40 x 3: 0.35 % off in area, 0.3 % in J."""
     tube = Section.model_validate(COLD | {"width": 0.04, "height": 0.04})
     shaped = t_frame().model_copy(update={"section": {"tube_40x40x3": tube}})
@@ -136,7 +134,7 @@ def test_round_corners_are_what_the_shipped_frame_has() -> None:
         ('shape = "i"\nwidth = 0.1\nheight = 0.2\nweb = 0.01\nflange = 0.1', "flange: expected less than half"),
     ],
 )
-def test_wrong_shape_is_named(text: str, says: str) -> None:
+def test_invalid_section_shape_is_refused_with_the_reason(text: str, says: str) -> None:
     old = t_structure_toml()
     start, end = old.index("area = "), old.index("[[member]]")
     with pytest.raises(StructureError) as caught:

@@ -100,7 +100,7 @@ ROOT = Path(__file__).parents[3]
         ),
     ],
 )
-def test_wrong_entry_is_named(old: str, new: str, entry: str) -> None:
+def test_invalid_entry_is_named_in_the_error(old: str, new: str, entry: str) -> None:
     text = t_structure_toml()
     assert old in text
     with pytest.raises(StructureError) as caught:
@@ -114,13 +114,13 @@ def test_structure_without_members_is_refused() -> None:
         parse_structure('name = "bare"\nmember = []\n[material]\n[section]\n', "bare.toml")
 
 
-def test_text_that_is_no_toml_names_the_line() -> None:
+def test_invalid_toml_is_reported_with_the_line() -> None:
     with pytest.raises(StructureError, match=r"frame\.toml: .*line 2"):
         parse_structure('name = "x"\nmember = = 1', "frame.toml")
 
 
 @pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"], ids=["missing", "not text"])
-def test_file_that_cannot_be_read_is_named(tmp_path: Path, content: bytes | None) -> None:
+def test_unreadable_file_is_named_in_the_error(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "frame.toml"
     if content is not None:
         path.write_bytes(content)
@@ -129,7 +129,7 @@ def test_file_that_cannot_be_read_is_named(tmp_path: Path, content: bytes | None
     assert caught.value.path == path
 
 
-def test_file_and_dump_come_back_as_they_were(tmp_path: Path) -> None:
+def test_dump_round_trip_is_lossless(tmp_path: Path) -> None:
     path = tmp_path / "frame.toml"
     path.write_text(t_structure_toml(), encoding="utf-8")
     read = load_structure(path)
@@ -138,7 +138,7 @@ def test_file_and_dump_come_back_as_they_were(tmp_path: Path) -> None:
     assert Structure.model_validate_json(read.model_dump_json(by_alias=True)) == read
 
 
-def test_example_and_its_page_have_every_entry() -> None:
+def test_example_and_its_page_contain_every_key() -> None:
     """The commented example uses, and the page names, each key that a file may have."""
     text = (ROOT / "examples" / "portal_frame.toml").read_text(encoding="utf-8")
     page = (ROOT / "docs" / "structure.md").read_text(encoding="utf-8")
@@ -159,7 +159,7 @@ def _keys(entry: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in entry.model_fields.items()]
 
 
-def test_shipped_frame_is_the_golden_one() -> None:
+def test_shipped_frame_has_the_reference_values() -> None:
     """The figures of the tested structure; changing one is a change of the reference structure."""
     frame = t_frame()
     assert [(m.name, m.start, m.end, m.elements) for m in frame.member] == [
@@ -183,12 +183,12 @@ def test_shipped_frame_is_the_golden_one() -> None:
     )
 
 
-def test_members_that_do_not_say_their_elements_are_cut_by_the_mesh() -> None:
+def test_members_without_element_count_use_the_mesh_length() -> None:
     text = t_structure_toml().replace("elements = 37\n", "") + "\n[mesh]\nelement_length = 0.05\n"
     assert [m.elements for m in parse_structure(text).member] == [30, 16]  # 1.48 m / 0.05 m = 29.6; the other says it
 
 
-def test_poisson_ratio_stands_for_the_shear_modulus() -> None:
+def test_poisson_ratio_replaces_the_shear_modulus() -> None:
     steel = parse_structure(t_structure_toml().replace("shear_modulus = 80.8e9", "poisson_ratio = 0.3")).material[
         "steel"
     ]
@@ -198,7 +198,7 @@ def test_poisson_ratio_stands_for_the_shear_modulus() -> None:
 @pytest.mark.parametrize(
     ("column", "beam"), [("1.4799", "1.48"), ("1.48", "1.4802")], ids=["end short of a member", "member beside an end"]
 )
-def test_members_that_miss_each_other_by_a_hair_are_refused(column: str, beam: str) -> None:
+def test_members_with_a_small_gap_between_them_are_refused(column: str, beam: str) -> None:
     """They would not be joined, and the crossbeam would have no support."""
     text = t_structure_toml().split("[[sensor]]")[0]
     text = text.replace("to = [0.0, 0.0, 1.48]", f"to = [0.0, 0.0, {column}]")
@@ -212,7 +212,7 @@ def test_two_joints_of_a_member_at_one_point_are_refused() -> None:
         _portal(_joint("b") + _joint("b"))
 
 
-def test_mesh_length_is_an_upper_bound_and_keeps_everything_else() -> None:
+def test_mesh_length_is_an_upper_bound_and_changes_only_elements() -> None:
     fine = t_frame().with_mesh(0.03)
     assert [m.elements for m in fine.member] == [50, 27]
     assert fine.model_copy(update={"member": t_frame().member}) == t_frame()
@@ -235,7 +235,7 @@ def _joint(member: str) -> str:
     return f'[[joint]]\nmember = "{member}"\nat = [0.0, 0.0, 0.0]\nstiffness = {{rx = 1e-6, ry = 1e-6, rz = 1e-6}}\n'
 
 
-def test_joints_of_two_members_at_one_point_both_yield() -> None:
+def test_joints_of_two_members_at_one_point_are_both_flexible() -> None:
     """Each soft joint adds its member's three slow rotations; the member below the joint stays as it was."""
     slow = [
         int((build_model(_portal(joints), mass="consistent").modes(10).frequency < 0.01).sum())
@@ -244,7 +244,7 @@ def test_joints_of_two_members_at_one_point_both_yield() -> None:
     assert slow == [0, 3, 3, 6]
 
 
-def test_joint_order_does_not_matter() -> None:
+def test_frequencies_do_not_depend_on_joint_order() -> None:
     one, other = (
         build_model(_portal(_joint(first) + _joint(second)), mass="consistent").modes(8).frequency
         for first, second in (("b", "c"), ("c", "b"))
@@ -252,7 +252,7 @@ def test_joint_order_does_not_matter() -> None:
     np.testing.assert_allclose(one, other, rtol=1e-9)
 
 
-def test_corrections_of_sensors_stand_beside_them() -> None:
+def test_sensor_corrections_apply_to_gain_delay_and_channel() -> None:
     """A file without them reads as before; with them, channels, gains and delays are those that logs have."""
     plain = t_frame()
     wrong = t_structure_toml() + (
@@ -278,6 +278,6 @@ def test_corrections_of_sensors_stand_beside_them() -> None:
         ("[sensors.col_037_x]\nsign = 0\n", "sensors.col_037_x.sign"),
     ],
 )
-def test_corrections_that_cannot_be_are_named(entry: str, what: str) -> None:
+def test_invalid_sensor_corrections_are_refused_with_the_reason(entry: str, what: str) -> None:
     with pytest.raises(StructureError, match=re.escape(what)):
         parse_structure(t_structure_toml() + "\n" + entry)

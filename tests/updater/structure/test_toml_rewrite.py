@@ -87,18 +87,18 @@ def _with(structure: Structure, **changes: Any) -> Structure:
 
 
 @pytest.mark.parametrize("text", [t_structure_toml(), PORTAL, ODD, INLINE], ids=["shipped", "portal", "odd", "inline"])
-def test_unchanged_structure_is_written_back_to_the_letter(text: str) -> None:
+def test_unchanged_structure_is_written_back_identically(text: str) -> None:
     assert dump_structure(parse_structure(text), text) == text
 
 
-def test_a_figure_is_changed_in_its_line() -> None:
+def test_changed_value_is_replaced_in_its_line() -> None:
     steel = t_frame().material["steel"].model_copy(update={"youngs_modulus": 2.05e11})
     text = t_structure_toml()
     written = dump_structure(_with(t_frame(), material={"steel": steel}), text)
     assert _changed_lines(text, written) == ["- youngs_modulus = 210e9", "+ youngs_modulus = 2.05e11"]
 
 
-def test_bodies_are_added_with_a_note_and_comments_stay() -> None:
+def test_bodies_are_added_with_a_note_and_comments_are_kept() -> None:
     old = parse_structure(ODD)
     new = old.with_bodies([Body(at=(0.25, 0, 1.0), mass=0.3), Body(at=(0.25, 0, 1.0), mass=0.1, offset=(0, 0, 0.02))])
     written = dump_structure(new, ODD, note="found in May")
@@ -111,7 +111,7 @@ def test_bodies_are_added_with_a_note_and_comments_stay() -> None:
     assert dump_structure(old, written).strip() == ODD.strip()  # and they go without a trace
 
 
-def test_corrections_stand_at_the_end_each_in_its_table() -> None:
+def test_corrections_are_appended_each_in_its_own_table() -> None:
     old = parse_structure(t_structure_toml())
     new = _with(old, sensors={"beam_left_z": Correction(gain=0.8), "beam_mid_y": Correction(sign=-1, delay=5e-4)})
     written = dump_structure(new, t_structure_toml(), note="found in May")
@@ -123,7 +123,7 @@ def test_corrections_stand_at_the_end_each_in_its_table() -> None:
     assert dump_structure(old, written).strip() == t_structure_toml().strip()
 
 
-def test_new_entry_stands_with_its_kind_and_headings_stay_where_they_head() -> None:
+def test_new_entry_is_placed_with_its_kind_before_next_heading() -> None:
     old = parse_structure(ODD)
     prop = Support(at=(0.5, 0, 1.0), stiffness={"z": 2e4})
     written = dump_structure(_with(old, support=(*old.support, prop)), ODD)
@@ -132,7 +132,7 @@ def test_new_entry_stands_with_its_kind_and_headings_stay_where_they_head() -> N
     assert parse_structure(written).support == (*old.support, prop)
 
 
-def test_derived_figures_are_written_out_only_where_they_change() -> None:
+def test_derived_values_are_written_only_when_they_change() -> None:
     """A section by its shape stays one as long as it is that shape; so do a Poisson's ratio and the mesh."""
     old = parse_structure(ODD)
     thicker = Section.model_validate({"shape": "box", "width": 0.04, "height": 0.04, "thickness": 0.004})
@@ -150,7 +150,7 @@ def test_derived_figures_are_written_out_only_where_they_change() -> None:
     assert parse_structure(written).material["steel"] == softer
 
 
-def test_entries_are_taken_out_and_reordered() -> None:
+def test_entries_are_removed_and_reordered() -> None:
     frame, text = t_frame(), t_structure_toml()
     fewer = _with(frame, sensor=(*frame.sensor[:2], *frame.sensor[5:]), support=())
     written = dump_structure(fewer, text)
@@ -170,7 +170,7 @@ def test_inline_arrays_stay_inline() -> None:
     assert "# the foot" in written
 
 
-def test_text_that_is_no_structure_is_refused() -> None:
+def test_text_without_a_valid_structure_is_refused() -> None:
     with pytest.raises(StructureError):
         dump_structure(t_frame(), "name = 3")
 
@@ -220,7 +220,7 @@ def edited(draw: st.DrawFn, structure: Structure) -> Structure:
 @pytest.mark.parametrize("text", [t_structure_toml(), PORTAL, ODD, INLINE], ids=["shipped", "portal", "odd", "inline"])
 @given(data=st.data())
 @settings(max_examples=10, deadline=None)
-def test_whatever_changes_is_read_back(text: str, data: st.DataObject) -> None:
+def test_random_changes_are_written_and_read_back(text: str, data: st.DataObject) -> None:
     first = data.draw(edited(parse_structure(text)))
     written = dump_structure(first, text)
     assert parse_structure(written) == first

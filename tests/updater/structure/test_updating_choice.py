@@ -20,7 +20,7 @@ def _knob(text: str, key: str) -> ModelParameter:
     return next(knob for knob in model_parameters_of(parse_structure(text)) if knob.key == key)
 
 
-def test_a_fixed_parameter_is_not_updated_by_its_own_name_a_pattern_or_its_member() -> None:
+def test_parameters_are_fixed_by_name_pattern_or_member() -> None:
     assert {"steel.E", "support 0.ry", "crossbeam.rz", "crossbeam.weld"} <= set(_keys(FRAME))
     assert "steel.E" not in _keys(FRAME + '[updating]\nfixed = ["steel.E"]\n')
     assert "steel.E" not in _keys(FRAME + '[updating]\nfixed = ["column.E"]\n')
@@ -45,7 +45,7 @@ def test_bounds_are_given_in_physical_units() -> None:
         ('fix = ["steel.E"]', ["fix", "fixed"]),
     ],
 )
-def test_a_choice_that_cannot_be_met_is_one_clear_error(entry: str, words: list[str]) -> None:
+def test_invalid_updating_entry_gives_one_clear_error(entry: str, words: list[str]) -> None:
     with pytest.raises(StructureError) as error:
         parse_structure(f"{FRAME}[updating]\n{entry}\n", "frame.toml")
     assert str(error.value).startswith("frame.toml")
@@ -53,7 +53,7 @@ def test_a_choice_that_cannot_be_met_is_one_clear_error(entry: str, words: list[
         assert word in str(error.value)
 
 
-def test_the_choice_survives_writing() -> None:
+def test_updating_entries_are_written_and_read_back() -> None:
     structure = parse_structure(
         FRAME + '[updating]\nfixed = ["*.weld"]\n[updating.bounds]\n"steel.E" = [2e11, 2.2e11]\n'
     )
@@ -61,7 +61,7 @@ def test_the_choice_survives_writing() -> None:
     assert parse_structure(dump_structure(structure, FRAME)) == structure
 
 
-def test_calibration_leaves_what_is_fixed_and_stays_inside_bounds() -> None:
+def test_calibration_keeps_fixed_parameters_and_respects_bounds() -> None:
     """The truth's E is off by a per cent or two, its foot and joint give; without parameters nothing is fitted."""
     baseline = learnt(31)[0].baseline
 
@@ -87,14 +87,14 @@ def test_a_diagnosis_can_be_limited_to_some_causes() -> None:
     assert {c.cause for c in only.rejected} == {"local_stiffness"}
 
 
-def test_a_cause_that_does_not_exist_is_named_with_those_that_do() -> None:
+def test_unknown_cause_is_refused_with_a_suggestion() -> None:
     with pytest.raises(ValueError, match=r"added_mas.*did you mean 'added_mass'"):
         allowed_causes(without=("added_mas",))
     with pytest.raises(ValueError, match="no cause is left"):
         allowed_causes(only=("added_mass",), without=("added_mass",))
 
 
-def test_sensitivities_are_what_a_changed_model_shows() -> None:
+def test_sensitivities_match_recomputed_models() -> None:
     """Compared with models solved again with a hundredth of each step; 1 % of the largest, for second-order effects."""
     structure = parse_structure(FRAME)
     frequency, found = parameter_sensitivities(structure, 8)

@@ -13,7 +13,7 @@ BODY = Body(at=(0.25, 0, 1.48), mass=1.0)
 FAULTY = CHANNELS.index("beam_left_z")
 
 
-def test_a_mass_is_no_fault_of_sensors_and_hides_none() -> None:
+def test_acting_mass_neither_causes_nor_masks_sensor_faults() -> None:
     """A seventh of the frame's mass turns shapes by more than sensors are named for; a gain of 0.85 stays one."""
     reference, _, event = learnt(31)
     now = event(Change(bodies=(BODY,), gain=(("beam_left_z", 0.85),)))
@@ -29,7 +29,7 @@ def test_a_mass_is_no_fault_of_sensors_and_hides_none() -> None:
     assert (after < 4 * found.gain_std).all()
 
 
-def test_what_is_only_the_measuring_chains_changes_no_shape() -> None:
+def test_sensor_corrections_do_not_change_the_reference_shapes() -> None:
     reference, _, _ = learnt(32)
     own = reference.structure
     extended = own.model_copy(update={"sensors": {"beam_left_z": Correction(gain=0.5)}})
@@ -40,7 +40,7 @@ def test_what_is_only_the_measuring_chains_changes_no_shape() -> None:
     )
 
 
-def test_exchanged_channels_are_judged_by_the_sensors_that_they_carry() -> None:
+def test_health_of_exchanged_channels_refers_to_the_actual_sensors() -> None:
     """They had no data of the sensors of their names, and were called dead."""
     reference, _, event = learnt(33)
     pair = ("col_037_x", "beam_left_z")

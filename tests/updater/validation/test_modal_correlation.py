@@ -53,7 +53,7 @@ def random() -> np.random.Generator:
     return np.random.default_rng(5)
 
 
-def test_the_same_modes_leave_nothing(random: np.random.Generator) -> None:
+def test_identical_modes_have_no_residual(random: np.random.Generator) -> None:
     same = modes(random)
     found = correlate_modes(same, same)
     assert found.partner.tolist() == list(range(6))
@@ -63,7 +63,7 @@ def test_the_same_modes_leave_nothing(random: np.random.Generator) -> None:
     np.testing.assert_allclose(np.diag(found.mac), 1)
 
 
-def test_what_has_no_partner_is_listed(random: np.random.Generator) -> None:
+def test_unpaired_modes_are_listed(random: np.random.Generator) -> None:
     every = modes(random)
     found = correlate_modes(every.only(np.array([0, 1, 2, 4, 5])), every.only(np.array([0, 2, 3, 4, 5])))
     assert found.partner.tolist() == [0, -1, 1, 3, 4]
@@ -72,7 +72,7 @@ def test_what_has_no_partner_is_listed(random: np.random.Generator) -> None:
     assert np.isnan(found.off[1])
 
 
-def test_a_gain_shows_in_its_sensors_residual_to_which_comac_is_blind(random: np.random.Generator) -> None:
+def test_gain_error_appears_in_the_sensor_residual_but_not_comac(random: np.random.Generator) -> None:
     """sum |g phi phi'| squared over the squares does not see a factor g common to all modes, to first order."""
     before = modes(random)
     found = correlate_modes(before, scaled(before, np.where(np.arange(9) == 4, 0.8, 1.0)))
@@ -82,7 +82,7 @@ def test_a_gain_shows_in_its_sensors_residual_to_which_comac_is_blind(random: np
     assert found.comac[4] > 0.99
 
 
-def test_a_sensor_that_does_not_see_the_modes_has_the_lowest_comac(random: np.random.Generator) -> None:
+def test_sensor_unrelated_to_the_modes_has_the_lowest_comac(random: np.random.Generator) -> None:
     before = modes(random)
     shape = before.shape.copy()
     shape[:, 6] = 0.3 * random.standard_normal(6)
@@ -90,7 +90,7 @@ def test_a_sensor_that_does_not_see_the_modes_has_the_lowest_comac(random: np.ra
     assert int(np.argmin(found.comac)) == 6
 
 
-def test_noise_alone_leaves_what_is_said(random: np.random.Generator) -> None:
+def test_residuals_of_noise_match_their_stated_deviations(random: np.random.Generator) -> None:
     """Thirty draws of six modes at nine sensors: 270 residuals of 5.3 degrees of freedom each, 3 % of their mean."""
     before = replace(modes(random), shape_std=np.full((6, 9), 1e-9))
     rest = []
@@ -103,13 +103,13 @@ def test_noise_alone_leaves_what_is_said(random: np.random.Generator) -> None:
     assert np.mean(rest) == pytest.approx(8 / 9, abs=0.12)
 
 
-def test_fewer_than_two_channels_are_refused(random: np.random.Generator) -> None:
+def test_fewer_than_two_common_channels_are_refused(random: np.random.Generator) -> None:
     before = modes(random)
     with pytest.raises(ModalDataError, match="expected at least 2 in both, found 0"):
         correlate_modes(before, replace(before, channels=tuple(f"other{i}" for i in range(9))))
 
 
-def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
+def test_extended_model_modes_match_the_changed_structure() -> None:
     """The truth has finer elements, springs and another stiffness; the errors of both models cancel to first order."""
     random = np.random.default_rng(6)
     body = Body(at=(0.2, 0, 1.48), mass=0.3)
@@ -127,7 +127,7 @@ def test_an_extended_model_expects_what_the_changed_structure_does() -> None:
     assert after.residual.max() < 0.5 * before.residual.max()
 
 
-def test_a_mode_measured_before_is_compared_with_itself_though_no_mode_of_the_model_answers_to_it() -> None:
+def test_mode_without_model_partner_is_compared_with_the_baseline() -> None:
     """For a portal it was reported as 163 standard deviations from the model's nearest, where nothing had changed."""
     random = np.random.default_rng(8)
     bare = true_model(np.random.default_rng(9))
@@ -152,7 +152,7 @@ def test_a_mode_measured_before_is_compared_with_itself_though_no_mode_of_the_mo
     assert not len(found.unseen)
 
 
-def test_exchanged_channels_say_just_what_the_other_one_did() -> None:
+def test_expected_shapes_of_exchanged_channels_are_exchanged() -> None:
     """The difference between two models left a MAC of 0.53 for a portal whose exchanged channels were found."""
     random = np.random.default_rng(10)
     bare = true_model(np.random.default_rng(11))

@@ -63,7 +63,7 @@ def softened(structure: Structure, start: float, stop: float) -> Structure:
 
 
 @pytest.mark.parametrize("seed", [301, 302])
-def test_a_softened_stretch_shows_where_it_is(seed: int) -> None:
+def test_stiffness_error_peaks_at_the_softened_stretch(seed: int) -> None:
     reference, structure, event = learnt(seed)
     start = float(np.random.default_rng((seed, 2)).uniform(0.1, 1.2))
     found = force_balance(reference, event(softened(structure, start, start + 0.1)))
@@ -76,7 +76,7 @@ def test_a_softened_stretch_shows_where_it_is(seed: int) -> None:
 
 
 @pytest.mark.parametrize(("seed", "x"), [(311, 0.06), (312, -0.21)])
-def test_a_mass_shows_where_it_is(seed: int, x: float) -> None:
+def test_mass_error_peaks_at_the_added_mass(seed: int, x: float) -> None:
     reference, structure, event = learnt(seed)
     found = force_balance(reference, event(structure.with_bodies((Body(at=(x, 0, 1.48), mass=0.2),))))
     nodes = reference.model.nodes
@@ -86,7 +86,7 @@ def test_a_mass_shows_where_it_is(seed: int, x: float) -> None:
     assert found.log_odds > 5  # 24 to 54 in a dozen of such
 
 
-def test_nothing_leaves_nothing_and_its_deviation_is_the_scatter() -> None:
+def test_unchanged_structure_has_residuals_within_stated_deviations() -> None:
     """Six events of nothing: rms of z is 1 within what the windows of one baseline, common to all six, allow."""
     reference, structure, event = learnt(321)
     found = [force_balance(reference, event(structure)) for _ in range(6)]

@@ -36,7 +36,7 @@ def health(seed: int, gain: FloatArray, late: FloatArray, stiffness: float = 1.0
 
 
 @pytest.mark.parametrize("rigs", few_of([4, 10]))
-def test_deviations_mean_what_they_say(rigs: int) -> None:
+def test_stated_deviations_match_the_scatter(rigs: int) -> None:
     """Gains off by 2 % and delays by 0.05 ms at every channel, and a gross fault at one, of each rig.
 
     The data do not determine the scale of all channels along x relative to all along y: two errors per rig, of which n
@@ -60,7 +60,7 @@ def test_deviations_mean_what_they_say(rigs: int) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [1.0, 0.3])
-def test_a_turned_and_a_late_channel_stand_out_whatever_the_foot_does(stiffness: float) -> None:
+def test_reversed_and_delayed_channels_are_found_for_any_foot_stiffness(stiffness: float) -> None:
     gain, late = np.ones(12), np.zeros(12)
     gain[3], gain[8], late[10] = -1.0, 0.8, 1e-3
     found = health(31, gain, late, stiffness)
@@ -71,7 +71,7 @@ def test_a_turned_and_a_late_channel_stand_out_whatever_the_foot_does(stiffness:
     assert found.delay_std[10] < 5e-5
 
 
-def test_device_that_is_most_of_a_period_late() -> None:
+def test_device_delay_of_half_a_period_is_found() -> None:
     """Both channels of a device 2 ms late, half a period of the modes at 250 Hz; a third has no data."""
     gain, late = np.ones(12), np.zeros(12)
     pair = [CHANNELS.index("beam_left_y"), CHANNELS.index("beam_left_z")]

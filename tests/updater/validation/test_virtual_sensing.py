@@ -43,7 +43,7 @@ def heard(recording: Recording, factor: dict[str, float]) -> VirtualSensing:
     return virtual_sensing(replace(recording, data=recording.data * gain), modes, modes)
 
 
-def test_right_modes_predict_as_well_as_anything_linear(recording: Recording) -> None:
+def test_correct_modes_predict_as_well_as_the_best_linear_filter(recording: Recording) -> None:
     """Within the third that a spectral matrix of a few dozen lines about a resonance leaves open."""
     found = heard(recording, {})
     assert (found.error < 1.35 * found.expected + 0.01).all()
@@ -54,7 +54,7 @@ def test_right_modes_predict_as_well_as_anything_linear(recording: Recording) ->
 
 
 @pytest.mark.parametrize("channel", ["col_074_y", "beam_left_y"])
-def test_a_gain_is_missed_at_its_sensor(recording: Recording, channel: str) -> None:
+def test_gain_error_increases_the_prediction_error_at_its_sensor(recording: Recording, channel: str) -> None:
     """The prediction is the true signal, so that a gain g leaves |1 - g| / g of its own signal."""
     at, right = FRAME.channels.index(channel), heard(recording, {}).error
     error = heard(recording, {channel: 0.7}).error
@@ -62,7 +62,7 @@ def test_a_gain_is_missed_at_its_sensor(recording: Recording, channel: str) -> N
     assert error[at] == pytest.approx(np.hypot(0.3 / 0.7, right[at]), rel=0.05)
 
 
-def test_models_that_pair_other_modes_are_compared_on_the_same_lines(recording: Recording) -> None:
+def test_models_with_different_paired_modes_use_the_same_spectral_lines(recording: Recording) -> None:
     """The fourth mode is missing in one of two models: there it predicts nothing, elsewhere both agree."""
     every = known_modes()
     fewer = every.only(np.delete(np.arange(len(every.log_frequency)), 3))
@@ -77,7 +77,7 @@ def test_models_that_pair_other_modes_are_compared_on_the_same_lines(recording: 
     np.testing.assert_allclose(ratio[near], 1.0, atol=0.1)
 
 
-def test_a_gap_is_left_out(recording: Recording) -> None:
+def test_gap_in_the_data_is_left_out(recording: Recording) -> None:
     data = recording.data.copy()
     data[1000:1100, 3] = np.nan
     modes = known_modes()
@@ -86,7 +86,7 @@ def test_a_gap_is_left_out(recording: Recording) -> None:
     assert np.isfinite(found.predicted).all()
 
 
-def test_what_is_too_short_or_has_too_few_channels_is_refused(recording: Recording) -> None:
+def test_short_records_or_too_few_channels_are_refused(recording: Recording) -> None:
     modes = known_modes()
     short = replace(recording, data=recording.data[:20])
     with pytest.raises(ValueError, match="too short"):

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.live
 FRAMES = [(0x181, b"\1\2\3"), (0x281, b""), (0x8000_0000 | 0x12345, bytes(8))]
 
 
-def test_blocks_and_messages_are_the_same_frames() -> None:
+def test_frames_are_equal_read_as_block_or_as_messages() -> None:
     with pty() as (device, port), SlcanBus(port) as bus:
         os.write(device, encode(can_frames(FRAMES)))
         assert list(bus.recv_frames(1.0)) == FRAMES
@@ -32,14 +32,14 @@ def test_blocks_and_messages_are_the_same_frames() -> None:
         assert len(bus.recv_frames(0.0)) == 0
 
 
-def test_what_was_not_fetched_one_by_one_is_in_the_next_block() -> None:
+def test_unread_messages_are_in_the_next_block() -> None:
     with pty() as (device, port), SlcanBus(port) as bus:
         os.write(device, encode(can_frames(FRAMES)))
         assert bus.recv(1.0) is not None
         assert list(read_frames(bus, 1.0).frames) == FRAMES[1:]
 
 
-def test_no_damage_leaves_it_deaf() -> None:
+def test_bus_receives_frames_after_any_damaged_input() -> None:
     good = encode(can_frames(FRAMES))
     with pty() as (device, port), SlcanBus(port) as bus:
         for damage in (b"t18", b"t1813zz\r", b"\xff" * 3000, b"T\r\r\x07V1013\r", good[:-7]):
@@ -52,7 +52,7 @@ def test_no_damage_leaves_it_deaf() -> None:
         assert bus.bad_lines == 5
 
 
-def test_opening_and_sending_say_what_an_adapter_expects() -> None:
+def test_opening_and_sending_write_the_expected_slcan_commands() -> None:
     with pty() as (device, port):
         with SlcanBus(port, 500_000) as bus:
             bus.send(can.Message(arbitration_id=0x603, data=b"\x40\x08\x10", is_extended_id=False))
@@ -63,7 +63,7 @@ def test_opening_and_sending_say_what_an_adapter_expects() -> None:
         assert read(device, len(expected)) == expected
 
 
-def test_messages_survive_the_way_through_blocks() -> None:
+def test_messages_are_unchanged_by_conversion_to_frames_and_back() -> None:
     messages = [
         can.Message(arbitration_id=0x603, data=b"\x40\x08", is_extended_id=False),
         can.Message(arbitration_id=0x1ABCDE, is_remote_frame=True, dlc=4),
@@ -73,7 +73,7 @@ def test_messages_survive_the_way_through_blocks() -> None:
     assert {message.timestamp for message in again} == {12.5}
 
 
-def test_a_pulled_plug_is_an_operation_error() -> None:
+def test_unplugged_adapter_raises_can_operation_error() -> None:
     device, slave = os.openpty()
     port = os.ttyname(slave)
     bus = SlcanBus(port)
@@ -87,7 +87,7 @@ def test_a_pulled_plug_is_an_operation_error() -> None:
     bus.shutdown()  # once is enough, twice does no harm
 
 
-def test_what_cannot_be_opened_is_said() -> None:
+def test_failure_to_open_names_the_port_in_the_error() -> None:
     with pytest.raises(ValueError, match=r"bitrate of /dev/none: expected one of \[10000, .* found 123"):
         SlcanBus("/dev/none", 123)
     with pytest.raises(can.CanInitializationError, match="/dev/none"):
@@ -100,7 +100,7 @@ def test_what_cannot_be_opened_is_said() -> None:
         SlcanBus(port)
 
 
-def test_python_can_opens_it_by_its_name() -> None:
+def test_python_can_opens_slcan_bus_by_interface_name() -> None:
     with pty() as (device, port), can.Bus(interface="modalwatch-slcan", channel=port, bitrate=1_000_000) as bus:
         assert isinstance(bus, SlcanBus)
         os.write(device, b"t1811FF\r")

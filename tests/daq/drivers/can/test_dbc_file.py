@@ -72,7 +72,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("text", "sensor", "says"), WRONG.values(), ids=WRONG)
-def test_what_is_wrong_is_one_line_that_names_the_file(
+def test_invalid_dbc_gives_one_line_error_naming_the_file(
     tmp_path: Path, text: str, sensor: dict[str, object], says: str
 ) -> None:
     with pytest.raises(DbcError) as caught:
@@ -82,13 +82,13 @@ def test_what_is_wrong_is_one_line_that_names_the_file(
     assert "\n" not in str(caught.value)
 
 
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
+def test_missing_file_is_named_in_the_error(tmp_path: Path) -> None:
     with pytest.raises(DbcError, match=r"none\.dbc: cannot be read: No such file"):
         read_layout(DbcSensor(file=tmp_path / "none.dbc", signals=("a",), counter="n"))
 
 
 @given(st.data())
-def test_a_damaged_file_is_read_or_refused_with_its_name(
+def test_damaged_file_is_read_or_refused_with_one_clear_error(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
     """Bytes are cut out, doubled or overwritten: either there is a layout, or one clear error."""
@@ -111,7 +111,7 @@ def refusal(sensor: DbcSensor) -> str | None:
     return None
 
 
-def test_the_shipped_file_is_read_in_the_order_of_arbitration() -> None:
+def test_messages_of_shipped_dbc_are_in_arbitration_order() -> None:
     found = read_layout(DbcSensor(file=FILE, signals=AXES, counter="Counter", temperature="Temp"))
     assert [message.name for message in found.messages] == ["GroupCounter", "Acceleration"]
     assert found.all_identifiers == {6, 52, 98}
@@ -134,24 +134,26 @@ def test_the_shipped_file_is_read_in_the_order_of_arbitration() -> None:
         (signal("a", "32|32@1-") + N + "SIG_VALTYPE_ 1 a : 1;\n", 1e-6, 1.0, 256),
     ],
 )
-def test_scale_unit_and_modulus(tmp_path: Path, text: str, scale: float, unit: float, modulus: int) -> None:
+def test_scale_unit_and_counter_modulus_are_read_from_dbc(
+    tmp_path: Path, text: str, scale: float, unit: float, modulus: int
+) -> None:
     found = layout(tmp_path, MESSAGE + text)
     assert (found.scale, found.unit, found.modulus) == (pytest.approx(scale), pytest.approx(unit), modulus)  # type: ignore[attr-defined]
 
 
-def test_a_scale_that_is_given_stands_for_the_unit(tmp_path: Path) -> None:
+def test_given_scale_replaces_the_unit(tmp_path: Path) -> None:
     found = layout(tmp_path, MESSAGE + signal("a", "0|16@1-", factor="(2,0)", unit="LSB") + N, scale=0.01)
     assert found.scale == pytest.approx(0.02)  # type: ignore[attr-defined]
 
 
-def test_old_files_are_read_as_they_were_written(tmp_path: Path) -> None:
+def test_dbc_in_cp1252_encoding_is_read(tmp_path: Path) -> None:
     file = tmp_path / "old.dbc"
     file.write_bytes((HEAD + MESSAGE + signal("a", "0|16@1-", unit="m/s²") + N).encode("cp1252"))
     assert read_layout(DbcSensor(file=file, signals=("a",), counter="n")).unit == 1.0
 
 
 @pytest.mark.parametrize("signals", [(), ("a", "b", "c", "d")])
-def test_a_sensor_has_one_to_three_axes(signals: tuple[str, ...]) -> None:
+def test_sensor_with_invalid_axis_count_or_scale_is_refused(signals: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match=f"signals: expected those of x, .*, found {len(signals)}"):
         DbcSensor(file=FILE, signals=signals, counter="n")
     with pytest.raises(ValueError, match="scale: expected a positive number of m/s2 a unit, found -1"):

@@ -69,7 +69,7 @@ def assert_each_says_its_number(blocks: list[Block]) -> None:
     np.testing.assert_array_equal(counts, np.clip(np.stack([k, -k, 3 * k], axis=1), -32768, 32767))
 
 
-def test_a_dbc_sensor_and_a_node_share_a_bus_lose_nothing_and_come_back_after_it(tmp_path: Path) -> None:
+def test_dbc_sensor_and_node_share_bus_and_recover_from_unplugging(tmp_path: Path) -> None:
     items: list[Item] = []
     with can_process(tmp_path, 1, dbc=(str(FILE), "0", "0")) as found:
         node = CanAddress(interface="slcan", channel=found.channel, node=1)
@@ -94,7 +94,7 @@ def test_a_dbc_sensor_and_a_node_share_a_bus_lose_nothing_and_come_back_after_it
     }
 
 
-def test_lost_and_repeated_frames_are_gaps_exact_to_the_scan(tmp_path: Path) -> None:
+def test_lost_and_repeated_frames_give_exact_gaps(tmp_path: Path) -> None:
     items: list[Item] = []
     with can_process(tmp_path, 0, speed=4, dbc=(str(FILE), "0.01", "0.02")) as found:
         with reading({"can-dbc": on(found.channel)}, found.clock, items):
@@ -110,7 +110,7 @@ def test_lost_and_repeated_frames_are_gaps_exact_to_the_scan(tmp_path: Path) -> 
     assert 0.01 < missing / blocks[-1].end_index < 0.06
 
 
-def test_what_the_emulated_sensor_sends_is_what_cantools_reads() -> None:
+def test_frames_of_emulated_sensor_are_decoded_by_cantools() -> None:
     database = cantools.database.load_file(FILE)
     assert isinstance(database, cantools.database.Database)
     sensor = EmulatedDbc(Ramp(), SystemClock(), imu(FILE), rate=RATE)
@@ -126,7 +126,7 @@ def test_what_the_emulated_sensor_sends_is_what_cantools_reads() -> None:
         assert values == {"accX": k / 256, "accY": -k / 256, "accZ": min(3 * k, 32767) / 256}
 
 
-def test_a_sensor_that_does_not_send_is_an_error_that_says_what_is_missing() -> None:
+def test_silent_sensor_raises_error_naming_the_missing_message() -> None:
     with (
         pty() as (_, port),
         pytest.raises(DriverError, match=f"slcan:{port} accX: no scan within 1 s: no frame of Group"),
@@ -134,7 +134,7 @@ def test_a_sensor_that_does_not_send_is_an_error_that_says_what_is_missing() -> 
         make_driver("can-dbc", on(port), RATE).open()
 
 
-def test_wrong_rate_or_place_is_refused() -> None:
+def test_invalid_rate_or_address_is_refused() -> None:
     with pytest.raises(ValueError, match="rate of slcan:x accX: expected a positive number of Hz, found 0"):
         make_driver("can-dbc", on("x"), 0.0)
     with pytest.raises(ValueError, match="driver can-dbc: expected `can` and `dbc`, found `port`: /dev/ttyS0"):

@@ -64,7 +64,7 @@ def assert_continuous(blocks: list[Block]) -> None:
     np.testing.assert_array_equal(np.concatenate([b.counts for b in blocks]), np.stack([k, -k, 3 * k], axis=1))
 
 
-def test_two_nodes_at_ten_times_real_time_lose_nothing(tmp_path: Path) -> None:
+def test_two_nodes_at_tenfold_speed_lose_no_scans(tmp_path: Path) -> None:
     items: list[Item] = []
     with can_process(tmp_path, 2, speed=10) as found:
         with reading(on(found.channel, 2), found.clock, items):
@@ -90,7 +90,7 @@ def test_two_nodes_at_ten_times_real_time_lose_nothing(tmp_path: Path) -> None:
     ]
 
 
-def test_pulling_the_adapter_loses_all_its_nodes_and_all_come_back(tmp_path: Path) -> None:
+def test_unplugged_adapter_fails_all_nodes_and_all_recover(tmp_path: Path) -> None:
     items: list[Item] = []
     with can_process(tmp_path, 2) as found, reading(on(found.channel, 2), found.clock, items):
         wait_for(lambda: all(blocks_of(items, name) for name in ("d0", "d1")))
@@ -126,7 +126,7 @@ def virtual_bus(channel: str, node: EmulatedEpsonCan) -> Iterator[None]:
             yield
 
 
-def test_any_bus_that_python_can_opens_will_do() -> None:
+def test_node_is_read_over_another_python_can_interface() -> None:
     items: list[Item] = []
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=9, serial_number=7)
     address = CanAddress(interface="virtual", channel="test", node=9)
@@ -136,7 +136,7 @@ def test_any_bus_that_python_can_opens_will_do() -> None:
     assert events_of(items, "device_open")[0]["serial"] == "7"
 
 
-def test_what_does_not_answer_is_an_error_that_names_bus_and_node(tmp_path: Path) -> None:
+def test_unreachable_node_raises_error_naming_bus_and_node(tmp_path: Path) -> None:
     with pty() as (_, port):
         driver = make_driver("epson-can", CanAddress(interface="slcan", channel=port, node=5), RATE)
         with pytest.raises(DriverError, match=f"slcan:{port} node 5: no M-A552 answers: No SDO response"):
@@ -149,7 +149,7 @@ def test_what_does_not_answer_is_an_error_that_names_bus_and_node(tmp_path: Path
 
 
 @pytest.mark.parametrize("interface", sorted({*can.interfaces.BACKENDS} - {"virtual", "udp_multicast"}))
-def test_what_any_backend_raises_where_its_adapter_is_missing_is_that_error(interface: str) -> None:
+def test_missing_adapter_raises_driver_error_for_every_can_backend(interface: str) -> None:
     address = CanAddress(interface=interface, channel="modalwatch-99", node=1)
     with pytest.raises(DriverError, match=f"^{interface}:modalwatch-99 node 1: the bus cannot be opened: "):
         make_driver("epson-can", address, RATE).open()
@@ -157,7 +157,7 @@ def test_what_any_backend_raises_where_its_adapter_is_missing_is_that_error(inte
         make_driver("epson-can", CanAddress(interface=interface, channel="99", node=1), RATE).open()
 
 
-def test_a_node_is_read_once_and_a_bus_has_one_bit_rate(tmp_path: Path) -> None:
+def test_second_reader_of_node_or_second_bit_rate_is_refused(tmp_path: Path) -> None:
     with can_process(tmp_path, 2) as found:
         address = on(found.channel, 1)[0]
         first, second = (make_driver("epson-can", address, RATE) for _ in range(2))
@@ -172,7 +172,7 @@ def test_a_node_is_read_once_and_a_bus_has_one_bit_rate(tmp_path: Path) -> None:
         second.close()
 
 
-def test_wrong_rate_place_or_node_is_refused() -> None:
+def test_invalid_rate_address_or_node_number_is_refused() -> None:
     address = on("x", 1)[0]
     with pytest.raises(ValueError, match=r"rate of slcan:x node 1: expected one of \[50, 100, 200, 500, 1000\] Hz"):
         make_driver("epson-can", address, 300.0)

@@ -65,7 +65,7 @@ def controlled(monkeypatch: pytest.MonkeyPatch) -> ControlledNode:
     return found
 
 
-def test_state_it_was_in_before_it_was_started_is_no_trouble_and_later_is(controlled: ControlledNode) -> None:
+def test_pre_operational_state_is_an_error_only_after_start(controlled: ControlledNode) -> None:
     consumer = HeartbeatConsumer(controlled.node)
     controlled.send(PRE_OPERATIONAL)
     controlled.send(OPERATIONAL)
@@ -74,14 +74,14 @@ def test_state_it_was_in_before_it_was_started_is_no_trouble_and_later_is(contro
     assert consumer.trouble() == "state of its heartbeat: PRE-OPERATIONAL, expected OPERATIONAL"
 
 
-def test_boot_up_is_trouble_at_once_even_between_two_looks(controlled: ControlledNode) -> None:
+def test_boot_up_between_two_checks_is_reported_as_restart(controlled: ControlledNode) -> None:
     consumer = HeartbeatConsumer(controlled.node)
     for state in (OPERATIONAL, BOOT_UP, PRE_OPERATIONAL):
         controlled.send(state)
     assert consumer.trouble() == "it has restarted: its settings are lost"
 
 
-def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(controlled: ControlledNode) -> None:
+def test_heartbeats_or_scans_alone_prevent_a_timeout(controlled: ControlledNode) -> None:
     consumer = HeartbeatConsumer(controlled.node)
     for _ in range(5):
         controlled.clock.now += 0.9
@@ -96,7 +96,7 @@ def test_heartbeat_alone_keeps_it_and_so_do_scans_alone(controlled: ControlledNo
     assert consumer.trouble() == "neither heartbeat nor scan for 1 s"
 
 
-def test_missing_heartbeat_is_told_once_each_time(controlled: ControlledNode) -> None:
+def test_missing_heartbeat_is_reported_once_per_outage(controlled: ControlledNode) -> None:
     consumer, stated = HeartbeatConsumer(controlled.node), list[str]()
     for second in range(12):
         controlled.clock.now += 1.0
@@ -133,7 +133,7 @@ def seconds_until(items: list[Item], what: str, does: Callable[[], None]) -> tup
 
 
 @pytest.mark.live
-def test_what_a_node_loses_is_counted_to_the_scan_and_what_comes_twice_is_one() -> None:
+def test_lost_scans_are_counted_exactly_and_repeated_frames_are_ignored() -> None:
     clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
     spells = (
         LineSpell(what="lost", at=0.68, seconds=0.04),  # the counter wraps meanwhile
@@ -154,7 +154,7 @@ def test_what_a_node_loses_is_counted_to_the_scan_and_what_comes_twice_is_one() 
 
 
 @pytest.mark.live
-def test_power_dip_and_emergency_are_told_at_once_and_hanging_by_the_heartbeat(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_emergency_restart_and_hang_are_reported_before_silence_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(heartbeat, "PATIENCE", 0.5)  # two beats, not four
     monkeypatch.setattr("daq.drivers.can.hub._REPLY_SECONDS", 0.2)
     items: list[Item] = []

@@ -92,7 +92,7 @@ def events(items: list[Item], what: str) -> list[Event]:
 
 
 @pytest.mark.live
-def test_nodes_on_one_sync_sample_at_the_same_instants_and_still_do_after_one_was_reset() -> None:
+def test_sync_nodes_sample_simultaneously_before_and_after_reset() -> None:
     clock = ScaledClock(speed=8.0, origin_wall=time.time_ns(), origin=START)
     nodes = [
         EmulatedEpsonCan(Motion(), clock, node=k, serial_number=k, clock_error=error)
@@ -130,7 +130,7 @@ def check_assembled(items: list[Item]) -> None:
 
 
 @pytest.mark.live
-def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failure_of_sync_producer_is_reported_for_its_consumers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("daq.drivers.can.epson_can._SYNC_SECONDS", 0.3)
     monkeypatch.setattr("daq.drivers.can.heartbeat.PATIENCE", 0.5)  # two beats, not four
     monkeypatch.setattr("daq.drivers.can.hub._REPLY_SECONDS", 0.2)
@@ -159,7 +159,7 @@ def test_who_produces_sync_is_gone_and_that_is_said(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.parametrize(("clock", "apart"), [("SYNC of a bus 1", False), ("", True)])
-def test_a_log_keeps_which_devices_share_a_clock(tmp_path: Path, clock: str, apart: bool) -> None:
+def test_shared_clock_of_devices_is_stored_in_the_log(tmp_path: Path, clock: str, apart: bool) -> None:
     channels = tuple(Channel(name=name, device=name, axis=0) for name in ("d1", "d2"))
     attached = {CHANNELS: ChannelMap(channels=channels, on_grid=False).to_json()}
     writer = McapWriter(tmp_path / "log.mcap", attached)
@@ -180,7 +180,7 @@ def chunk(n: int, arrived: float, between: int = 0) -> Chunk:
     return Chunk(can_frames([(SYNC, b""), *[(0x181, bytes(8))] * between] * n), round(arrived * 1e9))
 
 
-def test_sync_frames_are_numbered_across_chunks_and_by_the_clock_across_a_pause() -> None:
+def test_sync_numbering_continues_across_chunks_and_by_clock_after_pause() -> None:
     count = SyncCount("bus")
     assert count.count(chunk(2, 0.002, between=2), RATE).tolist() == [1, 1, 1, 2, 2, 2]
     assert count.count(Chunk(can_frames([(0x281, bytes(6))]), 3_000_000), RATE).tolist() == [2]
@@ -202,9 +202,7 @@ def test_sync_frames_are_numbered_across_chunks_and_by_the_clock_across_a_pause(
     st.lists(st.integers(1, 70_000), min_size=1, max_size=60),
     st.integers(0, 3),
 )
-def test_scans_get_the_number_of_their_sync_across_wraps_and_gaps(
-    first: int, start: int, steps: list[int], late: int
-) -> None:
+def test_scans_are_numbered_by_sync_across_wraps_and_gaps(first: int, start: int, steps: list[int], late: int) -> None:
     passed = np.cumsum([0, *steps])
     counter = ((first + passed) % 65536).astype(np.int32)
     synced = SyncedCounter()
@@ -213,7 +211,7 @@ def test_scans_get_the_number_of_their_sync_across_wraps_and_gaps(
     np.testing.assert_array_equal(synced.numbers(counter[1:], heard), start + passed[1:])
 
 
-def test_sync_frames_that_were_lost_for_good_are_an_error_and_not_a_wrong_time() -> None:
+def test_permanently_lost_sync_frames_raise_an_error() -> None:
     synced, k = SyncedCounter(), np.arange(10)
     synced.numbers(k.astype(np.int32), 100 + k)
     for _ in range(4):
@@ -222,7 +220,7 @@ def test_sync_frames_that_were_lost_for_good_are_an_error_and_not_a_wrong_time()
         synced.numbers(k.astype(np.int32), 97 + k)
 
 
-def test_arbitration_lets_the_least_identifier_through_first() -> None:
+def test_arbitration_sends_lowest_identifier_first() -> None:
     counts = np.arange(12, dtype=np.int32).reshape(4, 3)
     frames = synced_frames(4, [encode_scans(2, counts, 0), encode_scans(1, counts[:3], 0)])  # a node full after three
     each = [0x080, 0x181, 0x182, 0x281, 0x282]

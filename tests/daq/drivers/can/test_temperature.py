@@ -18,7 +18,7 @@ def blocks(items: list[Item]) -> list[Block]:
     return [item for item in items if isinstance(item, Block)]
 
 
-def test_temperature_is_in_the_first_block_and_followed_without_losing_a_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temperature_is_updated_from_first_block_without_lost_scans(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(epson_can_temperature, "PERIOD", 0.1)
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7, temperature=21.0)
     without = EmulatedEpsonCan(Ramp(), SystemClock(), node=4, serial_number=8, temperature=None)
@@ -49,7 +49,7 @@ def test_temperature_is_in_the_first_block_and_followed_without_losing_a_scan(mo
         assert all(a.end_index == b.first_index for a, b in pairwise(blocks(read)))
 
 
-def test_a_device_that_comes_back_tells_its_temperature_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temperature_is_read_again_after_device_recovery(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(epson_can_temperature, "PERIOD", 0.1)
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7, temperature=10.0)
     items: list[Item] = []

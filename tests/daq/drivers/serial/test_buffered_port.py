@@ -51,7 +51,7 @@ def read_all(bites: BufferedPort) -> list[bytes]:
             return reads
 
 
-def test_fast_bytes_come_in_few_reads_and_a_port_that_goes_meanwhile_is_seen(pty: tuple[int, int]) -> None:
+def test_fast_bytes_are_batched_and_closed_port_is_detected_promptly(pty: tuple[int, int]) -> None:
     master, slave = pty
     thread = send(master, 0.6, 0.01, 240)
     reads = read_all(BufferedPort(slave, most_seconds=GATHERED, least_rate=500.0))
@@ -64,7 +64,7 @@ def test_fast_bytes_come_in_few_reads_and_a_port_that_goes_meanwhile_is_seen(pty
     assert time.monotonic() - seen < SEEN_SECONDS
 
 
-def test_slow_bytes_are_read_when_they_come(pty: tuple[int, int]) -> None:
+def test_slow_bytes_are_read_on_arrival(pty: tuple[int, int]) -> None:
     master, slave = pty
     thread = send(master, 0.3, 0.03, 8)
     reads = read_all(BufferedPort(slave, most_seconds=GATHERED, least_rate=500.0))
@@ -72,7 +72,7 @@ def test_slow_bytes_are_read_when_they_come(pty: tuple[int, int]) -> None:
     assert len([data for data in reads if data]) > 7  # of ten; a busy host may find two at once
 
 
-def test_what_came_last_is_not_later_for_being_waited_upon(pty: tuple[int, int]) -> None:
+def test_arrival_time_excludes_waiting_for_more_bytes(pty: tuple[int, int]) -> None:
     master, slave = pty
     bites = BufferedPort(slave, most_seconds=GATHERED, least_rate=500.0)
     time.sleep(0.02)

@@ -60,7 +60,7 @@ def _answer(device: EmulatedEpson, line: int) -> bytes:
 
 @pytest.mark.live
 @pytest.mark.parametrize(("rate", "number"), [(1000, 10), (50, 6)])
-def test_driver_chooses_the_filter_that_the_vendors_driver_would(device: EmulatedEpson, rate: int, number: int) -> None:
+def test_driver_sets_the_filter_of_the_vendor_driver(device: EmulatedEpson, rate: int, number: int) -> None:
     with serving(device.serve):
         driver = make_driver("epson-uart", device.port, rate)
         driver.open()
@@ -72,47 +72,47 @@ def test_driver_chooses_the_filter_that_the_vendors_driver_would(device: Emulate
 
 
 @given(st.integers(0, 0x7F), bytes_)
-def test_commands_are_three_bytes(address: int, value: int) -> None:
+def test_register_commands_have_three_bytes(address: int, value: int) -> None:
     assert epson.write_register(address, value) == bytes([0x80 + address, value, 0x0D])
     assert epson.read_register(address) == bytes([address, 0, 0x0D])
 
 
 @given(st.integers(0, 0x7E), st.integers(0, 0xFFFF))
-def test_answers_come_back(address: int, value: int) -> None:
+def test_register_reply_round_trip(address: int, value: int) -> None:
     assert epson.parse_reply(epson.register_reply(address, value), address) == value
 
 
 @given(st.binary(max_size=6), st.integers(0, 0x7E))
-def test_anything_else_is_refused(reply: bytes, address: int) -> None:
+def test_malformed_register_reply_is_refused(reply: bytes, address: int) -> None:
     if len(reply) == 4 and reply[0] == address and reply[3] == 0x0D:
         return
     with pytest.raises(ValueError, match=f"register {address:#04x}: expected 4 bytes"):
         epson.parse_reply(reply, address)
 
 
-def test_answer_of_another_register_is_refused() -> None:
+def test_reply_of_another_register_is_refused() -> None:
     with pytest.raises(ValueError, match="register 0x4c"):
         epson.parse_reply(epson.register_reply(0x4E, 1), 0x4C)
 
 
-def test_emulator_says_who_it_is(device: EmulatedEpson, line: int) -> None:
+def test_emulator_returns_identity_product_and_serial_number(device: EmulatedEpson, line: int) -> None:
     assert ask(device, line, 0, epson.ID) == 0x5345
     words = [ask(device, line, 1, address) for address in (*epson.PRODUCT, *epson.SERIAL)]
     assert b"".join(word.to_bytes(2, "little") for word in words) == b"A352AD10T0000042"
 
 
-def test_emulator_keeps_both_halves_of_a_register(device: EmulatedEpson, line: int) -> None:
+def test_emulator_stores_low_and_high_byte_of_register(device: EmulatedEpson, line: int) -> None:
     for command in ((epson.WINDOW, 1), (epson.BURST_CTRL_LOW, 0x03), (epson.BURST_CTRL_HIGH, 0xC7)):
         os.write(line, epson.write_register(*command))
     assert ask(device, line, 1, epson.BURST_CTRL_LOW) == epson.BURST_ALL
 
 
-def test_emulator_skips_what_is_no_command(device: EmulatedEpson, line: int) -> None:
+def test_emulator_ignores_invalid_commands(device: EmulatedEpson, line: int) -> None:
     os.write(line, b"\x00\xff\x80\x13")
     assert ask(device, line, 0, epson.ID) == 0x5345
 
 
-def test_emulator_streams_from_the_first_scan_until_told_to_stop(device: EmulatedEpson, line: int) -> None:
+def test_emulator_streams_from_first_scan_until_stop_command(device: EmulatedEpson, line: int) -> None:
     os.write(line, epson.write_register(epson.WINDOW, 0) + epson.write_register(epson.MODE_CTRL, epson.MODE_SAMPLING))
     device.serve()
     device.serve()

@@ -61,7 +61,7 @@ GOOD = {"product": "p", "serial": "W", "axes": (0,), "scale": 1e-5, "rate": 1000
         ({}, 500.0, "rate: expected 1000 Hz, found 500 by the node's own clock"),
     ],
 )
-def test_node_that_is_not_as_it_should_be_is_refused(reported: dict[str, object], rate: float, why: str) -> None:
+def test_node_with_invalid_hello_or_rate_is_refused(reported: dict[str, object], rate: float, why: str) -> None:
     hello = node.Hello(**{**GOOD, **reported})  # type: ignore[arg-type]
     with plugged(Wrong(hello, rate)) as device:
         driver = driver_of(device)
@@ -70,7 +70,7 @@ def test_node_that_is_not_as_it_should_be_is_refused(reported: dict[str, object]
 
 
 @pytest.mark.live
-def test_node_that_does_not_listen_is_read_too_and_has_no_temperature() -> None:
+def test_node_without_command_input_and_temperature_sensor_is_read() -> None:
     device = EmulatedNode(Ramp(), SystemClock(), serial_number="deaf", rate=500.0, axes=(2,), temperature=None)
     with plugged(device):
         driver = driver_of(device, 500.0)
@@ -87,7 +87,7 @@ def read_for_a_while(driver: Driver) -> None:
 
 
 @pytest.mark.live
-def test_node_that_starts_anew_is_lost_and_taken_back() -> None:
+def test_restarted_node_is_lost_and_can_be_reopened() -> None:
     device = EmulatedNode(Ramp(), SystemClock(), serial_number="N")
     restart = threading.Event()
 
@@ -118,7 +118,7 @@ def fed(believer: FrameValidator, scans: NodeScans, cuts: list[int]) -> tuple[li
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_scans_are_believed_and_false_ones_are_not(seed: int) -> None:
+def test_frame_validator_drops_only_false_scans(seed: int) -> None:
     """False ones have counters and clocks drawn anew, as damage that a CRC lets pass makes them."""
     random = np.random.default_rng([seed, 71])
     scans = some_scans(seed, 400)
@@ -134,7 +134,7 @@ def test_scans_are_believed_and_false_ones_are_not(seed: int) -> None:
         assert not believer.restarted
 
 
-def test_gaps_are_believed_however_long() -> None:
+def test_frame_validator_accepts_gaps_of_any_length() -> None:
     parts = [some_scans(1, 5, first=first) for first in (10, 1000, 2**31, 2**32 + 5)]
     scans = node.joined(node.joined(parts[0], parts[1]), node.joined(parts[2], parts[3]))
     found, refused = fed(believer := FrameValidator(1000.0), scans, list(range(1, 20)))
@@ -142,7 +142,7 @@ def test_gaps_are_believed_however_long() -> None:
     assert not believer.restarted
 
 
-def test_one_scan_alone_waits_for_another() -> None:
+def test_single_scan_is_held_until_the_next_scan_arrives() -> None:
     scans, believer = some_scans(1, 3), FrameValidator(1000.0)
     assert values(believer.evaluate(scans[:1])[0]) == []
     assert values(believer.evaluate(node.NO_SCANS)[0]) == []

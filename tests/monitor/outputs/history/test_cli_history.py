@@ -27,14 +27,14 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "history.sqlite"
 
 
-def test_tables_tell_the_run(modalwatch: Commands, file: Path) -> None:
+def test_tables_summarize_the_run(modalwatch: Commands, file: Path) -> None:
     done = modalwatch("history", file)
     assert (done.code, done.err) == (0, "")
     for text in ("20 windows, 11 judged, 8 over the limit", "state: alarm", "active", "gap", "missing 12"):
         assert text in done.out
 
 
-def test_years_are_told_by_the_day(modalwatch: Commands, tmp_path: Path) -> None:
+def test_long_history_is_summarized_by_day(modalwatch: Commands, tmp_path: Path) -> None:
     n = write_years(sqlite_url(tmp_path), years=0.1, step=HOUR, n_modes=2)
     with HistoryStore(sqlite_url(tmp_path)) as store:
         store.write([change(START + HOUR, "alarm", "a [bold] mass"), change(START + 3 * HOUR, "normal", lasted=7200.0)])
@@ -50,7 +50,7 @@ def test_years_are_told_by_the_day(modalwatch: Commands, tmp_path: Path) -> None
     assert files[2].read_bytes().startswith(b"\x89PNG")
 
 
-def test_accepted_change_is_marked_where_its_alarm_ended(
+def test_accepted_change_is_marked_at_the_end_of_its_alarm(
     modalwatch: Commands, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     alarm = next(e for e in run_events() if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
@@ -75,7 +75,7 @@ def test_accepted_change_is_marked_where_its_alarm_ended(
     assert written == [f"accepted as 'antenna' by Ada, {utc(last)}"]
 
 
-def test_self_tests_are_told_in_a_line(modalwatch: Commands, file: Path, tmp_path: Path) -> None:
+def test_self_tests_are_summarized_in_one_line(modalwatch: Commands, file: Path, tmp_path: Path) -> None:
     assert "self-tests: none" in modalwatch("history", file).out
     reported: dict[str, Any] = {"mass": 0.15, "places": 24, "last_passed": None}
     tests = [
@@ -128,7 +128,7 @@ def test_last_days_are_counted_from_now(
     assert found["end"] == end + max(0, down)
 
 
-def test_what_cannot_be_read_is_one_line(modalwatch: Commands, tmp_path: Path, file: Path) -> None:
+def test_unreadable_history_is_a_one_line_error(modalwatch: Commands, tmp_path: Path, file: Path) -> None:
     assert_refused(modalwatch("history", tmp_path / "none"), "TARGET", "SITE.toml")
     assert_refused(modalwatch("history", f"sqlite:///{tmp_path / 'none'}"), "there is no history yet")
     assert_refused(modalwatch("history", "mysql9://x"), "expected sqlite:///FILE")

@@ -106,7 +106,7 @@ ALL = {event.time for event in (*EVENTS, *GAPS, *LATER) if event.topic == "/even
 
 
 @pytest.mark.parametrize("attack", [_delete, _move, _replace])
-def test_file_that_is_taken_away_is_written_again_with_all_that_it_had(
+def test_removed_file_is_rewritten_with_all_rows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None]
 ) -> None:
     """It is still open, and is copied; data written into it before the deletion was noticed are there, too."""
@@ -120,7 +120,7 @@ def test_file_that_is_taken_away_is_written_again_with_all_that_it_had(
 
 
 @pytest.mark.parametrize(("attack", "lost"), [(_overwrite, 4 * 4096 // 40), (_begin_with_nonsense, N_GAPS)])
-def test_damaged_file_is_set_aside_and_what_can_be_read_is_taken_over(
+def test_damaged_file_is_set_aside_and_readable_rows_are_copied(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attack: Callable[[Path], None], lost: int
 ) -> None:
     """Of pages that are overwritten their rows are lost, no others; later events and windows are all there."""
@@ -143,7 +143,7 @@ def _whole(file: Path) -> bool:
         return bool(connection.execute("PRAGMA integrity_check").fetchone()[0] == "ok")
 
 
-def test_rows_that_were_not_taken_over_before_the_end_are_at_the_next_start(tmp_path: Path) -> None:
+def test_uncopied_rows_are_copied_at_the_next_start(tmp_path: Path) -> None:
     url = sqlite_url(tmp_path)
     with recording(url, tmp_path / "spool.jsonl") as made:
         for event in EVENTS:
@@ -155,7 +155,7 @@ def test_rows_that_were_not_taken_over_before_the_end_are_at_the_next_start(tmp_
     assert [type(event) for event in made.events()] == [HistoryRestored]
 
 
-def test_file_that_is_deleted_twice_within_the_pause_is_restored(
+def test_file_deleted_twice_within_the_retry_interval_is_restored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A new file is begun only each 10 s: until then the deleted one stays open, as it is only there so."""
@@ -179,7 +179,7 @@ def test_file_that_is_deleted_twice_within_the_pause_is_restored(
             until(all_gaps_are_there)
 
 
-def test_file_that_is_gone_before_its_identity_is_read_is_missed_all_the_same(tmp_path: Path) -> None:
+def test_file_deleted_before_its_identity_is_read_is_reported_missing(tmp_path: Path) -> None:
     """As where it is deleted while it is being opened."""
     found = sqlite_file.SqliteFile(tmp_path / "history.sqlite")
     assert found.displacement() == "the file was moved or deleted"
@@ -196,7 +196,7 @@ def test_rows_written_to_a_server_are_not_held_in_memory(tmp_path: Path, monkeyp
     assert not made._unproven
 
 
-def test_look_at_the_whole_file_takes_little_of_a_core(tmp_path: Path) -> None:
+def test_file_check_uses_at_most_two_percent_of_a_core(tmp_path: Path) -> None:
     """Looks are so far apart that they take 2 % of a core at most, however large the file."""
     HistoryStore(sqlite_url(tmp_path)).__exit__()
     file = sqlite_file.SqliteFile(tmp_path / "history.sqlite")

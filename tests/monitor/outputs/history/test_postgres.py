@@ -17,7 +17,7 @@ NEEDED = pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL s
 
 @pytest.mark.live
 @NEEDED
-def test_table_that_a_session_has_locked_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_entries_for_a_locked_table_are_spooled_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As by a VACUUM FULL: PostgreSQL itself would block for hours."""
     monkeypatch.setattr(engines, "_LOCK_SECONDS", 0.1)
     spool = tmp_path / "spool.jsonl"
@@ -46,7 +46,7 @@ def test_table_that_a_session_has_locked_is_waited_for_on_disk(tmp_path: Path, m
 
 @pytest.mark.live
 @NEEDED
-def test_run_stands_in_postgres_as_in_sqlite() -> None:
+def test_run_is_stored_in_postgres_as_in_sqlite() -> None:
     with postgres_url() as url:
         for _ in range(2):  # the second time brings nothing new
             with HistoryStore(url) as store:

@@ -24,7 +24,7 @@ def until(condition: Callable[[], object], seconds: float = 5.0) -> None:
         time.sleep(0.01)
 
 
-def test_what_is_put_in_is_there_at_the_end(tmp_path: Path) -> None:
+def test_all_entries_are_stored_at_the_end(tmp_path: Path) -> None:
     with recording(sqlite_url(tmp_path), tmp_path / "spool.jsonl") as made:
         for event in EVENTS:
             made.put(event)
@@ -33,7 +33,7 @@ def test_what_is_put_in_is_there_at_the_end(tmp_path: Path) -> None:
     assert not (tmp_path / "spool.jsonl").exists()
 
 
-def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_entries_for_a_locked_database_are_spooled_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engines, "_BUSY_SECONDS", 0.02)
     url, spool = sqlite_url(tmp_path), tmp_path / "spool.jsonl"
     HistoryStore(url).__exit__()
@@ -56,7 +56,9 @@ def test_locked_database_is_waited_for_on_disk(tmp_path: Path, monkeypatch: pyte
     assert recovered == HistoryRecovered(brought_in=len(EVENTS))
 
 
-def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unresponsive_database_is_reported_and_does_not_delay_shutdown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Items wait on disk, and are stored once if the database accepted them after all."""
     monkeypatch.setattr(engines, "_BUSY_SECONDS", 60.0)
     monkeypatch.setattr(recorder, "_MUTE", 0.1)
@@ -85,7 +87,7 @@ def test_mute_database_is_told_and_holds_up_no_end(tmp_path: Path, monkeypatch: 
     assert list(made.events()) == [HistoryRecovered(brought_in=len(EVENTS))]
 
 
-def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(tmp_path: Path) -> None:
+def test_unopenable_database_is_reported_once_and_entries_survive_a_restart(tmp_path: Path) -> None:
     url, spool, file = sqlite_url(tmp_path), tmp_path / "spool.jsonl", tmp_path / "history.sqlite"
     file.mkdir()
     with recording(url, spool, retry_seconds=0.01) as made:
@@ -108,7 +110,7 @@ def test_database_that_cannot_be_opened_is_said_once_and_the_next_start_goes_on(
 @pytest.mark.parametrize(
     "line", ["null", "{}", '{"topic": "/result/window", "time": 1, "payload": {"of": "another version"}}', "\x00", "{"]
 )
-def test_spool_that_holds_nonsense_does_no_harm(tmp_path: Path, line: str) -> None:
+def test_invalid_spool_lines_are_ignored(tmp_path: Path, line: str) -> None:
     spool = tmp_path / "spool.jsonl"
     spool.write_text(f"{line}\n", encoding="utf-8")
     with recording(sqlite_url(tmp_path), spool) as made:
@@ -118,7 +120,7 @@ def test_spool_that_holds_nonsense_does_no_harm(tmp_path: Path, line: str) -> No
     assert made.problem is None
 
 
-def test_what_finds_no_room_on_disk_is_counted(tmp_path: Path) -> None:
+def test_entries_without_a_writable_spool_are_counted_as_dropped(tmp_path: Path) -> None:
     (tmp_path / "history.sqlite").mkdir()
     (tmp_path / "spool").write_text("a file where a folder should be", encoding="utf-8")
     with recording(sqlite_url(tmp_path), tmp_path / "spool" / "spool.jsonl") as made:
@@ -127,9 +129,7 @@ def test_what_finds_no_room_on_disk_is_counted(tmp_path: Path) -> None:
     assert made.dropped == len(EVENTS)
 
 
-def test_crowds_of_events_lose_their_oldest_and_nothing_else_goes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_the_oldest_of_frequent_events_are_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A plug that is loose for weeks fills no disk; alarms, their changes, windows and rarer events all stay."""
     monkeypatch.setattr(recorder, "_FORGET", 0.0)
     url = sqlite_url(tmp_path)

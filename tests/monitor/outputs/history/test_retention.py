@@ -43,7 +43,7 @@ def kept(url: str) -> list[int]:
     return sorted((row["end"] - START) // STEP for row in rows(url, "diagnoses"))
 
 
-def test_alarm_that_stands_for_two_weeks_keeps_a_few_diagnoses(tmp_path: Path) -> None:
+def test_two_week_alarm_keeps_few_diagnoses(tmp_path: Path) -> None:
     """A mass of 302 ± 5 g, each time from the newest 100 windows; after ten days it is 330 g."""
     url, draw = sqlite_url(tmp_path), random.Random(1)
     single = [0.302 + 0.028 * (n >= 1540) + draw.gauss(0.0, 0.05) for n in range(2260)]
@@ -63,7 +63,7 @@ def test_alarm_that_stands_for_two_weeks_keeps_a_few_diagnoses(tmp_path: Path) -
         assert reader.diagnosis(START) == weighing(masses[-1]).model_dump_json()
 
 
-def test_each_alarm_keeps_its_first_and_newest(tmp_path: Path) -> None:
+def test_each_alarm_keeps_its_first_and_newest_diagnosis(tmp_path: Path) -> None:
     """The first alarm has ended by itself; the second is accepted; the third is active."""
     url = sqlite_url(tmp_path)
     run_results: list[Event] = []
@@ -104,12 +104,12 @@ def test_each_alarm_keeps_its_first_and_newest(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_what_says_the_same(now: Diagnosis, same: bool) -> None:
+def test_equivalence_of_two_diagnoses(now: Diagnosis, same: bool) -> None:
     assert says_the_same(FOUND, now) is same
     assert says_the_same(now, FOUND) is same
 
 
-def test_one_that_wavers_takes_no_more_than_a_few_rows_a_day() -> None:
+def test_alternating_diagnoses_keep_few_rows_per_day() -> None:
     """Two verdicts in turn for three days: eight of each day, and the newest; of another version likewise."""
     for other in (NOTHING.model_dump_json(), '{"of": "a later version"}'):
         reported = [(START + n * STEP, (TEXT, other)[n % 2]) for n in range(3 * 144)]
@@ -124,7 +124,7 @@ def test_one_that_wavers_takes_no_more_than_a_few_rows_a_day() -> None:
     raised=st.sets(st.integers(0, 60)),
     thinned=st.sets(st.integers(0, 60)),
 )
-def test_thinned_now_and_then_the_same_stays_as_at_once(
+def test_repeated_thinning_keeps_the_same_rows_as_a_single_one(
     masses: Sequence[float], raised: set[int], thinned: set[int]
 ) -> None:
     texts = {mass: weighing(mass).model_dump_json() for mass in set(masses)}

@@ -32,7 +32,7 @@ def everything(url: str) -> dict[str, list[object]]:
     return {name: [tuple(row.values()) for row in rows(url, name)] for name in schema.metadata.tables}
 
 
-def test_run_is_there_in_full_however_often_it_is_brought(url: str) -> None:
+def test_repeated_writing_stores_each_item_once(url: str) -> None:
     write(url, EVENTS)
     once = everything(url)
     write(url, EVENTS[:9], EVENTS, list(reversed(EVENTS[:5])))
@@ -48,7 +48,7 @@ def test_run_is_there_in_full_however_often_it_is_brought(url: str) -> None:
         assert reader.modes() == [1, 2, 3, 4, 5, 6]
 
 
-def test_figures_of_a_day_are_those_of_its_windows(url: str) -> None:
+def test_daily_statistics_match_the_windows_of_the_day(url: str) -> None:
     n = write_years(url, years=0.02, step=HOUR, n_modes=2)
     with Reader(url) as reader:
         span = reader.span()
@@ -97,7 +97,7 @@ def explained(time: int, cause: str) -> Event:
     return replace(window, time=time, payload=window.payload | {"end": time, "diagnosis": diagnosis})
 
 
-def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str) -> None:
+def test_window_raising_an_alarm_does_not_change_the_previous_alarm(url: str) -> None:
     """It is analysed, and written to the log, before the alarm that it raises."""
     at = [START + i * HOUR for i in range(6)]
     run_results = [change(at[0], "alarm", "first"), explained(at[1], "added_mass")]
@@ -110,7 +110,7 @@ def test_window_that_raises_an_alarm_changes_nothing_of_the_one_before(url: str)
     assert "200 ± 10 g" in second.text
 
 
-def test_item_that_no_database_takes_keeps_out_no_other(url: str) -> None:
+def test_unstorable_item_does_not_block_other_items(url: str) -> None:
     """A time beyond 64 bits: items that came with it, and after it, are stored."""
     events = [Event(topic="/event/gap", time=time, payload={"device": "left"}) for time in (1, 2**70, 3)]
     with HistoryStore(url) as store:
@@ -119,7 +119,7 @@ def test_item_that_no_database_takes_keeps_out_no_other(url: str) -> None:
     assert [row["time"] for row in rows(url, "events")] == [1, 3]
 
 
-def test_older_history_is_brought_up_to_date(url: str) -> None:
+def test_older_schema_is_migrated(url: str) -> None:
     """A database of the first version, before there were figures by the day."""
     engine = create_engine(url)
     with engine.begin() as connection:
@@ -134,7 +134,7 @@ def test_older_history_is_brought_up_to_date(url: str) -> None:
     assert [row["version"] for row in rows(url, "schema_version")] == [1, NEWEST]
 
 
-def test_history_of_a_later_program_is_refused(url: str) -> None:
+def test_newer_schema_version_is_refused(url: str) -> None:
     write(url, EVENTS[:2])
     engine = create_engine(url)
     with engine.begin() as connection:
@@ -156,7 +156,7 @@ def test_history_of_a_later_program_is_refused(url: str) -> None:
         ("postgresql://me:secret@127.0.0.1:1/none", "127.0.0.1"),
     ],
 )
-def test_address_that_leads_nowhere_is_named_without_its_password(url: str, says: str) -> None:
+def test_invalid_database_address_is_reported_without_the_password(url: str, says: str) -> None:
     with pytest.raises(HistoryError) as caught:
         HistoryStore(url)
     assert says in str(caught.value)
@@ -165,7 +165,7 @@ def test_address_that_leads_nowhere_is_named_without_its_password(url: str, says
 
 
 @pytest.mark.parametrize("waiting", [True, False])
-def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.MonkeyPatch, waiting: bool) -> None:
+def test_read_only_history_can_be_read(url: str, monkeypatch: pytest.MonkeyPatch, waiting: bool) -> None:
     """Another user's, or a copy on a read-only disk: SQLite's message there, whoever runs this test."""
 
     def refuse(*_: object) -> None:
@@ -181,7 +181,7 @@ def test_history_that_may_only_be_read_is_read(url: str, monkeypatch: pytest.Mon
     store.__exit__()
 
 
-def test_year_of_windows_is_asked_through_an_index(url: str) -> None:
+def test_queries_over_a_year_use_an_index(url: str) -> None:
     """No question reads a table from end to end, by the database's own account; by the day, a year is 366 rows."""
     n = write_years(url, years=1.0, step=HOUR, n_modes=3)
     span = Span(start=START, end=START + n * HOUR)

@@ -44,7 +44,7 @@ def renewal(tab: Tab) -> None:
     tab.until(f"document.getElementById('link').textContent != {before!r}")
 
 
-def test_page_renews_itself_and_tells_the_monitor_by_its_button(tab: Tab, tmp_path: Path) -> None:
+def test_page_refreshes_itself_and_its_button_acknowledges_the_alarm(tab: Tab, tmp_path: Path) -> None:
     tab.until("document.getElementById('link')?.textContent.startsWith('live, renewed')")  # its own policy lets it
     assert "ALARM: the structure has changed" in tab.value("document.body.innerText")
     assert tab.value("document.querySelectorAll('.member').length") > 0

@@ -74,7 +74,7 @@ async def answer(reader: asyncio.StreamReader) -> bytes:
 
 
 @pytest.mark.parametrize("line", ODD)
-def test_odd_headers_are_refused_with_the_headers_that_protect_a_browser(
+def test_invalid_headers_are_refused_with_security_headers(
     app: ASGIApp, line: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     async def visit(connect: Connect) -> None:
@@ -89,7 +89,7 @@ def test_odd_headers_are_refused_with_the_headers_that_protect_a_browser(
     assert capfd.readouterr().err == ""
 
 
-def test_unforeseen_error_is_one_line_and_an_answer_with_all_headers(capfd: pytest.CaptureFixture[str]) -> None:
+def test_internal_error_is_one_log_line_and_keeps_security_headers(capfd: pytest.CaptureFixture[str]) -> None:
     async def broken(*_: object) -> None:
         raise KeyError("\x1b[31mwhat\nnow")
 
@@ -104,7 +104,9 @@ def test_unforeseen_error_is_one_line_and_an_answer_with_all_headers(capfd: pyte
     assert capfd.readouterr().err.splitlines() == [r"status page: KeyError: '\x1b[31mwhat\nnow'"]
 
 
-def test_request_that_does_not_end_is_cut_and_others_are_not(app: ASGIApp, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_an_unfinished_request_is_disconnected_after_its_time_limit(
+    app: ASGIApp, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Slow bytes do not lengthen the time; a connection that is kept alive has it again after each response."""
     monkeypatch.setattr(protocol, "REQUEST_SECONDS", 0.4)
 
@@ -125,7 +127,7 @@ def test_request_that_does_not_end_is_cut_and_others_are_not(app: ASGIApp, monke
     served(app, visit)
 
 
-def test_connection_that_waits_longest_gives_way(app: ASGIApp, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_longest_waiting_connection_is_closed_above_the_limit(app: ASGIApp, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(protocol, "MAX_CONNECTIONS", 3)
 
     async def visit(connect: Connect) -> None:
@@ -140,7 +142,7 @@ def test_connection_that_waits_longest_gives_way(app: ASGIApp, monkeypatch: pyte
     served(app, visit)
 
 
-def test_answer_is_computed_once_for_all_and_never_given_when_old(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_snapshot_is_computed_once_per_period_and_never_outdated(monkeypatch: pytest.MonkeyPatch) -> None:
     now, calls, go = 0.0, 0, threading.Event()
     monkeypatch.setattr(
         "monitor.service.servers.web.snapshot.time", SimpleNamespace(monotonic=lambda: now)

@@ -88,7 +88,7 @@ def test_running_monitor_is_healthy(source: Source) -> None:
     assert (answer.status_code, answer.json()) == (200, {"healthy": True, "problems": []})
 
 
-def test_events_of_the_page_have_the_alarm_and_what_was_left_out(source: Source) -> None:
+def test_events_on_the_page_include_alarm_and_skipped_windows(source: Source) -> None:
     """The alarm is raised after the other events; it must be among the last events."""
     with HistoryStore(source.url) as store:
         store.write([Event(topic="/event/windows_left_out", time=EVENTS[-1].time - 1, payload={"why": "behind"})])
@@ -118,21 +118,21 @@ def test_events_of_the_page_have_the_alarm_and_what_was_left_out(source: Source)
         ({"devices": {"left": {"lost": False, "silent": 9.0}}}, "device left has been silent for"),
     ],
 )
-def test_what_is_stale_is_named(source: Source, fields: dict[str, Any], says: str) -> None:
+def test_each_health_problem_is_named(source: Source, fields: dict[str, Any], says: str) -> None:
     answer = Client(changed(source, **fields)).get("/healthz")
     assert answer.status_code == 503
     [problem] = answer.json()["problems"]
     assert says in problem
 
 
-def test_site_that_never_ran_has_a_page_all_the_same(tmp_path: Path) -> None:
+def test_site_that_never_ran_has_a_page(tmp_path: Path) -> None:
     looked = Client(Source(name="new", state=tmp_path, url=sqlite_url(tmp_path)))
     assert looked.get("/healthz").json()["problems"] == ["no monitor has run here yet"]
     assert "Learning the baseline" in looked.get("/").text
     assert "modalwatch_healthy 0.0" in looked.get("/metrics").text
 
 
-def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> None:
+def test_windows_without_a_usable_result_are_unhealthy(source: Source, tmp_path: Path) -> None:
     """Data arrive and windows are analysed, but none has a usable result: as bad as no monitoring."""
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     unseen: dict[str, Any] = dict.fromkeys(("t2", "limit"), math.nan) | {"modes": [], "detectors": []}
@@ -148,7 +148,7 @@ def test_watch_that_sees_nothing_is_not_well(source: Source, tmp_path: Path) -> 
         assert well or "no watched mode was identified" in found["problems"][0]
 
 
-def test_page_states_the_detectable_change_where_the_law_is_unsure(source: Source) -> None:
+def test_page_states_the_detectable_change_at_uncertain_temperatures(source: Source) -> None:
     unsure = {"least_percent": 0.93, "temperature": 21.5, "coldest": 10.1, "warmest": None}
     novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "unsure": unsure}
     window = {"index": 30, "phase": "watching", "novelty": novelty}
@@ -159,7 +159,7 @@ def test_page_states_the_detectable_change_where_the_law_is_unsure(source: Sourc
     assert "are detectable" not in Client(changed(source, state="normal", window=sure)).get("/").text
 
 
-def test_smallest_detectable_change_stays_over_a_window_without_modes(source: Source) -> None:
+def test_smallest_detectable_change_is_kept_over_a_window_without_modes(source: Source) -> None:
     window = next(e for e in EVENTS if e.topic == "/result/window" and e.payload["phase"] == "watching")
     found = {"alike_percent": 0.57, "modes_percent": [1.0, 2.0], "thermometer": True}
     novelty = {"t2": 1.0, "limit": 5.0, "modes": [1], "detectors": [], "detectable": found}
@@ -173,20 +173,20 @@ def test_smallest_detectable_change_stays_over_a_window_without_modes(source: So
     )
 
 
-def test_page_says_how_far_learning_has_come(source: Source) -> None:
+def test_page_shows_the_progress_of_learning(source: Source) -> None:
     learning = changed(source, state="learning", window={"index": 6, "phase": "learning"})
     assert "7 windows so far, nothing is judged yet" in Client(learning).get("/").text
     assert "so far" not in Client(changed(source, state="normal")).get("/").text
 
 
-def test_history_that_is_down_is_not_said_to_be_empty(source: Source) -> None:
+def test_unavailable_history_is_not_shown_as_empty(source: Source) -> None:
     (source.state / "history.sqlite").unlink()
     assert "the history is empty" in Client(source).get("/").text
     text = Client(changed(source, problems={"history": "it is gone"})).get("/").text
     assert ("history: it is gone" in text, "the history is empty" in text) == (True, False)
 
 
-def test_windows_of_a_clock_that_ran_ahead_are_not_the_last(source: Source) -> None:
+def test_window_with_a_future_time_is_not_shown_as_the_last(source: Source) -> None:
     shown = re.search("last window .*?,", Client(source).get("/").text)
     ahead = next(event for event in reversed(EVENTS) if event.topic == "/result/window")
     years = 5 * 365 * 86_400 * 10**9
@@ -199,7 +199,7 @@ def test_windows_of_a_clock_that_ran_ahead_are_not_the_last(source: Source) -> N
     assert again[0] == shown[0]
 
 
-def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tmp_path: Path) -> None:
+def test_alarm_is_shown_without_the_history(source: Source, tmp_path: Path) -> None:
     """It may be locked, or damaged, or behind: the page reports it, with no wrong state."""
     looked = Client(Source(name="bridge", state=source.state, url="sqlite:////proc/nowhere/history.sqlite"))
     page = looked.get("/").text
@@ -208,7 +208,7 @@ def test_alarm_is_shown_where_the_history_knows_nothing_of_it(source: Source, tm
     assert 'modalwatch_state{state="alarm"} 1.0' in looked.get("/metrics").text
 
 
-def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
+def test_metrics_are_in_prometheus_format(source: Source) -> None:
     text = Client(source).get("/metrics").text
     found = dict(re.findall(r"^(modalwatch_\S+) (\S+)$", text, re.MULTILINE))
     assert found["modalwatch_healthy"] == "1.0"
@@ -222,7 +222,7 @@ def test_metrics_are_read_as_prometheus_does(source: Source) -> None:
     assert {"modalwatch_window_latency_seconds", "modalwatch_alarm_latency_seconds"} <= found.keys()
 
 
-def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> None:
+def test_page_shows_the_alarm_and_escapes_foreign_text(source: Source) -> None:
     answer = Client(source).get("/")
     for text in ("bridge &lt;b&gt;", "<svg", "Acknowledge", "Novelty", "left", "gap"):
         assert text in answer.text
@@ -245,32 +245,32 @@ def test_page_shows_the_alarm_and_escapes_what_others_wrote(source: Source) -> N
         (ACT, 202),
     ],
 )
-def test_acknowledging_takes_the_token(source: Source, headers: dict[str, str], code: int) -> None:
+def test_acknowledgement_requires_the_token(source: Source, headers: dict[str, str], code: int) -> None:
     answer = Client(source).post("/acknowledge?by=Ada", headers=headers)
     assert answer.status_code == code
     assert [command.payload()["by"] for command in Inbox(source.state).taken()] == (["Ada"] if code == 202 else [])
 
 
-def test_password_of_any_user_is_the_token(source: Source) -> None:
+def test_token_is_the_password_of_any_user_name(source: Source) -> None:
     answer = Client(source).post("/acknowledge", headers={"X-Modalwatch": "test"}, auth=("ada", TOKEN))
     assert answer.status_code == 202
     assert [command.payload()["by"] for command in Inbox(source.state).taken()] == ["ada"]
 
 
-def test_folder_that_takes_no_word_is_told(source: Source) -> None:
+def test_unwritable_state_folder_is_reported(source: Source) -> None:
     shutil.rmtree(source.state / "inbox", ignore_errors=True)
     (source.state / "inbox").write_text("a file")
     answer = Client(source).post("/acknowledge", headers=ACT)
     assert (answer.status_code, "not writable" in answer.text) == (503, True)
 
 
-def test_beyond_this_machine_looking_takes_the_token_too(source: Source) -> None:
+def test_remote_reading_requires_the_token(source: Source) -> None:
     looked = Client(source, open_to_look=False)
     assert {looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/page.js")} == {401}
     assert looked.get("/", headers=ACT).status_code == 200
 
 
-def test_page_elsewhere_that_gives_us_its_name_is_refused(source: Source) -> None:
+def test_foreign_host_header_is_refused(source: Source) -> None:
     assert Client(source).get("/", headers={"Host": "evil.example"}).status_code == 421
 
 
@@ -285,7 +285,7 @@ def served(history: Path) -> Iterator[str]:
 
 
 @pytest.mark.live
-def test_server_draws_a_token_that_only_its_owner_reads(served: str, history: Path) -> None:
+def test_generated_token_is_readable_only_by_its_owner(served: str, history: Path) -> None:
     token = history / "web_token"
     assert token.stat().st_mode & 0o777 == 0o600
     answer = httpx.post(f"{served}/acknowledge", headers={"X-Modalwatch": "x"}, auth=("", token.read_text().strip()))
@@ -294,7 +294,7 @@ def test_server_draws_a_token_that_only_its_owner_reads(served: str, history: Pa
 
 
 @pytest.mark.live
-def test_port_in_use_stops_the_start(served: str, source: Source) -> None:
+def test_port_in_use_prevents_the_start(served: str, source: Source) -> None:
     with (
         pytest.raises(StartError, match=f"web: 127.0.0.1:{PORT}: .*in use"),
         web_process(source, "127.0.0.1", PORT, None),

@@ -34,7 +34,7 @@ def page_of(found: DiscrepancyResult, folder: Path) -> Page:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
+def test_page_shows_modes_sensors_and_locations(tmp_path: Path) -> None:
     page = page_of(shown(), tmp_path)
     for words in (
         "-3.70 ± 0.10",
@@ -51,7 +51,7 @@ def test_modes_sensors_and_places_are_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp_path: Path) -> None:
+def test_unused_mode_is_marked_on_page_and_terminal(tmp_path: Path) -> None:
     found, why = shown(), "* not used: no confident match in the reference"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
     say_evidence(terminal, answers.diagnosis(), found, [])
@@ -71,7 +71,7 @@ def test_a_mode_that_takes_no_part_is_marked_on_the_page_and_in_the_terminal(tmp
 @pytest.mark.parametrize(
     ("log_odds", "readings"), [(40.0, ["mass"]), (-40.0, ["stiffness"]), (1.0, ["mass", "stiffness"])]
 )
-def test_only_the_reading_of_forces_that_is_clearly_better_is_shown(
+def test_only_the_clearly_better_interpretation_of_residual_forces_is_shown(
     log_odds: float, readings: list[str], tmp_path: Path
 ) -> None:
     page = page_of(shown(log_odds), tmp_path)
@@ -81,7 +81,7 @@ def test_only_the_reading_of_forces_that_is_clearly_better_is_shown(
     assert all(f"+12.0 ± 0.2 % at ({x:.3f}, {y:.3f}, {z:.3f}) m" in text for text in found)
 
 
-def test_a_picture_that_fails_costs_only_itself(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_failed_picture_does_not_affect_the_others(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A spectrum whose curves differ in length, as they did where windows paired other modes with the causes."""
     whole = page_of(shown(), tmp_path).pictures
     assert not caplog.records
@@ -93,7 +93,7 @@ def test_a_picture_that_fails_costs_only_itself(tmp_path: Path, caplog: pytest.L
     assert record.getMessage().startswith("internal error, picture (beam_left_z: spectrum) is left out: ValueError: ")
 
 
-def test_what_is_missing_leaves_its_part_out(tmp_path: Path) -> None:
+def test_missing_results_omit_their_part_of_the_page(tmp_path: Path) -> None:
     bare = shown().model_copy(update={"balance": None, "signals": (), "trends": (), "places": (), "note": "too short"})
     page = page_of(bare, tmp_path)
     assert "too short" in page.words

@@ -66,7 +66,7 @@ def headline(page: Page) -> str:
     return found.group(1)
 
 
-def test_page_of_the_recorded_log_says_what_its_last_window_says(tmp_path: Path) -> None:
+def test_page_of_a_recorded_log_states_the_last_result(tmp_path: Path) -> None:
     run = load_run(LOG)
     run_report(run, tmp_path / "page.html")
     page = Page(tmp_path / "page.html")
@@ -86,7 +86,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
     return page_of(FOUND, tmp_path_factory.mktemp("report"))
 
 
-def test_page_needs_no_network_and_its_pictures_are_whole(page: Page) -> None:
+def test_page_is_self_contained_with_complete_pictures(page: Page) -> None:
     assert len(page.pictures) == 8  # no profile of a mass: a sensor's gain is named beside it
     assert page.links
     for source in page.links:
@@ -96,7 +96,7 @@ def test_page_needs_no_network_and_its_pictures_are_whole(page: Page) -> None:
     assert "script" not in page.tags
 
 
-def test_increments_and_diagnosis_are_told(page: Page) -> None:
+def test_page_shows_increments_and_diagnosis(page: Page) -> None:
     assert "302 ± 5 g added on the crossbeam at (0.250, 0.000, 1.480) m ± 4 mm" in headline(page)
     assert "sensor gain in col_037_x: gain 1.0312 ± 0.0021" in headline(page)
     increments = answers.increments(SITE)
@@ -115,14 +115,14 @@ def test_increments_and_diagnosis_are_told(page: Page) -> None:
         assert words in page.words, words
 
 
-def test_foreign_texts_are_escaped(page: Page) -> None:
+def test_texts_from_outside_are_escaped(page: Page) -> None:
     assert "shifts all modes alike <unlike these>" in page.words
     assert "a = '<b>'" in page.words
     assert {"unlike", "indeed"}.isdisjoint(page.tags)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_what_the_diagnosis_rests_on_is_shown(tmp_path: Path) -> None:
+def test_measurements_behind_the_diagnosis_are_shown(tmp_path: Path) -> None:
     found = {"diagnosis": answers.diagnosis(), "discrepancy": shown(), "answer": None}
     last = WHOLE["windows"][-1].model_copy(update=found)
     page = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], last]}, tmp_path)
@@ -130,7 +130,7 @@ def test_what_the_diagnosis_rests_on_is_shown(tmp_path: Path) -> None:
     assert any(text.startswith("Residual forces") for text in page.pictures)
 
 
-def test_lost_data_are_told(page: Page) -> None:
+def test_lost_data_are_reported(page: Page) -> None:
     assert "3 items were lost because the queue of the log was full" in page.words
     assert "it was cut short, or is still being written" in page.words
     assert "about 7" in page.words
@@ -180,7 +180,7 @@ def accepted_run(accepted: AcceptedShift, *then: AlarmResult) -> dict[str, objec
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
+def test_accepted_change_is_shown_with_person_and_time(tmp_path: Path) -> None:
     change = AcceptedShift(
         time=WHOLE["windows"][-3].end,
         raised=WHOLE["alarms"][-1].time,
@@ -200,13 +200,13 @@ def test_accepted_change_is_told_with_who_and_when(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_every_state_of_a_run_has_its_verdict(name: str) -> None:
+def test_each_state_of_a_run_has_a_verdict(name: str) -> None:
     run, words = CASES[name]
     assert words in verdict(made.run_results(run), None)
 
 
 @pytest.mark.parametrize("name", ["learning", "learnt", "no answer", "nothing identified", "footbridge", "one mode"])
-def test_every_run_has_its_page(name: str, tmp_path: Path) -> None:
+def test_each_kind_of_run_has_a_page(name: str, tmp_path: Path) -> None:
     run, words = CASES[name]
     page = page_of(run, tmp_path)
     assert words in headline(page)
@@ -225,7 +225,7 @@ def test_answer_of_unknown_precision_is_shown(std: float, tmp_path: Path) -> Non
 
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("window", [0, -1], ids=["first", "last"])
-def test_a_mode_that_a_window_did_not_show_leaves_its_cells_empty(window: int, tmp_path: Path) -> None:
+def test_mode_missing_from_a_window_has_empty_cells(window: int, tmp_path: Path) -> None:
     watched = WHOLE["windows"][-3:]
     watched[window] = watched[window].model_copy(update={"modes": watched[window].modes[1:]})
     page = page_of(WHOLE | {"windows": watched}, tmp_path)
@@ -235,7 +235,7 @@ def test_a_mode_that_a_window_did_not_show_leaves_its_cells_empty(window: int, t
     assert "<td></td>" in row.group(0)
 
 
-def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
+def test_each_alternative_location_is_listed_and_drawn(tmp_path: Path) -> None:
     other = OtherPlace(
         member="crossbeam", position=(0.25, 0.0, 1.48), position_std=0.02, mass=0.2, mass_std=0.03, probability=0.31
     )
@@ -249,7 +249,7 @@ def test_every_place_that_is_open_is_told_and_drawn(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_outlook_stands_on_the_page_where_there_is_one(tmp_path: Path) -> None:
+def test_accuracy_forecast_is_shown_if_present(tmp_path: Path) -> None:
     reported = "more windows reduce the deviation with their square root, up to about 4 windows: 4 mm and 8 g at best"
     last = WHOLE["windows"][-1]
     stated = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": reported})})
@@ -262,7 +262,7 @@ def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
     assert page_of(FOUND, tmp_path).text == page.text
 
 
-def test_diagnosis_stands_alone(tmp_path: Path) -> None:
+def test_diagnosis_without_a_run_has_a_page(tmp_path: Path) -> None:
     structure = SITE.model.structure
     diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>", structure=structure)
     page = Page(tmp_path / "page.html")
@@ -275,7 +275,7 @@ def test_diagnosis_stands_alone(tmp_path: Path) -> None:
     assert found == "The data disagree with the model in a way that no cause known here explains."
 
 
-def test_diagnosis_is_read_back_and_a_bad_one_is_named(tmp_path: Path) -> None:
+def test_diagnosis_is_read_back_and_an_invalid_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "diagnosis.json"
     path.write_text(answers.diagnosis().model_dump_json(), encoding="utf-8")
     assert load_diagnosis(path) == answers.diagnosis()
@@ -284,6 +284,6 @@ def test_diagnosis_is_read_back_and_a_bad_one_is_named(tmp_path: Path) -> None:
         load_diagnosis(path)
 
 
-def test_a_folder_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_missing_output_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match=r"missing/page\.html: cannot be written: No such file"):
         diagnosis_report(answers.diagnosis(), tmp_path / "missing" / "page.html", title="T")

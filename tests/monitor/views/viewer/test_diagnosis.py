@@ -19,7 +19,7 @@ def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
     return Rrd(path)
 
 
-def test_every_view_has_something_to_show(rrd: Rrd) -> None:
+def test_every_view_has_data(rrd: Rrd) -> None:
     origins = {view.origin for view in rrd.views}
     assert origins == {
         "/structure", "/diagnosis", "/evidence", "/modes", "/offsets", "/mac", "/sensors", "/signals/beam_left_z",
@@ -28,14 +28,14 @@ def test_every_view_has_something_to_show(rrd: Rrd) -> None:
         assert any((c.entity_path + "/").startswith(origin + "/") for c in rrd.chunks), origin
 
 
-def test_members_are_red_where_forces_are_left_over(rrd: Rrd) -> None:
+def test_members_are_red_at_the_residual_forces(rrd: Rrd) -> None:
     strips, colours = (rrd.static("/structure/members", f"LineStrips3D:{name}") for name in ("strips", "colors"))
     green = np.array([c >> 16 & 0xFF for c in colours])
     middle = np.mean(np.array(strips), axis=1)
     assert np.linalg.norm(middle[np.argmin(green)] - NODES[PEAK]) < 0.05  # one element
 
 
-def test_signals_are_the_ones_that_were_found(rrd: Rrd) -> None:
+def test_signals_equal_those_of_the_result(rrd: Rrd) -> None:
     signal = shown().signals[0]
     for name, values in (("measured", signal.measured), ("predicted", signal.predicted)):
         times, rows = rrd.rows(f"/signals/{signal.channel}/{name}", "Scalars:scalars", timeline="seconds")
@@ -43,7 +43,7 @@ def test_signals_are_the_ones_that_were_found(rrd: Rrd) -> None:
         np.testing.assert_allclose(np.diff(times), signal.step * 1e9)
 
 
-def test_causes_stand_where_they_are(rrd: Rrd) -> None:
+def test_causes_are_drawn_at_their_positions(rrd: Rrd) -> None:
     (place,) = rrd.static("/structure/causes", "Points3D:positions")
     np.testing.assert_allclose(place, (0.25, 0.0, 1.48), atol=1e-6)
     names = rrd.static("/structure/causes/names", "Points3D:labels")

@@ -30,7 +30,7 @@ FLOATS = st.floats(-1e3, 1e3, allow_nan=False)
 @pytest.mark.parametrize("reference", [REFERENCE, BRIDGE], ids=["t_frame", "footbridge"])
 @pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 0.0), (24.0, 12.0), (38.0, 24.0), (-60.0, 70.0)])
-def test_eye_is_as_near_as_all_points_allow(
+def test_camera_is_as_close_as_all_points_allow(
     reference: ReferenceResult, aspect: float, azimuth: float, elevation: float
 ) -> None:
     geometry, fill = Geometry(reference), 0.9
@@ -69,7 +69,7 @@ def test_lowest_node_is_the_support_if_all_nodes_move() -> None:
     assert Geometry(REFERENCE.model_copy(update={"modes": []})).held.tolist() == [0]
 
 
-def test_place_is_told_by_the_axis_the_member_runs_along() -> None:
+def test_position_text_uses_the_axis_parallel_to_the_member() -> None:
     assert Geometry(REFERENCE).place("column", np.array([0, 0, 0.521])) == "column z 0.521"
     assert Geometry(REFERENCE).place("crossbeam", np.array([0.25, 0, 1.48])) == "crossbeam x 0.250"
     half = float(np.hypot(9.0, 3.0))
@@ -120,7 +120,7 @@ def test_ticks_are_evenly_spaced_inside_and_few(low: float, length: float, most:
 
 @settings(deadline=None)  # a busy machine is not an error
 @given(places=st.lists(st.floats(0, 200), max_size=12), apart=st.floats(0.1, 10))
-def test_labels_of_close_modes_stand_side_by_side(places: list[float], apart: float) -> None:
+def test_labels_of_close_modes_do_not_overlap(places: list[float], apart: float) -> None:
     ascending = np.sort(np.array(places, float))
     moved = side_by_side(ascending, apart, end=200.0)
     assert np.all(np.diff(moved) >= apart - 1e-9)
@@ -136,7 +136,7 @@ def axes() -> Axes:
     ("y", "lengths"),
     [([1, 2, 3, 4, 5], [5]), ([20, 20, 5, 20, 20], [3]), ([5, 20, 20, 5, 5], [2, 3]), ([20, 20, 20, 20, 20], [])],
 )
-def test_curve_is_cut_where_it_crosses_the_frame(y: list[float], lengths: list[int]) -> None:
+def test_curve_is_cut_at_the_frame(y: list[float], lengths: list[int]) -> None:
     runs = axes().runs(np.linspace(0, 1, 5), np.array(y, float))
     assert [len(run) for run in runs] == lengths
     assert all(run[:, 1].min() >= 0 and run[:, 1].max() <= 50 for run in runs)
@@ -147,7 +147,7 @@ def test_crossing_of_the_frame_is_interpolated() -> None:
     np.testing.assert_allclose(run, [[0, 50], [50, 0]], atol=1e-9)
 
 
-def test_flat_spectrum_has_an_axis() -> None:
+def test_flat_spectrum_has_a_valid_axis_range() -> None:
     window = SITE.window(0, "learning", np.zeros(SITE.n_modes))
     flat = window.spectrum.model_copy(update={"singular_values": [[-60.0] * 257]}) if window.spectrum else None
     run_results = RunResults(
@@ -161,13 +161,13 @@ def test_flat_spectrum_has_an_axis() -> None:
     assert low <= -60 < high
 
 
-def test_modes_have_colours_of_their_own() -> None:
+def test_each_mode_has_a_unique_colour() -> None:
     colours = [mode_colour(number) for number in range(1, 61)]
     assert len(set(colours)) == len(colours)
     assert all(0 <= c <= 255 for colour in colours for c in colour)
 
 
-def test_heat_rises_from_steel_to_red() -> None:
+def test_heat_colours_change_from_steel_to_red() -> None:
     colours: FloatArray = heat(np.linspace(-0.5, 1.5, 21)).astype(float)
     assert np.all(np.diff(colours[:, 0] - colours[:, 2]) >= -30)
     np.testing.assert_array_equal(colours[0], colours[5])
@@ -178,13 +178,13 @@ def test_heat_rises_from_steel_to_red() -> None:
     ("names", "expected"),
     [(["beam_left_y", "beam_left_z"], "beam_left"), (["a"], "a"), (["x", "y"], "x"), (["a1", "a1b"], "a1")],
 )
-def test_sensor_place_is_named_by_what_its_channels_share(names: list[str], expected: str) -> None:
+def test_sensor_position_is_named_by_the_common_part_of_its_channels(names: list[str], expected: str) -> None:
     assert common_name(names) == expected
 
 
 @settings(deadline=None)  # a busy machine is not an error
 @given(n=st.integers(0, 2000), most=st.integers(1, 300))
-def test_thinned_items_are_few_evenly_spread_and_end_with_the_last(n: int, most: int) -> None:
+def test_thinned_items_are_limited_evenly_spaced_and_include_the_last(n: int, most: int) -> None:
     kept = thin(list(range(n)), most)
     assert len(kept) <= most
     assert kept[-1:] == list(range(n))[-1:]
@@ -193,7 +193,7 @@ def test_thinned_items_are_few_evenly_spread_and_end_with_the_last(n: int, most:
 
 @settings(deadline=None)  # a busy machine is not an error
 @given(n=st.integers(1, 40), aspect=st.floats(0.2, 8))
-def test_no_other_grid_shows_the_pictures_larger(n: int, aspect: float) -> None:
+def test_best_grid_gives_the_largest_pictures(n: int, aspect: float) -> None:
     def size(columns: int) -> float:
         return min(1.9 / columns / aspect, 1 / -(-n // columns))
 
@@ -202,6 +202,6 @@ def test_no_other_grid_shows_the_pictures_larger(n: int, aspect: float) -> None:
     assert cell == pytest.approx(1.9 / columns * -(-n // columns), rel=1e-12)
 
 
-def test_command_line_starts_without_rerun() -> None:
+def test_command_line_does_not_import_rerun() -> None:
     code = "import sys, monitor.cli.main; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -24,7 +24,7 @@ def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
     return Rrd(path)
 
 
-def test_members_are_red_where_most_mass_was_added_and_steel_where_nothing_is_said(rrd: Rrd) -> None:
+def test_members_are_red_at_the_added_mass_and_steel_without_data(rrd: Rrd) -> None:
     _, strips = rrd.rows("/increments/z/members", "LineStrips3D:strips")
     _, colours = rrd.rows("/increments/z/members", "LineStrips3D:colors")
     green = np.array([c >> 16 & 0xFF for c in colours[-1]])
@@ -33,7 +33,7 @@ def test_members_are_red_where_most_mass_was_added_and_steel_where_nothing_is_sa
     assert set(green[middle[:, 2] < 0.98]) == {118}  # steel: z says nothing there
 
 
-def test_flagged_nodes_are_marked_and_the_place_is_named(rrd: Rrd) -> None:
+def test_flagged_nodes_are_marked_with_the_location_text(rrd: Rrd) -> None:
     for direction in DIRECTIONS:
         flagged = [f for f in INCREMENTS.flagged if f.direction == direction]
         _, places = rrd.rows(f"/increments/{direction}/flagged", "Points3D:positions")
@@ -44,7 +44,7 @@ def test_flagged_nodes_are_marked_and_the_place_is_named(rrd: Rrd) -> None:
         )
 
 
-def test_curves_have_the_height_of_the_increments(rrd: Rrd) -> None:
+def test_curve_heights_are_proportional_to_the_increments(rrd: Rrd) -> None:
     """Raw over normalised is a half in y, as the helper makes them; heights are from the panel's middle."""
     _, raw = rrd.rows("/increment_curves/y/raw", "LineStrips2D:strips")
     _, normalised = rrd.rows("/increment_curves/y/normalised", "LineStrips2D:strips")
@@ -61,7 +61,7 @@ def test_removed_mass_is_blue() -> None:
     np.testing.assert_array_equal(signed_heat(np.array([np.nan])), signed_heat(np.array([0.0])))
 
 
-def test_diagnosis_is_a_card(rrd: Rrd) -> None:
+def test_diagnosis_is_shown_as_a_text_card(rrd: Rrd) -> None:
     times, texts = rrd.rows("/diagnosis", "TextDocument:text")
     assert times.tolist() == [w.end for w in RUN["windows"] if w.diagnosis]
     card = texts[-1][0]
@@ -72,7 +72,7 @@ def test_diagnosis_is_a_card(rrd: Rrd) -> None:
     assert "Explained: 302 ± 5 g added" in now[-1][0]
 
 
-def test_no_findings_no_views(tmp_path: Path) -> None:
+def test_run_without_findings_has_no_views_for_them(tmp_path: Path) -> None:
     write_recording(tmp_path / "run.rrd", made.run_results(made.whole_run(SITE, n_learning=5, n_before=1, n_after=3)))
     rrd = Rrd(tmp_path / "run.rrd")
     assert not rrd.entities("/increments") | rrd.entities("/diagnosis") | rrd.entities("/increment_curves")

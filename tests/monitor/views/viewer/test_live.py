@@ -131,7 +131,7 @@ def shown(live: LiveView, items: Sequence[Item]) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")  # the client still writes it
-def test_clients_come_and_go_and_a_killed_server_does_no_harm(tmp_path: Path) -> None:
+def test_clients_can_reconnect_and_a_killed_server_is_reported(tmp_path: Path) -> None:
     port = free_port()
     text = site_text(port)
     with live_view(parse_settings(text), t_structure_toml(), text) as live:
@@ -191,7 +191,7 @@ def check_signals(rrd: Rrd) -> None:
     np.testing.assert_allclose(times[:1000] - made.START, np.arange(1000) / RATE * 1e9, atol=1e-3 / RATE * 1e9)
 
 
-def test_a_port_in_use_is_told_and_nothing_is_served() -> None:
+def test_port_in_use_is_reported_and_no_view_is_served() -> None:
     port = free_port()
     with socket.socket() as other:
         other.bind(("127.0.0.1", port + 1))
@@ -203,7 +203,7 @@ def test_a_port_in_use_is_told_and_nothing_is_served() -> None:
             assert not live.served
 
 
-def test_without_a_viewer_section_nothing_is_served() -> None:
+def test_missing_viewer_section_serves_no_view() -> None:
     text = site_text(9876).replace("[viewer]\nport = 9876\nmemory_mb = 64\n", "")
     settings: Settings = parse_settings(text)
     with live_view(settings, t_structure_toml(), text) as live:
@@ -211,7 +211,7 @@ def test_without_a_viewer_section_nothing_is_served() -> None:
         live.show(block(0))
 
 
-def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_items_beyond_the_queue_limit_are_dropped_and_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """With room for three items and a server that has not started yet, the rest has no room, and nobody waits."""
     monkeypatch.setattr("monitor.service.servers.live_view._WAITING", 3)
     text = site_text(free_port())
@@ -223,7 +223,7 @@ def test_what_the_view_cannot_take_is_dropped_at_once_and_counted(monkeypatch: p
         assert 1 <= live.waiting <= 3
 
 
-def test_a_port_that_is_taken_after_it_was_found_free_ends_the_view_in_one_line(
+def test_port_occupied_after_the_check_ends_the_view_without_a_traceback(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("monitor.service.servers.live_view._free", lambda _: True)

@@ -49,7 +49,7 @@ def run() -> RunResults:
     )
 
 
-def test_a_long_watch_is_told_once_and_is_not_kept(run: RunResults, tmp_path: Path) -> None:
+def test_long_run_is_sent_once_with_limited_memory(run: RunResults, tmp_path: Path) -> None:
     recording = rr.RecordingStream(APPLICATION, recording_id="long")
     recording.save(tmp_path / "long.rrd")
     live = LiveResults(recording, run.name, parse_settings(SETTINGS))
@@ -72,7 +72,7 @@ def test_a_long_watch_is_told_once_and_is_not_kept(run: RunResults, tmp_path: Pa
     assert sorted(times.tolist()) == sorted(time for time, _, _ in events(run))
 
 
-def test_what_stands_for_ever_is_said_once_however_long_an_alarm_lasts(tmp_path: Path) -> None:
+def test_static_data_are_sent_once_during_a_long_alarm(tmp_path: Path) -> None:
     """A server keeps all of it, before anything that has a time."""
     found = answers.with_findings(SITE, made.whole_run(SITE, n_learning=5, n_before=2, n_after=6))
     recording = rr.RecordingStream(APPLICATION, recording_id="alarm", send_properties=False)

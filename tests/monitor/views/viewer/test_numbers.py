@@ -45,7 +45,7 @@ def points(rrd: Rrd, entity: str, what: str, name: str) -> list[FloatArray]:
     return [np.array(row, float).T for row in zip(*columns, strict=True)]
 
 
-def test_the_likelihood_along_the_members_is_read_back_to_the_last_digit(rrd: Rrd) -> None:
+def test_likelihood_along_the_members_is_read_back_exactly(rrd: Rrd) -> None:
     times, density = rrd.rows("/posterior/numbers", "modalwatch.Posterior:density")
     assert times.tolist() == [w.end for w in ANSWERED]
     _, mass = rrd.rows("/posterior/numbers", "modalwatch.Posterior:mass")
@@ -59,7 +59,7 @@ def test_the_likelihood_along_the_members_is_read_back_to_the_last_digit(rrd: Rr
         np.testing.assert_array_equal(at[k], [p.position for p in profile])
 
 
-def test_the_credible_region_is_read_back(rrd: Rrd) -> None:
+def test_credible_region_is_read_back(rrd: Rrd) -> None:
     _, member = rrd.rows("/posterior/region/numbers", "modalwatch.Region:member")
     start, end = (points(rrd, "/posterior/region/numbers", "Region", name) for name in ("from", "to"))
     for k, window in enumerate(ANSWERED):
@@ -69,7 +69,7 @@ def test_the_credible_region_is_read_back(rrd: Rrd) -> None:
         np.testing.assert_array_equal(end[k], [r.end for r in region])
 
 
-def test_the_drawn_region_is_where_the_numbers_are(rrd: Rrd) -> None:
+def test_drawn_region_agrees_with_the_numbers(rrd: Rrd) -> None:
     """The drawing is 200 wide; members lie one after another."""
     unrolled = Unrolled(places(LAST))
     _, strips = rrd.rows("/posterior/region", "LineStrips2D:strips")
@@ -81,7 +81,7 @@ def test_the_drawn_region_is_where_the_numbers_are(rrd: Rrd) -> None:
     np.testing.assert_allclose(drawn, reported, atol=1e-4)  # single precision of some hundreds
 
 
-def test_the_drawn_likelihood_has_the_depth_of_the_numbers(rrd: Rrd) -> None:
+def test_drawn_likelihood_agrees_with_the_numbers(rrd: Rrd) -> None:
     """The upper panel is 70 high, the best place at its top, the worst that is drawn at its bottom."""
     far = [sigmas(w.answer.profile) for w in ANSWERED]
     worst = min(30.0, max(3.0, *(float(f.max()) for f in far)))
@@ -97,7 +97,7 @@ def test_the_drawn_likelihood_has_the_depth_of_the_numbers(rrd: Rrd) -> None:
         assert nearest < 1e-3
 
 
-def test_the_answer_holds_every_place_that_is_open(rrd: Rrd) -> None:
+def test_answer_contains_each_alternative_location(rrd: Rrd) -> None:
     _, mass = rrd.rows("/answer/numbers", "modalwatch.Answer:mass")
     _, std = rrd.rows("/answer/numbers", "modalwatch.Answer:position_std")
     at = points(rrd, "/answer/numbers", "Answer", "at")
@@ -107,7 +107,7 @@ def test_the_answer_holds_every_place_that_is_open(rrd: Rrd) -> None:
     np.testing.assert_array_equal(at[-1], [LAST.position, OTHER.position])
 
 
-def test_a_second_place_has_its_own_ball_and_label_and_is_wiped(rrd: Rrd) -> None:
+def test_alternative_location_has_a_sphere_and_label_only_while_present(rrd: Rrd) -> None:
     _, balls = rrd.rows("/structure/mass/others", "Points3D:positions")
     assert [len(row) for row in balls] == [0] * (len(ANSWERED) - 1) + [1]
     np.testing.assert_allclose(balls[-1][0], OTHER.position, atol=1e-6)
@@ -118,7 +118,7 @@ def test_a_second_place_has_its_own_ball_and_label_and_is_wiped(rrd: Rrd) -> Non
 
 
 @pytest.mark.parametrize("direction", ["x", "y", "z"])
-def test_increments_and_their_deviations_are_read_back_to_the_last_digit(direction: str, rrd: Rrd) -> None:
+def test_increments_and_their_deviations_are_read_back_exactly(direction: str, rrd: Rrd) -> None:
     found, column = ANSWERED[-1].increments, "xyz".index(direction)
     for name in ("increment", "increment_std", "normalised", "normalised_std"):
         times, rows = rrd.rows(f"/increment_curves/{direction}/numbers", f"modalwatch.Increments:{name}")
@@ -129,7 +129,7 @@ def test_increments_and_their_deviations_are_read_back_to_the_last_digit(directi
     assert limit[-1] == [found.z_limit]
 
 
-def test_the_drawn_limits_are_the_deviations_times_the_limit(rrd: Rrd) -> None:
+def test_drawn_limits_are_the_deviations_times_the_limit(rrd: Rrd) -> None:
     """Both limits of y, in units of the largest normalised increment, from the middle of a panel 34 high."""
     found = ANSWERED[-1].increments
     largest = max(abs(v) for row in found.normalised for v in row if v is not None)

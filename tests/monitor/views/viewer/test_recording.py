@@ -79,7 +79,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_every_view_has_something_to_show(name: str, tmp_path: Path) -> None:
+def test_every_view_has_data(name: str, tmp_path: Path) -> None:
     rrd = written(tmp_path, CASES[name])
     assert rrd.views
     for view in rrd.views:
@@ -100,7 +100,7 @@ def test_every_view_has_something_to_show(name: str, tmp_path: Path) -> None:
         ("signals", {"/signal/col_037_x", "/signal/beam_right_z"}, set()),
     ],
 )
-def test_only_what_the_results_hold_has_a_view(name: str, there: set[str], not_there: set[str], tmp_path: Path) -> None:
+def test_only_available_results_have_a_view(name: str, there: set[str], not_there: set[str], tmp_path: Path) -> None:
     origins = {view.origin for view in written(tmp_path, CASES[name]).views}
     assert there <= origins
     assert not not_there & origins
@@ -112,7 +112,7 @@ def test_recording_has_the_name_of_the_run(rrd: Rrd) -> None:
     assert store.recording_id == f"{RUN['name']}-{WINDOWS[0].start}"
 
 
-def test_card_stands_at_the_end_of_each_window_with_the_verdict_first(rrd: Rrd) -> None:
+def test_card_of_each_window_begins_with_the_verdict(rrd: Rrd) -> None:
     times, cards = rrd.rows("/now", "TextDocument:text")
     assert times.tolist() == ENDS
     verdicts = [card[0].splitlines()[0] for card in cards]
@@ -127,7 +127,7 @@ def test_card_stands_at_the_end_of_each_window_with_the_verdict_first(rrd: Rrd) 
 
 
 @pytest.mark.parametrize("number", range(1, SITE.n_modes + 1))
-def test_shift_is_what_was_found_and_breaks_where_a_mode_was_not_seen(rrd: Rrd, number: int) -> None:
+def test_shift_trend_has_gaps_for_unidentified_modes(rrd: Rrd, number: int) -> None:
     times, values = rrd.scalars(f"/trend/shift/mode_{number}")
     found = [[m.shift_percent for m in w.modes if m.id == number] for w in WATCHED]
     expected = [f[0] if f else np.nan for f in found]
@@ -144,13 +144,13 @@ def test_frequency_has_a_band_of_two_standard_deviations(rrd: Rrd) -> None:
     assert variances[-1][0] == pytest.approx((2 * mode.frequency_std) ** 2, rel=1e-12)
 
 
-def test_mode_seen_between_two_gaps_is_a_point(rrd: Rrd) -> None:
+def test_mode_identified_between_two_gaps_is_a_point(rrd: Rrd) -> None:
     times, values = rrd.scalars("/trend/frequency/mode_2/seen")
     assert times.tolist() == [w.end for w in WATCHED]
     assert np.isnan(values).tolist()[:4] == [False, True, False, True]
 
 
-def test_frequencies_found_while_learning_have_no_identity(rrd: Rrd) -> None:
+def test_frequencies_during_learning_have_no_mode_number(rrd: Rrd) -> None:
     times, values = rrd.scalars("/trend/found")
     learning = WINDOWS[:N_LEARNING]
     assert sorted(zip(times.tolist(), values, strict=True)) == sorted(
@@ -158,7 +158,7 @@ def test_frequencies_found_while_learning_have_no_identity(rrd: Rrd) -> None:
     )
 
 
-def test_novelty_is_the_logarithm_over_the_limit(rrd: Rrd) -> None:
+def test_novelty_is_the_logarithm_of_its_ratio_to_the_limit(rrd: Rrd) -> None:
     times, values = rrd.scalars("/novelty/index")
     expected = [np.log10(w.novelty.t2 / w.novelty.limit) if w.novelty else np.nan for w in WATCHED]
     assert times.tolist() == [w.end for w in WATCHED]
@@ -167,7 +167,7 @@ def test_novelty_is_the_logarithm_over_the_limit(rrd: Rrd) -> None:
     assert rrd.scalars("/novelty/limit")[1].tolist() == [0.0, 0.0]
 
 
-def test_lanes_change_when_the_state_does(rrd: Rrd) -> None:
+def test_state_lanes_follow_the_states(rrd: Rrd) -> None:
     times, states = rrd.rows("/state/daemon", "StateChange:state")
     troubled = WINDOWS[N_LEARNING + N_BEFORE - 1]
     assert [s[0] for s in states] == ["learning", "watching", "problem", "watching"]
@@ -177,14 +177,14 @@ def test_lanes_change_when_the_state_does(rrd: Rrd) -> None:
     assert times.tolist() == [WINDOWS[0].start, *(a.time for a in RUN["alarms"])]
 
 
-def test_a_reference_of_an_earlier_run_leaves_nothing_unknown(tmp_path: Path) -> None:
+def test_reference_of_an_earlier_run_leaves_no_unknown_state(tmp_path: Path) -> None:
     earlier = RUN["reference"].model_copy(update={"time": WATCHED[0].start - 10**9})
     rrd = written(tmp_path, shortened(reference=earlier, windows=WATCHED, alarms=[]))
     times, states = rrd.rows("/state/structure", "StateChange:state")
     assert (times.tolist(), [s[0] for s in states]) == ([WATCHED[0].start], ["normal"])
 
 
-def test_events_are_told_in_order_and_long_ones_go_on(rrd: Rrd) -> None:
+def test_events_are_in_order_and_long_texts_are_wrapped(rrd: Rrd) -> None:
     times, bodies = rrd.rows("/events", "TextLog:text")
     texts = [body[0] for body in bodies]
     assert texts[0] == "00:00:00  started: 12 channels"
@@ -195,7 +195,7 @@ def test_events_are_told_in_order_and_long_ones_go_on(rrd: Rrd) -> None:
     assert max(map(len, texts)) <= 78
 
 
-def test_mass_is_drawn_where_and_as_heavy_as_the_answer_says(rrd: Rrd) -> None:
+def test_mass_is_drawn_with_position_and_value_of_the_answer(rrd: Rrd) -> None:
     times, places = rrd.rows("/structure/mass/body", "Points3D:positions")
     answers = [(w.end, w.answer) for w in WINDOWS if w.answer]
     assert times.tolist() == [end for end, _ in answers]
@@ -207,12 +207,12 @@ def test_mass_is_drawn_where_and_as_heavy_as_the_answer_says(rrd: Rrd) -> None:
     assert place == f"at crossbeam x {answer.position[0]:.3f} ± {answer.position_std:.3f} m"
 
 
-def test_sphere_grows_with_the_third_root_of_the_mass() -> None:
+def test_sphere_radius_is_proportional_to_the_cube_root_of_the_mass() -> None:
     assert scene.sphere_radius(0.8) == pytest.approx(2 * scene.sphere_radius(0.1), rel=1e-12)
     assert scene.sphere_radius(-0.1) == scene.sphere_radius(0.1)
 
 
-def test_mass_goes_when_the_answer_does(tmp_path: Path) -> None:
+def test_drawn_mass_is_cleared_when_a_window_has_no_answer(tmp_path: Path) -> None:
     bare = WINDOWS[-1].model_copy(
         update={"index": len(WINDOWS), "start": ENDS[-1], "end": ENDS[-1] + made.WINDOW, "answer": None}
     )
@@ -223,7 +223,7 @@ def test_mass_goes_when_the_answer_does(tmp_path: Path) -> None:
     assert len(strips[-1]) == len(RUN["reference"].lines)
 
 
-def test_members_are_hottest_where_the_mass_is(rrd: Rrd) -> None:
+def test_member_colour_is_hottest_at_the_mass(rrd: Rrd) -> None:
     _, strips = rrd.rows("/structure/members", "LineStrips3D:strips")
     _, colours = rrd.rows("/structure/members", "LineStrips3D:colors")
     middle = np.mean(np.array(strips[-1]), axis=1)
@@ -235,7 +235,7 @@ def test_members_are_hottest_where_the_mass_is(rrd: Rrd) -> None:
     assert hottest[2] == pytest.approx(1.48, abs=1e-6)
 
 
-def test_answer_sharpens_over_time(rrd: Rrd) -> None:
+def test_answer_trends_equal_the_results(rrd: Rrd) -> None:
     answers = [w.answer for w in WINDOWS if w.answer]
     _, place = rrd.scalars("/answer/place")
     np.testing.assert_allclose(place, [1000 * a.position_std for a in answers], rtol=1e-12)
@@ -251,13 +251,13 @@ def test_identified_modes_are_marked_on_the_spectrum(rrd: Rrd) -> None:
     assert drawn.get(ENDS[0], []) == []
 
 
-def test_stable_poles_are_apart_from_the_others(rrd: Rrd) -> None:
+def test_stable_poles_are_drawn_separately(rrd: Rrd) -> None:
     spectrum = WINDOWS[-1].spectrum
     _, stable = rrd.rows("/spectrum/poles/stable", "Points2D:positions")
     assert len(stable[-1]) == sum(spectrum.pole_stable)
 
 
-def test_mode_shape_stands_still_on_time_and_moves_on_phase(rrd: Rrd) -> None:
+def test_mode_shape_is_static_over_time_and_animated_over_phase(rrd: Rrd) -> None:
     entity, component = "/modes/mode_4/shape", "LineStrips3D:strips"
     times, still = rrd.rows(entity, component)
     assert times.tolist() == [WINDOWS[0].start]
@@ -285,7 +285,7 @@ def test_signals_are_the_last_ten_seconds_with_their_gap(rrd: Rrd) -> None:
     assert set(np.diff(times)) == {round(1e9 / signals.rate)}
 
 
-def test_channels_may_have_any_name(tmp_path: Path) -> None:
+def test_channel_with_special_characters_has_a_view(tmp_path: Path) -> None:
     signals = made.signals(SITE, ENDS[-1])
     odd = replace(signals.channels[0], name="beam left/z #1 °")
     signals = replace(signals, channels=(odd,), data=signals.data[:, :1])
@@ -295,14 +295,14 @@ def test_channels_may_have_any_name(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("std", [0.0, float("inf"), float("nan")])
-def test_mass_of_unknown_precision_is_drawn(std: float, tmp_path: Path) -> None:
+def test_mass_with_unknown_deviation_is_drawn(std: float, tmp_path: Path) -> None:
     answer = WINDOWS[-1].answer.model_copy(update={"mass_std": std})
     rrd = written(tmp_path, shortened(windows=[WINDOWS[-1].model_copy(update={"answer": answer})]))
     _, labels = rrd.rows("/structure/mass/label", "Points3D:labels")
     assert labels[0][0].startswith(f"{1000 * answer.mass:+.1f} ± {std:.1f} g\n")
 
 
-def test_no_window_is_refused() -> None:
+def test_run_without_windows_is_refused() -> None:
     with pytest.raises(ValueError, match="windows: expected at least one, found none"):
         made.run_results(CASES["learning"] | {"windows": []})
 
@@ -312,7 +312,7 @@ def test_missing_folder_is_an_error(tmp_path: Path) -> None:
         write_recording(tmp_path / "missing" / "run.rrd", made.run_results(CASES["learning"]))
 
 
-def test_file_that_cannot_be_finished_leaves_the_older_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_writing_keeps_the_older_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise MemoryError
 
@@ -339,7 +339,7 @@ def test_same_results_give_the_same_rows(rrd: Rrd, tmp_path: Path) -> None:
         assert again.rows(entity, "LineStrips3D:strips")[1] == rrd.rows(entity, "LineStrips3D:strips")[1]
 
 
-def test_long_run_keeps_all_trends_but_thins_the_drawings(tmp_path: Path) -> None:
+def test_long_run_keeps_complete_trends_and_thinned_drawings(tmp_path: Path) -> None:
     n = 400
     base = WINDOWS[-1]
     windows = [

@@ -15,7 +15,7 @@ CHANNELS = (Channel(name="left_y", device="left", axis=1),)
 
 
 @pytest.mark.parametrize("clock", ["", "SYNC of a bus"])
-def test_blocks_in_any_order_are_drawn_or_left_out(clock: str) -> None:
+def test_blocks_in_any_order_raise_no_error(clock: str) -> None:
     """The block that reports a restart of a device has been dropped; an hour is missing; a gap within a second."""
     recording = rr.RecordingStream("test", send_properties=False)
     stream = SignalStream(recording, CHANNELS)
@@ -27,7 +27,7 @@ def test_blocks_in_any_order_are_drawn_or_left_out(clock: str) -> None:
         stream.add(replace(make_block("left", first), clock=clock))
 
 
-def test_device_that_begins_anew_is_timed_anew_though_its_first_block_is_missing() -> None:
+def test_restarted_device_gets_new_times_although_its_first_block_is_missing() -> None:
     """Scans are at their true times, and ascend: the clock from before the restart does not apply to them."""
     clocks, late = ScanClocks(), 3600 * 10**9
     blocks: list[Block] = [make_block("left", first) for first in range(100_000, 102_000, 250)]
@@ -39,7 +39,7 @@ def test_device_that_begins_anew_is_timed_anew_though_its_first_block_is_missing
     assert all(a < b for a, b in pairwise(times.tolist()))
 
 
-def test_times_do_not_depend_on_what_lies_between() -> None:
+def test_times_do_not_depend_on_neighbouring_indices() -> None:
     clocks = ScanClocks()
     for first in (0, 250, 500, 750):
         clock = clocks.add(make_block("left", first))
