@@ -1,7 +1,8 @@
 """Blocks of many devices on one grid: a function of the sequence of blocks and events, and of nothing else."""
 
+import itertools
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
 
@@ -10,26 +11,31 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from daq.events import DeviceFailed
 from daq.timing.clock_fit import ClockFit
-from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, Recording, find_gaps
+from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexArray, Recording, find_gaps
 
 _HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
 _BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
 _PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
 _SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used
-_CHUNK = 1 << 13
+_CHUNK = 1 << 11  # samples at a time: their weights stay in the processor's cache
+_FEWEST = 64  # samples of a run of equal steps, on average, below which scans are gathered one by one
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
 
 
 @lru_cache
-def _kernel(ratio: float) -> FloatArray:
-    """Return the table (phases + 1, taps) of a low-pass at the Nyquist frequency of a grid `ratio` times as fast."""
+def _kernel(ratio: float) -> tuple[FloatArray, FloatArray]:
+    """Return the table (phases + 1, taps) of a low-pass at the Nyquist frequency of a grid `ratio` times as fast.
+
+    And its differences from phase to phase (phases, taps).
+    """
     half = half_taps(ratio)
     x = np.arange(1 - half, half + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
     table = np.sinc(ratio * x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / half) ** 2, 0, 1)))
-    return np.asarray(table / table.sum(1, keepdims=True))
+    table /= table.sum(1, keepdims=True)
+    return table, np.diff(table, axis=0)
 
 
 def half_taps(ratio: float) -> int:
@@ -48,18 +54,37 @@ def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> 
     position : (n,) [scans]
     ratio : samples of the grid a scan, at most 1
     """
-    table, half = _kernel(ratio), half_taps(ratio)
-    out = np.empty((len(position), scans.shape[1]))
+    (table, slopes), half = _kernel(ratio), half_taps(ratio)
+    out = np.empty((scans.shape[1], len(position)))
     columns = [sliding_window_view(np.ascontiguousarray(column), 2 * half) for column in scans.T]
     for start in range(0, len(position), _CHUNK):
         part = position[start : start + _CHUNK]
         base = np.floor(part).astype(np.intp)
         phase = (part - base) * _PHASES
         row = np.minimum(phase.astype(np.intp), _PHASES - 1)
-        weight = table[row] + (phase - row)[:, None] * (table[row + 1] - table[row])
-        for axis, windows in enumerate(columns):
-            out[start : start + len(part), axis] = np.einsum("nt,nt->n", windows[base - half + 1], weight)
-    return out
+        weight = slopes[row]
+        weight *= (phase - row)[:, None]
+        weight += table[row]
+        for samples, chosen in _chosen(base - half + 1):
+            for windows, row_out in zip(columns, out[:, start : start + len(part)], strict=True):
+                np.einsum("nt,nt->n", windows[chosen], weight[samples], out=row_out[samples])
+    return out.T
+
+
+def _chosen(first: IndexArray) -> list[tuple[slice, slice | IndexArray]]:
+    """Return runs of samples whose first scans (n,) are equally spaced, with these scans; or all, scan by scan.
+
+    A grid at the rate of the device has one run between two scans left out or taken twice.
+    """
+    steps = np.diff(first)
+    step = int(steps[0]) if len(steps) else 1
+    edges = [0, *(np.flatnonzero(steps != step) + 1).tolist(), len(first)]
+    if step < 1 or len(edges) - 1 > max(2, len(first) // _FEWEST):
+        return [(slice(None), first)]
+    return [
+        (slice(start, stop), slice(int(first[start]), int(first[stop - 1]) + 1, step))
+        for start, stop in itertools.pairwise(edges)
+    ]
 
 
 class _Stretch:
@@ -86,35 +111,63 @@ class _Stretch:
         while len(self.blocks) > 1 and self.blocks[0].end_index < index:
             self.blocks.popleft()
 
-    def scans(self, first: int, last: int) -> FloatArray:
-        """Return scans first .. last - 1 in m/s2 (n, n_axes), NaN where one is missing."""
-        out = np.full((last - first, self.blocks[0].counts.shape[1]), np.nan)
+    def scans(self, first: int, last: int, axes: IndexArray) -> FloatArray:
+        """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing."""
+        out = np.empty((len(axes), last - first))
+        written = first
         for block in self.blocks:
             start, stop = max(first, block.first_index), min(last, block.end_index)
             if start < stop:
-                part = block.counts[start - block.first_index : stop - block.first_index]
-                out[start - first : stop - first] = part * block.scale
-        return out
+                out[:, written - first : max(start, written) - first] = np.nan
+                part = block.counts[start - block.first_index : stop - block.first_index].T
+                there = axes < len(part)
+                target = out[:, start - first : stop - first]
+                if there.all():
+                    np.multiply(part[axes], block.scale, out=target)
+                else:
+                    target[there], target[~there] = part[axes[there]] * block.scale, np.nan
+                written = max(written, stop)
+        out[:, written - first :] = np.nan
+        return out.T
 
-    def resampled(self, start: int, n: int, rate: float, ratio: float | None) -> FloatArray | None:
+    def resampled(
+        self, start: int, n: int, rate: float, ratio: float | None, axes: IndexArray
+    ) -> FloatArray | None:
         """Return scans on a grid (n, n_axes), None if there is none near it; without a ratio they lie on it."""
         first, scan_rate = self.index_at(start)
         if ratio is None:
-            return self.scans(round(first), round(first) + n)
+            return self.scans(round(first), round(first) + n, axes)
         position: FloatArray = first + np.arange(n, dtype=float) * (scan_rate / rate)
         low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
             return None
-        return interpolate(self.scans(low, high), position - low, ratio)
+        return interpolate(self.scans(low, high, axes), position - low, ratio)
 
 
 class _Device:
-    """Stretches of one device, one a start; `clocks` are those that devices share, by name, `late` its delay [ns]."""
+    """Stretches of one device, one a start.
+
+    Parameters
+    ----------
+    rate, grid_rate : of its scans and of the grid [Hz]
+    axes : device axes that are wanted
+    clocks : those that devices share, by name
+    late : its delay [ns]
+    on_grid : its scans lie on the grid
+    """
 
     def __init__(
-        self, rate: float, grid_rate: float, n_axes: int, clocks: dict[str, ClockFit], late: int, *, on_grid: bool
+        self,
+        rate: float,
+        grid_rate: float,
+        axes: Sequence[int],
+        clocks: dict[str, ClockFit],
+        late: int,
+        *,
+        on_grid: bool,
     ) -> None:
-        self._rate, self._grid_rate, self._n_axes, self._clocks = rate, grid_rate, n_axes, clocks
+        self._rate, self._grid_rate, self._clocks = rate, grid_rate, clocks
+        self.axes = np.array(axes, np.intp)  #: device axes, ascending: those that are wanted
         self._late = late
         self._ratio = None if on_grid else grid_rate / rate
         self._half = half_taps(self._ratio) if self._ratio else 0
@@ -128,6 +181,8 @@ class _Device:
             self._stretches.append(_Stretch(clock, self._late))
         self._stretches[-1].add(block)
         self.lost = False
+        if self.axes[-1] >= block.counts.shape[1] and self.axes[0]:  # an axis that the device has shows its data
+            self.axes = np.insert(self.axes, 0, 0)
 
     @property
     def ready(self) -> bool:
@@ -179,13 +234,14 @@ class _Device:
 
     def resampled(self, start: int, n: int) -> FloatArray:
         """Return scans on the grid (n, n_axes), NaN where they are missing."""
-        out = np.full((n, self._n_axes), np.nan)
+        out: FloatArray | None = None
         for stretch in self._stretches:
-            signal = stretch.resampled(start, n, self._grid_rate, self._ratio)
-            if signal is not None:
-                signal = signal[:, : self._n_axes]
-                np.copyto(out[:, : signal.shape[1]], signal, where=~np.isnan(signal))
-        return out
+            signal = stretch.resampled(start, n, self._grid_rate, self._ratio, self.axes)
+            if signal is not None and out is not None:
+                np.copyto(out, signal, where=~np.isnan(signal))
+            elif signal is not None:
+                out = signal
+        return np.full((n, len(self.axes)), np.nan) if out is None else out
 
 
 class Assembler:
@@ -215,11 +271,13 @@ class Assembler:
     ) -> None:
         self._channels, self._by_record = channels, by_record
         self._rate = min(rates.values())
-        n_axes = 1 + max(channel.axis for channel in channels)
+        axes = {name: sorted({channel.axis for channel in channels if channel.device == name}) or [0] for name in rates}
         self._on_grid = on_grid
         clocks: dict[str, ClockFit] = {}
         self._devices = {
-            name: _Device(rate, self._rate, n_axes, clocks, round(late.get(name, 0.0) * 1e9), on_grid=on_grid)
+            name: _Device(
+                rate, self._rate, axes[name], clocks, round(late.get(name, 0.0) * 1e9), on_grid=on_grid
+            )
             for name, rate in rates.items()
         }
         self._n = round(window_seconds * self._rate)
@@ -301,7 +359,10 @@ class Assembler:
 
     def _recording(self, start: int, signals: Mapping[str, FloatArray]) -> Recording:
         temperatures = [device.temperatures for device in self._devices.values()]
-        data = np.column_stack([signals[channel.device][:, channel.axis] for channel in self._channels])
+        data = np.empty((len(self._channels), len(next(iter(signals.values()))))).T
+        for column, channel in zip(data.T, self._channels, strict=True):
+            axes = self._devices[channel.device].axes
+            column[:] = signals[channel.device][:, np.searchsorted(axes, channel.axis)]
         return Recording(
             channels=self._channels,
             data=data,

@@ -11,6 +11,7 @@ from oma.errors import TooFewChannels
 from oma.preparation.faults import MAX_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
 from oma.preparation.gaps import filled
 
+_ROWS = 1 << 12  # samples of all channels at a time
 _MENTIONED = 0.01  # share of samples missing in a channel above which it is reported
 
 BoolArray = npt.NDArray[np.bool_]
@@ -65,7 +66,7 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     if not is_complete:
         data = data.copy() if data is recording.data else data
         data[:, kept] = filled(data[:, kept])
-    for i, fault in _incomplete(data, kept, min_complete):
+    for i, fault in () if is_complete else _incomplete(data, kept, min_complete):
         kept.remove(i)
         faults[names[i]] = fault
     for i in kept:
@@ -75,7 +76,7 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
             faults.setdefault(names[i], ChannelFault(kind="gaps", text=text))
     channels = tuple(recording.channels[i] for i in kept)
     return Cleaned(
-        recording=replace(recording, channels=channels, data=data[:, kept]),
+        recording=replace(recording, channels=channels, data=data if len(kept) == len(names) else data[:, kept]),
         faults={name: faults[name] for name in names if name in faults},
     )
 
@@ -143,11 +144,13 @@ def detrended(data: FloatArray) -> FloatArray:
     (n_samples, n_channels) array
     """
     time = np.linspace(-1.0, 1.0, len(data))
-    if np.isfinite(data).all():  # mean and slope are independent of each other
-        slope = time @ data / max(float(time @ time), 1e-300)
-        result = data - data.mean(axis=0)
-        result -= time[:, None] * slope
-        return np.asarray(result)
+    mean, slope = data.mean(axis=0), time @ data / max(float(time @ time), 1e-300)
+    if np.isfinite(mean).all() and np.isfinite(slope).all():  # mean and slope are independent of each other
+        result = np.empty_like(data)
+        for start in range(0, len(data), _ROWS):
+            rows = slice(start, start + _ROWS)
+            np.subtract(data[rows], mean + time[rows, None] * slope, out=result[rows])
+        return result
     result = np.where(np.isfinite(data), data, np.nan)
     for column in result.T:
         valid = np.isfinite(column)

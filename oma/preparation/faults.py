@@ -36,6 +36,8 @@ _COMPANY = 1 / 3  # share of the other channels that jump at the same time: a bl
 MAX_SPIKES = 0.05  #: share of samples: a channel that loses more is given up [-]
 _ROWS = 1 << 13  # samples of all channels at a time
 _LOW, _MID, _HIGH = 10, 50, 100  # periods in the window: below _HIGH no mode is sought
+_COARSE = 1 << 16  # blocks, at least: 400 times as many as lines that matter
+_CLEARLY = 0.1  # weaker than the band above by more than the means of blocks can err
 _ROBUST = 1.4826  # standard deviation of a Gaussian over its median absolute deviation
 
 
@@ -89,6 +91,9 @@ def _jumps(data: FloatArray) -> BoolArray:
         return jumps
     away = _off_neighbours(data)
     for jump, step in zip(jumps.T, away, strict=True):
+        least_far = step.max() / (_SPIKE * _ROBUST)
+        if 2 * np.count_nonzero(step > least_far) > np.count_nonzero(step):
+            continue  # the median is larger than this: nothing is far, and the median need not be known
         positive = step[step > 0]
         usual = np.median(positive) if len(positive) else np.inf
         far = np.flatnonzero(step > _SPIKE * _ROBUST * usual)
@@ -206,14 +211,39 @@ def _wanders(signal: FloatArray) -> bool:
     window equals that above 100, its tail is an eighth of the latter: it may hide a mode there. Slower drift, as by
     temperature, is removed by the filter.
     """
-    signal = signal[np.isfinite(signal)]
+    known = np.isfinite(signal)
+    signal = np.ascontiguousarray(signal) if known.all() else signal[known]
     n = len(signal)
     if n < 4 * _HIGH:
         return False
-    window = _hann(n)
-    parts = fft.rfft((signal - signal.mean()) * window).view(np.float64)  # real and imaginary ones in turn
-    low, mid, high = (part @ part for part in (parts[2 : 2 * _LOW], parts[2 * _LOW : 2 * _MID], parts[2 * _HIGH :]))
+    tapered = (signal - signal.mean()) * _hann(n)
+    if not _may_wander(tapered):
+        return False
+    low, mid, high = _band_power(tapered)
     return bool(low > mid > high)
+
+
+def _may_wander(tapered: FloatArray) -> bool:
+    """Return False if the means of short blocks show that the band above 100 periods is the stronger one.
+
+    Their transform is shorter than the signal's. Of B blocks, the means keep the lines up to k periods but for a share
+    of (pi k / B)^2 / 3, and add to each less than k / B of the lines folded onto it.
+    """
+    size = len(tapered) // _COARSE
+    if size < 2:
+        return True
+    n = len(tapered) // size * size  # the rest is at the end of the window
+    means = tapered[:n].reshape(-1, size).mean(axis=1)
+    _, mid, high = size**2 * np.array(_band_power(means))
+    within = n / 2 * (tapered @ tapered - size * (means @ means))
+    return bool(mid > _CLEARLY * (high + within))
+
+
+def _band_power(tapered: FloatArray) -> tuple[float, float, float]:
+    """Return the power below 10, from 10 to 50, and above 100 periods of a tapered signal."""
+    parts = fft.rfft(tapered).view(np.float64)  # real and imaginary ones in turn
+    low, mid, high = (part @ part for part in (parts[2 : 2 * _LOW], parts[2 * _LOW : 2 * _MID], parts[2 * _HIGH :]))
+    return float(low), float(mid), float(high)
 
 
 @lru_cache(maxsize=2)
@@ -226,9 +256,11 @@ def _copies(data: FloatArray) -> Iterator[tuple[int, int]]:
     product = np.zeros((data.shape[1], data.shape[1]))
     for start in range(0, len(data) - 1, _ROWS):
         steps = np.diff(data[start : start + _ROWS + 1], axis=0)
-        if np.isnan(steps).any():
+        moved = steps.T @ steps
+        if np.isnan(moved).any():
             steps = np.nan_to_num(steps, nan=0.0)
-        product += steps.T @ steps
+            moved = steps.T @ steps
+        product += moved
     size = np.sqrt(np.diag(product))
     alive = np.flatnonzero(size > 0)
     same = 1 - np.abs(product[np.ix_(alive, alive)] / (size[alive, None] * size[alive])) < _SAME

@@ -120,9 +120,11 @@ class HighPass:
     def add(self, data: FloatArray) -> FloatArray:
         """Return a block of any length, (n_samples, n_channels), NaN where a sample is missing, without drift."""
         missing = np.isnan(data)
-        whole = bridged(data, missing) if missing.any() else data
+        gaps = bool(missing.any())
+        whole = bridged(data, missing) if gaps else data
         if self._state is None:
             self._state = -self._numerator[0] * whole.mean(axis=0, keepdims=True)
         result, self._state = signal.lfilter(self._numerator, self._denominator, whole, axis=0, zi=self._state)
-        result[missing] = np.nan
+        if gaps:
+            result[missing] = np.nan
         return np.asarray(result)

@@ -6,6 +6,7 @@ from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.rice import Packed, pack, unpack
 from daq.types import Block, Flag, IntArray
 
+_LEAST_SCALE = float(np.finfo(float).tiny)
 _MAX_AXES = 10_000
 _MAX_INDEX = 1 << 53
 _MAX_TIME = 1 << 62  # ns: in the year 2116
@@ -70,7 +71,7 @@ def _check(message: AccelBlock) -> None:
     """Refuse values that no device has: results would be not-a-number, no time, or too large."""
     bounds: tuple[tuple[str, float, float, float], ...] = (
         ("rate", message.rate, 1e-6, 1e9),
-        ("scale", message.scale, float(np.finfo(float).tiny), 1e12),
+        ("scale", message.scale, _LEAST_SCALE, 1e12),
         ("n_axes", message.n_axes, 0, _MAX_AXES),
         ("first_index", message.first_index, -_MAX_INDEX, _MAX_INDEX),
         ("pair_offset", message.pair_offset, -_MAX_INDEX, _MAX_INDEX),
@@ -86,7 +87,7 @@ def _counts(message: AccelBlock) -> IntArray:
     """Return counts (n_scans, n_axes)."""
     if not message.n_scans:
         return np.zeros((0, message.n_axes), np.int32)
-    order, n_low = (part.tolist() for part in np.divmod(np.array(message.coding, int), _CODE))
-    if len(order) != message.n_axes:
-        raise ValueError(f"coding: expected {message.n_axes} axes, found {len(order)}")
-    return unpack(Packed(tuple(order), tuple(message.start), tuple(n_low), message.bits), message.n_scans)
+    if len(message.coding) != message.n_axes:
+        raise ValueError(f"coding: expected {message.n_axes} axes, found {len(message.coding)}")
+    order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True) if message.n_axes else ((), ())
+    return unpack(Packed(order, tuple(message.start), n_low, message.bits), message.n_scans)

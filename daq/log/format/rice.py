@@ -16,6 +16,7 @@ T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Ca
 """
 
 from dataclasses import dataclass
+from operator import mul
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ from daq.types import IndexArray, IntArray
 
 ORDERS = range(4)  #: orders of the differences tried
 _BITS = 32
+_SIZES = (1, 2, 4)  # bytes of an integer
 _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
 
@@ -110,17 +112,14 @@ def unpack(packed: Packed, n: int) -> IntArray:
     if max(packed.n_low) > _BITS or max(packed.order) > n or len(packed.start) != sum(n_start):
         raise ValueError(f"packed counts: expected {sum(n_start)} start values, found {len(packed.start)}")
     n_residuals = [n - order for order in packed.order]
-    low, high = np.split(
-        np.unpackbits(np.frombuffer(packed.bits, np.uint8)),
-        [sum(n_each * n_low for n_each, n_low in zip(n_residuals, packed.n_low, strict=True))],
-    )
-    rest = _rest(high, sum(n_residuals))
+    low = np.unpackbits(np.frombuffer(packed.bits, np.uint8))
+    rest = _rest(low[sum(map(mul, n_residuals, packed.n_low)) :], sum(n_residuals))
     columns, start = [], iter(packed.start)
     for order, n_low, n_each in zip(packed.order, packed.n_low, n_residuals, strict=True):
         residual = _joined(low[: n_each * n_low], rest[:n_each], n_low)
         low, rest = low[n_each * n_low :], rest[n_each:]
         columns.append(_summed(residual, order, [next(start) for _ in range(max(1, order))]))
-    return np.stack(columns, axis=1)
+    return np.array(columns).T
 
 
 def _rest(high: npt.NDArray[np.uint8], n: int) -> _Unsigned:
@@ -128,14 +127,18 @@ def _rest(high: npt.NDArray[np.uint8], n: int) -> _Unsigned:
     ends = np.flatnonzero(high)
     if len(ends) != n:
         raise ValueError(f"packed counts: expected {n} residuals, found {len(ends)}")
-    return (np.diff(ends, prepend=-1) - 1).astype(np.uint32)
+    rest = ends.astype(np.uint32)
+    rest[1:] -= rest[:-1] + np.uint32(1)
+    return rest
 
 
 def _joined(low: npt.NDArray[np.uint8], rest: _Unsigned, n_low: int) -> _Unsigned:
     """Return residuals (n,) from both their parts; `low` has all bits of one after those of another."""
-    whole = np.zeros((len(rest), _BITS), np.uint8)
-    whole[:, _BITS - n_low :] = low.reshape(len(rest), n_low)
-    u = np.packbits(whole).view(">u4").astype(np.uint32) | rest << np.uint32(n_low)
+    size = next(size for size in _SIZES if 8 * size >= n_low)
+    whole = np.zeros((len(rest), 8 * size), np.uint8)
+    whole[:, 8 * size - n_low :] = low.reshape(len(rest), n_low)
+    u = np.packbits(whole).view(f">u{size}").astype(np.uint32)
+    u |= rest << np.uint32(n_low)
     return np.asarray((u >> np.uint32(1)) ^ (np.uint32(0) - (u & np.uint32(1))))
 
 
@@ -144,6 +147,9 @@ def _summed(residual: _Unsigned, order: int, start: list[int]) -> IntArray:
     first = np.array(start, np.int32).view(np.uint32)
     if order == 0:
         return np.asarray((residual + first[0]).view(np.int32))
-    for value in first[::-1]:
-        residual = np.cumsum(np.append(value, residual), dtype=np.uint32)
-    return residual.view(np.int32)
+    samples = np.empty(order + len(residual), np.uint32)
+    samples[order:] = residual
+    for k in range(order - 1, -1, -1):
+        samples[k] = first[k]
+        np.cumsum(samples[k:], out=samples[k:])
+    return samples.view(np.int32)
