@@ -130,9 +130,7 @@ class _Stretch:
         out[:, written - first :] = np.nan
         return out.T
 
-    def resampled(
-        self, start: int, n: int, rate: float, ratio: float | None, axes: IndexArray
-    ) -> FloatArray | None:
+    def resampled(self, start: int, n: int, rate: float, ratio: float | None, axes: IndexArray) -> FloatArray | None:
         """Return scans on a grid (n, n_axes), None if there is none near it; without a ratio they lie on it."""
         first, scan_rate = self.index_at(start)
         if ratio is None:
@@ -275,9 +273,7 @@ class Assembler:
         self._on_grid = on_grid
         clocks: dict[str, ClockFit] = {}
         self._devices = {
-            name: _Device(
-                rate, self._rate, axes[name], clocks, round(late.get(name, 0.0) * 1e9), on_grid=on_grid
-            )
+            name: _Device(rate, self._rate, axes[name], clocks, round(late.get(name, 0.0) * 1e9), on_grid=on_grid)
             for name, rate in rates.items()
         }
         self._n = round(window_seconds * self._rate)
