@@ -13,25 +13,22 @@ from pathlib import Path
 import numpy as np
 
 from daq import (
-    CHANNELS,
-    EPSON_SCALE,
     Block,
     CanAddress,
     Channel,
-    ChannelMap,
     DeviceReader,
-    EmulatedEpsonCan,
-    EmulatedSlcan,
     Event,
     IntArray,
     Item,
     McapWriter,
     SystemClock,
-    WriterThread,
     load_recordings,
     make_driver,
     read_log,
 )
+from daq.drivers import EPSON_SCALE
+from daq.emulator import EmulatedEpsonCan, EmulatedSlcan
+from daq.log import CHANNELS, ChannelMap, WriterThread
 
 rate, frequency, amplitude, seconds = 1000.0, 20.0, 0.5, 3.0
 

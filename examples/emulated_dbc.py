@@ -10,19 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import (
-    Block,
-    DbcAddress,
-    DbcSensor,
-    DeviceReader,
-    EmulatedDbc,
-    EmulatedSlcan,
-    Event,
-    IntArray,
-    Item,
-    SystemClock,
-    make_driver,
-)
+from daq import Block, DbcAddress, DbcSensor, DeviceReader, Event, IntArray, Item, SystemClock, make_driver
+from daq.emulator import EmulatedDbc, EmulatedSlcan
 
 rate, frequency, amplitude, seconds = 400.0, 20.0, 3.0, 1.5
 file = Path(__file__).parent / "imu.dbc"

@@ -13,7 +13,7 @@ StateError          modes of one state of the structure that cannot be compared;
 from pathlib import Path
 from typing import Literal
 
-from daq import one_line
+from daq.bounded_text import one_line
 
 State = Literal["reference", "current", "heldout"]  #: state of the structure: before, now, now but held out
 

@@ -10,7 +10,7 @@ OmaError
 └── InputError              arguments that do not fit the recordings (a ValueError as well)
 """
 
-from daq import one_line
+from daq.bounded_text import one_line
 
 
 class OmaError(Exception):

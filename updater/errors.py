@@ -11,7 +11,7 @@ UpdaterError
 
 from pathlib import Path
 
-from daq import one_line
+from daq.bounded_text import one_line
 
 
 class UpdaterError(Exception):

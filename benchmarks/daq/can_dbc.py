@@ -20,7 +20,8 @@ import numpy as np
 from cantools.database import Database, load_string
 
 from benchmarks.daq.can_bus import write_paced, writing
-from daq import Block, DbcAddress, DbcSensor, DeviceReader, Event, Item, SystemClock, make_driver, read_layout
+from daq import Block, DbcAddress, DbcSensor, DeviceReader, Event, Item, SystemClock, make_driver
+from daq.drivers import read_layout
 from daq.drivers.can.bus import SlcanBus
 from daq.protocol.can_scan import ScanDecoder, ScanLayout, encode_scans
 from daq.protocol.frames import CanFrames

@@ -15,8 +15,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from daq import ClockFit, FloatArray, IntArray, Scans
+from daq import FloatArray, IntArray, Scans
 from daq.drivers.block_builder import BlockBuilder
+from daq.timing import ClockFit
 
 RATE, SECONDS, SEED = 1000.0, 3600.0, 1
 GATHER, AHEAD, SETTLED = 0.19, 2.0, 120.0  # s

@@ -26,25 +26,10 @@ import numpy as np
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from daq import (
-    EPSON_SCALE,
-    Block,
-    DeviceReader,
-    DiskGuard,
-    Event,
-    IntArray,
-    ResilientWriter,
-    Retention,
-    RotatingWriter,
-    SystemClock,
-    WriterThread,
-    as_logs,
-    expand_log,
-    log_info,
-    make_driver,
-    read_log,
-    repair_log,
-)
+from daq import Block, DeviceReader, Event, IntArray, SystemClock, make_driver, read_log, repair_log
+from daq.drivers import EPSON_SCALE
+from daq.files import expand_log
+from daq.log import DiskGuard, ResilientWriter, Retention, RotatingWriter, WriterThread, as_logs, log_info
 from monitor.settings import RecorderSettings
 
 SUPPORT = Path(__file__).parents[2] / "tests" / "support" / "daq"

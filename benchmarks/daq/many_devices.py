@@ -20,25 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import (
-    Block,
-    DeviceReader,
-    DiskGuard,
-    EmulatedEpson,
-    EmulatedNode,
-    IntArray,
-    LineFaults,
-    ResilientWriter,
-    Retention,
-    RotatingWriter,
-    SystemClock,
-    WriterThread,
-    make_driver,
-    newest_log,
-    read_log,
-    serve_all,
-    unplugging,
-)
+from daq import Block, DeviceReader, IntArray, SystemClock, make_driver, read_log
+from daq.emulator import EmulatedEpson, EmulatedNode, LineFaults, serve_all, unplugging
+from daq.log import DiskGuard, ResilientWriter, Retention, RotatingWriter, WriterThread, newest_log
 from monitor.settings import RecorderSettings
 
 N_DEVICES, RATE, SECONDS = 32, 1000.0, 600.0

@@ -17,18 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import (
-    Block,
-    DeviceReader,
-    EmulatedEpson,
-    EmulatedNode,
-    EmulatedPort,
-    Event,
-    IntArray,
-    Item,
-    SystemClock,
-    make_driver,
-)
+from daq import Block, DeviceReader, Event, IntArray, Item, SystemClock, make_driver
+from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedPort
 from daq.protocol import epson, node, witmotion
 
 RATE = 1000.0

@@ -15,7 +15,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from daq import FloatArray, IndexArray, differentiated, read_data
+from daq import FloatArray, IndexArray, read_data
+from daq.files import differentiated
 from oma import ModalEstimate, identify, merge, mpc
 
 PUBLISHED = (1.2283, 1.4358, 2.1000, 4.0175, 4.7704, 6.6824, 7.6157, 9.6653, 12.1663, 12.5979, 13.8545)  # Hz

@@ -2,3 +2,50 @@
 
 The analysis process is fed by the writer thread: all analysed data are logged.
 """
+
+from daq.log.channel_map import CHANNELS, ChannelMap
+from daq.log.mcap_log import McapWriter, log_span, read_attachments, read_events, read_log
+from daq.log.naming import as_logs, newest_log
+from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
+from daq.log.recordings import HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
+from daq.log.repair import LogState, has_end, inspect_log, repair_log
+from daq.log.resilient_writer import ResilientWriter
+from daq.log.retention import DiskGuard, Retention
+from daq.log.rotating_writer import RotatingWriter, Rotation
+from daq.log.summary import DeviceInfo, LogInfo, log_info
+from daq.log.writer_thread import WriterThread
+
+__all__ = [
+    "BEGINNING",
+    "CHANNELS",
+    "END",
+    "HOW_TO_PLACE",
+    "AnyLog",
+    "ChannelMap",
+    "DeviceInfo",
+    "DiskGuard",
+    "LogExcerpt",
+    "LogInfo",
+    "LogState",
+    "McapWriter",
+    "PartedLog",
+    "ResilientWriter",
+    "Retention",
+    "RotatingWriter",
+    "Rotation",
+    "WriterThread",
+    "absent_devices",
+    "as_logs",
+    "files_of",
+    "has_end",
+    "inspect_log",
+    "load_recordings",
+    "log_info",
+    "log_span",
+    "newest_log",
+    "read_attachments",
+    "read_channel_map",
+    "read_events",
+    "read_log",
+    "repair_log",
+]

@@ -11,7 +11,8 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from daq import FloatArray, LogError, parse_toml
+from daq import FloatArray, LogError
+from daq.bounded_text import parse_toml
 from monitor.analysis.modal_table.table import frequency_table, observation_of, read_tables
 from monitor.analysis.observation import Observation
 from monitor.errors import BodiesError

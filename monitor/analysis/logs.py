@@ -6,17 +6,8 @@ from dataclasses import dataclass
 from statistics import median
 from types import MappingProxyType
 
-from daq import (
-    AnyLog,
-    Block,
-    Channel,
-    LogError,
-    Recording,
-    load_recordings,
-    read_attachments,
-    read_channel_map,
-    read_log,
-)
+from daq import AnyLog, Block, Channel, LogError, Recording, load_recordings, read_attachments, read_log
+from daq.log import read_channel_map
 from monitor.settings import parse_attached
 
 EDGE_SAMPLES = 40  #: samples at the ends of a record, which the alignment of devices in time leaves out

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import BEGINNING, END, AnyLog, LogError, LogExcerpt, PartedLog, log_span
+from daq import AnyLog, LogError, LogExcerpt
+from daq.log import BEGINNING, END, PartedLog, log_span
 from monitor.errors import ArgumentError
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

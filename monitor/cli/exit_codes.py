@@ -7,7 +7,8 @@ DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1
 
 def explain(error: Exception, *, debug: bool) -> int:
     """Print an error in one line and return the exit code; unforeseen errors are raised again for debugging."""
-    from daq import DaqError, one_line
+    from daq import DaqError
+    from daq.bounded_text import one_line
     from monitor.errors import MonitorError, StartError
     from oma import OmaError
     from updater import UpdaterError

@@ -6,7 +6,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from daq import printable
+from daq.bounded_text import printable
 
 
 class Terminal(Console):

@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-from daq import parse_json
+from daq.bounded_text import parse_json
 
 _LOCK = threading.Lock()  # between appending and removing, of any spool of this process
 _LARGEST = 64 * 10**6  # bytes

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from daq import parse_json
+from daq.bounded_text import parse_json
 from monitor.detection.alarm import State
 from monitor.results.windows import DetectableChange, Novelty, Phase, SelfTestResult, TrendResult
 

@@ -6,7 +6,8 @@ from typing import Protocol
 import numpy as np
 from scipy.signal import fftconvolve, firwin
 
-from daq import EPSON_SCALE, FloatArray, IntArray
+from daq import FloatArray, IntArray
+from daq.drivers import EPSON_SCALE
 from monitor.rig.scenario import RigDevice, Scenario
 from monitor.rig.world import LEAD, OVERSAMPLING, World
 from updater import Structure

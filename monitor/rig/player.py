@@ -7,16 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from daq import (
-    CanAddress,
-    EmulatedEpson,
-    EmulatedEpsonCan,
-    EmulatedPort,
-    EmulatedSlcan,
-    HostClock,
-    serve_all,
-    unplugging,
-)
+from daq import CanAddress, HostClock
+from daq.emulator import EmulatedEpson, EmulatedEpsonCan, EmulatedPort, EmulatedSlcan, serve_all, unplugging
 from monitor.rig.device_model import DeviceSource, make_sources, serial_number, serial_word
 from monitor.rig.scenario import RigDevice, Scenario
 from monitor.rig.world import World

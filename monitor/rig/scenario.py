@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from daq import parse_toml
+from daq.bounded_text import parse_toml
 from monitor.errors import SettingsError
 from monitor.settings.section import Table
 from updater import Body

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import DaqError, Item, error_text, short_line
+from daq import DaqError, Item
+from daq.supervision import error_text, short_line
 from monitor.errors import MonitorError
 from monitor.results.windows import Result
 from monitor.service.servers.live_view import LiveView

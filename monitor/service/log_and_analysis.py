@@ -10,22 +10,19 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
-from daq import (
+from daq import Event, HostClock, Item
+from daq.events import DeviceFailed, EventPayload
+from daq.log import (
     CHANNELS,
-    FAILURES,
-    Backoff,
     ChannelMap,
     DiskGuard,
-    Event,
-    HostClock,
-    Item,
     ResilientWriter,
     Retention,
     RotatingWriter,
     Rotation,
     WriterThread,
 )
-from daq.events import DeviceFailed, EventPayload
+from daq.supervision import FAILURES, Backoff
 from monitor.errors import StartError
 from monitor.results.events import result_event
 from monitor.results.service_events import AnalysisFailed, AnalysisLagging, BaselineReset, Stopped

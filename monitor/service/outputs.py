@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Self
 
-from daq import FAILURES, Item, error_text
+from daq import Item
 from daq.events import EventPayload
+from daq.supervision import FAILURES, error_text
 from monitor.errors import StartError
 from monitor.outputs.history import HistoryRecorder
 from monitor.outputs.notices import NoticeSender

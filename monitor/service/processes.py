@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.queues import Queue
 from typing import TypeVar
 
-from daq import error_text
+from daq.supervision import error_text
 
 T = TypeVar("T")
 _UNFORESEEN = 70  # exit code, as of the program

@@ -8,24 +8,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from daq import (
-    BEGINNING,
-    END,
-    HOW_TO_PLACE,
-    AnyLog,
-    Block,
-    Event,
-    Item,
-    LogError,
-    LogExcerpt,
-    McapWriter,
-    absent_devices,
-    read_attachments,
-    read_channel_map,
-    read_events,
-    read_log,
-)
+from daq import AnyLog, Block, Event, Item, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
 from daq.events import DeviceFailed
+from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, read_channel_map
 from monitor.results.events import event_result, result_event
 from monitor.results.replay_comparison import ReplayComparison, compare_results
 from monitor.results.service_events import Stopped

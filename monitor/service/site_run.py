@@ -8,8 +8,9 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
 
-from daq import FAILURES, Item, SystemClock, error_text
+from daq import Item, SystemClock
 from daq.events import EventPayload
+from daq.supervision import FAILURES, error_text
 from monitor.errors import SettingsError
 from monitor.results.service_events import ClockChanged, Reloaded, ReloadRefused, UncleanEnd
 from monitor.results.site_status import FILE_NAME, Counters, PartProblems

@@ -5,7 +5,7 @@ from typing import Any
 
 import tomlkit
 
-from daq import parse_toml
+from daq.bounded_text import parse_toml
 from monitor.errors import SettingsError
 from monitor.settings.reading import parse_settings
 from monitor.settings.redaction import redacted_topic

@@ -5,7 +5,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from daq import HOW_TO_PLACE, CanAddress, CanPlace, DbcAddress, DbcSensor, LogAddress, can_interfaces
+from daq import CanAddress, DbcAddress, DbcSensor, LogAddress
+from daq.drivers import CanPlace, can_interfaces
+from daq.log import HOW_TO_PLACE
 from monitor.settings.section import Positive, Section
 
 AXES = ("x", "y", "z")

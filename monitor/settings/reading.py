@@ -7,7 +7,10 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, SecretStr, ValidationError
 
-from daq import HOW_TO_PLACE, CanAddress, CanPlace, parse_toml
+from daq import CanAddress
+from daq.bounded_text import parse_toml
+from daq.drivers import CanPlace
+from daq.log import HOW_TO_PLACE
 from monitor.errors import SettingsError
 from monitor.settings.device import DeviceSettings
 from monitor.settings.overrides import Override, overridden, overrides

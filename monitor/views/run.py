@@ -10,8 +10,6 @@ from pydantic import ValidationError
 from scipy.signal import resample_poly
 
 from daq import (
-    BEGINNING,
-    END,
     AnyLog,
     Assembler,
     Block,
@@ -20,15 +18,13 @@ from daq import (
     Flag,
     LogError,
     LogExcerpt,
-    PartedLog,
     Recording,
-    files_of,
-    newest_log,
     read_attachments,
     read_events,
     read_log,
 )
 from daq.events import DeviceFailed, ScansMissing
+from daq.log import BEGINNING, END, PartedLog, files_of, newest_log
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.errors import ResultsError, SettingsError
 from monitor.results.events import event_result

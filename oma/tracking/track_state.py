@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from daq import FloatArray, IndexArray, parse_json
+from daq import FloatArray, IndexArray
+from daq.bounded_text import parse_json
 from oma.types import ComplexArray, ModalEstimate
 
 _ARRAYS = ("identity", "log_frequency", "shape", "seen", "since", "first", "last")  # of Tracks, but for the covariance

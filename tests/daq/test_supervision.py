@@ -7,21 +7,10 @@ from typing import Any
 
 import pytest
 
-from daq import (
-    FAILURES,
-    DiskGuard,
-    Event,
-    Failures,
-    Item,
-    ResilientWriter,
-    Retention,
-    RotatingWriter,
-    SupervisedThread,
-    WriterThread,
-    error_text,
-    read_log,
-)
+from daq import Event, Item, read_log
 from daq.events import ThreadFailed, ThreadRecovered
+from daq.log import DiskGuard, ResilientWriter, Retention, RotatingWriter, WriterThread
+from daq.supervision import FAILURES, Failures, SupervisedThread, error_text
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.notices import until
 

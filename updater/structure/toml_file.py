@@ -7,7 +7,7 @@ from typing import Any
 import tomlkit
 from pydantic import BaseModel, ValidationError
 
-from daq import parse_toml
+from daq.bounded_text import parse_toml
 from updater.errors import StructureError
 from updater.structure.base import not_known
 from updater.structure.entries import (

@@ -19,7 +19,8 @@ from typing import Literal
 
 import numpy as np
 
-from daq import EmulatedEpson, IntArray, LineFaults, LineSpell, SystemClock, serve_all
+from daq import IntArray, SystemClock
+from daq.emulator import EmulatedEpson, LineFaults, LineSpell, serve_all
 from monitor.rig import T_DEVICES, RigDevice, RigEvent, Scenario, make_sources
 from updater import Body, parse_structure, t_structure_toml
 

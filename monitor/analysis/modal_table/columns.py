@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, PositiveFloat, ValidationError
 
-from daq import LogError, parse_json
+from daq import LogError
+from daq.bounded_text import parse_json
 from monitor.analysis.modal_table.csv import OWN, CsvTable, read_text
 from oma import ComplexArray
 from updater import Structure

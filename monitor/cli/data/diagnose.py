@@ -6,7 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import AnyLog, LogError, Recording, as_logs, load_recordings
+from daq import AnyLog, LogError, Recording, load_recordings
+from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
 from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.logs import Held, log_channels, log_held

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 
-from daq import AnyLog, LogError, Recording, as_logs, read_attachments
+from daq import AnyLog, LogError, Recording, read_attachments
+from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.stationarity import frequency_change
 from monitor.analysis.time_range import WHOLE, TimeRange

@@ -9,18 +9,8 @@ from pathlib import Path
 import numpy as np
 from rich.markup import escape
 
-from daq import (
-    ACCELERATIONS,
-    TIME_UNITS,
-    DataError,
-    DataOptions,
-    Measured,
-    Recording,
-    acceleration,
-    read_in_order,
-    with_channels,
-    write_recordings,
-)
+from daq import DataError, DataOptions, Recording, write_recordings
+from daq.files import ACCELERATIONS, TIME_UNITS, Measured, acceleration, read_in_order, with_channels
 from monitor.analysis.time_range import instant
 from monitor.cli.data.new_site import learning_notes, new_site
 from monitor.cli.exit_codes import DONE

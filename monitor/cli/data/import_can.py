@@ -5,7 +5,8 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from daq import Channel, DbcSensor, LoggedSensor, import_can_log
+from daq import Channel, DbcSensor
+from daq.files import LoggedSensor, import_can_log
 from monitor.cli.data.import_ import ImportOptions, columns_of, start_of
 from monitor.cli.exit_codes import DONE
 from monitor.cli.terminal import Terminal

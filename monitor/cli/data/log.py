@@ -9,21 +9,9 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from daq import (
-    AnyLog,
-    DeviceInfo,
-    LogError,
-    LogInfo,
-    PartedLog,
-    as_logs,
-    expand_log,
-    export_recording,
-    files_of,
-    inspect_log,
-    log_info,
-    newest_log,
-    repair_log,
-)
+from daq import AnyLog, LogError, export_recording, inspect_log, repair_log
+from daq.files import expand_log
+from daq.log import DeviceInfo, LogInfo, PartedLog, as_logs, files_of, log_info, newest_log
 from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.exit_codes import DONE

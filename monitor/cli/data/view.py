@@ -8,7 +8,8 @@ import sys
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from daq import AnyLog, LogExcerpt, files_of
+from daq import AnyLog, LogExcerpt
+from daq.log import files_of
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.cli.exit_codes import DONE
 from monitor.cli.terminal import Terminal, say_range

@@ -9,7 +9,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from daq import low_grade
+from daq.drivers import low_grade
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import Terminal
 from monitor.errors import StartError

@@ -15,7 +15,8 @@ from datetime import UTC, datetime
 from logging.handlers import QueueHandler
 from typing import Any, TextIO
 
-from daq import Block, Event, Item, SupervisedThread
+from daq import Block, Event, Item
+from daq.supervision import SupervisedThread
 from monitor.results.events import event_result
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.text.causes import change_text

@@ -12,7 +12,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from daq import CanAddress, DriverError, Found, PortAnswer, SerialPortInfo, can_adapters, search_port, serial_ports
+from daq import CanAddress, DriverError, search_port, serial_ports
+from daq.drivers import Found, PortAnswer, SerialPortInfo, can_adapters
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal, echo

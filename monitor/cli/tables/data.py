@@ -75,7 +75,7 @@ def import_(
 
     One column per channel, named as its sensor.
     """
-    from daq import CAN_LOGS
+    from daq.files import CAN_LOGS
     from monitor.cli.data.import_ import ImportOptions, import_command
     from monitor.cli.data.import_can import import_can_command
 

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Self
 
-from daq import Event, Item, SupervisedThread
+from daq import Event, Item
 from daq.events import EventPayload
+from daq.supervision import SupervisedThread
 from monitor.outputs.history.engines import file_of, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.renewal import Takeover, renew_file

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from daq import FAILURES, Backoff, SupervisedThread, error_text
+from daq.supervision import FAILURES, Backoff, SupervisedThread, error_text
 from monitor.outputs.notices.transports import NoticeError, Sender
 from monitor.outputs.spool import Spool
 from monitor.text.notices import Notice

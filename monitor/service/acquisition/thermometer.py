@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Any, Self
 from urllib.parse import unquote, urlsplit
 
-from daq import Event, HostClock, SupervisedThread, SystemClock, parse_json
+from daq import Event, HostClock, SystemClock
+from daq.bounded_text import parse_json
+from daq.supervision import SupervisedThread
 from monitor.analysis.temperature import reading
 from monitor.results.service_events import TemperatureFailed, TemperatureRecovered
 from monitor.settings import TemperatureSettings

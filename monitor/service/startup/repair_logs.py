@@ -3,7 +3,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from daq import LogError, has_end, one_line, repair_log
+from daq import LogError, repair_log
+from daq.bounded_text import one_line
+from daq.log import has_end
 
 
 def mend_logs(folder: Path) -> Iterator[str]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from daq import LogExcerpt, files_of
+from daq import LogExcerpt
+from daq.log import files_of
 from monitor.results.comparison import DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult

@@ -3,7 +3,8 @@
 import numpy as np
 import rerun as rr
 
-from daq import Block, Channel, Flag, Recording, ScanClock, ScanClocks
+from daq import Block, Channel, Flag, Recording
+from daq.timing import ScanClock, ScanClocks
 from monitor.results.windows import ReferenceResult
 from monitor.views.palette import SENSOR
 from monitor.views.viewer.primitives import once, times

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from daq import parse_json
+from daq.bounded_text import parse_json
 from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm
 from monitor.settings import Settings, TemperatureSettings

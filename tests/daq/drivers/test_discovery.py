@@ -6,7 +6,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from daq import DriverError, EmulatedNode, PortAnswer, SystemClock, can_adapters, make_driver, search_port, serial_ports
+from daq import DriverError, SystemClock, make_driver, search_port, serial_ports
+from daq.drivers import PortAnswer, can_adapters
+from daq.emulator import EmulatedNode
 from tests.support.daq.can_buses import pty, serving
 from tests.support.daq.emulated_ports import Ramp
 

@@ -16,7 +16,6 @@ import pytest
 from daq import (
     Block,
     CanAddress,
-    CanPlace,
     DbcAddress,
     DeviceLost,
     DeviceReader,
@@ -28,6 +27,7 @@ from daq import (
     ScaledClock,
     make_driver,
 )
+from daq.drivers import CanPlace
 from tests.support.daq.can_buses import can_process, wait_for
 from tests.support.daq.emulated_can import imu
 from tests.support.daq.ports import Emulators, emulators

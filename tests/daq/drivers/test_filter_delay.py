@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import firwin
 
-from daq import Block, DeviceIdentity, DeviceReader, EmulatedEpson, Event, FloatArray, IntArray, Item, Scans
+from daq import Block, DeviceIdentity, DeviceReader, Event, FloatArray, IntArray, Item, Scans
+from daq.emulator import EmulatedEpson
 from daq.protocol import epson
 from daq.protocol.epson_filters import CUTOFF, FILTERS, TAPS, group_delay
 from tests.support.daq.blocks import START, HandClock

@@ -11,8 +11,9 @@ import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
 
-from daq import EmulatedEpsonCan, EmulatedSlcan, ScaledClock, SystemClock
+from daq import ScaledClock, SystemClock
 from daq.drivers.can.bus import SlcanBus
+from daq.emulator import EmulatedEpsonCan, EmulatedSlcan
 from daq.protocol import epson_can
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import SlcanDecoder

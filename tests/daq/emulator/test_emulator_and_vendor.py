@@ -12,19 +12,8 @@ import numpy as np
 import pytest
 import serial
 
-from daq import (
-    Block,
-    DeviceReader,
-    DriverError,
-    EmulatedEpson,
-    EmulatedSlcan,
-    Event,
-    IntArray,
-    Item,
-    ScaledClock,
-    SystemClock,
-    make_driver,
-)
+from daq import Block, DeviceReader, DriverError, Event, IntArray, Item, ScaledClock, SystemClock, make_driver
+from daq.emulator import EmulatedEpson, EmulatedSlcan
 from daq.protocol.epson import temperature_raw
 
 pytestmark = pytest.mark.live

@@ -14,19 +14,16 @@ from daq import (
     Block,
     DeviceReader,
     DriverError,
-    EmulatedEpson,
-    EmulatedNode,
     Event,
     Flag,
     HostClock,
     IndexArray,
     Item,
-    LineFaults,
-    LineSpell,
     ScaledClock,
     SystemClock,
     make_driver,
 )
+from daq.emulator import EmulatedEpson, EmulatedNode, LineFaults, LineSpell
 from daq.emulator.line_faults import FaultyLine
 from daq.emulator.serial_port import SerialEmulator
 from daq.protocol import epson

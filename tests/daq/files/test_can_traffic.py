@@ -9,18 +9,8 @@ import numpy as np
 import pytest
 from cantools.database import Database, load_string
 
-from daq import (
-    Block,
-    Channel,
-    DataError,
-    DbcSensor,
-    Event,
-    LogError,
-    LoggedSensor,
-    import_can_log,
-    load_recordings,
-    read_log,
-)
+from daq import Block, Channel, DataError, DbcSensor, Event, LogError, load_recordings, read_log
+from daq.files import LoggedSensor, import_can_log
 
 FILE = Path(__file__).parents[3] / "examples" / "imu.dbc"
 SENSOR = DbcSensor(file=FILE, signals=("accX", "accY", "accZ"), counter="Counter", temperature="Temp")

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from daq import Channel, FloatArray, Gap, Recording, differentiated
+from daq import Channel, FloatArray, Gap, Recording
+from daq.files import differentiated
 
 RATE = 100.0
 TIME = np.arange(1000) / RATE

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import scipy.io
 
-from daq import Channel, DataError, DataOptions, LoggedSensor, import_can_log, read_measured
+from daq import Channel, DataError, DataOptions, read_measured
+from daq.files import LoggedSensor, import_can_log
 from tests.support.daq.can_buses import IMU
 from tests.support.daq.emulated_can import imu
 from tests.support.monitor.cli import Commands, assert_refused

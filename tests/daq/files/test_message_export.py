@@ -10,7 +10,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from daq import EPSON_SCALE, Block, Flag, FloatArray, IndexArray, LogError, McapWriter, expand_log
+from daq import Block, Flag, FloatArray, IndexArray, LogError, McapWriter
+from daq.drivers import EPSON_SCALE
+from daq.files import expand_log
 from tests.support.daq.blocks import START, make_block, write_log
 from tests.support.monitor.rrd_reader import Rrd
 

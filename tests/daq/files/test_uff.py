@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import pyuff
 
-from daq import DataError, differentiated, read_data
+from daq import DataError, read_data
+from daq.files import differentiated
 
 RATE, N = 200.0, 400
 SIGNALS = np.random.default_rng(1).standard_normal((N, 3))

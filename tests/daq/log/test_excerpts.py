@@ -6,23 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import (
-    END,
-    Channel,
-    Event,
-    LogError,
-    LogExcerpt,
-    McapWriter,
-    PartedLog,
-    RotatingWriter,
-    Rotation,
-    load_recordings,
-    log_info,
-    log_span,
-    newest_log,
-    read_events,
-    read_log,
-)
+from daq import Channel, Event, LogError, LogExcerpt, McapWriter, load_recordings, read_events, read_log
+from daq.log import END, PartedLog, RotatingWriter, Rotation, log_info, log_span, newest_log
 from tests.support.daq.blocks import START, contents, make_block
 
 SECOND = 10**9

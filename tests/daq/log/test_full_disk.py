@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from daq import Block, Event, as_logs, inspect_log, read_log
+from daq import Block, Event, inspect_log, read_log
+from daq.log import as_logs
 from tests.support.daq.blocks import contents, make_block
 
 pytestmark = pytest.mark.live

@@ -12,17 +12,8 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, Writer
 
-from daq import (
-    Channel,
-    LogError,
-    Recording,
-    load_recordings,
-    log_info,
-    read_attachments,
-    read_log,
-    repair_log,
-    write_recording,
-)
+from daq import Channel, LogError, Recording, load_recordings, read_attachments, read_log, repair_log, write_recording
+from daq.log import log_info
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.rice import pack
 from monitor.service.startup.repair_logs import mend_logs

@@ -8,19 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daq import (
-    Block,
-    DiskGuard,
-    Event,
-    McapWriter,
-    ResilientWriter,
-    Retention,
-    RotatingWriter,
-    WriterThread,
-    inspect_log,
-    read_log,
-)
-from daq.log import resilient_writer
+from daq import Block, Event, McapWriter, inspect_log, read_log
+from daq.log import DiskGuard, ResilientWriter, Retention, RotatingWriter, WriterThread, resilient_writer
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.notices import until
 

@@ -11,7 +11,8 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from daq import Block, FloatArray, RotatingWriter, Rotation, read_log, repair_log
+from daq import Block, FloatArray, read_log, repair_log
+from daq.log import RotatingWriter, Rotation
 from daq.log.format.preview import View
 from tests.support.daq.blocks import START, contents, make_block
 from tests.support.monitor.rrd_reader import Rrd

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from daq import Item, LogError, LogState, McapWriter, has_end, inspect_log, read_attachments, read_log, repair_log
+from daq import Item, LogError, McapWriter, inspect_log, read_attachments, read_log, repair_log
+from daq.log import LogState, has_end
 from tests.support.daq.blocks import START, contents, some_items
 
 ATTACHED = {"site.toml": "state = 'x'\n", "structure.toml": "# Größe 3 m\n"}

@@ -8,20 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daq import (
-    Block,
-    DiskGuard,
-    Event,
-    McapWriter,
-    PartedLog,
-    ResilientWriter,
-    Retention,
-    RotatingWriter,
-    Rotation,
-    inspect_log,
-    newest_log,
-    read_log,
-)
+from daq import Block, Event, McapWriter, inspect_log, read_log
+from daq.log import DiskGuard, PartedLog, ResilientWriter, Retention, RotatingWriter, Rotation, newest_log
 from tests.support.daq.blocks import START, contents, make_block
 
 EVERY_FLUSH = Rotation(size=1.0)  # fills a file

@@ -12,19 +12,12 @@ from daq import (
     Channel,
     LogError,
     McapWriter,
-    PartedLog,
-    RotatingWriter,
-    Rotation,
-    WriterThread,
-    as_logs,
-    files_of,
     inspect_log,
     load_recordings,
-    log_info,
-    newest_log,
     read_attachments,
     read_log,
 )
+from daq.log import PartedLog, RotatingWriter, Rotation, WriterThread, as_logs, files_of, log_info, newest_log
 from tests.support.daq.blocks import START, contents, make_block, some_items
 
 ATTACHED = {"site.toml": "state = 'x'\n"}

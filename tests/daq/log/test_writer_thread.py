@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from daq import Item, McapWriter, WriterThread, read_log
+from daq import Item, McapWriter, read_log
+from daq.log import WriterThread
 from tests.support.daq.blocks import contents, some_items
 
 

@@ -12,28 +12,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from daq import (
-    CAN_LOGS,
     Channel,
     DataError,
+    Event,
+    LogError,
+    McapWriter,
+    Recording,
+    SystemClock,
+    export_recording,
+    read_data,
+    read_log,
+)
+from daq.drivers.can.heartbeat import HeartbeatConsumer
+from daq.emulator import (
     EmulatedEpson,
     EmulatedEpsonCan,
     EmulatedNode,
     EmulatedSlcan,
     EmulatedWitmotion,
     EmulatedWitmotionCan,
-    Event,
-    LogError,
-    LoggedSensor,
-    McapWriter,
-    Recording,
-    SystemClock,
-    export_recording,
-    import_can_log,
-    read_data,
-    read_log,
 )
-from daq.drivers.can.heartbeat import HeartbeatConsumer
 from daq.emulator.serial_port import SerialEmulator
+from daq.files import CAN_LOGS, LoggedSensor, import_can_log
 from daq.protocol import epson, node
 from tests.support.daq.can_buses import IMU
 from tests.support.daq.emulated_can import imu

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq import DbcSensor, read_layout
+from daq import DbcSensor
+from daq.drivers import read_layout
 from daq.protocol.can_scan import ScanDecoder, ScanLayout, encode_scans, what_is_missing
 from daq.protocol.frames import CanFrames, can_frames, concatenate
 

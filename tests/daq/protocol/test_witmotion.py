@@ -7,17 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from daq import (
-    CanAddress,
-    DeviceIdentity,
-    DriverError,
-    EmulatedWitmotion,
-    LineFaults,
-    SystemClock,
-    driver_names,
-    low_grade,
-    make_driver,
-)
+from daq import CanAddress, DeviceIdentity, DriverError, SystemClock, driver_names, make_driver
+from daq.drivers import low_grade
+from daq.emulator import EmulatedWitmotion, LineFaults
 from daq.protocol import witmotion as wit
 from daq.protocol.frames import can_frames, concatenate
 from daq.protocol.witmotion import PACKET_SIZE, WitDecoder

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from daq import ClockFit
+from daq.timing import ClockFit
 from daq.timing.clock_fit import unwrap
 
 START = 1_767_225_600_000_000_000  # ns UTC

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from daq import ClockFit
+from daq.timing import ClockFit
 from daq.timing.clock_fit import unwrap
 from tests.support.daq.blocks import START
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import Channel, LogExcerpt, Recording, log_span, read_attachments, write_recording
+from daq import Channel, LogExcerpt, Recording, read_attachments, write_recording
+from daq.log import log_span
 from monitor.analysis.logs import log_recordings
 from monitor.analysis.observation import Observation
 from monitor.analysis.time_range import time_range

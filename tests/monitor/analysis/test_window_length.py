@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import Channel, Recording, as_logs, load_recordings, write_recordings
+from daq import Channel, Recording, load_recordings, write_recordings
+from daq.log import as_logs
 from monitor.analysis.logs import Held, log_channels, log_held
 from monitor.analysis.observation import window_seconds
 from monitor.analysis.time_range import time_range

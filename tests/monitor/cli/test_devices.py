@@ -7,15 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from daq import (
+from daq import SystemClock, search_port
+from daq.drivers import SerialPortInfo
+from daq.emulator import (
     EmulatedEpson,
     EmulatedEpsonCan,
     EmulatedNode,
     EmulatedPort,
     EmulatedSlcan,
-    SerialPortInfo,
-    SystemClock,
-    search_port,
     serve_all,
     unplugging,
 )

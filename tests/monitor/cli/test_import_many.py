@@ -6,19 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import (
-    Channel,
-    DataError,
-    DataOptions,
-    FloatArray,
-    Measured,
-    Recording,
-    differentiated,
-    in_order,
-    load_recordings,
-    read_in_order,
-    read_measured,
-)
+from daq import Channel, DataError, DataOptions, FloatArray, Recording, load_recordings, read_measured
+from daq.files import Measured, differentiated, in_order, read_in_order
 from monitor.cli.data.import_ import level
 from monitor.settings import load_settings
 from tests.support.monitor.cli import Commands, assert_refused

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import Block, Event, Flag, McapWriter, RotatingWriter, Rotation, inspect_log, read_data
+from daq import Block, Event, Flag, McapWriter, inspect_log, read_data
+from daq.log import RotatingWriter, Rotation
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.service.startup.repair_logs import mend_logs
 from monitor.views.run import late_devices

@@ -8,7 +8,8 @@ from typing import Literal, Self
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, Event, Item, McapWriter, read_data
+from daq import Block, Event, Item, McapWriter, read_data
+from daq.drivers import EPSON_SCALE
 from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
 from monitor.results.events import result_event

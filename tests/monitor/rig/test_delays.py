@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from daq import EPSON_SCALE, Channel, Recording
+from daq import Channel, Recording
+from daq.drivers import EPSON_SCALE
 from monitor.rig import T_DEVICES, make_sources
 from monitor.watch.baseline import learn_tracked_reference
 from oma import identify_all

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, FloatArray
+from daq import FloatArray
+from daq.drivers import EPSON_SCALE
 from monitor.rig import DeviceSource
 from tests.support.monitor.rig import ORIGIN, QUIET, SineWorld, nominal
 

@@ -14,19 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from daq import (
-    EPSON_SCALE,
-    Block,
-    CanAddress,
-    DeviceReader,
-    Driver,
-    Event,
-    HostClock,
-    Item,
-    ScaledClock,
-    SystemClock,
-    make_driver,
-)
+from daq import Block, CanAddress, DeviceReader, Driver, Event, HostClock, Item, ScaledClock, SystemClock, make_driver
+from daq.drivers import EPSON_SCALE
 from monitor.errors import SettingsError, StartError
 from monitor.rig import Place, PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame

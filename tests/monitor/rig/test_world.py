@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from daq import EPSON_SCALE, FloatArray
+from daq import FloatArray
+from daq.drivers import EPSON_SCALE
 from monitor.rig import Scenario, World, draw_t_frame, make_sources, true_structure
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from tests.support.thorough import few_of

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, McapWriter
+from daq import Block, McapWriter
+from daq.drivers import EPSON_SCALE
 from monitor.service.startup.disk_budget import BYTES_A_SCAN, disk_plan
 from monitor.settings import parse_settings
 

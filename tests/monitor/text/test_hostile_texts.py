@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq import one_line, parse_json, parse_toml, printable
+from daq.bounded_text import one_line, parse_json, parse_toml, printable
 from tests.support.monitor.cli import Commands, assert_refused
 from updater import StructureError, parse_structure, t_structure_toml
 

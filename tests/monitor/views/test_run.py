@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, Channel, Event, Flag, McapWriter, Recording
+from daq import Block, Channel, Event, Flag, McapWriter, Recording
+from daq.drivers import EPSON_SCALE
 from monitor.errors import ResultsError
 from monitor.results.windows import Novelty, ReferenceResult, WindowResult
 from monitor.views.run import find_log, last_signals, late_devices, load_run, slower

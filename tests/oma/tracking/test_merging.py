@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import FloatArray, differentiated, read_data
+from daq import FloatArray, read_data
+from daq.files import differentiated
 from oma import ModalEstimate, NoCommonModes, identify, mac_matrix, match_setups, merge, normalise
 from tests.support.oma.structures import Structure, chain, simulate
 

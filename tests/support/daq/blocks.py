@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import EPSON_SCALE, Block, Event, Flag, Item, McapWriter
+from daq import Block, Event, Flag, Item, McapWriter
+from daq.drivers import EPSON_SCALE
 
 START = 1_767_225_600_000_000_000  #: ns UTC
 

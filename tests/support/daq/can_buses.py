@@ -12,7 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from daq import EmulatedSlcan, ScaledClock
+from daq import ScaledClock
+from daq.emulator import EmulatedSlcan
 from tests.support.daq.blocks import START
 from tests.support.processes import script_process
 

@@ -12,15 +12,8 @@ scans sent and dropped by each node. Nodes are 1, 2, ...
 import sys
 from pathlib import Path
 
-from daq import (
-    DbcSensor,
-    EmulatedDbc,
-    EmulatedEpsonCan,
-    EmulatedSlcan,
-    EmulatedWitmotionCan,
-    ScaledClock,
-    unplugging,
-)
+from daq import DbcSensor, ScaledClock
+from daq.emulator import EmulatedDbc, EmulatedEpsonCan, EmulatedSlcan, EmulatedWitmotionCan, unplugging
 from tests.support.daq.emulated_ports import Ramp, reported, say
 
 

@@ -14,7 +14,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from daq import EmulatedEpson, EmulatedNode, EmulatedWitmotion, HostClock, IntArray, ScaledClock, serve_all, unplugging
+from daq import HostClock, IntArray, ScaledClock
+from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedWitmotion, serve_all, unplugging
 
 Device = EmulatedEpson | EmulatedNode | EmulatedWitmotion
 

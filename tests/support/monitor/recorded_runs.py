@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import EPSON_SCALE, Block, Event, McapWriter
+from daq import Block, Event, McapWriter
+from daq.drivers import EPSON_SCALE
 from monitor.rig import T_DEVICES, Scenario, make_sources
 from updater import parse_structure, t_structure_toml
 

@@ -14,7 +14,8 @@ from scipy import sparse
 from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
-from daq import DAMAGED_FILE, DataError, FloatArray, IndexArray, IntArray, check_archive
+from daq import DataError, FloatArray, IndexArray, IntArray
+from daq.files import DAMAGED_FILE, check_archive
 from updater.errors import StructureError
 from updater.structure import AXES
 

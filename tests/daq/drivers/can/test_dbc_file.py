@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from daq import DbcError, DbcSensor, read_layout
+from daq import DbcError, DbcSensor
+from daq.drivers import read_layout
 
 FILE = Path(__file__).parents[4] / "examples" / "imu.dbc"
 AXES = ("accX", "accY", "accZ")

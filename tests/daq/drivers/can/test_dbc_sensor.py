@@ -12,12 +12,9 @@ import pytest
 from daq import (
     Block,
     CanAddress,
-    CanPlace,
     DbcAddress,
     DeviceReader,
     DriverError,
-    EmulatedDbc,
-    EmulatedSlcan,
     Event,
     Flag,
     HostClock,
@@ -25,7 +22,9 @@ from daq import (
     SystemClock,
     make_driver,
 )
+from daq.drivers import CanPlace
 from daq.drivers.can.bus import SlcanBus
+from daq.emulator import EmulatedDbc, EmulatedSlcan
 from tests.support.daq.can_buses import can_process, pty, served, wait_for
 from tests.support.daq.emulated_can import imu
 from tests.support.daq.emulated_ports import Ramp

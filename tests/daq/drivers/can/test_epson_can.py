@@ -9,20 +9,9 @@ import can
 import numpy as np
 import pytest
 
-from daq import (
-    Block,
-    CanAddress,
-    DeviceReader,
-    DriverError,
-    EmulatedEpsonCan,
-    Event,
-    Flag,
-    HostClock,
-    Item,
-    SystemClock,
-    make_driver,
-)
+from daq import Block, CanAddress, DeviceReader, DriverError, Event, Flag, HostClock, Item, SystemClock, make_driver
 from daq.drivers.can.bus import frames_of, messages_of
+from daq.emulator import EmulatedEpsonCan
 from daq.protocol.frames import can_frames
 from tests.support.daq.can_buses import can_process, pty, serving, wait_for
 from tests.support.daq.emulated_ports import Ramp

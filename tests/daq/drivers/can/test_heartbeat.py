@@ -9,23 +9,10 @@ import canopen
 import numpy as np
 import pytest
 
-from daq import (
-    Block,
-    CanAddress,
-    DeviceReader,
-    EmulatedEpsonCan,
-    EmulatedSlcan,
-    Event,
-    HostClock,
-    Item,
-    LineFaults,
-    LineSpell,
-    ScaledClock,
-    SystemClock,
-    make_driver,
-)
+from daq import Block, CanAddress, DeviceReader, Event, HostClock, Item, ScaledClock, SystemClock, make_driver
 from daq.drivers.can import heartbeat
 from daq.drivers.can.heartbeat import HeartbeatConsumer
+from daq.emulator import EmulatedEpsonCan, EmulatedSlcan, LineFaults, LineSpell
 from tests.support.daq.blocks import START
 from tests.support.daq.can_buses import served, wait_for
 from tests.support.daq.emulated_ports import Ramp

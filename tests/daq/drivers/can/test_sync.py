@@ -12,17 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daq import (
-    CHANNELS,
-    EPSON_SCALE,
     Assembler,
     Block,
     CanAddress,
     Channel,
-    ChannelMap,
     DeviceReader,
     DriverError,
-    EmulatedEpsonCan,
-    EmulatedSlcan,
     Event,
     Flag,
     FloatArray,
@@ -35,9 +30,12 @@ from daq import (
     make_driver,
     read_log,
 )
+from daq.drivers import EPSON_SCALE
 from daq.drivers.can.bus import Chunk
 from daq.drivers.can.sync_count import SyncCount, SyncedCounter
+from daq.emulator import EmulatedEpsonCan, EmulatedSlcan
 from daq.emulator.sync import synced_frames
+from daq.log import CHANNELS, ChannelMap
 from daq.protocol.epson_can import SYNC, encode_scans
 from daq.protocol.frames import can_frames
 from tests.support.daq.blocks import START, make_block

@@ -5,8 +5,9 @@ from itertools import pairwise
 
 import pytest
 
-from daq import Block, CanAddress, DeviceReader, EmulatedEpsonCan, EmulatedSlcan, Item, SystemClock, make_driver
+from daq import Block, CanAddress, DeviceReader, Item, SystemClock, make_driver
 from daq.drivers.can import epson_can_temperature
+from daq.emulator import EmulatedEpsonCan, EmulatedSlcan
 from tests.support.daq.can_buses import served, wait_for
 from tests.support.daq.emulated_ports import Ramp
 from tests.support.daq.readers import running

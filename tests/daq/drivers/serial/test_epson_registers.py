@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from daq import EmulatedEpson, IntArray, SystemClock, make_driver
+from daq import IntArray, SystemClock, make_driver
+from daq.emulator import EmulatedEpson
 from daq.protocol import epson
 from tests.support.daq.can_buses import serving
 

@@ -8,8 +8,9 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from daq import DeviceLost, Driver, DriverError, EmulatedNode, SystemClock, make_driver
+from daq import DeviceLost, Driver, DriverError, SystemClock, make_driver
 from daq.drivers.serial.node import FrameValidator
+from daq.emulator import EmulatedNode
 from daq.protocol import node
 from daq.protocol.node import NodeScans
 from tests.support.daq.can_buses import serving

@@ -15,7 +15,8 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 
-from daq import EPSON_SCALE, Block, Event, Item
+from daq import Block, Event, Item
+from daq.drivers import EPSON_SCALE
 from monitor.results.events import result_event
 from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import Settings, parse_settings

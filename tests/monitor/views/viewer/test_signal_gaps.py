@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import rerun as rr
 
-from daq import Block, Channel, ScanClocks
+from daq import Block, Channel
+from daq.timing import ScanClocks
 from monitor.views.viewer.signals import SignalStream
 from tests.support.daq.blocks import START, make_block
 
