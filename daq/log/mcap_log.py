@@ -12,7 +12,7 @@ import os
 import struct
 import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Literal, TypeVar, cast
@@ -28,7 +28,7 @@ from daq.bounded_text import parse_json
 from daq.errors import ItemError, LogError
 from daq.log.file_lock import lock
 from daq.log.format.accel_block_pb2 import AccelBlock
-from daq.log.format.block_codec import decode_block, encode_block
+from daq.log.format.block_codec import decode_blocks, encode_block
 from daq.log.format.chunk_index import LeanWriter
 from daq.log.format.chunks import WholeReads, chunk_records
 from daq.log.format.file_index import file_index
@@ -52,6 +52,8 @@ SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of th
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
 }
 T = TypeVar("T")
+_BATCH, _BATCH_BYTES = 64, 1 << 17  # messages that are decoded together, and their size
+_Topical = tuple[str, Message]
 _KINDS: dict[str, type[int] | type[float]] = {"missing": int, "exact": int, "index": int, "celsius": float}
 MAGIC = b"\x89MCAP0\r\n"
 
@@ -340,20 +342,52 @@ def _records_within(path: Path, log: LogExcerpt, wanted: Callable[[str], bool]) 
 
 def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[Item]:
     """Yield the items of some topics among the records of a file."""
+    for messages in _batches(records, wanted):
+        items: Iterable[Item]
+        try:
+            items = _items(messages)
+        except (DecodeError, ValueError):  # those before the damaged one are yielded
+            items = (_own_item(path, topic, message) for topic, message in messages)
+        yield from items
+
+
+def _batches(records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[list[_Topical]]:
+    """Yield the messages of some topics with their topics, some at a time; those before an error are yielded first."""
     topics: dict[int, str] = {}
-    for record in records:
-        if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING and wanted(record.topic):
-            topics[record.id] = record.topic
-        elif isinstance(record, Message) and record.channel_id in topics:
-            try:
-                yield _item(topics[record.channel_id], record)
-            except (DecodeError, ValueError) as error:
-                raise LogError(path, f"message {record.sequence} of {topics[record.channel_id]}: {error}") from error
+    batch: list[_Topical] = []
+    size = 0
+    try:
+        for record in records:
+            if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING and wanted(record.topic):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message) and record.channel_id in topics:
+                batch.append((topics[record.channel_id], record))
+                size += len(record.data) + _BATCH_BYTES // _BATCH
+                if size >= _BATCH_BYTES:
+                    yield batch
+                    batch, size = [], 0
+    except LogError:
+        yield batch
+        raise
+    yield batch
 
 
-def _item(topic: str, message: Message) -> Item:
-    if _is_signal(topic):
-        return decode_block(topic.removeprefix(ACCEL), message.data)
+def _items(messages: Sequence[_Topical]) -> list[Item]:
+    """Return the items of messages, in their order."""
+    signals = [(topic.removeprefix(ACCEL), message.data) for topic, message in messages if _is_signal(topic)]
+    blocks = iter(decode_blocks(signals))
+    return [next(blocks) if _is_signal(topic) else _event(topic, message) for topic, message in messages]
+
+
+def _own_item(path: Path, topic: str, message: Message) -> Item:
+    try:
+        [item] = _items([(topic, message)])
+    except (DecodeError, ValueError) as error:
+        raise LogError(path, f"message {message.sequence} of {topic}: {error}") from error
+    return item
+
+
+def _event(topic: str, message: Message) -> Event:
     if message.log_time > END:
         raise ValueError(f"expected a time before the year 2262, found {message.log_time} ns")
     payload = parse_json(message.data)

@@ -315,6 +315,8 @@ class Assembler:
 
     def _complete(self) -> Iterator[Recording]:
         alive = [d for d in self._devices.values() if not d.lost]
+        if self._next is not None and not all(d.has_data and d.reaches(self._next + self._window_ns) for d in alive):
+            return  # as after most blocks
         if not alive or not all(d.ready for d in alive):
             return
         if self._next is None:

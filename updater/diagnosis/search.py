@@ -108,8 +108,8 @@ def judged(case: Case, found: list[Candidate], data: Comparison) -> tuple[Case, 
 def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
     """Return the best of a search, fitted to other data.
 
-    Two common forms (bodies) are also fitted next to a rare cause (a distributed mass), and next to a relaxed cause
-    that may be two others, as well as other starting causes.
+    Two common forms (bodies) are also fitted next to a rare cause (a distributed mass), unless one fits well. Next to a
+    relaxed cause that may be two others, they are fitted as well as other starting causes.
     """
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MAX_JUDGED]
@@ -121,9 +121,15 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
         (name,) = again[0].names
         others = [c for c in found if name not in c.names and not is_hidden(c) and c not in near][: _SEEDS - 1]
         again += [fitted for fitted in (several.coordinate_fit(c.chosen) for c in others) if fitted is not None]
-    if free or any(len(c.names) == 1 and CATALOGUE[c.names[0]].common_form for c in again):
+    rare = any(len(c.names) == 1 and CATALOGUE[c.names[0]].common_form for c in again)
+    if free or (rare and not _is_common_and_fits(weighing, again[0])):
         again += several.at_once(weighing.common_forms)
     return ranked(again)
+
+
+def _is_common_and_fits(weighing: EvidenceComparison, best: Candidate) -> bool:
+    """Return whether one common form (a body) explains the event alone: a second one would have next to no effect."""
+    return best.p_value >= WELL and len(best.names) == 1 and best.names[0] in weighing.common_forms
 
 
 def stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bool) -> list[Candidate]:

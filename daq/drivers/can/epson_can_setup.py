@@ -13,7 +13,6 @@ from daq.types import DeviceIdentity
 
 _APPLY_SECONDS = 4.0  # a device takes about one
 _ASK_SECONDS = 0.05
-_ATTEMPTS = 2  # of a request to a device that has been identified: a busy host may take longer to read one reply
 _EXPEDITED = 0x23  # SDO command: write four bytes
 _SDO_REQUEST = 0x600
 
@@ -21,7 +20,6 @@ _SDO_REQUEST = 0x600
 def configure(node: canopen.RemoteNode, address: CanAddress, rate: int) -> None:
     """Set rate [Hz], filter, sampling trigger, process data and heartbeat; errors of `canopen`, or ValueError."""
     period, number = epson.RATES[rate], FILTERS[rate]
-    node.sdo.MAX_RETRIES = _ATTEMPTS
     if address.sync:
         _write(node, epson.SYNC_COB, epson.SYNC, 4)  # an earlier run's SYNC ends
     if address.sync == "producer":

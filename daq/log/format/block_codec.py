@@ -1,9 +1,11 @@
 """Encoding and decoding of blocks as log messages."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from daq.log.format.accel_block_pb2 import AccelBlock
-from daq.log.format.rice import Packed, pack, unpack
+from daq.log.format.rice import Packed, pack, unpack_many
 from daq.types import Block, Flag, IntArray
 
 _LEAST_SCALE = float(np.finfo(float).tiny)
@@ -51,13 +53,28 @@ def decode_block(device: str, data: bytes) -> Block:
     ValueError
         If a field is out of bounds, or the counts do not fit n_scans and n_axes.
     """
-    message = AccelBlock.FromString(data)
-    _check(message)
+    return decode_blocks([(device, data)])[0]
+
+
+def decode_blocks(messages: Sequence[tuple[str, bytes]]) -> list[Block]:
+    """Return the blocks of devices from protobuf, all counts unpacked together; errors as for `decode_block`."""
+    parsed = [AccelBlock.FromString(data) for _, data in messages]
+    for message in parsed:
+        _check(message)
+    filled = [message for message in parsed if message.n_scans]
+    counts = iter(unpack_many([_packed(message) for message in filled], [message.n_scans for message in filled]))
+    return [
+        _block(device, message, next(counts) if message.n_scans else np.zeros((0, message.n_axes), np.int32))
+        for (device, _), message in zip(messages, parsed, strict=True)
+    ]
+
+
+def _block(device: str, message: AccelBlock, counts: IntArray) -> Block:
     return Block(
         device=device,
         rate=message.rate,
         first_index=message.first_index,
-        counts=_counts(message),
+        counts=counts,
         scale=message.scale,
         arrival_index=message.first_index + message.pair_offset,
         arrival_time=message.time + _after(message.pair_offset, message.rate),
@@ -83,11 +100,8 @@ def _check(message: AccelBlock) -> None:
             raise ValueError(f"{name}: expected {least:g} to {greatest:g}, found {value:g}")
 
 
-def _counts(message: AccelBlock) -> IntArray:
-    """Return counts (n_scans, n_axes)."""
-    if not message.n_scans:
-        return np.zeros((0, message.n_axes), np.int32)
-    if len(message.coding) != message.n_axes:
+def _packed(message: AccelBlock) -> Packed:
+    if len(message.coding) != message.n_axes or not message.n_axes:
         raise ValueError(f"coding: expected {message.n_axes} axes, found {len(message.coding)}")
-    order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True) if message.n_axes else ((), ())
-    return unpack(Packed(order, tuple(message.start), n_low, message.bits), message.n_scans)
+    order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True)
+    return Packed(order, tuple(message.start), n_low, message.bits)

@@ -15,7 +15,10 @@ T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Ca
 (1994): differences of fixed order, the parameter from the mean.
 """
 
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from operator import mul
 
 import numpy as np
@@ -25,7 +28,6 @@ from daq.types import IndexArray, IntArray
 
 ORDERS = range(4)  #: orders of the differences tried
 _BITS = 32
-_SIZES = (1, 2, 4)  # bytes of an integer
 _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
 
@@ -106,50 +108,131 @@ def unpack(packed: Packed, n: int) -> IntArray:
     ValueError
         If the axes do not hold n samples each.
     """
-    if not packed.order or len(packed.order) != len(packed.n_low):
-        raise ValueError(f"packed counts: expected axes, found {len(packed.order)} orders, {len(packed.n_low)} lengths")
-    n_start = [max(1, order) for order in packed.order]
-    if max(packed.n_low) > _BITS or max(packed.order) > n or len(packed.start) != sum(n_start):
-        raise ValueError(f"packed counts: expected {sum(n_start)} start values, found {len(packed.start)}")
-    n_residuals = [n - order for order in packed.order]
-    low = np.unpackbits(np.frombuffer(packed.bits, np.uint8))
-    rest = _rest(low[sum(map(mul, n_residuals, packed.n_low)) :], sum(n_residuals))
-    columns, start = [], iter(packed.start)
-    for order, n_low, n_each in zip(packed.order, packed.n_low, n_residuals, strict=True):
-        residual = _joined(low[: n_each * n_low], rest[:n_each], n_low)
-        low, rest = low[n_each * n_low :], rest[n_each:]
-        columns.append(_summed(residual, order, [next(start) for _ in range(max(1, order))]))
-    return np.array(columns).T
+    return unpack_many([packed], [n])[0]
 
 
-def _rest(high: npt.NDArray[np.uint8], n: int) -> _Unsigned:
-    """Return the upper part of residuals (n,) from their bits."""
-    ends = np.flatnonzero(high)
-    if len(ends) != n:
-        raise ValueError(f"packed counts: expected {n} residuals, found {len(ends)}")
-    rest = ends.astype(np.uint32)
-    rest[1:] -= rest[:-1] + np.uint32(1)
-    return rest
+def unpack_many(packed: Sequence[Packed], n: Sequence[int]) -> list[IntArray]:
+    """Return the counts (n, n_axes) of several blocks, in one pass over all their bits.
+
+    Raises
+    ------
+    ValueError
+        If the axes of any do not hold n samples each.
+    """
+    parts = [_Layout.of(one, samples) for one, samples in zip(packed, n, strict=True)]
+    rest, window = _rest(packed, parts), _windows(packed)
+    first_bit = [0, *accumulate(8 * len(one.bits) for one in packed)]
+    first_rest = [0, *accumulate(part.n_residuals for part in parts)]
+    first_out = [0, *accumulate(samples * len(one.order) for one, samples in zip(packed, n, strict=True))]
+    alike = defaultdict[tuple[int, int], list[_Axis]](list)  # axes of equal length and order
+    for one, part, samples, bit, residual, out in zip(packed, parts, n, first_bit, first_rest, first_out, strict=False):
+        for axis, order in enumerate(one.order):
+            low, earlier, start = bit + part.low[axis], residual + part.rest[axis], part.start[axis]
+            alike[samples, order].append((low, one.n_low[axis], earlier, out + axis * samples, start))
+    counts = np.empty(first_out[-1], np.uint32)
+    for (samples, order), axes in alike.items():
+        low, n_low, earlier, out, start = zip(*axes, strict=True)
+        every = np.arange(samples)
+        residual = _joined(window, np.array(low), np.array(n_low), rest, np.array(earlier), every[order:])
+        counts[np.array(out)[:, None] + every] = _summed(residual, order, np.array(start, np.int32).view(np.uint32))
+    return [
+        counts[start:stop].view(np.int32).reshape(len(one.order), samples).T
+        for one, samples, start, stop in zip(packed, n, first_out[:-1], first_out[1:], strict=True)
+    ]
 
 
-def _joined(low: npt.NDArray[np.uint8], rest: _Unsigned, n_low: int) -> _Unsigned:
-    """Return residuals (n,) from both their parts; `low` has all bits of one after those of another."""
-    size = next(size for size in _SIZES if 8 * size >= n_low)
-    whole = np.zeros((len(rest), 8 * size), np.uint8)
-    whole[:, 8 * size - n_low :] = low.reshape(len(rest), n_low)
-    u = np.packbits(whole).view(f">u{size}").astype(np.uint32)
-    u |= rest << np.uint32(n_low)
+_Axis = tuple[int, int, int, int, tuple[int, ...]]  # first low bit, low bits of each, first rest, first count, start
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where the parts of packed counts are."""
+
+    low: tuple[int, ...]  #: per axis: its first low bit
+    high: int  #: first bit of the rests
+    rest: tuple[int, ...]  #: per axis: its first residual
+    n_residuals: int  #: of all axes
+    start: tuple[tuple[int, ...], ...]  #: per axis
+
+    @staticmethod
+    def of(packed: Packed, n: int) -> "_Layout":
+        """Return the layout of counts of n samples; ValueError if there is none."""
+        order, n_low = packed.order, packed.n_low
+        if not order or len(order) != len(n_low):
+            raise ValueError(f"packed counts: expected axes, found {len(order)} orders, {len(n_low)} lengths")
+        starts = [0, *accumulate(max(1, each) for each in order)]
+        if max(n_low) > _BITS or max(order) > n or len(packed.start) != starts[-1]:
+            raise ValueError(f"packed counts: expected {starts[-1]} start values, found {len(packed.start)}")
+        n_residuals = [n - each for each in order]
+        low = [0, *accumulate(map(mul, n_residuals, n_low))]
+        rest = [0, *accumulate(n_residuals)]
+        if low[-1] > 8 * len(packed.bits):
+            raise ValueError(f"packed counts: expected {low[-1]} low bits, found {8 * len(packed.bits)}")
+        start = tuple(packed.start[a:b] for a, b in pairwise(starts))
+        return _Layout(tuple(low[:-1]), low[-1], tuple(rest[:-1]), rest[-1], start)
+
+
+def _rest(packed: Sequence[Packed], parts: Sequence[_Layout]) -> _Unsigned:
+    """Return the upper parts of all residuals from their bits."""
+    high = [one.bits[part.high // 8 :] for one, part in zip(packed, parts, strict=True)]
+    bits = np.unpackbits(np.frombuffer(b"".join(high), np.uint8))
+    begins = [0, *accumulate(8 * len(each) for each in high)]
+    starts = [begin + part.high % 8 for begin, part in zip(begins, parts, strict=False)]
+    for begin, start in zip(begins, starts, strict=False):
+        bits[begin:start] = 0  # last low bits in the same byte
+    ends = np.flatnonzero(bits)
+    edges = np.searchsorted(ends, begins)
+    found, expected = np.diff(edges), [part.n_residuals for part in parts]
+    if found.tolist() != expected:
+        wrong = int(np.argmax(found != expected))
+        raise ValueError(f"packed counts: expected {expected[wrong]} residuals, found {found[wrong]}")
+    before = np.empty_like(ends)
+    before[1:] = ends[:-1] + 1
+    some = found > 0
+    before[edges[:-1][some]] = np.array(starts)[some]
+    return (ends - before).astype(np.uint32)
+
+
+def _windows(packed: Sequence[Packed]) -> npt.NDArray[np.uint64]:
+    """Return the 64 bits from each byte of all bits on, as a view."""
+    data = b"".join([*(one.bits for one in packed), bytes(8)])
+    return np.ndarray((len(data) - 7,), ">u8", data, strides=(1,))
+
+
+def _joined(
+    window: npt.NDArray[np.uint64],
+    low: IndexArray,
+    n_low: IndexArray,
+    rest: _Unsigned,
+    earlier: IndexArray,
+    every: IndexArray,
+) -> _Unsigned:
+    """Return residuals (n_axes, n) from both their parts.
+
+    Parameters
+    ----------
+    window : 64 bits from each byte on
+    low, n_low : (n_axes,) place of the first low bit, number of low bits of each residual
+    rest, earlier : upper parts, and the place of the first one (n_axes,)
+    every : (n,) numbers of the samples
+    """
+    number = every - every[:1].sum()
+    place = low[:, None] + n_low[:, None] * number
+    n_bits = n_low[:, None].astype(np.uint64)
+    shift = np.uint64(64) - n_bits - (place & 7).astype(np.uint64)
+    mask = (np.uint64(1) << n_bits) - np.uint64(1)
+    u = ((window[place >> 3].astype(np.uint64) >> np.minimum(shift, np.uint64(63))) & mask).astype(np.uint32)
+    u |= rest[earlier[:, None] + number] << n_low[:, None].astype(np.uint32)
     return np.asarray((u >> np.uint32(1)) ^ (np.uint32(0) - (u & np.uint32(1))))
 
 
-def _summed(residual: _Unsigned, order: int, start: list[int]) -> IntArray:
-    """Return samples from their differences."""
-    first = np.array(start, np.int32).view(np.uint32)
+def _summed(residual: _Unsigned, order: int, start: _Unsigned) -> _Unsigned:
+    """Return samples (n_axes, n) from their differences (n_axes, n - order), and the start values of each."""
     if order == 0:
-        return np.asarray((residual + first[0]).view(np.int32))
-    samples = np.empty(order + len(residual), np.uint32)
-    samples[order:] = residual
+        return np.asarray(residual + start)
+    samples = np.empty((len(residual), order + residual.shape[1]), np.uint32)
+    samples[:, order:] = residual
     for k in range(order - 1, -1, -1):
-        samples[k] = first[k]
-        np.cumsum(samples[k:], out=samples[k:])
-    return samples.view(np.int32)
+        samples[:, k] = start[:, k]
+        np.cumsum(samples[:, k:], axis=1, out=samples[:, k:])
+    return samples

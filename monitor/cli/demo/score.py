@@ -13,8 +13,10 @@ from monitor.results.windows import AlarmResult, MassAnswer, Result, WindowResul
 from monitor.rig import Scenario
 from monitor.service.daemon import RunReport
 from monitor.text.causes import change_text
+from updater import Body
 
-_RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: tolerances of a correct answer
+_RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: tolerances of a correct answer ..
+_SIGMAS = 2.0  # .. or so many of its own deviations: short windows determine a mass to some 12 %
 
 
 def reveal(
@@ -29,13 +31,7 @@ def reveal(
     answer = answers[-1] if answers else None
     distance = float(np.linalg.norm(np.subtract(answer.position, event.body.at))) if answer else None
     error = answer.mass / event.body.mass - 1 if answer else None
-    right = (
-        distance is not None
-        and error is not None
-        and distance <= _RIGHT_PLACE
-        and abs(error) <= _RIGHT_MASS
-        and not false_alarm
-    )
+    right = answer is not None and _is_right(answer, event.body) and not false_alarm
     summary = {
         "seed": scenario.seed,
         "truth": {"position": event.body.at, "mass": event.body.mass, "time": rig["events"][0]},
@@ -56,6 +52,13 @@ def reveal(
     _write_pictures(out, report)
     _say_next(console, out, report)
     return DONE if right else NEEDS_A_PERSON
+
+
+def _is_right(answer: MassAnswer, body: Body) -> bool:
+    """Return whether an answer is within the tolerances, or within its own deviations."""
+    distance = float(np.linalg.norm(np.subtract(answer.position, body.at)))
+    place = max(_RIGHT_PLACE, _SIGMAS * answer.position_std)
+    return distance <= place and abs(answer.mass - body.mass) <= max(_RIGHT_MASS * body.mass, _SIGMAS * answer.mass_std)
 
 
 def _table(summary: dict[str, Any], answer: MassAnswer | None, found: str) -> Table:
