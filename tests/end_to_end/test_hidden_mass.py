@@ -59,6 +59,7 @@ def test_replay_of_an_imported_table_finds_the_hidden_mass(tmp_path: Path, capsy
     assert answer["mass"] == pytest.approx(mass, rel=0.15)
 
 
+@pytest.mark.thorough
 def test_replay_without_change_raises_no_alarm_and_is_repeatable(tmp_path: Path) -> None:
     """Results do not depend on later data, either: the second log is cut."""
     log, _, _ = hidden(tmp_path, 41, added=False)

@@ -43,6 +43,7 @@ def log_of(case: Case, folder: Path, when: str) -> Path:
     return path
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("share", few_of([0.004, 0.1]))
 def test_overdriven_channels_are_not_diagnosed_as_cause(logs: Path, modalwatch: Commands, share: float) -> None:
     """Nothing changed; a tone 1 % from a mode clips the two loudest channels in the current record only."""

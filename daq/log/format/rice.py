@@ -30,6 +30,8 @@ ORDERS = range(4)  #: orders of the differences tried
 _BITS = 32
 _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
+# of an axis: first low bit, low bits of each residual, first rest, first count, start values
+_Axis = tuple[int, int, int, int, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -141,12 +143,9 @@ def unpack_many(packed: Sequence[Packed], n: Sequence[int]) -> list[IntArray]:
     ]
 
 
-_Axis = tuple[int, int, int, int, tuple[int, ...]]  # first low bit, low bits of each, first rest, first count, start
-
-
 @dataclass(frozen=True)
 class _Layout:
-    """Where the parts of packed counts are."""
+    """Places of the parts of packed counts."""
 
     low: tuple[int, ...]  #: per axis: its first low bit
     high: int  #: first bit of the rests

@@ -105,6 +105,7 @@ def test_error_in_a_table_names_its_file(tmp_path: Path, modalwatch: Commands) -
         assert f"{tmp_path / 'khz.csv'}: frequencies: expected hertz" in reported
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("undrawn")
 def test_recalibrated_model_is_written_if_the_change_is_unexplained(tmp_path: Path, modalwatch: Commands) -> None:
     """Steel of 260 GPa, and all sensors mounted again, each slightly turned."""

@@ -103,6 +103,7 @@ def test_excluded_mode_and_channel_are_ignored_in_both_states(modalwatch: Comman
     assert abs(mass["value"] - 0.3) < max(4 * mass["std"], 0.1)
 
 
+@pytest.mark.thorough
 def test_fixed_parameter_keeps_its_value_and_bounds_are_respected(modalwatch: Commands, measured: Tables) -> None:
     whole = _diagnosed(modalwatch, measured, *MASS_ONLY)
     free = _steel(whole)

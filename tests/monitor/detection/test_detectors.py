@@ -127,6 +127,7 @@ def test_temperature_slopes_learned_in_12_hours_keep_the_false_alarm_rate() -> N
     assert alarmed <= poisson.ppf(1 - 1e-4, expected)
 
 
+@pytest.mark.thorough
 def test_large_scatter_of_one_mode_does_not_affect_the_others() -> None:
     """One of eight scatters by six times the stated deviation: one factor for all would be 62 % too large."""
     random = np.random.default_rng(11)
@@ -169,6 +170,7 @@ def test_outliers_and_missing_modes_do_not_affect_baseline_or_alarm() -> None:
     assert np.array_equal(judged.value[0, 20:24], np.zeros(4))
 
 
+@pytest.mark.thorough
 def test_outliers_during_large_common_shifts_keep_the_false_alarm_rate() -> None:
     """An unseen cause moves all modes by six deviations; one value in a hundred is eight off. Poisson bound at 1e-4."""
     random, n_sites, n, rate = np.random.default_rng(12), 60, 5 * DAY, 1e-3

@@ -1,6 +1,7 @@
 """Frost after a baseline without any: hardly a false alarm, and limits that are narrow again once it is learnt."""
 
 import numpy as np
+import pytest
 from scipy.stats import poisson
 
 from monitor.detection import CHUNK, DETECTORS, DetectionSettings, accept, judge, least_unsure, start
@@ -11,6 +12,7 @@ HOURLY = DetectionSettings(rate=1 / 8766 / len(DETECTORS), overlap=0.0, hold=2)
 P, STD = 6, 5e-4
 
 
+@pytest.mark.thorough
 def test_first_winter_after_a_summer_baseline_raises_few_alarms() -> None:
     """One to 3 % of stiffening: less than 1.5 alarms per year, Poisson bound at 1e-3. Without the widening: 27."""
     seed = 1

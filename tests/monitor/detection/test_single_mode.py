@@ -47,6 +47,7 @@ def over(found: list[ScoredWindows]) -> FloatArray:
     return np.concatenate([judged.over for judged in found], axis=-1).astype(float)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("seed", "days"), few_of([(1, 10), (1, 30), (2, 30)]))
 def test_bursts_of_spurious_poles_raise_no_alarm(seed: int, days: int) -> None:
     """Ten bursts a day at 30 sites; 1.5 false alarms per year would be 3.7 in 30 days: Poisson bound at 1e-3."""

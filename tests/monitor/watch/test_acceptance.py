@@ -79,6 +79,7 @@ def test_accepted_change_is_the_new_reference_until_undone(monkeypatch: pytest.M
     assert any(isinstance(r, AlarmResult) and r.raised for r in again)
 
 
+@pytest.mark.thorough
 def test_accepted_removal_of_a_body_is_saved_and_its_return_located(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -92,6 +92,7 @@ def test_self_tests_run_when_due_but_not_during_alarms(monkeypatch: pytest.Monke
     assert self_tests(run(pipeline, played.windows(6))) == []
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("percent", "passed", "tested"), few_of([(8.0, True, 1), (1e-4, False, 2)]))
 def test_failed_self_test_is_repeated_the_next_day(
     percent: float, passed: bool, tested: int, monkeypatch: pytest.MonkeyPatch

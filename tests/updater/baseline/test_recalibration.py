@@ -68,6 +68,7 @@ def test_mode_shapes_identify_the_softer_of_two_bearings(seed: int) -> None:
         assert abs(one.after - stiffness) < 3 * one.std
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [3])
 def test_modes_far_from_the_file_are_paired_after_recalibration(seed: int) -> None:
     """Eight sensors along x: the first sway mode of the file is half as high again as the measured one."""

@@ -1,6 +1,7 @@
 """A frame of many members: stretches are screened before they are fitted."""
 
 import numpy as np
+import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame
 from updater import Structure, build_model, learn_reference, matched, stack_tracks
@@ -43,6 +44,7 @@ def tower(bays: int = 2, storeys: int = 4) -> Structure:
     )
 
 
+@pytest.mark.thorough
 def test_softened_column_of_a_tower_is_found() -> None:
     """20 members have hundreds of stretches more than are fitted: the true one is not left out, and the likeliest."""
     random, gain = np.random.default_rng(196), np.ones(12)

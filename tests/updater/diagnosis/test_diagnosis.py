@@ -126,6 +126,7 @@ def test_gain_is_measured_on_held_out_data() -> None:
     assert found.extended is not None
 
 
+@pytest.mark.thorough
 def test_three_simultaneous_sensor_faults_are_all_found() -> None:
     """Two channels turned and a third at half its gain."""
     faults = (("col_037_x", -1.0), ("col_111_y", -1.0), ("beam_mid_x", 0.5))

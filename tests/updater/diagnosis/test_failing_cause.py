@@ -130,6 +130,7 @@ def test_unobservable_flexibilities_stay_below_those_of_a_loose_connection(
     assert np.isfinite(fit(data, cause).log_evidence)
 
 
+@pytest.mark.thorough
 def test_mass_on_three_span_girder_is_found_at_varying_levels(
     girder: tuple[Observation, Observation],
 ) -> None:

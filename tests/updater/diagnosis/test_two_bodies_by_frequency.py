@@ -30,6 +30,7 @@ def measured(structure: Structure, bodies: Sequence[tuple[float, float]], seed: 
     return read_tables(structure, [path])
 
 
+@pytest.mark.thorough
 def test_removal_of_two_bodies_is_among_the_named_causes(tmp_path: Path) -> None:
     """A stiffening of two stretches, with the same effect from the other end, was named with 99.9 %."""
     structure = parse_structure(structure_file(BODIES, Clamp(mass=0.45)))

@@ -99,6 +99,7 @@ def test_adjacent_stretches_of_equal_loss_are_merged() -> None:
     assert merged(weighing, elsewhere) is elsewhere
 
 
+@pytest.mark.thorough
 def test_zero_size_model_parameters_are_rejected_with_a_mass() -> None:
     """The file is right and a body is on the structure; significance of parameters, in five draws."""
     structure, track = t_frame(), np.arange(8)

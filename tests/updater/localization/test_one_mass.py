@@ -107,6 +107,7 @@ def removed(body: Body, seed: int, *, filed: bool) -> MassChange:
     return locate_mass(reference, reference.mean_of(event))
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("filed", few_of([False, True]))
 def test_removed_body_has_the_correct_negative_mass(filed: bool) -> None:
     """A body that is not in the file had come out too small by its share of the modal mass, up to 22 %."""

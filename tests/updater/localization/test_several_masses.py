@@ -73,6 +73,7 @@ def test_number_positions_and_masses_of_bodies_are_found(loaded: Loaded, bodies:
     assert len({change.mass for change in found.masses}) == len(bodies)
 
 
+@pytest.mark.thorough
 def test_moved_mass_is_one_removed_and_one_added_mass() -> None:
     """200 g were at (0.3, 0, 1.48) while the reference learnt, and are at (0, 0, 0.8) now."""
     random = np.random.default_rng(302)
@@ -99,6 +100,7 @@ def test_number_of_masses_is_limited_to_the_given_maximum(loaded: Loaded) -> Non
     assert len(found.probability) == 2
 
 
+@pytest.mark.thorough
 def test_three_masses_are_not_reported_as_certainly_two() -> None:
     """Three masses on a frame of the examiner's, one of which hardly shows; two were stated with 0.97."""
     case = frame_with_masses(3, "coarse", np.random.default_rng((11, 1, 3, 3)))

@@ -76,6 +76,7 @@ def test_flagged_nodes_are_sorted_by_distance_from_the_location() -> None:
             assert (np.diff(distance) >= -1e-12).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("cell", few_of(["support_stiffness", "local_stiffness", "sensor_gain"]))
 def test_change_other_than_a_mass_gets_no_location(cell: str) -> None:
     """Increments of a loosened foot, a softened stretch or a wrong gain are not those of one mass."""

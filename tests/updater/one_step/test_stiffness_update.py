@@ -165,6 +165,7 @@ def test_stated_increment_deviations_match_the_scatter(rig: Rig, draws: int, mon
     assert np.abs(ratio - 1).max() < 5 * error
 
 
+@pytest.mark.thorough
 def test_at_most_one_per_cent_of_undisturbed_events_are_flagged(rig: Rig) -> None:
     """8 baselines with 4 events each: more than 3 flagged of 0.3 expected has a chance of 3e-4."""
     flagged = 0
