@@ -26,6 +26,7 @@ _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one p
 _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by as much as the search assumes
 _WORTH_JUDGING, _MAX_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
 _MAX_LEFT = 3.0  # times the residual of noise and a good model in frequencies: an explanation with more is refused
+_NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is none, measured in 32 draws of one body
 _SEEDS = 3  # best candidates to which another cause is added
 _MAX = 3  # causes at once
 
@@ -122,14 +123,17 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
         others = [c for c in found if name not in c.names and not is_hidden(c) and c not in near][: _SEEDS - 1]
         again += [fitted for fitted in (several.coordinate_fit(c.chosen) for c in others) if fitted is not None]
     rare = any(len(c.names) == 1 and CATALOGUE[c.names[0]].common_form for c in again)
-    if free or (rare and not _is_common_and_fits(weighing, again[0])):
+    if free or (rare and not _explains_alone(weighing, again[0])):
         again += several.at_once(weighing.common_forms)
     return ranked(again)
 
 
-def _is_common_and_fits(weighing: EvidenceComparison, best: Candidate) -> bool:
-    """Return whether one common form (a body) explains the event alone: a second one would have next to no effect."""
-    return best.p_value >= WELL and len(best.names) == 1 and best.names[0] in weighing.common_forms
+def _explains_alone(weighing: EvidenceComparison, best: Candidate) -> bool:
+    """Return whether one common form (a body) fits, and a second one would have next to no effect, to first order."""
+    if best.p_value < WELL or len(best.names) > 1 or best.names[0] not in weighing.common_forms:
+        return False
+    promises = Compositions(replace(weighing, allowed=weighing.common_forms)).rank_by_linear_prediction([best])
+    return not promises or promises[0].log_evidence < best.log_evidence - _NO_EFFECT
 
 
 def stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bool) -> list[Candidate]:
