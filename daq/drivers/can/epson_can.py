@@ -23,7 +23,6 @@ from daq.types import DeviceIdentity, IndexArray, IntArray
 
 _READ_SECONDS = 0.1
 _QUIET_SECONDS = 0.03
-_ATTEMPTS = 2  # of a request: a busy host may take longer to read one reply
 _SYNC_SECONDS = 1.0  # time limit without SYNC while the heartbeat continues [s]; the slowest SYNC has 50 Hz
 _START, _PRE_OPERATIONAL = 1, 128  # NMT commands
 _ERRORS = (SdoError, can.CanError, OSError, ValueError)
@@ -77,7 +76,6 @@ class EpsonCan:
     def _begin(self, member: Member, node: canopen.RemoteNode) -> DeviceIdentity:
         node.nmt.send_command(_PRE_OPERATIONAL)
         self._wait_until_quiet(member)
-        node.sdo.MAX_RETRIES = _ATTEMPTS
         identity = identify(node)
         configure(node, self._address, self._rate)
         self._thermometer = Thermometer(node)

@@ -29,7 +29,7 @@ _WAIT = 0.1  # s
 GATHER_SECONDS = 0.19  #: between a driver's reads: decoding costs by the read more than by the frame
 _ENOUGH = 400  # frames of a device that are worth a read
 _MAX_CHUNKS = 4096  # capacity of a device's queue; further data are lost, and the counter shows it
-_REPLY_SECONDS = 0.5
+_REPLY_SECONDS = 1.0  # a node replies within milliseconds, but a busy host may be late in reading it
 #: messages passed to canopen, with their minimum length: emergencies, service data, heartbeats
 _SERVICES = {0x080: 8, 0x580: 8, 0x700: 1}
 _SERVICE_IDS = np.array(list(_SERVICES), np.uint32)

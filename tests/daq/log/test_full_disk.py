@@ -19,7 +19,7 @@ RECORDER = """
 import json, shutil, sys, time
 from pathlib import Path
 from tests.support.daq.blocks import START, make_block
-from daq import DiskGuard, ResilientWriter, RotatingWriter, WriterThread, Retention, Rotation
+from daq.log import DiskGuard, ResilientWriter, RotatingWriter, WriterThread, Retention, Rotation
 folder, out, ballast = Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[1]) / "ballast"
 reported = []
 recorder = RotatingWriter(folder, {"site.toml": "x"}, START, Rotation(size=100_000 if sys.argv[3] == "many" else 1e9))

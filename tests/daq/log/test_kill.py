@@ -17,7 +17,8 @@ WRITER = """
 import sys, time
 from pathlib import Path
 from tests.support.daq.blocks import make_block
-from daq import WriterThread, McapWriter
+from daq import McapWriter
+from daq.log import WriterThread
 with WriterThread(McapWriter(Path(sys.argv[1]), {"site.toml": "x"}), lambda item: None) as log:
     for k in range(10**6):
         log.put(make_block("a", 250 * k))

@@ -169,7 +169,7 @@ def test_permanent_log_failure_is_reported(
         def fail(_: object) -> None:
             raise OSError(5, "Input/output error")
 
-        monkeypatch.setattr("daq.ResilientWriter.flush", fail)
+        monkeypatch.setattr("daq.log.ResilientWriter.flush", fail)
         watched.flows("beam_left")
         watched.flows("beam_left")
         watched.stop()
