@@ -19,8 +19,8 @@ COLUMNS = (
 HEAD = f"""# Five demos
 
 Written by `make bench-seeds`: results of five complete demos, started with the command for users. The rig of each demo
-is random, determined by its seed. `found` means an error of at most 0.10 m and 15 %, and no alarm before the addition
-of the body. Positions are points on the member axis, in m.
+is random, determined by its seed. `found` means an error of at most 0.10 m and 15 %, or 2 of its own
+standard deviations, and no alarm before the addition of the body. Positions are points on the member axis, in m.
 
 | {" | ".join(COLUMNS.split()).replace("_", " ")} |
 |---:|:--|---:|:--|---:|---:|---:|---:|---:|---:|---:|:--|

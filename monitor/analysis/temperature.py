@@ -5,10 +5,11 @@ devices' own thermometers replace it, corrected for their earlier difference.
 """
 
 import math
+from typing import Protocol
 
 import numpy as np
 
-from daq import Event, Recording
+from daq import Event
 
 TOPIC_TEMPERATURE = "/measured/temperature"
 _FORGET = 0.05  # share of a window in the difference to the devices' thermometers
@@ -17,6 +18,25 @@ _FORGET = 0.05  # share of a window in the difference to the devices' thermomete
 def reading(time: int, celsius: float, source: str) -> Event:
     """Return a reading as it is in the log."""
     return Event(topic=TOPIC_TEMPERATURE, time=time, payload={"celsius": celsius, "source": source})
+
+
+class TimedTemperature(Protocol):
+    """A recording, or the conditions of a window."""
+
+    @property
+    def start(self) -> int:
+        """[ns UTC]."""
+        ...
+
+    @property
+    def end(self) -> int:
+        """[ns UTC]."""
+        ...
+
+    @property
+    def temperature(self) -> float:
+        """Mean over the devices [degC]."""
+        ...
 
 
 class SiteTemperature:
@@ -38,7 +58,7 @@ class SiteTemperature:
         if event.topic == TOPIC_TEMPERATURE:
             self._readings.append((event.time, float(event.payload.get("celsius", "nan"))))
 
-    def of(self, recording: Recording) -> float:
+    def of(self, recording: TimedTemperature) -> float:
         """Return the temperature of a window [degC], NaN if it is unknown; windows in their order.
 
         The mean of the readings within the window; without one, the last before it that is not stale.

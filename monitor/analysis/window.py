@@ -1,13 +1,76 @@
-"""Identified window, reduced to the part that is saved for a restart."""
+"""Identified windows: one that needs no state of the watch, and its part that is saved for a restart."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from daq import FloatArray, Recording
 from monitor.analysis.observation import root_mean_square
-from oma import ChannelFault, Identification, ModalEstimate
+from monitor.results.convert import spectrum_result
+from monitor.results.windows import Spectrum
+from oma import ChannelFault, IdentificationError, ModalEstimate, identify_all
 from updater import estimate_delays, remove_delays
 from updater.modal_data import DeviceDelays, without_known
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordedWindow:
+    """Conditions of a window, without its signals."""
+
+    start: int  #: [ns UTC]
+    end: int  #: [ns UTC]
+    channels: tuple[str, ...]
+    temperature: float  #: mean over the devices [degC], NaN if none has a sensor
+    rms: Mapping[str, float]  #: of the acceleration of each channel [m/s2]
+    whole_rms: float  #: over all channels [m/s2]
+
+    @classmethod
+    def of(cls, recording: Recording) -> "RecordedWindow":
+        """Return the conditions of a recording."""
+        known = np.where(np.isfinite(recording.data).any(0), recording.data, 0.0)
+        power: FloatArray = np.nanmean(known**2, axis=0)
+        return cls(
+            start=recording.start,
+            end=recording.end,
+            channels=tuple(channel.name for channel in recording.channels),
+            temperature=float(recording.temperature),
+            rms={c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)},
+            whole_rms=root_mean_square(recording),
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedModes:
+    """Modes of a window as identified, with nothing of the watch's state."""
+
+    estimate: ModalEstimate  #: without modes that may be tones or aliases
+    delays: Mapping[str, float]  #: device -> removed before identification [s]
+    harmonics: FloatArray  #: (n_harmonics,) tones [Hz]
+    left_out: Mapping[str, ChannelFault]  #: channels that are not in the estimate
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedWindow:
+    """A window with its modes: a function of its signals and of the band alone, which any process can compute."""
+
+    recorded: RecordedWindow
+    modes: IdentifiedModes | None  #: None if the window gives none
+    problem: str = ""  #: reason why it gives none
+    spectrum: Spectrum | None = None
+
+
+def identify_window(recording: Recording, band: tuple[float, float] | None) -> IdentifiedWindow:
+    """Identify the modes of a recording in a band [Hz]; by default in that of `oma.identify`."""
+    recorded = RecordedWindow.of(recording)
+    try:
+        found = identify_all(recording, band=band).without_uncertain()
+    except IdentificationError as error:
+        return IdentifiedWindow(recorded=recorded, modes=None, problem=str(error))
+    modes = IdentifiedModes(
+        estimate=found.estimate, delays=found.delays, harmonics=found.harmonics, left_out=found.left_out
+    )
+    return IdentifiedWindow(recorded=recorded, modes=modes, spectrum=spectrum_result(recording, found.poles))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -29,8 +92,9 @@ class Window:
 
 def window_of(
     index: int,
-    recording: Recording,
-    found: Identification,
+    recorded: RecordedWindow,
+    found: IdentifiedModes,
+    temperature: float,
     devices: Mapping[str, str],
     late: Mapping[str, float],
     known: DeviceDelays,
@@ -40,7 +104,8 @@ def window_of(
     Parameters
     ----------
     index : its number
-    recording, found : its signals, and their identification
+    recorded, found : its conditions and modes
+    temperature : by which it is judged [degC]
     devices : of each channel
     late : channel -> known delay, of the structure file [s]
     known : delays of the devices that the baseline has shown
@@ -49,10 +114,10 @@ def window_of(
     tau = estimate_delays(estimate, devices, known.beyond(seen))
     return Window(
         index=index,
-        start=recording.start,
-        end=recording.end,
-        temperature=float(recording.temperature),
-        rms=root_mean_square(recording),
+        start=recorded.start,
+        end=recorded.end,
+        temperature=temperature,
+        rms=recorded.whole_rms,
         harmonics=found.harmonics,
         left_out=found.left_out,
         estimate=estimate,

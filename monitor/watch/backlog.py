@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Collection
 
-from daq import Recording
 from monitor.settings import Settings
 
 MAX_WINDOWS = 6  #: windows that may wait before any is left out
 _MIN_SECONDS = 60.0  # of wall time that these must be: a start, or a diagnosis, may take that on a busy machine
 SKIPPED = "left out: the analysis had fallen behind"
 
-Skip = Callable[[int, Recording], bool]  #: whether a window of that number is left out
+Skip = Callable[[int, int], bool]  #: whether a window of that number, with its end [ns UTC], is left out
 
 
 class Backlog:
@@ -27,9 +26,9 @@ class Backlog:
         self._most = max(MAX_WINDOWS * self._step, _MIN_SECONDS * speed)
         self._behind = False
 
-    def __call__(self, index: int, recording: Recording) -> bool:
+    def __call__(self, index: int, end: int) -> bool:
         """Return whether to leave a window out."""
-        seconds = (self._newest() - recording.end) * 1e-9
+        seconds = (self._newest() - end) * 1e-9
         self._behind = seconds > (self._step if self._behind else self._most)
         return self._behind
 
@@ -39,6 +38,6 @@ def as_logged(indices: Collection[int]) -> Skip:
     return lambda index, _: index in indices
 
 
-def none(_: int, __: Recording) -> bool:
+def none(_: int, __: int) -> bool:
     """Leave no window out."""
     return False

@@ -4,19 +4,25 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-import numpy as np
-
-from daq import Assembler, Block, Event, FloatArray, Recording
+from daq import Assembler, Block, Event, Recording
 from monitor.analysis.temperature import SiteTemperature
-from monitor.analysis.window import window_of
-from monitor.results.convert import spectrum_result
+from monitor.analysis.window import IdentifiedWindow, RecordedWindow, identify_window, window_of
 from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings
 from monitor.watch.backlog import SKIPPED, Skip, none
 from monitor.watch.memory import Memory
 from monitor.watch.window_evaluator import WindowEvaluator
-from oma import IdentificationError, identify_all
 from updater import Structure
+
+
+def assembler_of(settings: Settings) -> Assembler:
+    """Return the assembler that cuts a site's streams into windows."""
+    return Assembler(
+        settings.channels,
+        {device.name: device.rate for device in settings.device},
+        window_seconds=settings.analysis.window_seconds,
+        step_seconds=settings.step_seconds,
+    )
 
 
 class Pipeline:
@@ -33,14 +39,8 @@ class Pipeline:
     def __init__(
         self, structure: Structure, settings: Settings, memory: Memory | None = None, skip: Skip = none
     ) -> None:
-        analysis = settings.analysis
         self._settings, self._structure, self._skip = settings, structure, skip
-        self._assembler = Assembler(
-            settings.channels,
-            {device.name: device.rate for device in settings.device},
-            window_seconds=analysis.window_seconds,
-            step_seconds=settings.step_seconds,
-        )
+        self._assembler = assembler_of(settings)
         offset = memory.thermometer_offset if memory else math.nan
         self._weather = SiteTemperature(settings.temperature.stale_minutes, offset) if settings.temperature else None
         self._judge = WindowEvaluator(structure, settings, memory)
@@ -54,55 +54,74 @@ class Pipeline:
 
     def push(self, item: Block | Event) -> Iterator[Result]:
         """Process one item in the log's order; yield the results."""
-        if self._resumed and isinstance(item, Block):
-            self._resumed = False
-            yield from self._judge.resumed(item.arrival_time)
+        if isinstance(item, Block):
+            yield from self.resume(item.arrival_time)
         if isinstance(item, Event):
             yield from self._judge.apply_command(item)
         windows = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
         if self._weather and isinstance(item, Event):
             self._weather.take(item)
         for recording in windows:
-            weather = self._weather
-            yield from self.analyse(replace(recording, temperature=weather.of(recording)) if weather else recording)
+            yield from self.analyse(recording)
+
+    def push_identified(self, step: Event | IdentifiedWindow) -> Iterator[Result]:
+        """Process an event, or a window that was identified elsewhere, in the log's order; yield the results."""
+        if isinstance(step, IdentifiedWindow):
+            yield from self._next(step.recorded, step)
+            return
+        yield from self._judge.apply_command(step)
+        if self._weather:
+            self._weather.take(step)
+
+    def begin_log(self) -> None:
+        """Continue in another log, as a new pipeline does from the saved state of this one."""
+        self._assembler = assembler_of(self._settings)
+        self._resumed = True
+
+    def resume(self, time: int) -> Iterator[Result]:
+        """Report the continued reference at the first block of a log [ns UTC], if there is one."""
+        if self._resumed:
+            self._resumed = False
+            yield from self._judge.resumed(time)
 
     def analyse(self, recording: Recording) -> Iterator[Result]:
         """Analyse one window; yield the results."""
+        if self._skip(self._judge.n_windows, recording.end):
+            yield from self._next(RecordedWindow.of(recording), None)
+        else:
+            window = identify_window(recording, self._settings.analysis.band)
+            yield from self._next(window.recorded, window)
+
+    def _next(self, recorded: RecordedWindow, window: IdentifiedWindow | None) -> Iterator[Result]:
+        """Evaluate the next window; None for one that is left out."""
         index = self._judge.n_windows
         self._judge.n_windows += 1
-        if self._skip(index, recording):
-            yield self._bare(index, recording, SKIPPED).model_copy(update={"skipped": True})
+        temperature = self._weather.of(recorded) if self._weather else recorded.temperature
+        if window is None or window.modes is None:
+            bare = self._bare(index, recorded, window.problem if window else SKIPPED)
+            yield bare if window else bare.model_copy(update={"skipped": True})
             return
-        try:
-            found = identify_all(recording, band=self._settings.analysis.band).without_uncertain()
-        except IdentificationError as error:
-            yield self._bare(index, recording, str(error))
-            return
-        window = window_of(
-            index, recording, found, self._settings.device_of, self._structure.delays, self._judge.delays
+        known = self._judge.delays
+        kept = window_of(
+            index, recorded, window.modes, temperature, self._settings.device_of, self._structure.delays, known
         )
         seen = {
-            "channels": list(window.synchronized.channels),
-            "faults": {channel: str(fault) for channel, fault in found.left_out.items()},
-            "modes": self._judge.modes(window),
-            "spectrum": spectrum_result(recording, found.poles),
+            "channels": list(kept.synchronized.channels),
+            "faults": {channel: str(fault) for channel, fault in window.modes.left_out.items()},
+            "modes": self._judge.modes(kept),
+            "spectrum": window.spectrum,
             "problem": None,
         }
-        yield from self._judge.evaluate(window, self._bare(index, recording, "").model_copy(update=seen))
+        yield from self._judge.evaluate(kept, self._bare(index, recorded, "").model_copy(update=seen))
 
-    def _bare(self, index: int, recording: Recording, problem: str) -> WindowResult:
+    def _bare(self, index: int, recorded: RecordedWindow, problem: str) -> WindowResult:
         return WindowResult(
             index=index,
-            start=recording.start,
-            end=recording.end,
+            start=recorded.start,
+            end=recorded.end,
             phase=self._judge.phase,
-            channels=[channel.name for channel in recording.channels],
+            channels=list(recorded.channels),
             modes=[],
-            rms=_rms(recording),
+            rms=dict(recorded.rms),
             problem=problem,
         )
-
-
-def _rms(recording: Recording) -> dict[str, float]:
-    power: FloatArray = np.nanmean(np.where(np.isfinite(recording.data).any(0), recording.data, 0.0) ** 2, axis=0)
-    return {c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)}

@@ -37,7 +37,7 @@ def test_backlog_above_the_limit_skips_all_but_the_newest_window(monkeypatch: py
     for waiting, expected in ((MAX_WINDOWS, 0), (MAX_WINDOWS + 1, MAX_WINDOWS), (11, 10)):
         newest = windows[waiting].end
         backlog = Backlog(site_settings(), lambda newest=newest: newest)  # type: ignore[misc]
-        left_out = [backlog(i, window) for i, window in enumerate(windows[: waiting + 1])]
+        left_out = [backlog(i, window.end) for i, window in enumerate(windows[: waiting + 1])]
         assert left_out == [True] * expected + [False] * (waiting + 1 - expected)
 
 
@@ -46,7 +46,7 @@ def test_short_windows_are_skipped_after_one_minute(monkeypatch: pytest.MonkeyPa
     for speed, seconds, left_out in ((1, 59, False), (1, 61, True), (10, 599, False), (10, 601, True)):
         settings = parse_settings(f"{SITE}[clock]\nspeed = {speed}")
         backlog = Backlog(settings, lambda seconds=seconds: window.end + seconds * 10**9)  # type: ignore[misc]
-        assert backlog(0, window) == left_out
+        assert backlog(0, window.end) == left_out
 
 
 def test_monitoring_continues_after_skipped_windows(monkeypatch: pytest.MonkeyPatch) -> None:

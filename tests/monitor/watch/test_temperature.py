@@ -4,16 +4,18 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from daq import Channel, Event, Recording, SystemClock
 from monitor.analysis.temperature import SiteTemperature, reading
+from monitor.analysis.window import IdentifiedWindow, RecordedWindow
 from monitor.errors import SettingsError
-from monitor.results.windows import WindowResult
 from monitor.service.acquisition.thermometer import CsvThermometer, Thermometer, thermometer
 from monitor.service.site import load_site
 from monitor.service.startup.preflight import look_around
@@ -83,11 +85,17 @@ def test_pipeline_uses_the_thermometer_if_configured(monkeypatch: pytest.MonkeyP
         pipeline = Pipeline(parse_structure(t_structure_toml()), parse_settings(SITE + section))
         seen: list[float] = []
 
-        def analyse(recording: Recording, seen: list[float] = seen) -> Iterator[WindowResult]:
-            seen.append(recording.temperature)
-            return iter(())
+        def unidentified(recording: Recording, _: object) -> IdentifiedWindow:
+            return IdentifiedWindow(recorded=RecordedWindow.of(recording), modes=SimpleNamespace(left_out={}))  # type: ignore[arg-type]
 
-        monkeypatch.setattr(pipeline, "analyse", analyse)
+        def keep(*values: Any, seen: list[float] = seen) -> object:
+            seen.append(values[3])
+            return SimpleNamespace(synchronized=SimpleNamespace(channels=("beam_left_y",)))
+
+        monkeypatch.setattr("monitor.watch.pipeline.identify_window", unidentified)
+        monkeypatch.setattr("monitor.watch.pipeline.window_of", keep)
+        monkeypatch.setattr(pipeline._judge, "modes", lambda _: [])
+        monkeypatch.setattr(pipeline._judge, "evaluate", lambda *_: iter(()))
         list(pipeline.push(reading(START, 3.0, "air.csv")))
         for first in range(0, 6000, 250):
             list(pipeline.push(make_block("beam_left", first)))

@@ -58,7 +58,7 @@ class Played:
         self._modes = self._true_modes(None)
         self.text, self.structure = site_text(), parse_structure(t_structure_toml())
         self.settings = site_settings()
-        monkeypatch.setattr("monitor.watch.pipeline.identify_all", self._identify)
+        monkeypatch.setattr("monitor.analysis.window.identify_all", self._identify)
 
     def put(self, body: Body | None) -> None:
         """Put a body onto the structure, or take it off again."""

@@ -1,0 +1,99 @@
+"""Steps of a log: its events and identified windows, in order, as compact bytes that any process can read."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import zstandard
+
+from daq import AnyLog, Event, LogError, read_log
+from daq.events import DeviceFailed
+from daq.log import absent_devices
+from monitor.analysis.window import IdentifiedWindow, identify_window
+from monitor.results.events import event_result
+from monitor.results.service_events import Stopped
+from monitor.results.windows import Spectrum
+from monitor.settings import Settings
+from monitor.watch.memory.codec import decode, encode
+from monitor.watch.pipeline import assembler_of
+
+_LEVEL = 3  # of compression
+Step = int | Event | IdentifiedWindow  #: arrival of the first block [ns UTC], an event, or a window
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogSteps:
+    """Steps of one log, packed."""
+
+    packed: bytes
+    n_windows: int
+    seconds: float  #: of data in the windows
+    problem: str | None  #: reason why the log was not read to its end
+
+
+def identify_log(log: AnyLog, settings: Settings) -> LogSteps:
+    """Identify all windows of a log; of a damaged one those up to the damage."""
+    packer = zstandard.ZstdCompressor(level=_LEVEL).compressobj()
+    parts, n_windows, seconds, problem = [], 0, 0.0, None
+    try:
+        for step in _steps(log, settings):
+            if isinstance(step, IdentifiedWindow):
+                n_windows += 1
+                seconds += (step.recorded.end - step.recorded.start) * 1e-9
+            parts.append(packer.compress(json.dumps(_encoded(step)).encode() + b"\n"))
+    except LogError as error:
+        problem = str(error)
+    packed = b"".join([*parts, packer.flush()])
+    return LogSteps(packed=packed, n_windows=n_windows, seconds=seconds, problem=problem)
+
+
+def _steps(log: AnyLog, settings: Settings) -> Iterator[Step]:
+    """Yield the steps of a log in the order in which `Pipeline.push` takes them."""
+    assembler, devices = assembler_of(settings), {device.name for device in settings.device}
+    first = True
+    for device in absent_devices(log, devices):
+        list(assembler.push_event(DeviceFailed(device=device).event(0)))  # before any data: completes no window
+    for item in read_log(log):
+        if isinstance(item, Event):
+            if event_result(item) is not None:
+                continue
+            if item.topic == Stopped.topic:
+                return  # what follows belongs to no run
+            yield item
+            windows = assembler.push_event(item)
+        else:
+            if item.device not in devices:
+                raise LogError(
+                    str(log), f"holds device {item.device!r}; the settings have {', '.join(sorted(devices))}"
+                )
+            windows = assembler.push(item)
+            if first:
+                first = False
+                yield item.arrival_time
+        for window in windows:
+            yield identify_window(window, settings.analysis.band)
+
+
+def _encoded(step: Step) -> dict[str, Any]:
+    if isinstance(step, int):
+        return {"first": step}
+    if isinstance(step, Event):
+        return {"topic": step.topic, "time": step.time, "payload": step.payload}
+    spectrum = step.spectrum.model_dump(mode="json") if step.spectrum else None
+    return {"window": encode(replace(step, spectrum=None)), "spectrum": spectrum}
+
+
+def unpacked(packed: bytes) -> Iterator[Step]:
+    """Yield the steps in bytes of `identify_log`."""
+    text = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+    for line in text.decode().splitlines():
+        entry = json.loads(line)
+        if "first" in entry:
+            yield int(entry["first"])
+        elif "topic" in entry:
+            yield Event(**entry)
+        else:
+            window: IdentifiedWindow = decode(IdentifiedWindow, entry["window"])
+            spectrum = entry["spectrum"]
+            yield replace(window, spectrum=Spectrum.model_validate(spectrum) if spectrum else None)

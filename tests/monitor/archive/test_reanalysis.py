@@ -1,0 +1,133 @@
+"""`reanalyse` with real schedulers and workers: the tables, what is kept, damaged logs, a worker that is killed."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import duckdb
+import pandas as pd
+import polars as pl
+import pytest
+
+from tests.support.monitor.cli import Commands
+
+pytestmark = [pytest.mark.live, pytest.mark.xdist_group("archive")]
+
+RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+SITE = "T-shaped_steel_frame"
+
+
+def archive(folder: Path, n: int = 3) -> Path:
+    """Make a folder of logs with some windows each, in folders of their own, and one file that is none."""
+    whole = RECORDED.read_bytes()
+    for k in range(n):
+        path = folder / f"year{k}" / f"log{k}.mcap"
+        path.parent.mkdir(parents=True)
+        path.write_bytes(whole[: 1_200_000 + 1000 * k])
+    (folder / "poisoned.mcap").write_bytes(b"not a log")
+    return folder
+
+
+def tables(out: Path) -> dict[str, pd.DataFrame]:
+    """Read all tables by pandas, in a fixed order."""
+    found = {}
+    for name, order in (("windows", ["log", "window"]), ("modes", ["log", "window", "mode"]), ("logs", ["log"])):
+        frame = pd.read_parquet(out / name)
+        found[name] = frame.sort_values(order).reset_index(drop=True)
+    return found
+
+
+@pytest.mark.timeout(200)
+def test_archive_is_analysed_once_and_read_by_three_libraries(modalwatch: Commands, tmp_path: Path) -> None:
+    """A file that is no log is reported and stops nothing; a second run computes nothing."""
+    logs, out = archive(tmp_path / "logs"), tmp_path / "out"
+    planned = modalwatch("reanalyse", logs, "-o", out, "--dry-run")
+    assert planned.code == 0, planned.err
+    assert planned.out.count("to be identified") == 3
+    assert not out.exists()
+    first = modalwatch("reanalyse", logs, "-o", out, "--workers", 2)
+    assert first.code == 1, first.err  # one log could not be read
+    assert "is not an MCAP log" in first.out
+    found = tables(out)
+    assert found["windows"].groupby("log").size().tolist() == [3, 3, 3]
+    assert (found["modes"].frequency_std > 0).all()
+    assert found["modes"]["shape"].map(len).eq(found["modes"]["channels"].map(len)).all()
+    assert found["logs"].problem.notna().tolist() == [True, False, False, False]
+    assert str(found["windows"].start.dt.tz) == "UTC"
+    by_polars = pl.read_parquet(out / "modes" / "**" / "*.parquet")
+    sql = f"select count(*), sum(frequency) from read_parquet('{out}/modes/*/*.parquet', hive_partitioning = true)"
+    [counted] = duckdb.connect().execute(f"{sql} where site = '{SITE}'").fetchall()
+    assert len(by_polars) == counted[0] == len(found["modes"]) > 20
+    assert counted[1] == pytest.approx(found["modes"].frequency.sum())
+    assert by_polars["frequency"].sum() == pytest.approx(counted[1])
+    again = modalwatch("reanalyse", logs, "-o", out, "--workers", 1)
+    assert again.out.count("identified by an earlier run") == 3
+    for name, frame in tables(out).items():
+        pd.testing.assert_frame_equal(frame, found[name])
+
+
+@pytest.mark.timeout(200)
+def test_objects_of_a_url_give_the_same_tables(modalwatch: Commands, tmp_path: Path) -> None:
+    logs = archive(tmp_path / "logs", 1)
+    (logs / "poisoned.mcap").unlink()
+    assert modalwatch("reanalyse", logs, "-o", tmp_path / "one", "--workers", 1).code == 0
+    assert modalwatch("reanalyse", f"file://{logs}", "-o", tmp_path / "other", "--workers", 1).code == 0
+    one, other = (tables(tmp_path / name)["modes"].drop(columns="log") for name in ("one", "other"))
+    pd.testing.assert_frame_equal(one, other)
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """Start a scheduler and two workers as processes; yield its address, and the workers."""
+    address = folder / "scheduler.json"
+    quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
+    python = [sys.executable, "-m"]
+    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(address)]
+    started = [
+        subprocess.Popen([*python, "distributed.cli.dask_scheduler", *options], env=quiet, stderr=subprocess.DEVNULL)
+    ]
+    try:
+        until(address.exists, started[0])
+        worker = ["--scheduler-file", str(address), "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+        for k in range(2):
+            own = [*worker, "--local-directory", str(folder / f"worker{k}")]
+            started.append(
+                subprocess.Popen([*python, "distributed.cli.dask_worker", *own], env=quiet, stderr=subprocess.DEVNULL)
+            )
+        yield json.loads(address.read_text())["address"], started[1:]
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def until(condition: Callable[[], object], process: subprocess.Popen[bytes], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert process.poll() is None, "it has ended"
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.05)
+
+
+@pytest.mark.timeout(200)
+def test_killed_worker_costs_no_log(tmp_path: Path) -> None:
+    """The scheduler gives its logs to the other one; the tables are those of a run in processes of its own."""
+    logs, out = archive(tmp_path / "logs", 6), tmp_path / "out"
+    (logs / "poisoned.mcap").unlink()
+    with cluster(tmp_path) as (address, workers):
+        command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "reanalyse", str(logs)]
+        with subprocess.Popen([*command, "-o", str(out), "--scheduler", address], stdout=subprocess.PIPE) as run:
+            until(lambda: list((out / "steps").glob("*")), run)
+            workers[0].send_signal(signal.SIGKILL)
+            shown, _ = run.communicate(timeout=120)
+        assert run.returncode == 0, shown.decode()
+    found = tables(out)
+    assert len(found["logs"]) == 6
+    assert found["logs"].problem.isna().all()
+    assert found["windows"].groupby("log").size().tolist() == [3] * 6

@@ -1,0 +1,66 @@
+"""Windows identified in advance give the same results as the blocks of their log."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from daq import Event, read_attachments, read_log
+from monitor.archive.steps import Step, identify_log, unpacked
+from monitor.results.events import event_result
+from monitor.settings import parse_attached
+from monitor.watch.memory import memory_text, parse_memory
+from monitor.watch.pipeline import Pipeline
+from updater import parse_structure
+
+RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the first part of the recorded log: eight windows and some more, cut amid a chunk."""
+    path = tmp_path_factory.mktemp("archive") / "cut.mcap"
+    path.write_bytes(RECORDED.read_bytes()[:3_200_000])
+    return path
+
+
+def test_results_from_steps_equal_results_from_blocks(log: Path) -> None:
+    """To the last digit, through the packed bytes; the baseline is learnt, and windows are evaluated after it."""
+    attached = read_attachments(log)
+    structure, settings = parse_structure(attached["structure.toml"]), parse_attached(attached["site.toml"])
+    direct, later = Pipeline(structure, settings), Pipeline(structure, settings)
+    expected = [
+        result.payload()
+        for item in read_log(log)
+        if not (isinstance(item, Event) and event_result(item))
+        for result in direct.push(item)
+    ]
+    steps = identify_log(log, settings)
+    found = _results(later, list(unpacked(steps.packed)))
+    assert found == expected
+    assert steps.n_windows == len([payload for payload in found if "phase" in payload]) > 8
+    assert {payload["phase"] for payload in found if "phase" in payload} == {"learning", "watching"}
+    assert steps.problem is None
+
+
+def test_next_log_continues_as_after_a_restart(log: Path) -> None:
+    """A pipeline that goes on in another log gives what a new one gives from its saved state."""
+    attached = read_attachments(log)
+    structure, settings = parse_structure(attached["structure.toml"]), parse_attached(attached["site.toml"])
+    steps = list(unpacked(identify_log(log, settings).packed))
+    kept = Pipeline(structure, settings)
+    _results(kept, steps)
+    new = Pipeline(structure, settings, parse_memory(memory_text(kept.memory)))
+    kept.begin_log()
+    found = _results(kept, steps)
+    assert found == _results(new, steps)
+    assert "nodes" in found[0]  # the reference, reported again
+    assert memory_text(kept.memory) == memory_text(new.memory)
+
+
+def _results(pipeline: Pipeline, steps: list[Step]) -> list[dict[str, Any]]:
+    return [
+        result.payload()
+        for step in steps
+        for result in (pipeline.resume(step) if isinstance(step, int) else pipeline.push_identified(step))
+    ]
