@@ -56,7 +56,7 @@ def _as_log(paths: Sequence[Path]) -> AnyLog:
 def find_logs(archives: Sequence[str]) -> list[ArchiveLog]:
     """Return the logs of files, folders (with all folders in them) and URLs, sorted by name.
 
-    Local files of one run are one log. Each object of object storage is a log of its own.
+    Local files of one run are one log. Each object of object storage is a log of its own. Of copies the first is used.
 
     Raises
     ------
@@ -74,7 +74,8 @@ def find_logs(archives: Sequence[str]) -> list[ArchiveLog]:
     found += [_local(log) for log in as_logs(list(local))] if local else []
     if not found:
         raise ArgumentError("ARCHIVE", f"{', '.join(archives)}: holds no log (*.mcap)")
-    return sorted(found, key=lambda log: log.name)
+    by_content = {log.key: log for log in sorted(found, key=lambda log: log.name, reverse=True)}
+    return sorted(by_content.values(), key=lambda log: log.name)
 
 
 def _is_remote(name: str) -> bool:

@@ -1,6 +1,6 @@
 """Results as Parquet: four tables, each with one file per log in folders by site (`site=NAME`)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,6 +92,15 @@ def write_tables(
         unfinished = path.with_suffix(".part")
         pq.write_table(pa.Table.from_pylist(rows[name], schema=schema), unfinished)
         unfinished.replace(path)
+
+
+def keep_parts(folder: Path, parts: Collection[str], sites: Collection[str]) -> None:
+    """Remove the files of some sites that an earlier run has written for logs that are not among these parts."""
+    for name in schemas():
+        for site in sites:
+            for path in (folder / name / f"site={site}").glob("*.parquet"):
+                if path.stem not in parts:
+                    path.unlink()
 
 
 def _window(log: str, window: WindowResult) -> dict[str, Any]:

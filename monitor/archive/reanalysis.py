@@ -17,21 +17,20 @@ from typing import TYPE_CHECKING, Any
 from daq import LogError, read_attachments
 from daq.log import log_span
 from monitor.archive.catalog import ArchiveLog
-from monitor.archive.dataset import write_tables
+from monitor.archive.dataset import keep_parts, write_tables
 from monitor.archive.steps import LogSteps, identify_log, unpacked
 from monitor.errors import MonitorError
 from monitor.outputs.history import HistoryStore
 from monitor.results.events import result_event
 from monitor.results.windows import Result
 from monitor.settings import parse_attached
-from monitor.watch.memory import MEMORY, check_saved_state, memory_text, parse_memory
+from monitor.watch.memory import MEMORY, VERSION, check_saved_state, memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline
 from updater import UpdaterError, parse_structure
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-FORMAT = 1  # of the kept steps, or of the identification: others are not used
 _NO_SITE = "unknown"  # in the tables, of logs that cannot be read
 _WAITING = 4  # logs per worker that are submitted before a result is there
 
@@ -59,6 +58,7 @@ class AnalysedLog:
 
 
 OnLog = Callable[[AnalysedLog, list[Result]], None]
+_Task = tuple[str, ArchiveLog, LogTexts, str]  # site, log, its texts, key of its steps
 
 
 def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
@@ -73,6 +73,11 @@ def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
         return replace(site, memory=memory, start=start)
     if not {"site.toml", "structure.toml"} <= attached.keys():
         return "has no settings attached: give --site"
+    try:
+        parse_attached(attached["site.toml"])
+        parse_structure(attached["structure.toml"])
+    except (MonitorError, UpdaterError) as error:
+        return f"has settings that cannot be used: {error}"
     return LogTexts(site=attached["site.toml"], structure=attached["structure.toml"], memory=memory, start=start)
 
 
@@ -94,10 +99,7 @@ def identify_nothing() -> bytes:
 
 def site_name(texts: LogTexts) -> str:
     """Return the name of a site: that of its structure."""
-    try:
-        name = parse_structure(texts.structure).name
-    except UpdaterError:
-        name = "unknown"
+    name = parse_structure(texts.structure).name
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name) or "unnamed"
 
 
@@ -106,7 +108,7 @@ def steps_key(log: ArchiveLog, texts: LogTexts) -> str:
     settings = parse_attached(texts.site)
     analysis = settings.analysis
     depends = {
-        "format": FORMAT,
+        "version": VERSION,
         "log": log.key,
         "window": [analysis.window_seconds, settings.step_seconds, analysis.band],
         "channels": [[c.name, c.device, c.axis] for c in settings.channels],
@@ -179,7 +181,7 @@ def reanalyse(
     on_log : called with each log once it is evaluated, and its results
     """
     sites: dict[str, _SiteRun] = {}
-    tasks: deque[tuple[str, ArchiveLog, LogTexts, str]] = deque()
+    tasks: deque[_Task] = deque()
     (out / "steps").mkdir(parents=True, exist_ok=True)
     for log, why in ((log, texts) for log, texts in logs if isinstance(texts, str)):
         refused = AnalysedLog(log=log, site=_NO_SITE, n_windows=0, seconds=0.0, problem=why, kept=False)
@@ -202,8 +204,8 @@ def reanalyse(
                 )
                 _finish(out, about, results, on_log)
                 run.store(out / "sites" / site, results)
-                if not any(entry[2] == first for entry in run.waiting):
-                    del run.steps[first]
+                del run.steps[first]
+    keep_parts(out, {log.key for log, _ in logs}, {*sites, _NO_SITE})
 
 
 def _evaluated(run: _SiteRun, texts: LogTexts, steps: LogSteps) -> tuple[list[Result], str | None]:
@@ -214,7 +216,7 @@ def _evaluated(run: _SiteRun, texts: LogTexts, steps: LogSteps) -> tuple[list[Re
 
 
 def _identified(
-    client: "Client", tasks: "deque[tuple[str, ArchiveLog, LogTexts, str]]", folder: Path, stack: ExitStack
+    client: "Client", tasks: deque[_Task], folder: Path, stack: ExitStack
 ) -> Iterator[tuple[str, str, LogSteps, bool]]:
     """Yield site and key of each log with its steps, as they are ready; new ones are kept in a folder."""
     from distributed import as_completed
@@ -240,7 +242,7 @@ def _identified(
         site, key = running.pop(future)
         try:
             steps: LogSteps = future.result()
-        except Exception as error:  # noqa: BLE001 - whatever it raises, the others go on: a worker that was killed again and again by this log
+        except Exception as error:  # noqa: BLE001 - a log that ends its workers; the others go on
             steps = LogSteps(
                 packed=identify_nothing(), n_windows=0, seconds=0.0, problem=f"{type(error).__name__}: {error}"
             )

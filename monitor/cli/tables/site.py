@@ -203,7 +203,7 @@ def devices(
 def reanalyse(
     archive: Annotated[
         list[str],
-        typer.Argument(metavar="ARCHIVE...", help="Logs, folders (searched to any depth), or URLs (s3://, gs://)."),
+        typer.Argument(metavar="ARCHIVE", help="Logs, folders (searched to any depth), or URLs (s3://, gs://)."),
     ],
     out: Annotated[Path, typer.Option("--out", "-o", metavar="RESULTS", help="Folder for the results.")],
     site: Annotated[

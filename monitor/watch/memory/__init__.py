@@ -2,11 +2,12 @@
 
 from monitor.watch.memory.codec import CodecError
 from monitor.watch.memory.file import NOTHING, LoadedState, MemoryFile, check_saved_state, recall
-from monitor.watch.memory.state import MEMORY, Memory, memory_text, parse_memory, state_fingerprint
+from monitor.watch.memory.state import MEMORY, VERSION, Memory, memory_text, parse_memory, state_fingerprint
 
 __all__ = [
     "MEMORY",
     "NOTHING",
+    "VERSION",
     "CodecError",
     "LoadedState",
     "Memory",
