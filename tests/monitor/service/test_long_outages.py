@@ -131,7 +131,8 @@ def test_host_clock_change_starts_a_new_log(
     before, after = ([b.arrival_time for b in blocks((log,), "beam_left")] for log in report.logs)
     assert after[0] - before[-1] == pytest.approx(hours * HOUR, abs=10 * 10**9)
     for times in (before, after):
-        assert all(0 < later - earlier < 10**9 for earlier, later in pairwise(times))
+        # a busy host may read late by seconds; the clock was set by hours
+        assert all(0 < later - earlier < HOUR // 100 for earlier, later in pairwise(times))
 
 
 @pytest.mark.live
