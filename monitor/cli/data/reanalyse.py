@@ -100,7 +100,9 @@ def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
         return
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: one core each
     with (
-        LocalCluster(n_workers=workers or os.cpu_count() or 1, threads_per_worker=1, dashboard_address=None) as cluster,
+        LocalCluster(
+            n_workers=workers or os.cpu_count() or 1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+        ) as cluster,
         Client(cluster) as client,
     ):
         yield client

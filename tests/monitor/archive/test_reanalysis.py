@@ -88,7 +88,16 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
     address = folder / "scheduler.json"
     quiet = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     python = [sys.executable, "-m"]
-    options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(address)]
+    options = [
+        "--host",
+        "127.0.0.1",
+        "--port",
+        "0",
+        "--dashboard-address",
+        "127.0.0.1:0",
+        "--scheduler-file",
+        str(address),
+    ]
     started = [
         subprocess.Popen([*python, "distributed.cli.dask_scheduler", *options], env=quiet, stderr=subprocess.DEVNULL)
     ]
