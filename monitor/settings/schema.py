@@ -15,6 +15,7 @@ from monitor.settings.section import Positive, Section, has_place
 
 _BASELINE_WINDOWS = 24  # to begin with
 _MAX_WINDOWS = 100_000  # two years of windows of 10 minutes
+_HIGHEST = 0.48  # share of the rate up to which modes are identified (`oma.preparation.TOP`)
 
 
 class RecorderSettings(Section):
@@ -221,6 +222,9 @@ class Settings(Section):
             raise ValueError(
                 f"analysis.band: expected 0 < low < high <= {rate / 2:g} Hz, half the slowest rate, found {list(band)}"
             )
+        if band is not None and band[0] >= _HIGHEST * rate:
+            limit = f"{_HIGHEST * rate:g} Hz, {_HIGHEST:g} of the slowest rate"
+            raise ValueError(f"analysis.band: expected low < {limit}, found {band[0]:g}")
         return self
 
     @model_validator(mode="after")

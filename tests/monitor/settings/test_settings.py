@@ -76,6 +76,7 @@ def test_channels_keep_device_and_axis() -> None:
         (WITH_DBC.replace("counter", "countr"), "device.0.dbc.countr: no such setting, did you mean 'counter'?"),
         (GOOD + "[analysis]\nband = [400.0, 5.0]\n", "analysis.band: expected 0 < low < high <= 500 Hz"),
         (GOOD + "[analysis]\nband = [5.0, 900.0]\n", "half the slowest rate, found [5.0, 900.0]"),
+        (GOOD + "[analysis]\nband = [480.0, 490.0]\n", "low < 480 Hz, 0.48 of the slowest rate, found 480"),
         (GOOD + "[analysis]\noverlap = 0.9999\n", "analysis.overlap: expected less than or equal to 0.95"),
         (
             GOOD + "[analysis]\nwindow_seconds = inf\n",
