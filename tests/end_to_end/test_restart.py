@@ -74,7 +74,7 @@ def test_killed_monitor_resumes_monitoring_after_restart(tmp_path: Path) -> None
     with started(command) as second:
         now = remembered(tmp_path / "state", second, memory.n_windows + 1)
         second.send_signal(signal.SIGTERM)
-        out, err = second.communicate(timeout=120)  # it analyses what it has received, for up to a minute
+        out, err = second.communicate(timeout=120)  # it analyses what it has received, for up to 80 s
     assert (second.returncode, err) == (0, ""), out
     assert "monitoring continues with the baseline of 5 windows" in out
     assert [w.start for w in now.baseline] == [w.start for w in memory.baseline]
