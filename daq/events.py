@@ -29,18 +29,32 @@ class EventPayload:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DeviceOpened(EventPayload):
-    """A device samples from the start of a run."""
+class ReasonPayload(EventPayload):
+    """Event with a reason as its only field."""
 
-    topic = "/event/device_open"
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentityPayload(EventPayload):
+    """Event of a device with its identity."""
+
     device: str
     identity: DeviceIdentity
-    filter_delay: float | None = None  #: [s]
 
     def payload(self) -> dict[str, Any]:
         """Return the fields as JSON values, with those of the identity among them."""
-        delay = {} if self.filter_delay is None else {"filter_delay": self.filter_delay}
-        return {"device": self.device, **self.identity.payload(), **delay}
+        rest = super().payload()
+        del rest["device"], rest["identity"]
+        return {"device": self.device, **self.identity.payload(), **rest}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceOpened(IdentityPayload):
+    """A device samples from the start of a run."""
+
+    topic = "/event/device_open"
+    filter_delay: float | None = None  #: [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,17 +66,10 @@ class DeviceFailed(EventPayload):
     why: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeviceRecovered(EventPayload):
+class DeviceRecovered(IdentityPayload):
     """A lost device samples again."""
 
     topic = "/event/device_recovered"
-    device: str
-    identity: DeviceIdentity
-
-    def payload(self) -> dict[str, Any]:
-        """Return the fields as JSON values, with those of the identity among them."""
-        return {"device": self.device, **self.identity.payload()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,19 +144,16 @@ class DiskLow(EventPayload):
     free_gb: float
 
 
-@dataclass(frozen=True, kw_only=True)
 class DiskRecovered(DiskLow):
     """Free space is above its limit again."""
 
     topic = "/event/disk_recovered"
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordingFailed(EventPayload):
+class RecordingFailed(ReasonPayload):
     """The log cannot be written."""
 
     topic = "/event/recording_failed"
-    why: str
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Catalog of an archive: the logs in files, folders and object storage, each with a key of its content."""
 
 import hashlib
-import itertools
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -11,8 +11,6 @@ from pathlib import Path
 from daq import AnyLog, LogError
 from daq.log import PartedLog, as_logs, files_of
 from monitor.errors import ArgumentError
-
-_PIECE = 1 << 20  # bytes read at a time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,9 +87,8 @@ def _local(log: AnyLog) -> ArchiveLog:
     for path in files:
         try:
             with path.open("rb") as file:
-                for piece in iter(lambda file=file: file.read(_PIECE), b""):  # type: ignore[misc]
-                    digest.update(piece)
-                    size += len(piece)
+                digest.update(hashlib.file_digest(file, "sha256").digest())
+                size += file.tell()
         except OSError as error:
             raise ArgumentError("ARCHIVE", f"{path}: cannot be read: {error.strerror}") from error
     return ArchiveLog(files=tuple(str(path.resolve()) for path in files), size=size, key=digest.hexdigest()[:32])
@@ -120,7 +117,6 @@ def _copy(url: str, path: Path) -> None:
     try:
         storage, name = url_to_fs(url)
         with storage.open(name, "rb") as source, path.open("wb") as target:
-            for piece in itertools.takewhile(len, iter(lambda: source.read(_PIECE), None)):
-                target.write(piece)
+            shutil.copyfileobj(source, target)
     except Exception as error:
         raise LogError(url, f"cannot be copied: {type(error).__name__}: {error}") from error

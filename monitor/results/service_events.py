@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from daq.events import EventPayload
+from daq.events import EventPayload, ReasonPayload
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,12 +56,10 @@ class Stopped(EventPayload):
     why: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class UncleanEnd(EventPayload):
+class UncleanEnd(ReasonPayload):
     """An earlier run was killed; its log is repaired."""
 
     topic = "/event/unclean_end"
-    why: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,12 +71,10 @@ class Reloaded(EventPayload):
     failed: str | None = None  #: parts that could not be restarted, and the reasons
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReloadRefused(EventPayload):
+class ReloadRefused(ReasonPayload):
     """New settings are invalid."""
 
     topic = "/event/reload_refused"
-    why: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,12 +102,10 @@ class AnalysisLagging(EventPayload):
     left_out_s: float  #: [s of data]
 
 
-@dataclass(frozen=True, kw_only=True)
-class WindowsLeftOut(EventPayload):
+class WindowsLeftOut(ReasonPayload):
     """A window was left out because the analysis is behind."""
 
     topic = "/event/windows_left_out"
-    why: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,12 +116,10 @@ class AnalysisCaughtUp(EventPayload):
     left_out: int  #: windows
 
 
-@dataclass(frozen=True, kw_only=True)
-class BaselineReset(EventPayload):
+class BaselineReset(ReasonPayload):
     """The saved state cannot be used; a new baseline is learned."""
 
     topic = "/event/baseline_reset"
-    why: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,27 +149,22 @@ class ChannelRecovered(EventPayload):
     channels: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class TemperatureFailed(EventPayload):
+class TemperatureFailed(ReasonPayload):
     """The thermometer gives no valid readings."""
 
     topic = "/event/temperature_failed"
-    why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class TemperatureRecovered(EventPayload):
     """The thermometer gives valid readings again."""
 
     topic = "/event/temperature_recovered"
 
 
-@dataclass(frozen=True, kw_only=True)
-class HistoryFailed(EventPayload):
+class HistoryFailed(ReasonPayload):
     """The history cannot be written."""
 
     topic = "/event/history_failed"
-    why: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -226,30 +213,24 @@ class NoticeRecovered(EventPayload):
     to: str
 
 
-@dataclass(frozen=True, kw_only=True)
-class ViewerFailed(EventPayload):
+class ViewerFailed(ReasonPayload):
     """The live view has failed."""
 
     topic = "/event/viewer_failed"
-    why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class ViewerRecovered(EventPayload):
     """The live view works again."""
 
     topic = "/event/viewer_recovered"
 
 
-@dataclass(frozen=True, kw_only=True)
-class WebFailed(EventPayload):
+class WebFailed(ReasonPayload):
     """The pages are not served."""
 
     topic = "/event/web_failed"
-    why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class WebRecovered(EventPayload):
     """The pages are served again."""
 

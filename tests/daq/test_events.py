@@ -13,7 +13,7 @@ KINDS = [
     kind
     for module in (events, service_events)
     for kind in vars(module).values()
-    if isinstance(kind, type) and issubclass(kind, EventPayload) and kind is not EventPayload
+    if isinstance(kind, type) and issubclass(kind, EventPayload) and hasattr(kind, "topic")
 ]
 
 

@@ -221,6 +221,6 @@ def reanalyse(
     Windows are identified in parallel, and evaluated per site in order of time. A repeated run computes only
     what is new.
     """
-    from monitor.cli.data.reanalyse import reanalyse_command
+    from monitor.cli.site.reanalyse import reanalyse_command
 
     raise typer.Exit(reanalyse_command(archive, out, site, scheduler, workers, dry_run=dry_run, given=given or ()))

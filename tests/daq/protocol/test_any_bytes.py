@@ -80,9 +80,9 @@ def emulators() -> list[SerialEmulator]:
 @given(
     st.one_of(st.binary(max_size=60), st.lists(st.sampled_from([b"\xff\xaa", b"\x0d", b"\0", b"\xff"])).map(b"".join))
 )
-def test_emulated_serial_devices_accept_arbitrary_bytes(emulators: list[SerialEmulator], heard: bytes) -> None:
+def test_emulated_serial_devices_accept_arbitrary_bytes(emulators: list[SerialEmulator], received: bytes) -> None:
     for device in emulators:
-        device.receive(heard)
+        device.receive(received)
         device.serve()
 
 
@@ -103,10 +103,10 @@ def test_emulated_can_nodes_accept_arbitrary_frames(frames: list[tuple[int, byte
 @pytest.mark.live
 @settings(max_examples=30)
 @given(st.one_of(st.binary(max_size=80), st.lists(st.sampled_from(list(b"tTrRzZO0128fF\r\a"))).map(bytes)))
-def test_emulated_adapter_accepts_arbitrary_bytes(heard: bytes) -> None:
+def test_emulated_adapter_accepts_arbitrary_bytes(received: bytes) -> None:
     emulated = EmulatedSlcan([EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=1)])
     host = os.open(emulated.port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    os.write(host, b"O\r" + heard)
+    os.write(host, b"O\r" + received)
     emulated.serve()
     emulated.serve()
     os.close(host)
