@@ -12,7 +12,7 @@ from monitor.settings import Settings
 from monitor.text.causes import change_text
 from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.answer import diagnosis_of
-from monitor.watch.baseline import LearnedBaseline, learn_baseline
+from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
 from updater.modal_data import MIN_PRESENCE
 

@@ -11,7 +11,7 @@ from monitor.results.convert import increment_result, mass_answer
 from monitor.results.windows import MassAnswer, MassIncrements
 from monitor.text.causes import failed_text
 from monitor.text.verdicts import is_one_mass
-from monitor.watch.baseline import LearnedBaseline
+from monitor.watch.baseline.learned_baseline import LearnedBaseline
 from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
 from updater import (
     DiagnosisResult,

@@ -21,7 +21,7 @@ from monitor.settings import Settings
 from monitor.text.causes import change_text
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.answer import synchronized_windows
-from monitor.watch.baseline import LearnedBaseline, learn_baseline
+from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.explanation import conditions_of, explain_windows
 from monitor.watch.memory import Memory
 from monitor.watch.self_test import with_mass

@@ -14,7 +14,7 @@ from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm
 from monitor.results.windows import SelfTestResult
 from monitor.settings import Settings
-from monitor.watch.baseline import LearnedBaseline
+from monitor.watch.baseline.learned_baseline import LearnedBaseline
 from monitor.watch.detector import Detector
 from oma import ModalEstimate
 from updater import Reference

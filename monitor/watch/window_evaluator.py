@@ -27,8 +27,8 @@ from monitor.text.trends import trend_text
 from monitor.watch.acceptance import MIN_WINDOWS, CannotAcceptError, accept_change, restore_hidden_modes, undo_last
 from monitor.watch.accepted_change import AcceptanceRequest
 from monitor.watch.answer import answer, sensors
-from monitor.watch.baseline import LearnedBaseline, learn_baseline
-from monitor.watch.baseline_learning import BaselineLearning
+from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
+from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
 from monitor.watch.memory import Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests

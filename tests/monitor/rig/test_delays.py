@@ -5,7 +5,7 @@ import numpy as np
 from daq import Channel, Recording
 from daq.drivers import EPSON_SCALE
 from monitor.rig import T_DEVICES, make_sources
-from monitor.watch.baseline import learn_tracked_reference
+from monitor.watch.baseline.learned_baseline import learn_tracked_reference
 from oma import identify_all
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 

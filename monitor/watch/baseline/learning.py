@@ -5,8 +5,7 @@ import numpy as np
 from monitor.analysis.window import Window
 from monitor.settings import Settings
 from monitor.text.detectability import NO_THERMOMETER
-from monitor.watch.baseline import LearnedBaseline, learn_baseline
-from monitor.watch.baseline_checks import (
+from monitor.watch.baseline.checks import (
     MAX_RESTARTS,
     baseline_shortcomings,
     change_in_baseline,
@@ -14,6 +13,7 @@ from monitor.watch.baseline_checks import (
     longer_baseline,
     too_short_text,
 )
+from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.memory import Memory
 from updater import Structure, UpdaterError
 

@@ -1,0 +1,1 @@
+"""Baseline of a watch: windows collected, checked, and learned from."""
