@@ -112,10 +112,10 @@ class _Kinds:
             self.which[i] = known[key]
 
     def _add(self, element: Element, direction: FloatArray, mass: MassKind) -> None:
-        turn = np.kron(np.eye(4), element.axes(direction))
-        local = element.consistent_mass() if mass == "consistent" else element.lumped_mass()
+        turn = element.rotation(direction)
+        local = element.consistent_mass if mass == "consistent" else element.lumped_mass()
         self.element.append(element)
-        self.stiffness.append(turn.T @ element.stiffness() @ turn)
+        self.stiffness.append(turn.T @ element.stiffness @ turn)
         self.mass.append(turn.T @ local @ turn)
 
 

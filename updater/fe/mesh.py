@@ -1,6 +1,7 @@
 """Nodes of a frame and the numbers of their DOFs."""
 
 import itertools
+import math
 from collections import defaultdict
 from functools import cached_property
 
@@ -28,16 +29,16 @@ class _Places:
         self._cells: defaultdict[Cell, list[int]] = defaultdict(list)
 
     def add(self, point: FloatArray) -> int:
-        self._cells[tuple(np.floor(point / _CELL).astype(int).tolist())].append(len(self.points))
+        self._cells[tuple(math.floor(x / _CELL) for x in point.tolist())].append(len(self.points))
         self.points.append(point)
         return len(self.points) - 1
 
     def near(self, point: FloatArray) -> list[int]:
         """Return the points at a place, first added first."""
-        low, high = (np.floor((point + side * COINCIDENT) / _CELL).astype(int).tolist() for side in (-1, 1))
+        low, high = ([math.floor((x + side * COINCIDENT) / _CELL) for x in point.tolist()] for side in (-1, 1))
         cells = itertools.product(*({a, b} for a, b in zip(low, high, strict=True)))
         found = sorted(i for cell in cells for i in self._cells.get(cell, ()))
-        return [i for i in found if np.linalg.norm(self.points[i] - point) < COINCIDENT]
+        return [i for i in found if math.dist(self.points[i], point) < COINCIDENT]
 
 
 class Mesh:
@@ -81,7 +82,7 @@ class Mesh:
         plain = [i for i in self._places.near(point) if i not in self._doubles]
         node = plain[0] if plain else self._places.add(point)
         own = (i for i, j in enumerate(self.structure.joint) if j.member == member.name)
-        joint = next((i for i in own if np.linalg.norm(self.structure.joint[i].at - point) < COINCIDENT), None)
+        joint = next((i for i in own if math.dist(self.structure.joint[i].at, point) < COINCIDENT), None)
         if joint is None:
             return node
         if (node, joint) not in self._twin_of:

@@ -71,8 +71,8 @@ def self_stress(model: Model) -> SelfStress:
     rows, forces = [], []
     for first, last, element in coarse.elements:
         assert isinstance(element, Element)
-        turn = np.kron(np.eye(4), element.axes(coarse.nodes[last] - coarse.nodes[first]))
-        stiffness = element.elastic_stiffness()
+        turn = element.rotation(coarse.nodes[last] - coarse.nodes[first])
+        stiffness = element.elastic_stiffness
         strain = np.linalg.solve(np.linalg.cholesky(stiffness[6:, 6:]), stiffness[6:])  # K = strain^T strain
         dofs = np.concatenate([coarse.dofs[first], coarse.dofs[last]])
         of_element = np.zeros((6, coarse.n_dofs))

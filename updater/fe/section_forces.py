@@ -57,8 +57,7 @@ def parts_between(
 ) -> list[tuple[Element, FloatArray]]:
     """Return the elements between two distances along a member [m], each with shapes (12, n_modes) in its own axes."""
     own = [i for i, name in enumerate(model.member_names) if name == member.name]
-    parts = [(_local(model, shape, i), _distance(model, member, i)) for i in own]
-    return [part for part, distance in parts if start < distance + part[0].length / 2 < end]
+    return [_local(model, shape, i) for i in own if start < _middle(model, member, i) < end]
 
 
 def _local(model: Model, shape: FloatArray, span: int) -> tuple[Element, FloatArray]:
@@ -68,18 +67,23 @@ def _local(model: Model, shape: FloatArray, span: int) -> tuple[Element, FloatAr
     axes = element.axes(model.nodes[last] - model.nodes[first])
     dofs = np.concatenate([model.dofs[first], model.dofs[last]])
     moved = np.where(dofs[:, None] >= 0, shape[dofs], 0.0)
-    return element, np.asarray(np.kron(np.eye(4), axes) @ moved, float)
+    return element, np.asarray(axes @ moved.reshape(4, 3, -1), float).reshape(12, -1)
 
 
 def _distance(model: Model, member: Member, span: int) -> float:
     return float(np.linalg.norm(model.nodes[model.elements[span][0]] - member.start))
 
 
+def _middle(model: Model, member: Member, span: int) -> float:
+    first, last, _ = model.elements[span]
+    return float(np.linalg.norm((model.nodes[first] + model.nodes[last]) / 2 - member.start))
+
+
 def _within(model: Model, modes: Modes, span: int, x: FloatArray) -> FloatArray:
     """Return the actions (n, 6, n_modes) of one element at distances x (n,) from its start."""
     element, local = _local(model, modes.shape, span)
-    elastic = element.elastic_stiffness() @ local
-    total = element.stiffness() @ local - element.consistent_mass() @ local * modes.omega**2
+    elastic = element.elastic_stiffness @ local
+    total = element.stiffness @ local - element.consistent_mass @ local * modes.omega**2
     inner = np.array([-elastic[:6], elastic[6:]])  # section forces of the left part at either end
     mean = inner.mean(0)
     inner[:, _TOTAL] = np.array([-total[:6], total[6:]])[:, _TOTAL]

@@ -304,7 +304,7 @@ class _Misfit:
         for member, start, end in welded(self._structure, knob.at):
             for element, local in parts_between(model, modes.shape, member, start, end):
                 more, fewer = (element.turned(np.exp(h)) for h in (_STEP, -_STEP))
-                change = (more.elastic_stiffness() - fewer.elastic_stiffness()) @ local / (2 * _STEP)
+                change = (more.elastic_stiffness - fewer.elastic_stiffness) @ local / (2 * _STEP)
                 gained += (local * change).sum(0)
         return np.asarray(gained / (2 * modes.omega**2) / (1 - less))
 

@@ -1,7 +1,8 @@
 """The iterative sensitivity method, the paper's alternative to one step: parameters until model and measurement agree.
 
 Whitened residuals r(x) and a prior, which regularises: parameters without information keep their values. The cost
-|r(x)|^2 + |(x - x0) / s|^2 is reduced by Gauss-Newton steps in a trust region, inside bounds, with exact sensitivities.
+|r(x)|^2 + |(x - x0) / s|^2 is reduced by Gauss-Newton steps with exact sensitivities; a parameter that would leave its
+bounds stays at the bound, and a step that raises the cost is tried again with Levenberg's damping.
 
 References
 ----------
@@ -14,7 +15,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import least_squares
+from scipy.optimize import lsq_linear
 
 from daq import FloatArray
 
@@ -22,19 +23,14 @@ Convergence = Literal[
     "gave up after too many iterations",
     "no step lowers the cost",
     "the cost no longer falls",
-    "the parameters stand still",
-    "cost and parameters stand still",
     "there are no parameters",
 ]
-_REASONS: tuple[Convergence, ...] = (
-    "gave up after too many iterations",
-    "no step lowers the cost",
-    "the cost no longer falls",
-    "the parameters stand still",
-    "cost and parameters stand still",
-)
+_GAVE_UP: Convergence = "gave up after too many iterations"
 
-_ENOUGH = 1e-6  # of the cost: an iteration that gains less is the last
+_ENOUGH = 1e-6  # of the cost: a step that is expected to gain less is not taken
+_DAMPING = 1e-3  # first damping after a step that failed, over the diagonal of the normal matrix
+_FACTOR = 10.0  # of the damping after each further one
+_MAX_DAMPING = 1e12
 
 
 class Problem(Protocol):
@@ -75,7 +71,7 @@ class SensitivityFit:
     @property
     def converged(self) -> bool:
         """True if a minimum was reached."""
-        return self.reason != _REASONS[0]
+        return self.reason != _GAVE_UP
 
 
 def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> SensitivityFit:
@@ -89,31 +85,52 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
     """
     if not len(prior.mean):
         return _without_parameters(problem)
-    regular = np.diag(1 / prior.std)
 
     def residual(x: FloatArray) -> FloatArray:
         return np.concatenate([problem.residual(x), (x - prior.mean) / prior.std])
 
-    def jacobian(x: FloatArray) -> FloatArray:
-        return np.vstack([problem.slope(x), regular])
+    def slopes(x: FloatArray) -> FloatArray:
+        return np.vstack([problem.slope(x), np.diag(1 / prior.std)])
 
-    bounds = prior.lower, prior.upper
-    found = least_squares(
-        residual, prior.start, jac=jacobian, bounds=bounds, x_scale=prior.std, ftol=_ENOUGH, max_nfev=most
-    )
-    slope = np.asarray(found.jac)
+    x = prior.start
+    now, slope = residual(x), slopes(x)
+    damping, reason = 0.0, _GAVE_UP
+    for iterations in range(1, most + 1):  # noqa: B007 - the number is part of the result
+        step = _bounded_step(slope, now, prior.lower - x, prior.upper - x, damping)
+        expected = now @ now - ((now + slope @ step) ** 2).sum()
+        if expected <= _ENOUGH * (now @ now):
+            reason = "the cost no longer falls" if damping < 1 else "no step lowers the cost"
+            break
+        tried = residual(x + step)
+        if tried @ tried < now @ now:
+            x, now = x + step, tried
+            slope, damping = slopes(x), damping / _FACTOR if damping > _DAMPING else 0.0
+        else:
+            damping = max(_FACTOR * damping, _DAMPING)
     normal = slope.T @ slope
-    free = found.active_mask == 0
+    gradient = slope.T @ now
+    at_bound = ((x <= prior.lower) & (gradient > 0)) | ((x >= prior.upper) & (gradient < 0))
+    free = ~at_bound
     log_det = np.linalg.slogdet(normal[np.ix_(free, free)])[1]
+    cost = float(now @ now) / 2
     return SensitivityFit(
-        value=found.x,
+        value=x,
         std=np.sqrt(np.diag(np.linalg.inv(normal))),
-        at_bound=~free,
-        chi_square=2 * float(found.cost),
-        log_evidence=float(-found.cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
-        iterations=int(found.nfev),
-        reason=_REASONS[found.status],
+        at_bound=at_bound,
+        chi_square=2 * cost,
+        log_evidence=float(-cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
+        iterations=iterations,
+        reason=reason,
     )
+
+
+def _bounded_step(
+    slope: FloatArray, residual: FloatArray, lower: FloatArray, upper: FloatArray, damping: float
+) -> FloatArray:
+    """Return the Gauss-Newton step (n,) that is best within bounds of the step, damped by Levenberg's method."""
+    damped = np.diag(np.sqrt(damping * (slope**2).sum(0)))
+    problem = np.vstack([slope, damped]), -np.append(residual, np.zeros(len(lower)))
+    return np.asarray(lsq_linear(*problem, bounds=(lower, upper), method="bvls", tol=1e-12).x)
 
 
 def _without_parameters(problem: Problem) -> SensitivityFit:

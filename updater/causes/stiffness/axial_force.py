@@ -108,7 +108,7 @@ def _geometric(reference: Reference) -> tuple[FloatArray, FloatArray, FloatArray
     for name, (first, last, element) in zip(model.member_names, model.elements, strict=True):
         assert isinstance(element, Element)
         if id(element) not in known:
-            turn = np.kron(np.eye(4), element.axes(model.nodes[last] - model.nodes[first]))
+            turn = element.rotation(model.nodes[last] - model.nodes[first])
             known[id(element)] = turn.T @ element.geometric_stiffness() @ turn
         dofs = np.concatenate([model.dofs[first], model.dofs[last]])
         moved = np.where(dofs[:, None] >= 0, reference.shape[dofs], 0.0) * root
