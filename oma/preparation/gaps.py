@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy import linalg, ndimage
+from scipy import linalg
 
 from daq import FloatArray
 
@@ -22,6 +22,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 ORDER = 8  #: order of the autoregression, and longest gap that is filled [samples]
 _PASSES = 3  # of filling and fitting in turn
+_ROWS = 150  # per regressor that the fit takes, at most: the prediction error grows by 1/300
+_BLOCK = 1024  # consecutive samples that it takes, in a long record
 _ITERATIONS = 30  # of conjugate gradients a pass
 _RIDGE = 1e-6  # of the mean variance: keeps the fit of nearly predictable signals solvable
 
@@ -48,12 +50,20 @@ class Autoregression:
 
 def short_gaps(missing: BoolArray) -> BoolArray:
     """Return which missing samples, (n_samples, n_channels), are in gaps of no more than ORDER."""
-    long = ndimage.binary_opening(missing, np.ones((ORDER + 1, 1), dtype=np.bool_))
-    return np.asarray(missing & ~long)
+    within = np.zeros((missing.shape[1], len(missing) + 1), np.bool_)  # channel by channel, with an end to each
+    within[:, :-1] = missing.T
+    edges = np.flatnonzero(within.ravel()[1:] != within.ravel()[:-1]) + 1
+    if within[0, 0]:
+        edges = np.concatenate([[0], edges])
+    for start, end in edges.reshape(-1, 2)[np.diff(edges.reshape(-1, 2), axis=1)[:, 0] > ORDER].tolist():
+        within.ravel()[start:end] = False
+    return np.asarray(within[:, :-1].T)
 
 
 def filled(data: FloatArray) -> FloatArray:
     """Fill short gaps; long ones stay.
+
+    Of a long record, the autoregression is fitted to blocks that are spread evenly over it.
 
     Parameters
     ----------
@@ -68,16 +78,27 @@ def filled(data: FloatArray) -> FloatArray:
     lost = short_gaps(missing)
     if not lost.any() or len(data) < 10 * ORDER * data.shape[1]:
         return data
-    mean, size = np.nanmean(data, axis=0), np.nanstd(data, axis=0)
+    learnt = _blocks(len(data), _ROWS * ORDER * data.shape[1])
+    beside = np.convolve(lost.any(axis=1), np.ones(2 * ORDER + 1), mode="same") > 0
+    rows = np.flatnonzero(learnt | beside)
+    part, gap, short = data[rows], missing[rows], lost[rows]
+    mean, size = np.nanmean(part, axis=0), np.nanstd(part, axis=0)
     size[size == 0] = 1.0
-    values = (bridged(data, missing) - mean) / size
-    used = ~np.convolve((missing & ~lost).any(axis=1), np.ones(ORDER + 1), mode="valid").astype(np.bool_)
+    values = (bridged(part, gap) - mean) / size
+    used = ~np.convolve((gap & ~short).any(axis=1), np.ones(ORDER + 1), mode="valid").astype(np.bool_)
+    used &= rows[ORDER:] - rows[:-ORDER] == ORDER  # their past is there
     for _ in range(_PASSES):
-        model = _fit(values, used)
-        values[lost] += _most_likely(model, values, lost, used)
+        model = _fit(values, used & learnt[rows[ORDER:]])
+        values[short] += _most_likely(model, values, short, used)
     result = data.copy()
-    result[lost] = (values * size + mean)[lost]
+    result[lost] = (values * size + mean)[short]
     return result
+
+
+def _blocks(n: int, n_rows: int) -> BoolArray:
+    """Choose about n_rows of n samples, in blocks spread evenly over them."""
+    every = max(n // max(n_rows, _BLOCK), 1)
+    return np.asarray(np.arange(n) // _BLOCK % every == 0)
 
 
 def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:
