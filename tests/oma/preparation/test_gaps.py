@@ -41,7 +41,7 @@ def test_short_recordings_are_not_changed() -> None:
 
 
 def test_long_record_is_filled_from_blocks_as_well_as_from_all_samples() -> None:
-    """The innovation is known: white noise of 1; 24 coefficients an equation, fitted to a few blocks, add under 1 % to it."""
+    """The innovation is white noise of 1; 24 coefficients per equation, fitted to a few blocks, add under 1 % to it."""
     random = np.random.default_rng(4)
     innovation = random.standard_normal((60_000, 3))
     whole = signal.lfilter([1.0], [1.0, -1.2, 0.8], innovation, axis=0)
