@@ -64,8 +64,7 @@ _Task = tuple[str, ArchiveLog, LogTexts, str]  # site, log, its texts, key of it
 def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
     """Return what a log is analysed with, or the reason why it cannot be."""
     try:
-        with log.local() as local:
-            attached, span = read_attachments(local), log_span(local)
+        attached, span = read_attachments(log.log), log_span(log.log)
     except LogError as error:
         return str(error)
     start, memory = span[0] if span else 0, attached.get(MEMORY, "")
@@ -84,8 +83,7 @@ def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
 def identify_task(log: ArchiveLog, texts: LogTexts) -> LogSteps:
     """Identify one log, in a worker; what is wrong with the log is part of the result."""
     try:
-        with log.local() as local:
-            return identify_log(local, parse_attached(texts.site))
+        return identify_log(log.log, parse_attached(texts.site))
     except LogError as error:
         return LogSteps(packed=identify_nothing(), n_windows=0, seconds=0.0, problem=str(error))
 

@@ -27,10 +27,11 @@ class WholeReads:
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
+        self._size = 0  # when it was last measured [bytes]
 
     def read(self, n: int) -> bytes:
         """Return `n` bytes."""
-        if n > _READ_AHEAD and n > os.fstat(self._file.fileno()).st_size:
+        if n > _READ_AHEAD and not self._holds(n):
             raise McapError(f"a length of {n} bytes is more than the file has")
         data = self._file.read(n)
         if len(data) < n:
@@ -39,9 +40,17 @@ class WholeReads:
 
     def seek(self, at: int, whence: int = os.SEEK_SET) -> int:
         """Go to a place in the file; return it."""
-        if abs(at) > os.fstat(self._file.fileno()).st_size:
+        if not self._holds(abs(at)):
             raise McapError(f"a place of {at} bytes is outside the file")
         return self._file.seek(at, whence)
+
+    def _holds(self, n: int) -> bool:
+        """Return whether the file has n bytes by now."""
+        if n > self._size:
+            here = self._file.tell()
+            self._size = self._file.seek(0, os.SEEK_END)
+            self._file.seek(here)
+        return n <= self._size
 
     def tell(self) -> int:
         """Return the place in the file."""
