@@ -8,6 +8,8 @@ from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
 from monitor.analysis.stationarity import of_one_state
 from monitor.errors import State, StateError
+from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.text.diagnosis import diagnosis_answer
 from updater import (
     Circumstances,
     DiagnosisResult,
@@ -38,6 +40,12 @@ class Explanation:
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
     event: ModalMean  #: (n_tracks,) modes known to this reference, as compared
     circumstances: Circumstances  #: circumstances of the logs
+    reference_steps: tuple[ReferenceStep, ...]  #: changes of the structure within the reference logs
+
+    @property
+    def diagnosis(self) -> DiagnosisAnswer:
+        """The diagnosis in plain values and sentences."""
+        return diagnosis_answer(self.explained.diagnosis, self.reference_steps)
 
     @property
     def reference(self) -> Reference:
@@ -115,13 +123,13 @@ def explain(
             only=only,
             without=without,
         )
-    diagnosis = explained.diagnosis.model_copy(update={"reference_steps": steps})
     return Explanation(
-        explained=replace(explained, diagnosis=diagnosis),
+        explained=explained,
         sought=reference,
         measured=event.measured,
         event=event.modes,
         circumstances=event.circumstances,
+        reference_steps=steps,
     )
 
 
@@ -139,9 +147,9 @@ def _blamed_on(state: State) -> Iterator[None]:
 
 def explain_change(
     structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
-) -> DiagnosisResult:
+) -> Explanation:
     """Explain the change since the reference logs; errors as for `explain`."""
-    return explain(structure, before, after, heldout).explained
+    return explain(structure, before, after, heldout)
 
 
 def _event(reference: Reference, observation: Observation, before: Observation | None) -> Event:

@@ -9,7 +9,8 @@ from monitor.optional import OptionalWork
 from monitor.results.comparison import ChannelHealth
 from monitor.results.convert import increment_result, mass_answer
 from monitor.results.windows import MassAnswer, MassIncrements
-from monitor.text.causes import failed_text
+from monitor.text.causes import failed_text, forecast_text
+from monitor.text.diagnosis import diagnosis_answer
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.baseline.learned_baseline import LearnedBaseline
 from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
@@ -60,13 +61,13 @@ def answer(
     if both is None:
         return found
     explained, event = both
-    for failed in explained.diagnosis.failed:
+    found["diagnosis"] = diagnosis = diagnosis_answer(explained.diagnosis)
+    for failed in diagnosis.failed:
         extras.note(failed_text(failed))
-    found["diagnosis"] = explained.diagnosis
     found["discrepancy"] = extras.found(
         "the comparison with simulated modes", lambda: compare_windows(reference, event, explained)
     )
-    if is_one_mass(explained.diagnosis):
+    if is_one_mass(diagnosis):
         found["answer"] = extras.found(
             "the location of the mass", lambda: _location(reference, modes, structure, len(changed_windows))
         )
@@ -88,7 +89,7 @@ def diagnosis_of(learned: LearnedBaseline, changed_windows: Sequence[Window]) ->
 
 def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
     change, outlook = locate_mass_with_forecast(reference, modes)
-    return mass_answer(structure, change, n_windows, outlook.text)
+    return mass_answer(structure, change, n_windows, forecast_text(outlook))
 
 
 def sensors(learned: LearnedBaseline, calm: Sequence[Window]) -> dict[str, ChannelHealth]:

@@ -2,6 +2,7 @@
 
 from updater.diagnosis.case import DiagnosisResult
 from updater.diagnosis.explanation import diagnose
+from updater.diagnosis.naming import ODD
 from updater.diagnosis.places import Density, densities
 from updater.diagnosis.schema import (
     CalibrationSummary,
@@ -10,15 +11,24 @@ from updater.diagnosis.schema import (
     Failed,
     FrequencyFit,
     Gain,
+    Instrument,
+    KnownMass,
+    LongerRecord,
+    Measurements,
+    Misfit,
     ModeFit,
+    NewSensor,
+    NextMeasurement,
     Pair,
     ReferenceStep,
     Rejected,
+    Situation,
     Verdict,
 )
 from updater.diagnosis.weighing import allowed_causes
 
 __all__ = [
+    "ODD",
     "CalibrationSummary",
     "Cause",
     "Density",
@@ -27,10 +37,18 @@ __all__ = [
     "Failed",
     "FrequencyFit",
     "Gain",
+    "Instrument",
+    "KnownMass",
+    "LongerRecord",
+    "Measurements",
+    "Misfit",
     "ModeFit",
+    "NewSensor",
+    "NextMeasurement",
     "Pair",
     "ReferenceStep",
     "Rejected",
+    "Situation",
     "Verdict",
     "allowed_causes",
     "densities",

@@ -1,10 +1,14 @@
-"""JSON schema of a diagnosis (docs/updater.md, `modalwatch diagnose --json`)."""
+"""Values of a diagnosis; `monitor.text.diagnosis` makes their sentences, and the JSON of `modalwatch diagnose`."""
 
 from typing import Literal
 
-from updater.quantities import ParameterChange, PlainValue, Quantity, Where
+from updater.quantities import ParameterChange, PlainValue, Quantity, Vector, Where
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
+#: why a cause is refused; a model that is assumed to be worse is one with a larger model error
+Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_model_only", "less_probable"]
+#: why nothing is measured next that would separate hypotheses
+Situation = Literal["no_change", "unsteady", "scattered_mass", "widespread_stiffness"]
 
 
 class Cause(PlainValue):
@@ -23,13 +27,83 @@ class Rejected(PlainValue):
 
     cause: str
     log_evidence: float  #: against the best one [-]
-    why: str
+    reason: Reason
+    p_value: float  #: of its fit
+
+
+class NewSensor(PlainValue):
+    """A further sensor."""
+
+    position: Vector  #: [m]
+    axis: Literal["x", "y", "z"]
+
+
+class KnownMass(PlainValue):
+    """A known mass, clamped on."""
+
+    mass: float  #: [kg]
+    position: Vector  #: [m]
+
+
+class LongerRecord(PlainValue):
+    """A longer record."""
+
+    times: int  #: length relative to the present one
+
+
+class Instrument(PlainValue):
+    """An instrument that measures a factor on all frequencies."""
+
+    name: str  #: as the cause states it
+
+
+class Measurement(PlainValue):
+    """A measurement, and what it is expected to separate."""
+
+    what: NewSensor | KnownMass | LongerRecord | Instrument
+    pairs: tuple[tuple[int, int], ...]  #: hypotheses that it separates
+    deviations: float  #: by at least so many standard deviations
+
+
+class Measurements(PlainValue):
+    """Measurements that decide between hypotheses, the most decisive first."""
+
+    hypotheses: tuple[tuple[str, ...], ...]  #: names of the causes of each
+    measurements: tuple[Measurement, ...]
+    inseparable: tuple[tuple[int, int], ...]  #: hypotheses that none of the measurements considered separates
+
+
+class OddFrequency(PlainValue):
+    """A frequency that an explanation does not fit."""
+
+    frequency: float  #: of the mode in the reference [Hz]
+    deviations: float  #: distance in standard deviations
+
+
+class OddShape(PlainValue):
+    """A shape that an explanation does not fit."""
+
+    frequency: float  #: of the mode in the reference [Hz]
+    mac: float
+    channel: str  #: with the largest residual
+
+
+class Misfit(PlainValue):
+    """What the best hypothesis does not fit: the measurement is to be repeated."""
+
+    causes: tuple[str, ...]  #: names of those of the hypothesis
+    frequency: OddFrequency | None  #: None if no frequency is off by itself
+    shape: OddShape | None  #: None if all agree
+
+
+#: measurements that decide, a misfit, or the advice of each cause found
+NextMeasurement = Measurements | Misfit | Situation | tuple[str, ...]
 
 
 class Failed(PlainValue):
     """One cause, several together, or another part of the answer, left out because of an internal fault."""
 
-    part: str
+    part: str  #: names of causes, or of the part
     error: str  #: type and message of the fault
 
 
@@ -106,8 +180,6 @@ class Diagnosis(PlainValue):
     rejected: tuple[Rejected, ...]
     modes: tuple[ModeFit, ...]
     gain: Gain | None
-    extended_model: str | None = None  #: path of the structure.toml with the causes written in
     calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
-    next_measurement: str
+    next_measurement: NextMeasurement
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
-    reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs

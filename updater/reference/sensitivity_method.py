@@ -19,19 +19,19 @@ from scipy.optimize import least_squares
 from daq import FloatArray
 
 Convergence = Literal[
-    "gave up after too many iterations",
-    "no step lowers the cost",
-    "the cost no longer falls",
-    "the parameters stand still",
-    "cost and parameters stand still",
-    "there are no parameters",
+    "iteration_limit",
+    "no_lower_cost",
+    "cost_converged",
+    "parameters_converged",
+    "both_converged",
+    "no_parameters",
 ]
 _REASONS: tuple[Convergence, ...] = (
-    "gave up after too many iterations",
-    "no step lowers the cost",
-    "the cost no longer falls",
-    "the parameters stand still",
-    "cost and parameters stand still",
+    "iteration_limit",
+    "no_lower_cost",
+    "cost_converged",
+    "parameters_converged",
+    "both_converged",
 )
 
 _ENOUGH = 1e-6  # of the cost: an iteration that gains less is the last
@@ -75,7 +75,7 @@ class SensitivityFit:
     @property
     def converged(self) -> bool:
         """True if a minimum was reached."""
-        return self.reason != _REASONS[0]
+        return self.reason != "iteration_limit"
 
 
 def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> SensitivityFit:
@@ -127,7 +127,7 @@ def _without_parameters(problem: Problem) -> SensitivityFit:
         chi_square=cost,
         log_evidence=-cost / 2,
         iterations=1,
-        reason="there are no parameters",
+        reason="no_parameters",
     )
 
 

@@ -210,4 +210,5 @@ def test_next_measurement_compares_oscillator_with_added_mass(learnt: tuple[Refe
     bodies = weighing.causes["added_mass"]
     assert isinstance(bodies, AddedMass)
     reported = next_measurement(reference, event, weighing.data, bodies, open_ones)
-    assert "standard deviations" in reported
+    assert reported.hypotheses == (("attached_oscillator",), ("added_mass",))
+    assert reported.measurements or reported.inseparable
