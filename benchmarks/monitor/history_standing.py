@@ -14,7 +14,7 @@ from pathlib import Path
 
 from daq import Event
 from monitor.outputs.history import HistoryStore
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.events import result_event
 from monitor.results.windows import ModeResult, WindowResult
 from tests.support.monitor.history import START, change, rows, sqlite_url

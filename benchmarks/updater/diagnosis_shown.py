@@ -16,10 +16,9 @@ from matplotlib.figure import Figure
 from daq import FloatArray, Recording
 from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation, observe
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.text.verdicts import diagnosis_text
 from monitor.views.report import comparison_figures as beside
 from monitor.views.report.evidence_figures import evidence_figure

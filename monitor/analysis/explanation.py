@@ -8,7 +8,7 @@ from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
 from monitor.analysis.stationarity import of_one_state
 from monitor.errors import State, StateError
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.text.diagnosis import diagnosis_answer
 from updater import (
     Circumstances,
@@ -40,12 +40,7 @@ class Explanation:
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
     event: ModalMean  #: (n_tracks,) modes known to this reference, as compared
     circumstances: Circumstances  #: circumstances of the logs
-    reference_steps: tuple[ReferenceStep, ...]  #: changes of the structure within the reference logs
-
-    @property
-    def diagnosis(self) -> DiagnosisAnswer:
-        """The diagnosis in plain values and sentences."""
-        return diagnosis_answer(self.explained.diagnosis, self.reference_steps)
+    diagnosis: DiagnosisAnswer  #: the diagnosis in sentences
 
     @property
     def reference(self) -> Reference:
@@ -129,7 +124,7 @@ def explain(
         measured=event.measured,
         event=event.modes,
         circumstances=event.circumstances,
-        reference_steps=steps,
+        diagnosis=diagnosis_answer(explained, steps),
     )
 
 
@@ -143,13 +138,6 @@ def _blamed_on(state: State) -> Iterator[None]:
         yield
     except (ModalDataError, PairingError) as error:
         raise StateError(state, str(error)) from error
-
-
-def explain_change(
-    structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
-) -> Explanation:
-    """Explain the change since the reference logs; errors as for `explain`."""
-    return explain(structure, before, after, heldout)
 
 
 def _event(reference: Reference, observation: Observation, before: Observation | None) -> Event:

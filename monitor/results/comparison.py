@@ -1,14 +1,32 @@
-"""Comparison of measured and simulated modes as plain values: in logs and in discrepancy.json."""
+"""Diagnosis, and comparison of measured and simulated modes, as plain values: in logs and JSON files."""
 
 from pydantic import BaseModel, ConfigDict
 
-from updater import Gain
+from updater import Diagnosis, Gain
+from updater.diagnosis import ReferenceStep
 
 Vector = tuple[float, float, float]
 
 
 class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+
+
+class RejectedCause(_Part):
+    """One cause that was tried and refused."""
+
+    cause: str
+    log_evidence: float  #: against the best one [-]
+    why: str
+
+
+class DiagnosisAnswer(Diagnosis):
+    """The whole JSON of a diagnosis."""
+
+    rejected: tuple[RejectedCause, ...]
+    next_measurement: str
+    extended_model: str | None = None  #: path of the structure.toml with the causes written in
+    reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs
 
 
 class ModeComparison(_Part):

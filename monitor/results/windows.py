@@ -8,8 +8,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor.detection import DetectorName
 from monitor.detection.alarm import Kind, State
-from monitor.results.comparison import ChannelHealth, DiscrepancyResult
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import ChannelHealth, DiagnosisAnswer, DiscrepancyResult
 
 Vector = tuple[float, float, float]
 Phase = Literal["learning", "watching", "alarm"]

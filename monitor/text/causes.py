@@ -6,10 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from monitor.results.comparison import BalanceResult, SensorComparison, Vector
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.quantities import MIN_P, number_text, plain, share_text
-from updater import Cause, Gain, MassChange, Structure
+from updater import Cause, Diagnosis, Gain, MassChange, Structure
 from updater.diagnosis import CalibrationSummary, Failed, Pair
 from updater.localization import AccuracyForecast, mirrored
 from updater.quantities import ParameterChange, Quantity, Where
@@ -172,7 +171,7 @@ def forecast_text(forecast: AccuracyForecast) -> str:
     return f"more windows will not reduce the deviation under {least}; {what} would"
 
 
-def change_text(diagnosis: DiagnosisAnswer) -> str:
+def change_text(diagnosis: Diagnosis) -> str:
     """Return the change, if there is one, as a part of a sentence."""
     if diagnosis.verdict == "nothing_to_explain":
         return "too little to name a cause"

@@ -4,25 +4,18 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from monitor.results.diagnosis import DiagnosisAnswer, RejectedCause
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.text.quantities import MIN_P
-from updater import Diagnosis
-from updater.diagnosis import (
-    ODD,
-    Failed,
-    Instrument,
-    KnownMass,
-    LongerRecord,
-    Measurements,
-    Misfit,
-    NewSensor,
-    NextMeasurement,
-    ReferenceStep,
-    Rejected,
-    Situation,
-)
+from updater import DiagnosisResult
+from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
+from updater.quantities import SIGNIFICANT
 
-_SITUATIONS: dict[Situation, str] = {
+_REASONS = {
+    "uniform_shift": "not distinguishable from a uniform frequency shift",
+    "no_change_fits_as_well": "fits, but no change fits as well",
+    "worse_model_only": "fits only if the model is assumed to be worse",
+}
+_SITUATIONS = {
     "no_change": "None: the data agree with the reference.",
     "unsteady": "The frequencies drift between windows. Record again while the structure is stationary.",
     "scattered_mass": "Mass changed at several places that these modes cannot resolve. Inspect the structure, or "
@@ -31,48 +24,23 @@ _SITUATIONS: dict[Situation, str] = {
     "sections, of which a loss of stiffness alone is a part. Measure the members' sections, and correct the structure "
     "file.",
 }
-_PARTS = {
-    "further_modes": "modes that the reference lacks",
-    "gain": "the gain",
-    "next_measurement": "the next measurement",
-    "pair_of_causes": "a pair of causes to first order",
-    "recalibrated_file": "the file nearer to the logs",
-    "removed_bodies": "removed bodies that the file lacks",
-    "written_modes": "the modes of the written model",
-}  # of a diagnosis, besides causes
 
 
-def diagnosis_answer(found: Diagnosis, steps: tuple[ReferenceStep, ...] = ()) -> DiagnosisAnswer:
-    """Return a diagnosis, and changes of the structure within the reference logs, as plain values and sentences."""
-    return DiagnosisAnswer(
-        verdict=found.verdict,
-        causes=found.causes,
-        rejected=tuple(
-            RejectedCause(cause=r.cause, log_evidence=r.log_evidence, why=rejection_text(r)) for r in found.rejected
-        ),
-        modes=found.modes,
-        gain=found.gain,
-        calibration=found.calibration,
-        next_measurement=next_text(found.next_measurement),
-        failed=tuple(Failed(part=_PARTS.get(f.part, f.part), error=f.error) for f in found.failed),
-        reference_steps=steps,
-    )
+def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = ()) -> DiagnosisAnswer:
+    """Return a diagnosis, and changes of the structure within the reference logs, with their sentences."""
+    rejected = [r.model_dump(include={"cause", "log_evidence"}) | {"why": rejection_text(r)} for r in found.rejected]
+    own = {"rejected": rejected, "next_measurement": next_text(found.next_measurement), "reference_steps": steps}
+    return DiagnosisAnswer.model_validate(dict(found.diagnosis) | own)
 
 
 def rejection_text(rejected: Rejected) -> str:
     """Return why a cause is refused."""
-    match rejected.reason:
-        case "poor_fit":
-            p = f"p {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p under {MIN_P:.0e}"
-            return f"rejected: poor fit, {p}"
-        case "uniform_shift":
-            return "not distinguishable from a uniform frequency shift"
-        case "no_change_fits_as_well":
-            return "fits, but no change fits as well"
-        case "worse_model_only":
-            return "fits only if the model is assumed to be worse"
-        case "less_probable":
-            return f"fits, {_ratio_text(-rejected.log_evidence)} times less probable"
+    if rejected.reason == "poor_fit":
+        p = f"p {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p under {MIN_P:.0e}"
+        return f"rejected: poor fit, {p}"
+    if rejected.reason == "less_probable":
+        return f"fits, {_ratio_text(-rejected.log_evidence)} times less probable"
+    return _REASONS[rejected.reason]
 
 
 def _ratio_text(log_ratio: float) -> str:
@@ -83,32 +51,28 @@ def _ratio_text(log_ratio: float) -> str:
 
 def next_text(found: NextMeasurement) -> str:
     """Return in sentences what to measure next."""
-    match found:
-        case Measurements():
-            return _measurements_text(found)
-        case Misfit():
-            return f"Repeat the measurement. The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
-        case str():
-            return _SITUATIONS[found]
-        case _:
-            return " ".join(found)
+    if isinstance(found, Misfit):
+        return f"Repeat the measurement. The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
+    if isinstance(found, Separation):
+        return _separation_text(found)
+    return _SITUATIONS[found] if isinstance(found, str) else " ".join(found)
 
 
 def _misfit_text(found: Misfit) -> str:
     odd = []
-    if at := found.frequency:
-        odd.append(f"the frequency of the mode at {at.frequency:.4g} Hz {at.deviations:.0f} standard deviations off")
-    if shape := found.shape:
-        odd.append(f"the shape at {shape.frequency:.4g} Hz at a MAC of {shape.mac:.3f}, most at {shape.channel}")
-    each = f"no frequency {ODD:.0f} standard deviations off by itself, but all modes together more than noise"
-    return ", ".join(odd) or each
+    if found.frequency:
+        odd.append("the frequency of the mode at {:.4g} Hz {:.0f} standard deviations off".format(*found.frequency))
+    if found.shape:
+        odd.append("the shape at {:.4g} Hz at a MAC of {:.3f}, most at {}".format(*found.shape))
+    none = f"no frequency {SIGNIFICANT:.0f} standard deviations off by itself, but all modes together more than noise"
+    return ", ".join(odd) or none
 
 
-def _measurements_text(found: Measurements) -> str:
+def _separation_text(found: Separation) -> str:
     names = _distinctive(found.hypotheses)
     sentences = [
-        f"{_measurement_text(m.what)}: expected to separate {_pairs_text(names, m.pairs)} by {m.deviations:.1f} "
-        "standard deviations."
+        f"{_measurement_text(m)}: expected to separate {_pairs_text(names, m.pairs)} by {m.deviations:.1f} standard "
+        "deviations."
         for m in found.measurements
     ]
     if found.inseparable:
@@ -116,16 +80,14 @@ def _measurements_text(found: Measurements) -> str:
     return " ".join(sentences)
 
 
-def _measurement_text(what: NewSensor | KnownMass | LongerRecord | Instrument) -> str:
-    match what:
-        case NewSensor():
-            return "A sensor at ({:.2f}, {:.2f}, {:.2f}) m along {}".format(*what.position, what.axis)
-        case KnownMass():
-            return "A known mass of {:.3g} kg at ({:.2f}, {:.2f}, {:.2f}) m".format(what.mass, *what.position)
-        case LongerRecord():
-            return f"{what.times} times the record"
-        case Instrument():
-            return what.name
+def _measurement_text(found: Measurement) -> str:
+    at = "({:.2f}, {:.2f}, {:.2f}) m".format(*found.position) if found.position else ""
+    return {
+        "sensor": f"A sensor at {at} along {found.axis}",
+        "known_mass": f"A known mass of {found.mass:.3g} kg at {at}",
+        "longer_record": f"{found.length} times the record",
+        "instrument": found.instrument,
+    }[found.kind]
 
 
 def _pairs_text(names: Sequence[str], pairs: Sequence[tuple[int, int]]) -> str:

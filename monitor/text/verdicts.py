@@ -1,12 +1,12 @@
 """Texts of verdicts and headlines."""
 
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.causes import cause_text, change_text, mass_text
 from monitor.text.quantities import utc
 from monitor.text.trends import standing_trend
 from monitor.text.uncertainty import unsure_now
+from updater import Diagnosis
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _CLOCKS = frozenset({"sensor_delay"})  # taken out of all modes before a mass is located
@@ -20,12 +20,12 @@ VERDICTS = {
 }
 
 
-def verdict_text(diagnosis: DiagnosisAnswer) -> str:
+def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence that the causes follow, if there are any."""
     return f"{VERDICTS[diagnosis.verdict]}:" if diagnosis.causes else VERDICTS[diagnosis.verdict]
 
 
-def diagnosis_text(diagnosis: DiagnosisAnswer) -> str:
+def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the diagnosis in one sentence."""
     if not diagnosis.causes:
         return VERDICTS[diagnosis.verdict]
@@ -60,7 +60,7 @@ def accepted_text(change: AcceptedShift, time: int) -> str:
     return f"as {change.cause!r}{by}, {utc(time)}"
 
 
-def headline(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> str:
+def headline(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
     """Return the verdict of a run in one sentence."""
     state, n = last_state(run_results), len(run_results.watched)
     if state == "learning":
@@ -84,7 +84,7 @@ def headline(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> str:
     return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
 
 
-def _what(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> str:
+def _what(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
     if diagnosis and not (run_results.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
         return change_text(diagnosis)
     if not run_results.answers:
@@ -94,7 +94,7 @@ def _what(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> str:
     return mass_text(answer) + doubt
 
 
-def is_one_mass(diagnosis: DiagnosisAnswer) -> bool:
+def is_one_mass(diagnosis: Diagnosis) -> bool:
     """Return whether one added or removed mass explains the change of the structure, and nothing else.
 
     A mass that may also be distributed over a stretch is one, and so is one with a delayed clock: position and mass are

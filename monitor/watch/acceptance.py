@@ -10,7 +10,6 @@ from monitor.detection import Shift
 from monitor.optional import run_optional
 from monitor.settings import Settings
 from monitor.text.causes import change_text
-from monitor.text.diagnosis import diagnosis_answer
 from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.answer import diagnosis_of
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
@@ -122,4 +121,4 @@ def _explained(learned: LearnedBaseline, changed_windows: Sequence[Window]) -> t
         return "", "not explained"
     found, _ = both
     extended = found.extended if found.diagnosis.verdict == "explained" else None
-    return dump_structure(extended) if extended else "", change_text(diagnosis_answer(found.diagnosis))
+    return dump_structure(extended) if extended else "", change_text(found.diagnosis)

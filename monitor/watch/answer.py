@@ -61,13 +61,13 @@ def answer(
     if both is None:
         return found
     explained, event = both
-    found["diagnosis"] = diagnosis = diagnosis_answer(explained.diagnosis)
-    for failed in diagnosis.failed:
+    for failed in explained.diagnosis.failed:
         extras.note(failed_text(failed))
+    found["diagnosis"] = diagnosis_answer(explained)
     found["discrepancy"] = extras.found(
         "the comparison with simulated modes", lambda: compare_windows(reference, event, explained)
     )
-    if is_one_mass(diagnosis):
+    if is_one_mass(explained.diagnosis):
         found["answer"] = extras.found(
             "the location of the mass", lambda: _location(reference, modes, structure, len(changed_windows))
         )

@@ -17,10 +17,8 @@ import numpy as np
 from daq import FloatArray
 from monitor.analysis.window import Window
 from monitor.errors import MonitorError
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.settings import Settings
 from monitor.text.causes import change_text
-from monitor.text.diagnosis import diagnosis_answer
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.answer import synchronized_windows
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
@@ -28,6 +26,7 @@ from monitor.watch.explanation import conditions_of, explain_windows
 from monitor.watch.memory import Memory
 from monitor.watch.self_test import with_mass
 from updater import (
+    Diagnosis,
     MassChange,
     ModalDataError,
     ModalMean,
@@ -110,7 +109,7 @@ class Evidence:
     structure: Structure
     learned: LearnedBaseline
     event: ModalMean  #: modes of the windows with the mass
-    diagnosis: DiagnosisAnswer
+    diagnosis: Diagnosis
     found: MassChange
     raised: int | None  #: when the alarm was [ns UTC]
     n_windows: int
@@ -149,7 +148,7 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
         structure=structure,
         learned=learned,
         event=event,
-        diagnosis=diagnosis_answer(explained.diagnosis),
+        diagnosis=explained.diagnosis,
         found=found,
         raised=memory.alarm.raised,
         n_windows=len(changed_windows),

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.analysis.explanation import explain, explain_change
+from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
@@ -40,7 +40,7 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
         return explain(structure, None, measured, heldout).diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     now, heldout = (after(case, random, noise) for _ in range(2))
-    found = explain_change(structure_of(case.cell), before, now, heldout)
+    found = explain(structure_of(case.cell), before, now, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 

@@ -2,7 +2,6 @@
 
 from updater.diagnosis.case import DiagnosisResult
 from updater.diagnosis.explanation import diagnose
-from updater.diagnosis.naming import ODD
 from updater.diagnosis.places import Density, densities
 from updater.diagnosis.schema import (
     CalibrationSummary,
@@ -11,24 +10,19 @@ from updater.diagnosis.schema import (
     Failed,
     FrequencyFit,
     Gain,
-    Instrument,
-    KnownMass,
-    LongerRecord,
-    Measurements,
+    Measurement,
     Misfit,
     ModeFit,
-    NewSensor,
     NextMeasurement,
     Pair,
     ReferenceStep,
     Rejected,
-    Situation,
+    Separation,
     Verdict,
 )
 from updater.diagnosis.weighing import allowed_causes
 
 __all__ = [
-    "ODD",
     "CalibrationSummary",
     "Cause",
     "Density",
@@ -37,18 +31,14 @@ __all__ = [
     "Failed",
     "FrequencyFit",
     "Gain",
-    "Instrument",
-    "KnownMass",
-    "LongerRecord",
-    "Measurements",
+    "Measurement",
     "Misfit",
     "ModeFit",
-    "NewSensor",
     "NextMeasurement",
     "Pair",
     "ReferenceStep",
     "Rejected",
-    "Situation",
+    "Separation",
     "Verdict",
     "allowed_causes",
     "densities",

@@ -152,7 +152,7 @@ class Compositions:
         """
         allowed = [name for name in self.weighing.causes if only is None or name in only]
         weighing = self.weighing if only is None else replace(self.weighing, allowed=allowed)
-        pair = self.weighing.faults.attempt("pair_of_causes", partial(likeliest_pair, weighing))
+        pair = self.weighing.faults.attempt("a pair of causes to first order", partial(likeliest_pair, weighing))
         found = None if pair is None else self._refit_until_converged(self.coordinate_fit(pair))
         if found is None:
             return []

@@ -27,7 +27,7 @@ from updater.diagnosis.naming import (
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
 from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
-from updater.diagnosis.schema import Diagnosis, Failed, Measurements, NextMeasurement, Verdict
+from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, Verdict
 from updater.diagnosis.search import beside_the_file, closer, fits, judged, nothing_changed, stepwise, within_noise
 from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, allowed_causes, ranked, say_nothing
@@ -141,7 +141,7 @@ def _diagnosed(
             return _diagnosed(loaded, measured, unused, reference.calibration, on_cause=on_cause, **given)
 
         without_bodies = case.weighing.faults.attempt(
-            "removed_bodies", partial(with_removed_bodies, case, found[0], again)
+            "removed bodies that the file lacks", partial(with_removed_bodies, case, found[0], again)
         )
         if without_bodies is not None:
             return without_bodies
@@ -152,7 +152,7 @@ def _diagnosed(
     if not found or not fits(found[0]) or not within_noise(good, found[0]):
         odd = found[0] if found else best
         faults = case.weighing.faults
-        nearer = reference.nominal and faults.attempt("recalibrated_file", lambda: _nearer(case))
+        nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
         refused = _refused("unexplained", case, best.log_evidence, misfit(case.data, odd.chosen))
         return replace(refused, nearer=nearer or None)
     if _strewn(found[0]):
@@ -182,14 +182,13 @@ def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement)
     diagnosis = Diagnosis(
         verdict=verdict,
         causes=(),
-        rejected=rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain"),
         modes=modes_of(case.reference, case.event, case.data),
         gain=None,
         calibration=calibration_summary(case.reference),
-        next_measurement=advice,
         failed=_failed(case),
     )
-    return DiagnosisResult(diagnosis, None)
+    rejected = rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain")
+    return DiagnosisResult(diagnosis, None, rejected, advice)
 
 
 def _failed(case: Case) -> tuple[Failed, ...]:
@@ -231,27 +230,26 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     if any(CATALOGUE[name].of_the_file for name in best.names):
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
-    settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
     faults = case.weighing.faults
     fit = faults.attempt(
-        "written_modes",
+        "the modes of the written model",
         lambda: fit_of_compared(case.reference, case.data, case.measured, extended, chosen),
     )
-    gained = faults.attempt("gain", lambda: _gained(case, chosen, extended))
-    decisive = None if sure else faults.attempt("next_measurement", lambda: _next(case, left_open))
+    gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
+    decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
+        verdict="explained" if sure else "ambiguous",
         causes=named,
-        rejected=rejected_causes(case.singles, accepted, searched),
         modes=modes_of(case.reference, case.event, case.data, fit),
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),
-        next_measurement=decisive or tuple(dict.fromkeys(c.cause.advice for c in best.chosen)),
         failed=_failed(case),
-        **settings,
     )
     return DiagnosisResult(
         diagnosis,
         extended,
+        rejected_causes(case.singles, accepted, searched),
+        decisive or tuple(dict.fromkeys(c.cause.advice for c in best.chosen)),
         gained,
         best.parts,
         calibration=calibration if case.bare else None,
@@ -268,10 +266,10 @@ def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tupl
 
     if case.data.nominal is not None:  # the model was recalibrated to these very modes
         return chosen, case.data
-    return case.weighing.faults.attempt("further_modes", refitted) or (chosen, case.data)
+    return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 
 
-def _next(case: Case, left_open: list[Candidate]) -> Measurements | None:
+def _next(case: Case, left_open: list[Candidate]) -> Separation | None:
     """Return the measurements that would decide between the remaining hypotheses; None if there is only one."""
     if len(left_open) < 2:
         return None

@@ -26,8 +26,6 @@ from updater.diagnosis.schema import (
     FrequencyFit,
     Misfit,
     ModeFit,
-    OddFrequency,
-    OddShape,
     Pair,
     PairedModes,
     Reason,
@@ -35,7 +33,7 @@ from updater.diagnosis.schema import (
 )
 from updater.inference import Comparison, beside, residual
 from updater.modal_data import ModalMean
-from updater.quantities import ParameterChange, Quantity, Vector
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector
 from updater.reference import ModelFit, Reference, match_nominal_modes
 from updater.structure import Structure, size
 
@@ -47,7 +45,6 @@ if TYPE_CHECKING:
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, above which the data distinguish them
 MIN_P = 1e-3  #: p of chi-square below which a fit is refused
 _WORTH_NAMING = 0.05  # of the best one's posterior
-ODD = 2.0  #: standard deviations from which a frequency is named as odd
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # relative to it, if the data cannot distinguish the two: rarer places with the same effect
@@ -241,20 +238,21 @@ def _place_of(mode: ModeFit) -> float:
     return mode.frequency.measured or mode.frequency.before or 0.0
 
 
+def _mode(
+    *, measured: float | None = None, std: float | None = None, before: float | None = None, mac: float | None = None
+) -> ModeFit:
+    """Return a mode without the causes."""
+    frequency = FrequencyFit(measured=measured, std=std, before=before, after=None)
+    return ModeFit(frequency=frequency, mac=Pair(before=mac, after=None))
+
+
 def _paired(data: Comparison) -> list[ModeFit]:
     base = np.log(data.frequency[data.paired])
     measured, before = np.exp(base + data.log_ratio), prediction(data, None)
+    std, simulated = measured * data.log_frequency_std, np.exp(base + before.log_ratio[0])
     mac = _finite_or_none(mac_of(data, before.shape[0]))
     return [
-        ModeFit(
-            frequency=FrequencyFit(
-                measured=float(measured[i]),
-                std=float(measured[i] * data.log_frequency_std[i]),
-                before=float(np.exp(base[i] + before.log_ratio[0, i])),
-                after=None,
-            ),
-            mac=Pair(before=mac[i], after=None),
-        )
+        _mode(measured=float(measured[i]), std=float(std[i]), before=float(simulated[i]), mac=mac[i])
         for i in range(len(base))
     ]
 
@@ -266,13 +264,7 @@ def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
     if reference.nominal is not None:
         answer = match_nominal_modes(reference, reference.nominal, reference.baseline.channels)
         frequency = reference.file.frequency[answer]
-    return [
-        ModeFit(
-            frequency=FrequencyFit(measured=None, std=None, before=float(frequency[m]), after=None),
-            mac=Pair(before=None, after=None),
-        )
-        for m in reference.paired[gone]
-    ]
+    return [_mode(before=float(frequency[m])) for m in reference.paired[gone]]
 
 
 def _extra(modes: ModalMean | None) -> list[ModeFit]:
@@ -281,11 +273,7 @@ def _extra(modes: ModalMean | None) -> list[ModeFit]:
         return []
     frequency = np.exp(modes.log_frequency)
     return [
-        ModeFit(
-            frequency=FrequencyFit(measured=float(f), std=float(f * std), before=None, after=None),
-            mac=Pair(before=None, after=None),
-        )
-        for f, std in zip(frequency, modes.log_frequency_std, strict=True)
+        _mode(measured=float(f), std=float(f * std)) for f, std in zip(frequency, modes.log_frequency_std, strict=True)
     ]
 
 
@@ -317,22 +305,20 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
 
 
 def misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
-    """Return the largest residuals of the best explanation."""
+    """Return the significant residuals of the best explanation."""
     predicted = prediction(data, chosen)
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
     score = np.abs(data.log_ratio - predicted.log_ratio[0]) / std
     worst, hertz = int(np.argmax(score)), data.frequency[data.paired]
-    far = OddFrequency(frequency=float(hertz[worst]), deviations=float(score[worst]))
     shape = None
     if data.shaped.any():
         mac = mac_of(data, predicted.shape[0])
         least = int(np.nanargmin(mac))
         off = np.abs(beside(data.shape[least], predicted.shape[0, least]))
         if mac[least] < _SAME_SHAPE:
-            channel = data.channels[int(np.argmax(off))]
-            shape = OddShape(frequency=float(hertz[least]), mac=float(mac[least]), channel=channel)
-    names = tuple(c.cause.name for c in chosen)
-    return Misfit(causes=names, frequency=far if far.deviations >= ODD else None, shape=shape)
+            shape = float(hertz[least]), float(mac[least]), data.channels[int(np.argmax(off))]
+    far = (float(hertz[worst]), float(score[worst])) if score[worst] >= SIGNIFICANT else None
+    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape)
 
 
 def as_written(cause: Cause, structure: Structure) -> Cause:

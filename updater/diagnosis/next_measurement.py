@@ -8,13 +8,12 @@ decide.
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from daq import FloatArray
 from updater.causes import AddedMass, CommonFactor, SelectedCause, effect_of, prediction
-from updater.diagnosis.schema import Instrument, KnownMass, LongerRecord, Measurement, Measurements, NewSensor
+from updater.diagnosis.schema import Measurement, Separation
 from updater.inference import MODEL_ERROR, Changed, Comparison, Effect, compare, picked, reanalyse, residual
 from updater.modal_data import ModalMean
 from updater.quantities import vector
@@ -29,7 +28,6 @@ _LONGER = 4  # times the record
 _MAX = 3  # measurements that are named
 _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
-_AXES: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
 Hypothesis = tuple[SelectedCause, ...]
 
@@ -38,14 +36,14 @@ Hypothesis = tuple[SelectedCause, ...]
 class _Trial:
     """A measurement, and by how many standard deviations it separates each two hypotheses."""
 
-    what: NewSensor | KnownMass | LongerRecord | Instrument
+    measurement: Measurement
     distance: FloatArray  #: (n, n)
 
 
 def next_measurement(
     reference: Reference, event: ModalMean, data: Comparison, bodies: AddedMass | None, open_ones: Sequence[Hypothesis]
-) -> Measurements:
-    """Return the measurements that decide between hypotheses.
+) -> Separation:
+    """Return the measurements that would decide between hypotheses.
 
     Parameters
     ----------
@@ -66,11 +64,12 @@ def next_measurement(
         if widest < _WORTHLESS:
             break
         pairs = [p for p in sorted(left) if best.distance[p] >= min(_DECIDES, 0.99 * widest)]
-        found.append(Measurement(what=best.what, pairs=tuple(pairs), deviations=min(best.distance[p] for p in pairs)))
+        own = {"pairs": tuple(pairs), "deviations": min(float(best.distance[p]) for p in pairs)}
+        found.append(best.measurement.model_copy(update=own))
         left -= set(pairs)
         trials.remove(best)
     names = tuple(tuple(part.cause.name for part in chosen) for chosen in open_ones)
-    return Measurements(hypotheses=names, measurements=tuple(found), inseparable=tuple(sorted(left)))
+    return Separation(hypotheses=names, measurements=tuple(found), inseparable=tuple(sorted(left)))
 
 
 def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
@@ -112,7 +111,7 @@ def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones
             distance[:, :, i, axis] = 0
     total = np.minimum(distance, 2 * _DECIDES).sum((0, 1))
     i, axis = divmod(int(np.argmax(total)), 3)
-    return [_Trial(NewSensor(position=vector(points[i]), axis=_AXES[axis]), distance[:, :, i, axis])]
+    return [_Trial(Measurement(kind="sensor", position=vector(points[i]), axis="xyz"[axis]), distance[:, :, i, axis])]
 
 
 def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArray:
@@ -153,7 +152,7 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
     )
     best = int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))
     at = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])
-    return _Trial(KnownMass(mass=mass, position=vector(at)), distance[best])
+    return _Trial(Measurement(kind="known_mass", mass=mass, position=vector(at)), distance[best])
 
 
 def _typical(shift: FloatArray) -> FloatArray:
@@ -168,7 +167,7 @@ def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones:
     longer = compare(reference, replace(event, **less), circumstances=data.circumstances)
     whitener = longer.drifting if all(any(c.cause.drifting for c in h) for h in open_ones) else longer.plain
     rest = np.array([residual(longer, prediction(longer, chosen), whitener)[0] for chosen in open_ones])
-    return _Trial(LongerRecord(times=_LONGER), _apart(rest, np.ones(rest.shape[1])))
+    return _Trial(Measurement(kind="longer_record", length=_LONGER), _apart(rest, np.ones(rest.shape[1])))
 
 
 def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
@@ -183,5 +182,5 @@ def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Tr
             [[sum(c.reading(p.theta) for p, c in each if c.instrument == instrument)] for each in factors]
         )
         if reading.any():
-            found.append(_Trial(Instrument(name=instrument), _apart(reading, np.ones(1))))
+            found.append(_Trial(Measurement(kind="instrument", instrument=instrument), _apart(reading, np.ones(1))))
     return found

@@ -1,13 +1,11 @@
-"""Values of a diagnosis; `monitor.text.diagnosis` makes their sentences, and the JSON of `modalwatch diagnose`."""
+"""Values of a diagnosis, part of the JSON of `modalwatch diagnose` (docs/updater.md)."""
 
 from typing import Literal
 
 from updater.quantities import ParameterChange, PlainValue, Quantity, Vector, Where
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
-#: why a cause is refused; a model that is assumed to be worse is one with a larger model error
 Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_model_only", "less_probable"]
-#: why nothing is measured next that would separate hypotheses
 Situation = Literal["no_change", "unsteady", "scattered_mass", "widespread_stiffness"]
 
 
@@ -31,79 +29,43 @@ class Rejected(PlainValue):
     p_value: float  #: of its fit
 
 
-class NewSensor(PlainValue):
-    """A further sensor."""
-
-    position: Vector  #: [m]
-    axis: Literal["x", "y", "z"]
-
-
-class KnownMass(PlainValue):
-    """A known mass, clamped on."""
-
-    mass: float  #: [kg]
-    position: Vector  #: [m]
-
-
-class LongerRecord(PlainValue):
-    """A longer record."""
-
-    times: int  #: length relative to the present one
-
-
-class Instrument(PlainValue):
-    """An instrument that measures a factor on all frequencies."""
-
-    name: str  #: as the cause states it
-
-
 class Measurement(PlainValue):
-    """A measurement, and what it is expected to separate."""
+    """A measurement and the hypotheses that it is expected to separate; fields of other kinds are empty."""
 
-    what: NewSensor | KnownMass | LongerRecord | Instrument
-    pairs: tuple[tuple[int, int], ...]  #: hypotheses that it separates
-    deviations: float  #: by at least so many standard deviations
+    kind: Literal["sensor", "known_mass", "longer_record", "instrument"]
+    position: Vector | None = None  #: of the sensor or the mass [m]
+    axis: str = ""  #: of the sensor: x, y or z
+    mass: float = 0.0  #: [kg]
+    length: int = 1  #: of the record, relative to the present one
+    instrument: str = ""  #: as the cause states it
+    pairs: tuple[tuple[int, int], ...] = ()  #: hypotheses that it separates
+    deviations: float = 0.0  #: by at least so many standard deviations
 
 
-class Measurements(PlainValue):
-    """Measurements that decide between hypotheses, the most decisive first."""
+class Separation(PlainValue):
+    """Measurements that would decide between hypotheses."""
 
     hypotheses: tuple[tuple[str, ...], ...]  #: names of the causes of each
-    measurements: tuple[Measurement, ...]
-    inseparable: tuple[tuple[int, int], ...]  #: hypotheses that none of the measurements considered separates
-
-
-class OddFrequency(PlainValue):
-    """A frequency that an explanation does not fit."""
-
-    frequency: float  #: of the mode in the reference [Hz]
-    deviations: float  #: distance in standard deviations
-
-
-class OddShape(PlainValue):
-    """A shape that an explanation does not fit."""
-
-    frequency: float  #: of the mode in the reference [Hz]
-    mac: float
-    channel: str  #: with the largest residual
+    measurements: tuple[Measurement, ...]  #: the most decisive first
+    inseparable: tuple[tuple[int, int], ...]  #: hypotheses that no measurement considered separates
 
 
 class Misfit(PlainValue):
-    """What the best hypothesis does not fit: the measurement is to be repeated."""
+    """Significant residuals of the best hypothesis."""
 
-    causes: tuple[str, ...]  #: names of those of the hypothesis
-    frequency: OddFrequency | None  #: None if no frequency is off by itself
-    shape: OddShape | None  #: None if all agree
+    causes: tuple[str, ...]  #: names of the causes of the hypothesis
+    frequency: tuple[float, float] | None  #: of a mode in the reference [Hz], and its distance in standard deviations
+    shape: tuple[float, float, str] | None  #: frequency of the mode [Hz], MAC and channel with the largest residual
 
 
-#: measurements that decide, a misfit, or the advice of each cause found
-NextMeasurement = Measurements | Misfit | Situation | tuple[str, ...]
+#: what is to be measured next; of an explanation that nothing is to be separated from, the advice of its causes
+NextMeasurement = Separation | Misfit | Situation | tuple[str, ...]
 
 
 class Failed(PlainValue):
     """One cause, several together, or another part of the answer, left out because of an internal fault."""
 
-    part: str  #: names of causes, or of the part
+    part: str
     error: str  #: type and message of the fault
 
 
@@ -177,9 +139,7 @@ class Diagnosis(PlainValue):
 
     verdict: Verdict
     causes: tuple[Cause, ...]
-    rejected: tuple[Rejected, ...]
     modes: tuple[ModeFit, ...]
     gain: Gain | None
     calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
-    next_measurement: NextMeasurement
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults

@@ -10,7 +10,7 @@ Fox, R. L. & Kapoor, M. P. (1968). Rates of change of eigenvalues and eigenvecto
 """
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -18,22 +18,10 @@ from scipy.optimize import least_squares
 
 from daq import FloatArray
 
+#: why an iteration ended, the first five by the status of `scipy.optimize.least_squares`
 Convergence = Literal[
-    "iteration_limit",
-    "no_lower_cost",
-    "cost_converged",
-    "parameters_converged",
-    "both_converged",
-    "no_parameters",
+    "iteration_limit", "no_lower_cost", "cost_converged", "parameters_converged", "both_converged", "no_parameters"
 ]
-_REASONS: tuple[Convergence, ...] = (
-    "iteration_limit",
-    "no_lower_cost",
-    "cost_converged",
-    "parameters_converged",
-    "both_converged",
-)
-
 _ENOUGH = 1e-6  # of the cost: an iteration that gains less is the last
 
 
@@ -112,7 +100,7 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
         chi_square=2 * float(found.cost),
         log_evidence=float(-found.cost - 0.5 * log_det - np.log(prior.std[free]).sum()),
         iterations=int(found.nfev),
-        reason=_REASONS[found.status],
+        reason=get_args(Convergence)[found.status],
     )
 
 

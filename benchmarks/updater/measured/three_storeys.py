@@ -107,7 +107,7 @@ def print_diagnosis(explained: DiagnosisResult) -> None:
                 f"  {f.measured:.3f} Hz: {100 * (f.before / f.measured - 1):+.1f} % before, "
                 f"{100 * (f.after / f.measured - 1):+.1f} % after"
             )
-    print(f"  next: {next_text(found.next_measurement)}")
+    print(f"  next: {next_text(explained.next_measurement)}")
 
 
 def draw(path: Path, frame: Frame, masses: ModalMass, structure: Structure, extended: Structure | None) -> None:

@@ -24,10 +24,9 @@ from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal, say_range
 from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
 from monitor.optional import run_optional
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.text.causes import cause_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result

@@ -7,8 +7,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.results.comparison import DiscrepancyResult, ModeComparison, Vector
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison, Vector
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from sqlalchemy import Connection, bindparam, delete, select
 
 from monitor.outputs.history import schema
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer
 from updater import Cause
 
 _BEYOND = 2.0  # standard deviations: a smaller difference is the same answer

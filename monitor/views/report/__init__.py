@@ -11,9 +11,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from pydantic import ValidationError
 
 from monitor.errors import ResultsError
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.views.report.content import diagnosis_content, run_content, versions
 from monitor.views.report.svg import styled
 from monitor.views.run import Run

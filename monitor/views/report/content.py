@@ -8,8 +8,7 @@ import numpy as np
 
 from daq import LogExcerpt
 from daq.log import files_of
-from monitor.results.comparison import DiscrepancyResult
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.text.causes import (

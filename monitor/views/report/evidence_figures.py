@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
-from monitor.results.comparison import PlaceDensity
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer, PlaceDensity
 from monitor.results.windows import ReferenceResult
 from monitor.text.quantities import plain
 from monitor.views.report.comparison_figures import WIDTH

@@ -5,17 +5,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from daq import FloatArray
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.results.windows import Interval, ReferenceResult
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, OK, SOFT, new_figure
-from updater import Cause
+from updater import Cause, Diagnosis
 from updater.diagnosis import ModeFit
 
 _MIN = 1e-6  # of 1 - MAC that is drawn
 
 
-def fits_figure(diagnosis: DiagnosisAnswer) -> Figure | None:
+def fits_figure(diagnosis: Diagnosis) -> Figure | None:
     """Return errors of frequency and of shape, mode by mode, without and with the causes; None without a mode."""
     if not any(m.frequency.measured and m.frequency.before is not None for m in diagnosis.modes):
         return None

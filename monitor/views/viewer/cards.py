@@ -2,7 +2,7 @@
 
 import rerun as rr
 
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.causes import cause_text, failed_text, fit_text, mass_text

@@ -16,8 +16,6 @@ from tests.support.monitor import answers
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Body,
-    Cause,
-    Diagnosis,
     DiagnosisResult,
     ModalMean,
     Reference,
@@ -33,11 +31,6 @@ BODY = Body(at=(0.2, 0, 1.48), mass=0.3)
 SEED = 21
 
 
-def diagnosis(causes: tuple[Cause, ...] = answers.diagnosis().causes) -> Diagnosis:
-    """Return a diagnosis of causes, and nothing else."""
-    return Diagnosis(verdict="explained", causes=causes, rejected=(), modes=(), gain=None, next_measurement=())
-
-
 @pytest.fixture(scope="module")
 def found() -> tuple[Reference, ModalMean, DiagnosisResult]:
     """A reference, the modes of a true frame with an unknown body, and its structure with the body."""
@@ -50,7 +43,7 @@ def found() -> tuple[Reference, ModalMean, DiagnosisResult]:
     return (
         reference,
         measured,
-        DiagnosisResult(diagnosis(), reference.structure.with_bodies((BODY,))),
+        DiagnosisResult(answers.diagnosis(), reference.structure.with_bodies((BODY,))),
     )
 
 
@@ -95,13 +88,15 @@ def test_mode_missing_in_the_reference_is_not_compared() -> None:
     windows = [measure(bare, random, np.ones(12)) for _ in range(13)]
     reference = learn_reference(t_frame(), windows[:8], [lacking] * 8)
     measured = reference.mean_of(stack_tracks(windows[8:], [TRACK] * 5))
-    shown = discrepancy_result(reference, measured, DiagnosisResult(diagnosis(), None))
+    shown = discrepancy_result(reference, measured, DiagnosisResult(answers.diagnosis(), None))
     pairs = [m for m in shown.modes if m.measured is not None and m.simulated is not None]
     assert len(pairs) == 8
     (alone,) = [m for m in pairs if not m.compared]
     assert alone.measured == pytest.approx(float(np.exp(measured.log_frequency[3])))
     whole = learn_reference(t_frame(), windows[:8], [TRACK] * 8)
-    assert all(m.compared for m in discrepancy_result(whole, measured, DiagnosisResult(diagnosis(), None)).modes)
+    assert all(
+        m.compared for m in discrepancy_result(whole, measured, DiagnosisResult(answers.diagnosis(), None)).modes
+    )
 
 
 def test_plotted_signal_interpolates_the_measured_samples(
@@ -134,7 +129,8 @@ def test_residual_forces_of_sensor_faults_are_not_shown(
 ) -> None:
     reference, measured, _ = found
     gain = answers.diagnosis().causes[1]
-    shown = discrepancy_result(reference, measured, DiagnosisResult(diagnosis((gain,)), None))
+    only = answers.diagnosis().model_copy(update={"causes": (gain,)})
+    shown = discrepancy_result(reference, measured, DiagnosisResult(only, None))
     assert shown.balance is None
     assert "caused by the sensors" in shown.note
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.results.diagnosis import DiagnosisAnswer, RejectedCause
+from monitor.results.comparison import DiagnosisAnswer, RejectedCause
 from monitor.results.windows import FlaggedDof, IncrementPlace, Interval, MassIncrements
 from tests.support.monitor import results as made
 from updater import Cause, Gain

@@ -38,9 +38,7 @@ def answer(verdict: str) -> dict[str, Any]:
     current.shape[3] = np.nan
     extra = replace(current.only(np.array([5])), log_frequency=np.log([200.0]))
     found: dict[str, Any] = json.loads(
-        diagnosis_answer(
-            diagnose(reference, current, circumstances=Circumstances(extra=extra)).diagnosis
-        ).model_dump_json()
+        diagnosis_answer(diagnose(reference, current, circumstances=Circumstances(extra=extra))).model_dump_json()
     )
     return found
 

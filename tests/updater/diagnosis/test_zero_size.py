@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.analysis.explanation import explain_change
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.analysis.explanation import explain
+from monitor.results.comparison import DiagnosisAnswer
 from tests.examiner.cases import N_AFTER, N_BEFORE, specimen
 from tests.examiner.models.bar import Zone
 from tests.examiner.models.specimen import State
@@ -39,7 +39,7 @@ def diagnosed(which: str, before: State, after: State, seed: int) -> DiagnosisAn
         observation(after, [estimated(after, 1, random, first=w, noise="law")[0] for w in range(N_AFTER)])
         for _ in range(2)
     )
-    return explain_change(structure_of(f"{which}: "), reference, now, heldout).diagnosis
+    return explain(structure_of(f"{which}: "), reference, now, heldout).diagnosis
 
 
 @pytest.mark.parametrize(

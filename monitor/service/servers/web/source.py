@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from monitor.outputs.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.site_status import FILE_NAME, DeviceStatus, SiteStatus, read_status
 from monitor.results.windows import ReferenceResult, SelfTestResult
 from monitor.text.quantities import utc

@@ -4,17 +4,17 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from monitor.results.comparison import BalanceResult, DiscrepancyResult
-from monitor.results.diagnosis import DiagnosisAnswer
 from monitor.results.windows import ReferenceResult
 from monitor.views.geometry import Geometry
 from monitor.views.viewer import scene
 from monitor.views.viewer.layout import view_specs as views
+from updater import Diagnosis
 
 SECONDS_TIMELINE = "seconds"
 _ASPECT = 0.8  # of the structure's view, width over height
 
 
-def diagnosis_layout(diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Blueprint:
+def diagnosis_layout(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Blueprint:
     """Return the blueprint: where and why in front, then modes, then sensors."""
     tabs = [_where(diagnosis, found, reference), _modes(found)]
     if found.sensors:
@@ -30,7 +30,7 @@ def diagnosis_layout(diagnosis: DiagnosisAnswer, found: DiscrepancyResult, refer
     )
 
 
-def _where(diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Horizontal:
+def _where(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Horizontal:
     geometry = Geometry(reference)
     right = np.array([0.0, 0.0, 0.2 * geometry.size])
     places = [c.where.position for c in diagnosis.causes if c.where and c.where.position]

@@ -9,8 +9,7 @@ import rerun as rr
 from matplotlib.figure import Figure
 
 from daq import FloatArray
-from monitor.results.comparison import BalanceResult, DiscrepancyResult
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import cause_text
 from monitor.text.quantities import plain

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from daq import Event
 from monitor.outputs.history import HistoryStore, Reader, schema
 from monitor.outputs.history.retention import says_the_same, told_before
-from monitor.results.diagnosis import DiagnosisAnswer
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.events import result_event
 from monitor.results.windows import WindowResult
 from tests.support.monitor import answers
