@@ -9,8 +9,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from monitor.detection import DetectorName
 from monitor.detection.alarm import Kind, State
 from monitor.results.comparison import ChannelHealth, DiagnosisAnswer, DiscrepancyResult
+from updater.quantities import Vector
 
-Vector = tuple[float, float, float]
 Phase = Literal["learning", "watching", "alarm"]
 
 

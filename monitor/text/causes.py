@@ -5,13 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor.results.comparison import BalanceResult, SensorComparison, Vector
+from monitor.results.comparison import BalanceResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.quantities import MIN_P, number_text, plain, share_text
 from updater import Cause, Diagnosis, Gain, MassChange, Structure
 from updater.diagnosis import CalibrationSummary, Failed, Pair
 from updater.localization import AccuracyForecast, mirrored
-from updater.quantities import ParameterChange, Quantity, Where
+from updater.quantities import ParameterChange, Quantity, Vector, Where
 
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness

@@ -7,7 +7,7 @@ decide.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,14 +30,8 @@ _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
 
 Hypothesis = tuple[SelectedCause, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A measurement, and by how many standard deviations it separates each two hypotheses."""
-
-    measurement: Measurement
-    distance: FloatArray  #: (n, n)
+#: a measurement, and by how many standard deviations it separates each two hypotheses (n, n)
+_Trial = tuple[Measurement, FloatArray]
 
 
 def next_measurement(
@@ -59,15 +53,16 @@ def next_measurement(
     found: list[Measurement] = []
     left = set(itertools.combinations(range(len(open_ones)), 2))
     while left and trials and len(found) < _MAX:
-        best = max(trials, key=lambda trial: sum(min(trial.distance[p], 2 * _DECIDES) for p in left))
-        widest = max(best.distance[p] for p in left)
+        best = max(trials, key=lambda trial: sum(min(trial[1][p], 2 * _DECIDES) for p in left))
+        measurement, distance = best
+        widest = max(distance[p] for p in left)
         if widest < _WORTHLESS:
             break
-        pairs = [p for p in sorted(left) if best.distance[p] >= min(_DECIDES, 0.99 * widest)]
-        own = {"pairs": tuple(pairs), "deviations": min(float(best.distance[p]) for p in pairs)}
-        found.append(best.measurement.model_copy(update=own))
+        pairs = [p for p in sorted(left) if distance[p] >= min(_DECIDES, 0.99 * widest)]
+        own = {"pairs": tuple(pairs), "deviations": min(float(distance[p]) for p in pairs)}
+        found.append(measurement.model_copy(update=own))
         left -= set(pairs)
-        trials.remove(best)
+        trials = [trial for trial in trials if trial is not best]
     names = tuple(tuple(part.cause.name for part in chosen) for chosen in open_ones)
     return Separation(hypotheses=names, measurements=tuple(found), inseparable=tuple(sorted(left)))
 
@@ -111,7 +106,7 @@ def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones
             distance[:, :, i, axis] = 0
     total = np.minimum(distance, 2 * _DECIDES).sum((0, 1))
     i, axis = divmod(int(np.argmax(total)), 3)
-    return [_Trial(Measurement(kind="sensor", position=vector(points[i]), axis="xyz"[axis]), distance[:, :, i, axis])]
+    return [(Measurement(kind="sensor", position=vector(points[i]), axis="xyz"[axis]), distance[:, :, i, axis])]
 
 
 def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArray:
@@ -152,7 +147,7 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
     )
     best = int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))
     at = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])
-    return _Trial(Measurement(kind="known_mass", mass=mass, position=vector(at)), distance[best])
+    return (Measurement(kind="known_mass", mass=mass, position=vector(at)), distance[best])
 
 
 def _typical(shift: FloatArray) -> FloatArray:
@@ -167,7 +162,7 @@ def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones:
     longer = compare(reference, replace(event, **less), circumstances=data.circumstances)
     whitener = longer.drifting if all(any(c.cause.drifting for c in h) for h in open_ones) else longer.plain
     rest = np.array([residual(longer, prediction(longer, chosen), whitener)[0] for chosen in open_ones])
-    return _Trial(Measurement(kind="longer_record", length=_LONGER), _apart(rest, np.ones(rest.shape[1])))
+    return (Measurement(kind="longer_record", length=_LONGER), _apart(rest, np.ones(rest.shape[1])))
 
 
 def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
@@ -182,5 +177,5 @@ def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Tr
             [[sum(c.reading(p.theta) for p, c in each if c.instrument == instrument)] for each in factors]
         )
         if reading.any():
-            found.append(_Trial(Measurement(kind="instrument", instrument=instrument), _apart(reading, np.ones(1))))
+            found.append((Measurement(kind="instrument", instrument=instrument), _apart(reading, np.ones(1))))
     return found

@@ -1,4 +1,4 @@
-"""Values of a diagnosis, part of the JSON of `modalwatch diagnose` (docs/updater.md)."""
+"""Values of a diagnosis; `monitor` makes the JSON of `modalwatch diagnose` from them (docs/updater.md)."""
 
 from typing import Literal
 
@@ -25,7 +25,7 @@ class Rejected(PlainValue):
 
     cause: str
     log_evidence: float  #: against the best one [-]
-    reason: Reason
+    reason: Reason  #: a model that is assumed to be worse has a larger error of its predictions
     p_value: float  #: of its fit
 
 

@@ -7,7 +7,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison, Vector
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
@@ -23,6 +23,7 @@ from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain
+from updater.quantities import Vector
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
