@@ -4,7 +4,7 @@ import tomllib
 from pathlib import Path
 
 from daq import load_recordings, read_attachments
-from monitor.analysis.explanation import explain_change
+from monitor.analysis.explanation import explain
 from monitor.analysis.observation import observe
 from monitor.text.causes import cause_text
 from monitor.text.quantities import plain
@@ -20,7 +20,7 @@ before = observe(r for r in recordings if r.end <= truth["event_time"])
 after = [r for r in recordings if r.start >= truth["event_time"]]
 
 # every other window is held out: the causes are found without it
-found = explain_change(structure, before, observe(after[::2]), heldout=observe(after[1::2]))
+found = explain(structure, before, observe(after[::2]), heldout=observe(after[1::2]))
 diagnosis = found.diagnosis
 print(diagnosis.verdict)
 for cause in diagnosis.causes:

@@ -157,7 +157,7 @@ for place, body in BODIES.items():
         print(
             f"  {'':14}iterative sensitivity: {1000 * spread.mass.sum():.0f} g in all, largest "
             f"({1000 * spread.mass[most]:.0f} g) at {nodes[spread.node[most]].round(2).tolist()}; "
-            f"{spread.reason} after {spread.iterations} steps"
+            f"{spread.reason.replace('_', ' ')} after {spread.iterations} steps"
         )
 
 

@@ -14,10 +14,11 @@ from pathlib import Path
 
 from daq import Event
 from monitor.outputs.history import HistoryStore
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.events import result_event
 from monitor.results.windows import ModeResult, WindowResult
 from tests.support.monitor.history import START, change, rows, sqlite_url
-from updater import Cause, Diagnosis
+from updater import Cause
 
 N, STEP, MODES, FUSED, HOUR = 30 * 144, 600 * 10**9, 8, 100, 6
 
@@ -28,7 +29,7 @@ def moved(cause: Cause, by: float) -> Cause:
     return cause.model_copy(update={"parameters": sizes})
 
 
-def window(number: int, diagnosis: Diagnosis, by: float) -> Event:
+def window(number: int, diagnosis: DiagnosisAnswer, by: float) -> Event:
     """Return a window in alarm as it is in the log."""
     end = START + (number + 1) * STEP
     figures = {"frequency_std": 0.01, "damping": 0.012, "damping_std": 1e-3, "shift_percent": -0.7, "shape": []}
@@ -43,7 +44,7 @@ def main() -> None:
     """Print a table."""
     with sqlite3.connect(sys.argv[1]) as known:
         [text] = known.execute("SELECT json FROM diagnoses ORDER BY end DESC LIMIT 1").fetchone()
-    diagnosis, draw = Diagnosis.model_validate_json(text), random.Random(1)
+    diagnosis, draw = DiagnosisAnswer.model_validate_json(text), random.Random(1)
     single = [draw.gauss(0.0, FUSED**0.5) for _ in range(N + FUSED)]
     run_results = [window(n, diagnosis, sum(single[n : n + FUSED]) / FUSED) for n in range(N)]
     print(f"{N} windows, {MODES} modes each, a diagnosis of {len(text)} bytes\n")

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from daq import FloatArray, Recording
 from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation, observe
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.text.verdicts import diagnosis_text
@@ -27,7 +27,6 @@ from tests.measured.accelerometers import Rig
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Body,
-    Diagnosis,
     Structure,
     build_model,
     force_balance,
@@ -86,7 +85,7 @@ def observed(recording: Recording) -> Observation:
 
 
 def figures(
-    diagnosis: Diagnosis, found: DiscrepancyResult, structure: Structure
+    diagnosis: DiagnosisAnswer, found: DiscrepancyResult, structure: Structure
 ) -> Iterator[tuple[str, Figure | None]]:
     """Yield name and picture of each part."""
     reference = bare_reference(structure)
@@ -119,12 +118,12 @@ def show(folder: Path) -> None:
         now = observed(record)
         found = explain(t_frame(), before, now)
         shown = discrepancy_result(found.reference, found.measured, found.explained, now.sample)
-        print(f"{name}: {diagnosis_text(found.explained.diagnosis)}")
+        print(f"{name}: {diagnosis_text(found.diagnosis)}")
         if shown.balance:
             print(f"  log evidence of mass over stiffness {shown.balance.log_odds:+.0f}")
         with styled():
             structure = found.reference.structure
-            for part, figure in figures(found.explained.diagnosis, shown, structure):
+            for part, figure in figures(found.diagnosis, shown, structure):
                 if figure is not None and part in wanted[name]:
                     figure.savefig(folder / f"diagnosis_{name}_{part}.png", dpi=DPI)
 

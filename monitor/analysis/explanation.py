@@ -8,6 +8,8 @@ from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
 from monitor.analysis.stationarity import of_one_state
 from monitor.errors import State, StateError
+from monitor.results.comparison import DiagnosisAnswer
+from monitor.text.diagnosis import diagnosis_answer
 from updater import (
     Circumstances,
     DiagnosisResult,
@@ -38,6 +40,7 @@ class Explanation:
     measured: ModalMean  #: (n_modes,) all modes of the logs that were to be explained
     event: ModalMean  #: (n_tracks,) modes known to this reference, as compared
     circumstances: Circumstances  #: circumstances of the logs
+    diagnosis: DiagnosisAnswer  #: the diagnosis in sentences
 
     @property
     def reference(self) -> Reference:
@@ -115,13 +118,13 @@ def explain(
             only=only,
             without=without,
         )
-    diagnosis = explained.diagnosis.model_copy(update={"reference_steps": steps})
     return Explanation(
-        explained=replace(explained, diagnosis=diagnosis),
+        explained=explained,
         sought=reference,
         measured=event.measured,
         event=event.modes,
         circumstances=event.circumstances,
+        diagnosis=diagnosis_answer(explained, steps),
     )
 
 
@@ -135,13 +138,6 @@ def _blamed_on(state: State) -> Iterator[None]:
         yield
     except (ModalDataError, PairingError) as error:
         raise StateError(state, str(error)) from error
-
-
-def explain_change(
-    structure: Structure, before: Observation, after: Observation, heldout: Observation | None = None
-) -> DiagnosisResult:
-    """Explain the change since the reference logs; errors as for `explain`."""
-    return explain(structure, before, after, heldout).explained
 
 
 def _event(reference: Reference, observation: Observation, before: Observation | None) -> Event:

@@ -17,6 +17,7 @@ from monitor.analysis.modal_table.table import frequency_table, observation_of, 
 from monitor.analysis.observation import Observation
 from monitor.errors import BodiesError
 from updater import Body, ModalDataError, ModelError, PairingError, Structure, learn_reference, load_structure, matched
+from updater.diagnosis import Verdict
 from updater.localization import BodyRecord, BodySelection, select_bodies
 
 _MASS_STD = 0.1  # of a body's mass, where none is given
@@ -25,7 +26,6 @@ _PLAUSIBLE = 2.0  # prior standard deviations of scatter and model error, beyond
 
 _Positive = Annotated[float, Field(gt=0, lt=1e30)]
 _Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
-Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
 
 
 class _Entry(BaseModel):

@@ -1,17 +1,28 @@
-"""Comparison of measured and simulated modes as plain values: in logs and in discrepancy.json."""
+"""Diagnosis, and comparison of measured and simulated modes, as plain values: in logs and JSON files."""
 
-from pydantic import BaseModel, ConfigDict
-
-from updater import Gain
-
-Vector = tuple[float, float, float]
+from updater import Diagnosis, Gain
+from updater.diagnosis import ReferenceStep
+from updater.quantities import PlainValue, Vector
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", ser_json_inf_nan="null")
+class RejectedCause(PlainValue):
+    """One cause that was tried and refused."""
+
+    cause: str
+    log_evidence: float  #: against the best one [-]
+    why: str
 
 
-class ModeComparison(_Part):
+class DiagnosisAnswer(Diagnosis):
+    """The whole JSON of a diagnosis."""
+
+    rejected: tuple[RejectedCause, ...]
+    next_measurement: str
+    extended_model: str | None = None  #: path of the structure.toml with the causes written in
+    reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs
+
+
+class ModeComparison(PlainValue):
     """A mode, measured and simulated; None if one of the two is missing."""
 
     simulated: float | None  #: frequency without the causes [Hz]
@@ -24,7 +35,7 @@ class ModeComparison(_Part):
     compared: bool = True  #: whether causes are sought with it: the reference has it, and the match is certain
 
 
-class ChannelHealth(_Part):
+class ChannelHealth(PlainValue):
     """State of a channel relative to the baseline, or to the model, and to the other channels."""
 
     gain: float  #: negative where its polarity is turned [-]
@@ -33,7 +44,7 @@ class ChannelHealth(_Part):
     delay_std: float | None = None  #: [s]
 
 
-class SensorComparison(_Part):
+class SensorComparison(PlainValue):
     """A sensor over all modes; the figures after are those with the causes."""
 
     channel: str
@@ -48,7 +59,7 @@ class SensorComparison(_Part):
     health: ChannelHealth | None = None
 
 
-class BalanceResult(_Part):
+class BalanceResult(PlainValue):
     """Model error at each node from residual forces, in the order of the reference; None where nothing is known."""
 
     loss: tuple[float | None, ...]  #: stiffness that the model has too much, over its own [-]
@@ -58,7 +69,7 @@ class BalanceResult(_Part):
     log_odds: float  #: log evidence of errors of mass over that of errors of stiffness [-]
 
 
-class SignalComparison(_Part):
+class SignalComparison(PlainValue):
     """A sensor's signal about the resonances, measured and predicted from the others by the model with the causes."""
 
     channel: str
@@ -72,7 +83,7 @@ class SignalComparison(_Part):
     missed_after: tuple[float | None, ...]  #: the same with the causes; without them if there are none
 
 
-class FrequencyTrend(_Part):
+class FrequencyTrend(PlainValue):
     """A mode's frequency over another quantity, per window, with a straight line."""
 
     mode: float  #: mean frequency [Hz]
@@ -85,7 +96,7 @@ class FrequencyTrend(_Part):
     slope_std: float
 
 
-class PlaceDensity(_Part):
+class PlaceDensity(PlainValue):
     """Probability of a cause along the structure."""
 
     cause: str
@@ -94,7 +105,7 @@ class PlaceDensity(_Part):
     density: tuple[float, ...]  #: [1/m]
 
 
-class DiscrepancyResult(_Part):
+class DiscrepancyResult(PlainValue):
     """All of it."""
 
     modes: tuple[ModeComparison, ...]  #: pairs and unpaired simulated modes, then unpaired measured ones

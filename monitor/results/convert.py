@@ -19,13 +19,13 @@ from monitor.results.windows import (
     ReferenceMode,
     ReferenceResult,
     Spectrum,
-    Vector,
 )
 from oma import ModalEstimate, OmaError, singular_values
 from oma.selection import Stabilization
 from updater import MassChange, Model, Reference, Structure, build_model
 from updater.modal_data import real_shape
 from updater.one_step import IncrementLocation, MassUpdate
+from updater.quantities import vector
 
 _SPECTRUM_POINTS = 1024
 _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
@@ -110,7 +110,7 @@ def reference_result(
                 damping=float(base.damping[i]),
                 model_frequency=float(calibration.nominal_frequency[i]),
                 mac=float(calibration.nominal_mac[i]),
-                displacement=[_vector(u) for u in motion[:, :, i]],
+                displacement=[vector(u) for u in motion[:, :, i]],
             )
             for i, track in enumerate(tracks)
         ],
@@ -126,7 +126,7 @@ def _geometry(model: Model) -> dict[str, Any]:
     for member, (start, end) in zip(model.member_names, model.spans, strict=True):
         lines.setdefault(member, [start]).append(end)
     sensors = {s.channel: (s.at, s.direction) for s in model.structure.corrected_sensors}
-    return {"nodes": [_vector(p) for p in model.nodes], "lines": lines, "sensors": sensors}
+    return {"nodes": [vector(p) for p in model.nodes], "lines": lines, "sensors": sensors}
 
 
 def bare_reference(structure: Structure) -> ReferenceResult:
@@ -140,12 +140,12 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int, outloo
     columns = (change.members, change.position, change.density, change.profile_mass)
     return MassAnswer(
         member=change.member,
-        position=_vector(at[change.member](change.distance)),
+        position=vector(at[change.member](change.distance)),
         position_std=change.distance_std,
         mass=change.mass,
         mass_std=change.mass_std,
         region=[
-            Interval(member=r.member, start=_vector(at[r.member](r.start)), end=_vector(at[r.member](r.stop)))
+            Interval(member=r.member, start=vector(at[r.member](r.start)), end=vector(at[r.member](r.stop)))
             for r in change.region
         ],
         member_probability=change.member_probability,
@@ -153,13 +153,13 @@ def mass_answer(structure: Structure, change: MassChange, n_windows: int, outloo
         n_windows=n_windows,
         outlook=outlook,
         profile=[
-            ProfilePoint(member=m, position=_vector(at[m](s)), density=float(d), mass=float(g))
+            ProfilePoint(member=m, position=vector(at[m](s)), density=float(d), mass=float(g))
             for m, s, d, g in zip(*columns, strict=True)
         ],
         others=[
             OtherPlace(
                 member=a.member,
-                position=_vector(at[a.member](a.distance)),
+                position=vector(at[a.member](a.distance)),
                 position_std=a.distance_std,
                 mass=a.mass,
                 mass_std=a.mass_std,
@@ -174,12 +174,12 @@ def increment_result(update: MassUpdate, n_windows: int) -> MassIncrements:
     """Return the one-step update's increments, not-a-number as None."""
     return MassIncrements(
         place=_place(update.location) if update.location else None,
-        increment=[_vector(v) for v in update.increment],
-        increment_std=[_vector(v) for v in update.increment_std],
+        increment=[vector(v) for v in update.increment],
+        increment_std=[vector(v) for v in update.increment_std],
         normalised=[_components(v) for v in update.normalised],
         normalised_std=[_components(v) for v in update.normalised_std],
-        totals=_vector(update.totals),
-        totals_std=_vector(update.totals_std),
+        totals=vector(update.totals),
+        totals_std=vector(update.totals_std),
         z_limit=update.z_limit,
         flagged=[FlaggedDof(node=f.node, direction=_DIRECTIONS[f.direction], z=f.z) for f in update.flagged],
         n_windows=n_windows,
@@ -191,9 +191,9 @@ def _place(found: IncrementLocation) -> IncrementPlace:
         located=found.is_located,
         fits=found.fits,
         member=found.member,
-        position=_vector(found.position),
+        position=vector(found.position),
         radius=found.radius,
-        region=[Interval(member=name, start=_vector(a), end=_vector(b)) for name, a, b in found.region],
+        region=[Interval(member=name, start=vector(a), end=vector(b)) for name, a, b in found.region],
         mass=found.mass,
         p_value=found.p_value,
     )
@@ -205,9 +205,4 @@ def _known(value: float) -> float | None:
 
 def _components(values: FloatArray) -> tuple[float | None, float | None, float | None]:
     x, y, z = (_known(v) for v in values)
-    return x, y, z
-
-
-def _vector(values: FloatArray) -> Vector:
-    x, y, z = (float(v) for v in values)
     return x, y, z

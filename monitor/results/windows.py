@@ -8,10 +8,9 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor.detection import DetectorName
 from monitor.detection.alarm import Kind, State
-from monitor.results.comparison import ChannelHealth, DiscrepancyResult
-from updater import Diagnosis
+from monitor.results.comparison import ChannelHealth, DiagnosisAnswer, DiscrepancyResult
+from updater.quantities import Vector
 
-Vector = tuple[float, float, float]
 Phase = Literal["learning", "watching", "alarm"]
 
 
@@ -233,7 +232,7 @@ class WindowResult(_Result):
     novelty: Novelty | None = None
     answer: MassAnswer | None = None
     increments: MassIncrements | None = None
-    diagnosis: Diagnosis | None = None  #: diagnosis since the baseline
+    diagnosis: DiagnosisAnswer | None = None  #: diagnosis since the baseline
     discrepancy: DiscrepancyResult | None = None  #: basis of the diagnosis
     spectrum: Spectrum | None = None
     sensors: dict[str, ChannelHealth] = {}  #: at intervals, over the windows since the last time

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor.results.comparison import BalanceResult, SensorComparison, Vector
+from monitor.results.comparison import BalanceResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
-from monitor.text.quantities import number_text, plain, share_text
-from updater import Cause, Diagnosis, Gain
+from monitor.text.quantities import MIN_P, number_text, plain, share_text
+from updater import Cause, Diagnosis, Gain, MassChange, Structure
 from updater.diagnosis import CalibrationSummary, Failed, Pair
-from updater.quantities import ParameterChange, Quantity, Where
+from updater.localization import AccuracyForecast, mirrored
+from updater.quantities import ParameterChange, Quantity, Vector, Where
 
-_MIN_P = 1e-12  # smallest p that is stated
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
@@ -28,7 +28,7 @@ SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
 
 def fit_text(answer: MassAnswer) -> str:
     """Return the quality of the fit of a mass, and the number of windows."""
-    p = f"= {answer.p_value:.2g}" if answer.p_value > _MIN_P else f"under {_MIN_P:.0e}"
+    p = f"= {answer.p_value:.2g}" if answer.p_value > MIN_P else f"under {MIN_P:.0e}"
     return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
 
 
@@ -149,6 +149,28 @@ def _place_text(place: MassAnswer | OtherPlace) -> str:
     )
 
 
+def open_question(structure: Structure, change: MassChange) -> str:
+    """Return the remaining ambiguity of a located mass; empty if there is only one place."""
+    if change.is_unique:
+        return ""
+    which = "left or right" if mirrored(structure, *change.alternatives[:2]) else "where"
+    places = " or ".join(
+        f"{a.member} at {a.distance:.3f} m with {1e3 * a.mass:.0f} g ({100 * a.probability:.0f} %)"
+        for a in change.alternatives
+    )
+    return f"{which}: not distinguishable; {places}"
+
+
+def forecast_text(forecast: AccuracyForecast) -> str:
+    """Return what more windows would add to the accuracy of a located mass."""
+    least = f"{1e3 * forecast.least_distance_std:.0f} mm and {1e3 * forecast.least_mass_std:.0f} g"
+    if forecast.limited_by == "windows":
+        until = f"up to about {forecast.enough} windows: {least} at best"
+        return f"more windows reduce the deviation with their square root, {until}"
+    what = {"baseline": "a longer baseline", "model": "a better model or another sensor"}[forecast.limited_by]
+    return f"more windows will not reduce the deviation under {least}; {what} would"
+
+
 def change_text(diagnosis: Diagnosis) -> str:
     """Return the change, if there is one, as a part of a sentence."""
     if diagnosis.verdict == "nothing_to_explain":
@@ -261,7 +283,7 @@ def place_text(place: IncrementPlace | None) -> str:
     if place is None:
         return ""
     if not place.fits:
-        p = f"p = {place.p_value:.2g}" if place.p_value > _MIN_P else f"p under {_MIN_P:.0e}"
+        p = f"p = {place.p_value:.2g}" if place.p_value > MIN_P else f"p under {MIN_P:.0e}"
         return f"not located: the increments do not fit one mass ({p})"
     x, y, z = place.position
     if place.located:

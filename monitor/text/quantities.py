@@ -7,6 +7,7 @@ import numpy as np
 from updater.planning import Stretches
 
 _CERTAIN = 0.999
+MIN_P = 1e-12  #: smallest p that is stated: below it neither noise nor model is known well enough
 _NAMES = {
     "sensor_polarity": "sensor sign turned",
     "sensor_swap": "sensors exchanged",

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from monitor.results.comparison import ChannelHealth
+from updater.modal_data import Asynchrony
 from updater.validation import SensorHealth
 
 _SURE = 4.0  # standard deviations from which a channel is named
@@ -13,6 +14,7 @@ _GAIN = 0.03  # from which a change of gain matters [-]
 _NOTHING = 0.1  # gain under which a channel is as good as dead [-]
 _FINEST = 0.1  # % of a gain: smallest stated difference
 _DELAY = 1e-4  # from which a delay matters [s]
+_MAX_NAMED = 8  # channels that are not synchronous
 
 
 def health_result(health: SensorHealth) -> dict[str, ChannelHealth]:
@@ -47,6 +49,17 @@ def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True)
     text = f"sensors: all gains within {max(_FINEST, *gains):.1f} %"
     delays = [abs(s.delay) + _WIDE * (s.delay_std or 0.0) for s in sensors.values() if s.delay is not None]
     return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
+
+
+def asynchrony_text(found: Asynchrony) -> str:
+    """Return the delays between channels that are not synchronous."""
+    largest = sorted(found.delays.items(), key=lambda item: -abs(item[1][0]))
+    late = [f"{name} {1e3 * value:+.3f} ± {1e3 * std:.3f} ms" for name, (value, std) in largest[:_MAX_NAMED]]
+    more = f" and {len(largest) - _MAX_NAMED} more" if len(largest) > _MAX_NAMED else ""
+    return (
+        f"channels are not synchronous: {', '.join(late)}{more} (against the median channel, + is late); "
+        f"without these delays the median MPC is {found.mpc_synchronous:.2f} instead of {found.mpc:.2f}"
+    )
 
 
 def fault_text(own: ChannelHealth) -> str:

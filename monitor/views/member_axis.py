@@ -5,7 +5,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from daq import FloatArray
-from monitor.results.windows import MassAnswer, ProfilePoint, Vector
+from monitor.results.windows import MassAnswer, ProfilePoint
+from updater.quantities import Vector
 
 _GAP = 0.06  # of all members' length, between two members
 _SMALLEST = 1e-300

@@ -9,7 +9,8 @@ from monitor.optional import OptionalWork
 from monitor.results.comparison import ChannelHealth
 from monitor.results.convert import increment_result, mass_answer
 from monitor.results.windows import MassAnswer, MassIncrements
-from monitor.text.causes import failed_text
+from monitor.text.causes import failed_text, forecast_text
+from monitor.text.diagnosis import diagnosis_answer
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.baseline.learned_baseline import LearnedBaseline
 from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
@@ -62,7 +63,7 @@ def answer(
     explained, event = both
     for failed in explained.diagnosis.failed:
         extras.note(failed_text(failed))
-    found["diagnosis"] = explained.diagnosis
+    found["diagnosis"] = diagnosis_answer(explained)
     found["discrepancy"] = extras.found(
         "the comparison with simulated modes", lambda: compare_windows(reference, event, explained)
     )
@@ -88,7 +89,7 @@ def diagnosis_of(learned: LearnedBaseline, changed_windows: Sequence[Window]) ->
 
 def _location(reference: Reference, modes: ModalMean, structure: Structure, n_windows: int) -> MassAnswer:
     change, outlook = locate_mass_with_forecast(reference, modes)
-    return mass_answer(structure, change, n_windows, outlook.text)
+    return mass_answer(structure, change, n_windows, forecast_text(outlook))
 
 
 def sensors(learned: LearnedBaseline, calm: Sequence[Window]) -> dict[str, ChannelHealth]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.analysis.explanation import explain_change
+from monitor.analysis.explanation import explain
 from tests.examiner.cases import N_AFTER, N_BEFORE
 from tests.examiner.designs import FOOTBRIDGE
 from tests.examiner.path import observation
@@ -32,7 +32,7 @@ def test_locked_bearing_is_diagnosed(seed: int) -> None:
         )
         for _ in range(2)
     )
-    found = explain_change(parse_structure(FOOTBRIDGE.toml()), before, now, heldout).diagnosis
+    found = explain(parse_structure(FOOTBRIDGE.toml()), before, now, heldout).diagnosis
     assert found.verdict in ("explained", "ambiguous")
     (cause,) = found.causes
     assert "support_stiffness" in (cause.cause, *cause.cannot_be_told_from)

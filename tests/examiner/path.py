@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.analysis.explanation import explain, explain_change
+from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation, follow
 from oma import ModalEstimate, WindowQuality
 from oma.windows import Windows
@@ -37,10 +37,10 @@ def answer(case: Case, *, noise: str = "law") -> dict[str, Any]:
     if case.built or case.cell.startswith("file: "):
         measured, heldout = (after(case, random, noise) for _ in range(2))
         structure = stiffer(structure_of(case.cell), case.far) if case.built else _filed(case)
-        return explain(structure, None, measured, heldout).explained.diagnosis.model_dump(mode="json")
+        return explain(structure, None, measured, heldout).diagnosis.model_dump(mode="json")
     before = observation(case.done.before, estimated(case.done.before, N_BEFORE, random, noise=noise))
     now, heldout = (after(case, random, noise) for _ in range(2))
-    found = explain_change(structure_of(case.cell), before, now, heldout)
+    found = explain(structure_of(case.cell), before, now, heldout)
     return found.diagnosis.model_dump(mode="json")
 
 

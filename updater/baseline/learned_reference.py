@@ -145,7 +145,7 @@ def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> 
         nominal_frequency=there.frequency[of_file],
         nominal_mac=np.diagonal(likeness),
         parameters=tuple(_parameter(*one) for one in zip(own.knobs, found.value, found.std, strict=True)),
-        reason="the cost no longer falls" if found.at_rest else "gave up after too many iterations",
+        reason="cost_converged" if found.at_rest else "iteration_limit",
     )
     kept = np.flatnonzero(share[own.tracks] > UNLIKE)
     return whole.only(kept[np.argsort(own.tracks[kept])])

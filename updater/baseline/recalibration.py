@@ -181,7 +181,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
             nominal_frequency=modes.frequency[seen[paired]],
             nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
-            reason="nothing was fitted",
+            reason="not_fitted",
             knobs=tuple(model_parameters_of(structure)),
         ),
         baseline=own.only(paired),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from updater.causes import Cause
 from updater.diagnosis.gain import Gained, WindowModes
-from updater.diagnosis.schema import Diagnosis
+from updater.diagnosis.schema import Diagnosis, NextMeasurement, Rejected
 from updater.diagnosis.weighing import Candidate, EvidenceComparison
 from updater.inference import Comparison, Fit
 from updater.modal_data import ModalMean
@@ -26,6 +26,8 @@ class DiagnosisResult:
 
     diagnosis: Diagnosis
     extended: Structure | None  #: structure with the causes; None if nothing is explained
+    rejected: tuple[Rejected, ...] = ()  #: single causes that were not accepted
+    next_measurement: NextMeasurement = ()
     gained: Gained | None = None  #: gain of it, with its deviation
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
     nearer: RecalibratedModel | None = None  #: recalibrated model of a file that is far off, if nothing is explained

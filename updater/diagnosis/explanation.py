@@ -19,15 +19,15 @@ from updater.diagnosis.naming import (
     MIN_P,
     as_written,
     calibration_summary,
+    misfit,
     modes_of,
     named_causes,
-    oddest,
     rejected_causes,
 )
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
 from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
-from updater.diagnosis.schema import Diagnosis, Failed, Verdict
+from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, Verdict
 from updater.diagnosis.search import beside_the_file, closer, fits, judged, nothing_changed, stepwise, within_noise
 from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, allowed_causes, ranked, say_nothing
@@ -41,16 +41,6 @@ _ROUGHER = 2.0  # times the model error that a good model has, to search with
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
 _KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
-_STREWN = (
-    "Mass changed at several places that these modes cannot resolve. Inspect the structure, or measure with more "
-    "sensors and up to higher modes."
-)
-_WORN = (
-    "Stiffness has changed along most of several members: corrosion, another material or other sections, of which a "
-    "loss of stiffness alone is a part. Measure the members' sections, and correct the structure file."
-)
-_NOTHING = "None: the data agree with the reference."
-_UNSTEADY = "The frequencies drift between windows. Record again while the structure is stationary."
 
 
 def diagnose(
@@ -133,9 +123,9 @@ def _diagnosed(
     search, singles = relaxed_alone(plain, singles)
     case = Case(reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
-        return _refused("unexplained", case, singles[0].log_evidence, _UNSTEADY)
+        return _refused("unexplained", case, singles[0].log_evidence, "unsteady")
     if reference.nominal is None and nothing_changed(search, singles):
-        return _refused("nothing_to_explain", case, search.log_nothing, _NOTHING)
+        return _refused("nothing_to_explain", case, search.log_nothing, "no_change")
     alone = [c for c in singles if c.effective]
     found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
@@ -158,17 +148,17 @@ def _diagnosed(
         found = found if within_noise(good, found[0]) else closer(case, found, good)
         found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
         if not found and reference.nominal is None and case.weighing.nothing.p_value >= MIN_P:
-            return _refused("nothing_to_explain", case, best.log_evidence, _NOTHING)
+            return _refused("nothing_to_explain", case, best.log_evidence, "no_change")
     if not found or not fits(found[0]) or not within_noise(good, found[0]):
         odd = found[0] if found else best
         faults = case.weighing.faults
         nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
-        refused = _refused("unexplained", case, best.log_evidence, oddest(case.data, odd.chosen))
+        refused = _refused("unexplained", case, best.log_evidence, misfit(case.data, odd.chosen))
         return replace(refused, nearer=nearer or None)
     if _strewn(found[0]):
-        return _refused("unexplained", case, best.log_evidence, _STREWN)
+        return _refused("unexplained", case, best.log_evidence, "scattered_mass")
     if _worn(found[0]):
-        return _refused("unexplained", case, best.log_evidence, _WORN)
+        return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
     return _explained(case, found, best.log_evidence)
 
 
@@ -188,18 +178,17 @@ def _worn(best: Candidate) -> bool:
     return along + of_all > 1
 
 
-def _refused(verdict: Verdict, case: Case, best: float, advice: str) -> DiagnosisResult:
+def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement) -> DiagnosisResult:
     diagnosis = Diagnosis(
         verdict=verdict,
         causes=(),
-        rejected=rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain"),
         modes=modes_of(case.reference, case.event, case.data),
         gain=None,
         calibration=calibration_summary(case.reference),
-        next_measurement=advice,
         failed=_failed(case),
     )
-    return DiagnosisResult(diagnosis, None)
+    rejected = rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain")
+    return DiagnosisResult(diagnosis, None, rejected, advice)
 
 
 def _failed(case: Case) -> tuple[Failed, ...]:
@@ -241,7 +230,6 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     if any(CATALOGUE[name].of_the_file for name in best.names):
         named = tuple(as_written(cause, extended) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
-    settings: dict[str, Any] = {"verdict": "explained" if sure else "ambiguous"}
     faults = case.weighing.faults
     fit = faults.attempt(
         "the modes of the written model",
@@ -250,18 +238,18 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
     decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
+        verdict="explained" if sure else "ambiguous",
         causes=named,
-        rejected=rejected_causes(case.singles, accepted, searched),
         modes=modes_of(case.reference, case.event, case.data, fit),
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),
-        next_measurement=decisive or " ".join(dict.fromkeys(c.cause.advice for c in best.chosen)),
         failed=_failed(case),
-        **settings,
     )
     return DiagnosisResult(
         diagnosis,
         extended,
+        rejected_causes(case.singles, accepted, searched),
+        decisive or tuple(dict.fromkeys(c.cause.advice for c in best.chosen)),
         gained,
         best.parts,
         calibration=calibration if case.bare else None,
@@ -281,10 +269,10 @@ def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tupl
     return case.weighing.faults.attempt("modes that the reference lacks", refitted) or (chosen, case.data)
 
 
-def _next(case: Case, left_open: list[Candidate]) -> str:
-    """Return the measurement that would decide between the remaining hypotheses; empty if there is only one."""
+def _next(case: Case, left_open: list[Candidate]) -> Separation | None:
+    """Return the measurements that would decide between the remaining hypotheses; None if there is only one."""
     if len(left_open) < 2:
-        return ""
+        return None
     bodies = case.weighing.causes.get(_KNOWN_MASS)
     return next_measurement(
         case.reference,

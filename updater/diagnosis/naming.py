@@ -20,10 +20,20 @@ from updater.causes import (
     prediction,
 )
 from updater.diagnosis.places import by_place
-from updater.diagnosis.schema import CalibrationSummary, Cause, FrequencyFit, ModeFit, Pair, PairedModes, Rejected
+from updater.diagnosis.schema import (
+    CalibrationSummary,
+    Cause,
+    FrequencyFit,
+    Misfit,
+    ModeFit,
+    Pair,
+    PairedModes,
+    Reason,
+    Rejected,
+)
 from updater.inference import Comparison, beside, residual
 from updater.modal_data import ModalMean
-from updater.quantities import ParameterChange, Quantity, Vector
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector
 from updater.reference import ModelFit, Reference, match_nominal_modes
 from updater.structure import Structure, size
 
@@ -34,10 +44,7 @@ if TYPE_CHECKING:
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, above which the data distinguish them
 MIN_P = 1e-3  #: p of chi-square below which a fit is refused
-# p and ratio of probabilities below which neither noise nor model is known well enough to state a value
-_MIN_TOLD = 1e-12
 _WORTH_NAMING = 0.05  # of the best one's posterior
-_ODD = 2.0  # standard deviations from which a frequency is named as odd
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # relative to it, if the data cannot distinguish the two: rarer places with the same effect
@@ -181,27 +188,25 @@ def rejected_causes(
     unchanged : whether that is no change at all
     """
     return tuple(
-        Rejected(cause=c.names[0], log_evidence=c.log_evidence - best, why=_why(c, c.log_evidence - best, unchanged))
+        Rejected(
+            cause=c.names[0],
+            log_evidence=c.log_evidence - best,
+            reason=_reason(c, c.log_evidence - best, unchanged),
+            p_value=c.p_value,
+        )
         for c in singles
         if c.names[0] not in accepted
     )
 
 
-def _why(candidate: "Candidate", evidence: float, unchanged: bool) -> str:
-    p = candidate.p_value
-    if p < MIN_P:
-        return f"rejected: poor fit, p {p:.0e}" if p > _MIN_TOLD else f"rejected: poor fit, p under {_MIN_TOLD:.0e}"
+def _reason(candidate: "Candidate", evidence: float, unchanged: bool) -> Reason:
+    if candidate.p_value < MIN_P:
+        return "poor_fit"
     if not candidate.effective:
-        return "not distinguishable from a uniform frequency shift"
+        return "uniform_shift"
     if evidence >= 0:
-        return "fits, but no change fits as well" if unchanged else "fits only if the model is assumed to be worse"
-    return f"fits, {_odds(-evidence)} times less probable"
-
-
-def _odds(log_odds: float) -> str:
-    if log_odds > -np.log(_MIN_TOLD):
-        return f"more than {1 / _MIN_TOLD:.0e}".replace("+", "")
-    return f"{np.exp(log_odds):.2g}" if log_odds < np.log(1e4) else f"1e{log_odds / np.log(10):.0f}"
+        return "no_change_fits_as_well" if unchanged else "worse_model_only"
+    return "less_probable"
 
 
 def modes_of(
@@ -233,20 +238,21 @@ def _place_of(mode: ModeFit) -> float:
     return mode.frequency.measured or mode.frequency.before or 0.0
 
 
+def _mode(
+    *, measured: float | None = None, std: float | None = None, before: float | None = None, mac: float | None = None
+) -> ModeFit:
+    """Return a mode without the causes."""
+    frequency = FrequencyFit(measured=measured, std=std, before=before, after=None)
+    return ModeFit(frequency=frequency, mac=Pair(before=mac, after=None))
+
+
 def _paired(data: Comparison) -> list[ModeFit]:
     base = np.log(data.frequency[data.paired])
     measured, before = np.exp(base + data.log_ratio), prediction(data, None)
+    std, simulated = measured * data.log_frequency_std, np.exp(base + before.log_ratio[0])
     mac = _finite_or_none(mac_of(data, before.shape[0]))
     return [
-        ModeFit(
-            frequency=FrequencyFit(
-                measured=float(measured[i]),
-                std=float(measured[i] * data.log_frequency_std[i]),
-                before=float(np.exp(base[i] + before.log_ratio[0, i])),
-                after=None,
-            ),
-            mac=Pair(before=mac[i], after=None),
-        )
+        _mode(measured=float(measured[i]), std=float(std[i]), before=float(simulated[i]), mac=mac[i])
         for i in range(len(base))
     ]
 
@@ -258,13 +264,7 @@ def _missing(reference: Reference, event: ModalMean) -> list[ModeFit]:
     if reference.nominal is not None:
         answer = match_nominal_modes(reference, reference.nominal, reference.baseline.channels)
         frequency = reference.file.frequency[answer]
-    return [
-        ModeFit(
-            frequency=FrequencyFit(measured=None, std=None, before=float(frequency[m]), after=None),
-            mac=Pair(before=None, after=None),
-        )
-        for m in reference.paired[gone]
-    ]
+    return [_mode(before=float(frequency[m])) for m in reference.paired[gone]]
 
 
 def _extra(modes: ModalMean | None) -> list[ModeFit]:
@@ -273,11 +273,7 @@ def _extra(modes: ModalMean | None) -> list[ModeFit]:
         return []
     frequency = np.exp(modes.log_frequency)
     return [
-        ModeFit(
-            frequency=FrequencyFit(measured=float(f), std=float(f * std), before=None, after=None),
-            mac=Pair(before=None, after=None),
-        )
-        for f, std in zip(frequency, modes.log_frequency_std, strict=True)
+        _mode(measured=float(f), std=float(f * std)) for f, std in zip(frequency, modes.log_frequency_std, strict=True)
     ]
 
 
@@ -308,27 +304,21 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
     )
 
 
-def oddest(data: Comparison, chosen: Sequence[SelectedCause]) -> str:
-    """Return a sentence on the largest residual of the best explanation, for the next measurement."""
+def misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
+    """Return the significant residuals of the best explanation."""
     predicted = prediction(data, chosen)
     std = np.linalg.norm(np.linalg.inv(data.plain.matrix), axis=1)
-    score = (data.log_ratio - predicted.log_ratio[0]) / std
-    names = " and ".join(c.cause.name.replace("_", " ") for c in chosen)
-    worst = int(np.argmax(np.abs(score)))
-    hertz = data.frequency[data.paired]
-    far = bool(abs(score[worst]) >= _ODD)
-    odd = [f"the frequency of the mode at {hertz[worst]:.4g} Hz {abs(score[worst]):.0f} standard deviations off"] * far
+    score = np.abs(data.log_ratio - predicted.log_ratio[0]) / std
+    worst, hertz = int(np.argmax(score)), data.frequency[data.paired]
+    shape = None
     if data.shaped.any():
         mac = mac_of(data, predicted.shape[0])
         least = int(np.nanargmin(mac))
         off = np.abs(beside(data.shape[least], predicted.shape[0, least]))
-        channel = data.channels[int(np.argmax(off))]
         if mac[least] < _SAME_SHAPE:
-            odd.append(f"the shape at {hertz[least]:.4g} Hz at a MAC of {mac[least]:.3f}, most at {channel}")
-    if not odd:
-        left = f"no frequency {_ODD:.0f} standard deviations off by itself, but all modes together more than noise"
-        return f"Repeat the measurement. The best hypothesis ({names}) leaves {left}."
-    return f"Repeat the measurement. The best hypothesis ({names}) leaves {', '.join(odd)}."
+            shape = float(hertz[least]), float(mac[least]), data.channels[int(np.argmax(off))]
+    far = (float(hertz[worst]), float(score[worst])) if score[worst] >= SIGNIFICANT else None
+    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape)
 
 
 def as_written(cause: Cause, structure: Structure) -> Cause:

@@ -7,14 +7,16 @@ decide.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from daq import FloatArray
 from updater.causes import AddedMass, CommonFactor, SelectedCause, effect_of, prediction
+from updater.diagnosis.schema import Measurement, Separation
 from updater.inference import MODEL_ERROR, Changed, Comparison, Effect, compare, picked, reanalyse, residual
 from updater.modal_data import ModalMean
+from updater.quantities import vector
 from updater.reference import Reference
 from updater.structure import size
 
@@ -26,21 +28,16 @@ _LONGER = 4  # times the record
 _MAX = 3  # measurements that are named
 _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
+
 Hypothesis = tuple[SelectedCause, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """A measurement, and by how many standard deviations it separates each two hypotheses."""
-
-    text: str
-    distance: FloatArray  #: (n, n)
+#: a measurement, and by how many standard deviations it separates each two hypotheses (n, n)
+_Trial = tuple[Measurement, FloatArray]
 
 
 def next_measurement(
     reference: Reference, event: ModalMean, data: Comparison, bodies: AddedMass | None, open_ones: Sequence[Hypothesis]
-) -> str:
-    """Return the measurement, in sentences.
+) -> Separation:
+    """Return the measurements that would decide between hypotheses.
 
     Parameters
     ----------
@@ -53,49 +50,21 @@ def next_measurement(
         _longer(reference, event, data, open_ones),
         *_known_beside(data, open_ones),
     ]
-    sentences: list[str] = []
+    found: list[Measurement] = []
     left = set(itertools.combinations(range(len(open_ones)), 2))
-    while left and trials and len(sentences) < _MAX:
-        best = max(trials, key=lambda trial: sum(min(trial.distance[p], 2 * _DECIDES) for p in left))
-        widest = max(best.distance[p] for p in left)
+    while left and trials and len(found) < _MAX:
+        best = max(trials, key=lambda trial: sum(min(trial[1][p], 2 * _DECIDES) for p in left))
+        measurement, distance = best
+        widest = max(distance[p] for p in left)
         if widest < _WORTHLESS:
             break
-        pairs = [p for p in left if best.distance[p] >= min(_DECIDES, 0.99 * widest)]
-        sentences.append(f"{best.text}: expected to separate {_names(open_ones, pairs)} by {_sigma(best, pairs)}.")
+        pairs = [p for p in sorted(left) if distance[p] >= min(_DECIDES, 0.99 * widest)]
+        own = {"pairs": tuple(pairs), "deviations": min(float(distance[p]) for p in pairs)}
+        found.append(measurement.model_copy(update=own))
         left -= set(pairs)
-        trials.remove(best)
-    if left:
-        sentences.append(f"None of the measurements considered separates {_names(open_ones, sorted(left))}.")
-    return " ".join(sentences)
-
-
-def _sigma(trial: _Trial, pairs: Sequence[tuple[int, int]]) -> str:
-    return f"{min(trial.distance[p] for p in pairs):.1f} standard deviations"
-
-
-def _names(open_ones: Sequence[Hypothesis], pairs: Sequence[tuple[int, int]]) -> str:
-    """Return the names of pairs of hypotheses, each once; names with the same partners are grouped."""
-    words = _words(open_ones)
-    order = list(dict.fromkeys(words))
-    left, sentences = {frozenset((words[i], words[j])) for i, j in pairs}, []
-    places = [name for name in order if frozenset((name,)) in left]  # pairs of hypotheses with one name
-    left -= {frozenset((name,)) for name in places}
-    while left:
-        partners = {a: [b for b in order if a != b and frozenset((a, b)) in left] for a in order}
-        others = max(filter(None, partners.values()), key=lambda them: sum(p == them for p in partners.values()))
-        own = [name for name in order if partners[name] == others]
-        sentences.append(f"{' or '.join(own)} from {' or '.join(others)}")
-        left -= {frozenset((a, b)) for a in own for b in others}
-    return "; ".join(sentences + [f"the alternative places of the {name}" for name in places])
-
-
-def _words(open_ones: Sequence[Hypothesis]) -> list[str]:
-    """Return the names of the causes by which each hypothesis differs from the others."""
-    names = [[c.cause.name for c in chosen] for chosen in open_ones]
-    common = set.intersection(*map(set, names))
-    own = [[n for n in each if n not in common] for each in names]
-    chosen = own if all(own) else names
-    return [" and ".join(dict.fromkeys(each)).replace("_", " ") for each in chosen]
+        trials = [trial for trial in trials if trial is not best]
+    names = tuple(tuple(part.cause.name for part in chosen) for chosen in open_ones)
+    return Separation(hypotheses=names, measurements=tuple(found), inseparable=tuple(sorted(left)))
 
 
 def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
@@ -137,8 +106,7 @@ def _sensors(reference: Reference, event: ModalMean, data: Comparison, open_ones
             distance[:, :, i, axis] = 0
     total = np.minimum(distance, 2 * _DECIDES).sum((0, 1))
     i, axis = divmod(int(np.argmax(total)), 3)
-    x, y, z = points[i]
-    return [_Trial(f"A sensor at ({x:.2f}, {y:.2f}, {z:.2f}) m along {'xyz'[axis]}", distance[:, :, i, axis])]
+    return [(Measurement(kind="sensor", position=vector(points[i]), axis="xyz"[axis]), distance[:, :, i, axis])]
 
 
 def _readings(data: Comparison, changed: Changed, rows: FloatArray) -> FloatArray:
@@ -178,8 +146,8 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
         [_apart(here, np.hypot(std, MODEL_ERROR * _typical(here))) for here in shifts.transpose(1, 0, 2)]
     )
     best = int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))
-    x, y, z = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])
-    return _Trial(f"A known mass of {mass:.3g} kg at ({x:.2f}, {y:.2f}, {z:.2f}) m", distance[best])
+    at = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])
+    return (Measurement(kind="known_mass", mass=mass, position=vector(at)), distance[best])
 
 
 def _typical(shift: FloatArray) -> FloatArray:
@@ -194,7 +162,7 @@ def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones:
     longer = compare(reference, replace(event, **less), circumstances=data.circumstances)
     whitener = longer.drifting if all(any(c.cause.drifting for c in h) for h in open_ones) else longer.plain
     rest = np.array([residual(longer, prediction(longer, chosen), whitener)[0] for chosen in open_ones])
-    return _Trial(f"{_LONGER} times the record", _apart(rest, np.ones(rest.shape[1])))
+    return (Measurement(kind="longer_record", length=_LONGER), _apart(rest, np.ones(rest.shape[1])))
 
 
 def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
@@ -209,5 +177,5 @@ def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Tr
             [[sum(c.reading(p.theta) for p, c in each if c.instrument == instrument)] for each in factors]
         )
         if reading.any():
-            found.append(_Trial(instrument, _apart(reading, np.ones(1))))
+            found.append((Measurement(kind="instrument", instrument=instrument), _apart(reading, np.ones(1))))
     return found

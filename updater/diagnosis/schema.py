@@ -1,10 +1,12 @@
-"""JSON schema of a diagnosis (docs/updater.md, `modalwatch diagnose --json`)."""
+"""Values of a diagnosis; `monitor` makes the JSON of `modalwatch diagnose` from them (docs/updater.md)."""
 
 from typing import Literal
 
-from updater.quantities import ParameterChange, PlainValue, Quantity, Where
+from updater.quantities import ParameterChange, PlainValue, Quantity, Vector, Where
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
+Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_model_only", "less_probable"]
+Situation = Literal["no_change", "unsteady", "scattered_mass", "widespread_stiffness"]
 
 
 class Cause(PlainValue):
@@ -23,7 +25,41 @@ class Rejected(PlainValue):
 
     cause: str
     log_evidence: float  #: against the best one [-]
-    why: str
+    reason: Reason  #: a model that is assumed to be worse has a larger error of its predictions
+    p_value: float  #: of its fit
+
+
+class Measurement(PlainValue):
+    """A measurement and the hypotheses that it is expected to separate; fields of other kinds are empty."""
+
+    kind: Literal["sensor", "known_mass", "longer_record", "instrument"]
+    position: Vector | None = None  #: of the sensor or the mass [m]
+    axis: str = ""  #: of the sensor: x, y or z
+    mass: float = 0.0  #: [kg]
+    length: int = 1  #: of the record, relative to the present one
+    instrument: str = ""  #: as the cause states it
+    pairs: tuple[tuple[int, int], ...] = ()  #: hypotheses that it separates
+    deviations: float = 0.0  #: by at least so many standard deviations
+
+
+class Separation(PlainValue):
+    """Measurements that would decide between hypotheses."""
+
+    hypotheses: tuple[tuple[str, ...], ...]  #: names of the causes of each
+    measurements: tuple[Measurement, ...]  #: the most decisive first
+    inseparable: tuple[tuple[int, int], ...]  #: hypotheses that no measurement considered separates
+
+
+class Misfit(PlainValue):
+    """Significant residuals of the best hypothesis."""
+
+    causes: tuple[str, ...]  #: names of the causes of the hypothesis
+    frequency: tuple[float, float] | None  #: of a mode in the reference [Hz], and its distance in standard deviations
+    shape: tuple[float, float, str] | None  #: frequency of the mode [Hz], MAC and channel with the largest residual
+
+
+#: what is to be measured next; of an explanation that nothing is to be separated from, the advice of its causes
+NextMeasurement = Separation | Misfit | Situation | tuple[str, ...]
 
 
 class Failed(PlainValue):
@@ -103,11 +139,7 @@ class Diagnosis(PlainValue):
 
     verdict: Verdict
     causes: tuple[Cause, ...]
-    rejected: tuple[Rejected, ...]
     modes: tuple[ModeFit, ...]
     gain: Gain | None
-    extended_model: str | None = None  #: path of the structure.toml with the causes written in
     calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
-    next_measurement: str
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
-    reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs

@@ -34,16 +34,6 @@ class AccuracyForecast:
     enough: int  #: number of windows from which their own noise is the smaller part of the deviation of the place
     limited_by: Limit  #: limiting part of the present deviation of the place
 
-    @property
-    def text(self) -> str:
-        """Meaning for the user."""
-        least = f"{1e3 * self.least_distance_std:.0f} mm and {1e3 * self.least_mass_std:.0f} g"
-        if self.limited_by == "windows":
-            until = f"up to about {self.enough} windows: {least} at best"
-            return f"more windows reduce the deviation with their square root, {until}"
-        what = {"baseline": "a longer baseline", "model": "a better model or another sensor"}[self.limited_by]
-        return f"more windows will not reduce the deviation under {least}; {what} would"
-
 
 def sharpening(reference: Reference, event: ModalMean) -> AccuracyForecast:
     """Estimate the accuracy of one located mass with more windows of the same kind.

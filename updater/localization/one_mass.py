@@ -171,19 +171,7 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
     )
 
 
-def open_question(structure: Structure, change: MassChange) -> str:
-    """Return the remaining ambiguity of the place as a text; empty if there is only one place."""
-    if change.is_unique:
-        return ""
-    first, second = change.alternatives[:2]
-    which = "left or right" if _mirrored(structure, first, second) else "where"
-    places = " or ".join(
-        f"{a.member} at {a.distance:.3f} m with {1e3 * a.mass:.0f} g ({100 * a.probability:.0f} %)"
-        for a in change.alternatives
-    )
-    return f"{which}: not distinguishable; {places}"
-
-
-def _mirrored(structure: Structure, one: Alternative, other: Alternative) -> bool:
+def mirrored(structure: Structure, one: Alternative, other: Alternative) -> bool:
+    """Return whether two places of a member are mirror images."""
     length = structure.member_named(one.member).length
     return one.member == other.member and abs(one.distance + other.distance - length) < _MIRRORED

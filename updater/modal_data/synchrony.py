@@ -16,7 +16,6 @@ _SIGMAS = 4.0  # of a delay that is reported
 _MIN_DELAY_SECONDS = 5e-5
 _MIN_MPC_GAIN = 0.02  # of the median: delays that explain less are those of channels that share hardly a mode
 _BIAS_SECONDS = 1.5e-5  # between channels that hardly move in the same modes, whatever the scatter of the modes
-_MAX_NAMED = 8  # channels in a sentence
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,17 +26,6 @@ class Asynchrony:
     """Channel -> delay against the median channel and its standard deviation, of those that differ from it [s]."""
     mpc: float  #: median of the modes as measured [-]
     mpc_synchronous: float  #: the same with delays removed, for each mode by the delays of the other modes [-]
-
-    @property
-    def words(self) -> str:
-        """Sentence for the user."""
-        largest = sorted(self.delays.items(), key=lambda item: -abs(item[1][0]))
-        late = [f"{name} {1e3 * value:+.3f} ± {1e3 * std:.3f} ms" for name, (value, std) in largest[:_MAX_NAMED]]
-        more = f" and {len(largest) - _MAX_NAMED} more" if len(largest) > _MAX_NAMED else ""
-        return (
-            f"channels are not synchronous: {', '.join(late)}{more} (against the median channel, + is late); "
-            f"without these delays the median MPC is {self.mpc_synchronous:.2f} instead of {self.mpc:.2f}"
-        )
 
 
 def asynchrony(recording: Recording, estimate: ModalEstimate) -> Asynchrony | None:

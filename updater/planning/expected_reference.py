@@ -95,7 +95,7 @@ def expected_reference(model: Model, modes: Modes, seen: IndexArray, record: Rec
         nominal_frequency=frequency,
         nominal_mac=np.ones(len(seen)),
         parameters=(),
-        reason="nothing was fitted",
+        reason="not_fitted",
         knobs=(),
     )
     return Reference(

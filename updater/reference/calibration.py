@@ -76,7 +76,7 @@ class Calibration:
     nominal_frequency: FloatArray  #: (n_tracks,) before calibration [Hz]
     nominal_mac: FloatArray  #: (n_tracks,) measured against the model before calibration [-]
     parameters: tuple[Parameter, ...]
-    reason: Convergence | Literal["nothing was fitted"]  #: why the iteration ended
+    reason: Convergence | Literal["not_fitted"]  #: why the iteration ended
     knobs: tuple[ModelParameter, ...]  #: parameters that were fitted, or could be
 
     @property

@@ -19,18 +19,12 @@ from scipy.optimize import lsq_linear
 
 from daq import FloatArray
 
-Convergence = Literal[
-    "gave up after too many iterations",
-    "no step lowers the cost",
-    "the cost no longer falls",
-    "there are no parameters",
-]
-_GAVE_UP: Convergence = "gave up after too many iterations"
+#: why the iteration ended
+Convergence = Literal["iteration_limit", "no_lower_cost", "cost_converged", "no_parameters"]
 
 _ENOUGH = 1e-6  # of the cost: a step that is expected to gain less is not taken
 _DAMPING = 1e-3  # first damping after a step that failed, over the diagonal of the normal matrix
 _FACTOR = 10.0  # of the damping after each further one
-_MAX_DAMPING = 1e12
 
 
 class Problem(Protocol):
@@ -71,7 +65,7 @@ class SensitivityFit:
     @property
     def converged(self) -> bool:
         """True if a minimum was reached."""
-        return self.reason != _GAVE_UP
+        return self.reason != "iteration_limit"
 
 
 def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> SensitivityFit:
@@ -94,12 +88,13 @@ def fit_parameters(problem: Problem, prior: Prior, *, most: int = 200) -> Sensit
 
     x = prior.start
     now, slope = residual(x), slopes(x)
-    damping, reason = 0.0, _GAVE_UP
+    damping = 0.0
+    reason: Convergence = "iteration_limit"
     for iterations in range(1, most + 1):  # noqa: B007 - the number is part of the result
         step = _bounded_step(slope, now, prior.lower - x, prior.upper - x, damping)
         expected = now @ now - ((now + slope @ step) ** 2).sum()
         if expected <= _ENOUGH * (now @ now):
-            reason = "the cost no longer falls" if damping < 1 else "no step lowers the cost"
+            reason = "cost_converged" if damping < 1 else "no_lower_cost"
             break
         tried = residual(x + step)
         if tried @ tried < now @ now:
@@ -144,7 +139,7 @@ def _without_parameters(problem: Problem) -> SensitivityFit:
         chi_square=cost,
         log_evidence=-cost / 2,
         iterations=1,
-        reason="there are no parameters",
+        reason="no_parameters",
     )
 
 

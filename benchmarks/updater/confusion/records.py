@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.updater.confusion.run import Task, known_cells, result_of, run
 from benchmarks.updater.confusion.table import Result, tables
 from daq import Recording, load_recordings, write_recording
-from monitor.analysis.explanation import explain_change
+from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation, observe, window_seconds
 from monitor.errors import StateError
 from oma import OmaError
@@ -74,7 +74,7 @@ def judged(task: Task) -> Result:
     try:
         observations = before(case, seconds), observed(after(case, seconds), structure_of(cell))
         start = time.process_time()
-        found = explain_change(structure_of(cell), *observations).diagnosis.model_dump(mode="json")
+        found = explain(structure_of(cell), *observations).diagnosis.model_dump(mode="json")
     except (UpdaterError, OmaError, StateError) as error:
         return result_of(case, length, str(error), time.process_time() - start)
     return result_of(case, length, found, time.process_time() - start)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from scipy.stats import t as student
 
 from daq import FloatArray
+from monitor.text.diagnosis import next_text
 from tests.measured.three_storeys import FLOOR, LEG, Frame, read_frame, simulation
 from updater import DiagnosisResult, Structure, build_model, diagnose, matched, nominal_reference, stack_tracks
 from updater.modal_data import ModalMass
@@ -106,7 +107,7 @@ def print_diagnosis(explained: DiagnosisResult) -> None:
                 f"  {f.measured:.3f} Hz: {100 * (f.before / f.measured - 1):+.1f} % before, "
                 f"{100 * (f.after / f.measured - 1):+.1f} % after"
             )
-    print(f"  next: {found.next_measurement}")
+    print(f"  next: {next_text(explained.next_measurement)}")
 
 
 def draw(path: Path, frame: Frame, masses: ModalMass, structure: Structure, extended: Structure | None) -> None:

@@ -24,7 +24,7 @@ from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal, say_range
 from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
 from monitor.optional import run_optional
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.text.causes import cause_text, gain_text
@@ -32,7 +32,7 @@ from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report
 from oma import OmaError
-from updater import Diagnosis, DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
+from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
 from updater.reference import Calibration
@@ -40,7 +40,7 @@ from updater.reference import Calibration
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
 
-def draw(out: Path, diagnosis: Diagnosis, found: DiscrepancyResult | None, structure: Structure) -> None:
+def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, structure: Structure) -> None:
     """Write report, recording and numbers into a folder; failures are logged and left out.
 
     Parameters
@@ -83,7 +83,7 @@ def _writing(path: Path) -> Iterator[None]:
         raise ResultsError(path, f"cannot be written: {error.strerror}") from error
 
 
-def written(out: Path, diagnosis: Diagnosis) -> list[Path]:
+def written(out: Path, diagnosis: DiagnosisAnswer) -> list[Path]:
     """Return the files in the folder, the one to be read first in front."""
     names = [REPORT, RECORDING, *([Path(diagnosis.extended_model).name] if diagnosis.extended_model else [])]
     return [out / name for name in (*names, "diagnosis.json", NUMBERS) if (out / name).exists()]
@@ -145,7 +145,7 @@ def diagnose_command(
             )
         except StateError as error:
             raise LogError(_named(getattr(logs, error.state)), str(error)) from error
-    diagnosis = _write(found.explained, structure_path, logs, out, json_path)
+    diagnosis = _write(found, structure_path, logs, out, json_path)
     nearer = _write_nearer(found.explained, structure_path, logs, out)
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
         for text in left_out_texts({c: str(fault) for c, fault in given_up(one).items()}) if one else ():
@@ -339,19 +339,19 @@ def _names(paths: Sequence[Path]) -> str:
 
 
 def _write(
-    found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
-) -> Diagnosis:
+    found: Explanation, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
+) -> DiagnosisAnswer:
     """Write the requested files; return the diagnosis with the path of the extended model."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
     try:
         if out:
             out.mkdir(parents=True, exist_ok=True)
-        if found.extended and folder:
+        if found.explained.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
             own = parse_structure(given).updating  # without parameters fixed and bounded on the command line
-            text = dump_structure(found.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
-            path.write_text(_provenance(found, structure_path, logs) + text, encoding="utf-8")
+            text = dump_structure(found.explained.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
+            path.write_text(_provenance(found.explained, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:
         raise ArgumentError("--out" if out else "--json", f"{folder}: cannot be written: {error.strerror}") from error

@@ -7,7 +7,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.results.comparison import DiscrepancyResult, ModeComparison, Vector
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
@@ -22,7 +22,8 @@ from monitor.text.causes import (
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_text
 from monitor.text.verdicts import verdict_text
-from updater import Cause, Diagnosis, Gain
+from updater import Cause, Gain
+from updater.quantities import Vector
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
@@ -30,7 +31,7 @@ _STANDS_OUT = 3.0  # times the noise, above which a sensor is named
 _MAX = 6  # refused causes that are listed individually
 
 
-def say_answer(console: Console, diagnosis: Diagnosis) -> None:
+def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
     """Print verdict, causes and the next step."""
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in diagnosis.causes:
@@ -40,7 +41,7 @@ def say_answer(console: Console, diagnosis: Diagnosis) -> None:
 
 
 def say_evidence(
-    console: Console, diagnosis: Diagnosis, found: DiscrepancyResult | None, nodes: Sequence[Vector]
+    console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, nodes: Sequence[Vector]
 ) -> None:
     """Print the basis of a diagnosis: residual forces, modes, sensors, gain and refused causes.
 
@@ -58,7 +59,7 @@ def say_evidence(
     _refused(console, diagnosis)
 
 
-def _compared(console: Console, diagnosis: Diagnosis, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
+def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
     """Print measured modes and sensors compared with simulated ones."""
     known = diagnosis.verdict != "unexplained"
     if not known and found.balance and (where := left_over_text(found.balance, nodes)):
@@ -120,7 +121,7 @@ def _sensor(found: DiscrepancyResult) -> str:
     )
 
 
-def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
+def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> str:
     """Return the gain of the written model with standard deviations; or that it may be chance."""
     gain = diagnosis.gain
     if gain is None:
@@ -132,7 +133,7 @@ def _gain(diagnosis: Diagnosis, std: Gain | None) -> str:
     return f"extended model {data}: {model_gain_text(gain, std)}{f'; {changes}' if changes else ''}"
 
 
-def _refused(console: Console, diagnosis: Diagnosis) -> None:
+def _refused(console: Console, diagnosis: DiagnosisAnswer) -> None:
     """Print the causes that were refused, the nearest first; the hopeless ones only by name, and those that failed."""
     nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
     for rejected in nearest[:_MAX]:

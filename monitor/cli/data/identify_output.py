@@ -13,6 +13,7 @@ from rich.table import Table
 from daq import AnyLog
 from monitor.analysis.stationarity import FrequencyChange
 from monitor.cli.terminal import Terminal
+from monitor.text.sensors import asynchrony_text
 from oma import mpc, mpd
 from oma.preparation import ALIAS_FREE
 from oma.windows import Windows, are_near
@@ -146,7 +147,7 @@ def _marks(found: Findings) -> Iterator[str]:
     if any(p and p.mac < LOW_MAC for p in found.partners):
         yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
     if found.asynchrony:
-        yield escape(found.asynchrony.words)
+        yield escape(asynchrony_text(found.asynchrony))
     if found.change:
         yield found.change.words
 

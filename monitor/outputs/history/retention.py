@@ -8,7 +8,8 @@ from pydantic import ValidationError
 from sqlalchemy import Connection, bindparam, delete, select
 
 from monitor.outputs.history import schema
-from updater import Cause, Diagnosis
+from monitor.results.comparison import DiagnosisAnswer
+from updater import Cause
 
 _BEYOND = 2.0  # standard deviations: a smaller difference is the same answer
 # largest number of changed answers per day: one that alternates between two verdicts changes with every window
@@ -41,7 +42,7 @@ def told_before(diagnoses: Iterable[tuple[int, str]], raised: Sequence[int], cle
     raised, cleared : times of all alarms, ascending [ns UTC]
     """
     gone: list[int] = []
-    known: Diagnosis | None = None  # the last one kept for its content
+    known: DiagnosisAnswer | None = None  # the last one kept for its content
     of_alarm, day, n_of_day = -1, -1, 0
     newest: int | None = None  # of its alarm by now, and nothing else
     for end, json in diagnoses:
@@ -58,14 +59,14 @@ def told_before(diagnoses: Iterable[tuple[int, str]], raised: Sequence[int], cle
     return gone
 
 
-def _read(json: str) -> Diagnosis | None:
+def _read(json: str) -> DiagnosisAnswer | None:
     try:
-        return Diagnosis.model_validate_json(json)
+        return DiagnosisAnswer.model_validate_json(json)
     except ValidationError:
         return None  # of another version
 
 
-def says_the_same(before: Diagnosis | None, now: Diagnosis | None) -> bool:
+def says_the_same(before: DiagnosisAnswer | None, now: DiagnosisAnswer | None) -> bool:
     """Return whether two diagnoses name the same causes, places and sizes within their deviations."""
     if before is None or now is None or before.verdict != now.verdict or len(before.causes) != len(now.causes):
         return False

@@ -12,11 +12,11 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from daq import FloatArray
-from monitor.results.windows import Vector
 from monitor.text.quantities import duration_words, mass_words
 from monitor.views.member_axis import Unrolled
 from monitor.views.plots.axes3d import frame_axes, size
 from updater.planning import DetectabilityStudy, ModeVisibility, Plan, heaviest
+from updater.quantities import Vector
 
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"

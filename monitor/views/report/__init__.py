@@ -11,17 +11,17 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from pydantic import ValidationError
 
 from monitor.errors import ResultsError
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.views.report.content import diagnosis_content, run_content, versions
 from monitor.views.report.svg import styled
 from monitor.views.run import Run
-from updater import Diagnosis, Structure
+from updater import Structure
 
 __all__ = ["diagnosis_report", "load_diagnosis", "run_report"]
 
 
-def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None:
+def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None) -> None:
     """Write the report of a run.
 
     Parameters
@@ -39,7 +39,7 @@ def run_report(run: Run, path: Path, diagnosis: Diagnosis | None = None) -> None
 
 
 def diagnosis_report(
-    diagnosis: Diagnosis,
+    diagnosis: DiagnosisAnswer,
     path: Path,
     *,
     title: str,
@@ -71,7 +71,7 @@ def diagnosis_report(
     _write(path, "diagnosis.html", values)
 
 
-def load_diagnosis(path: Path) -> Diagnosis:
+def load_diagnosis(path: Path) -> DiagnosisAnswer:
     """Read the output of `modalwatch diagnose --json`.
 
     Raises
@@ -80,7 +80,7 @@ def load_diagnosis(path: Path) -> Diagnosis:
         Naming file and field.
     """
     try:
-        return Diagnosis.model_validate_json(path.read_bytes())
+        return DiagnosisAnswer.model_validate_json(path.read_bytes())
     except OSError as error:
         raise ResultsError(path, f"cannot be read: {error.strerror}") from error
     except ValidationError as error:

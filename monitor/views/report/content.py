@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import LogExcerpt
 from daq.log import files_of
-from monitor.results.comparison import DiscrepancyResult
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
 from monitor.text.causes import (
@@ -36,13 +36,13 @@ from monitor.views.report.evidence_figures import evidence_figure
 from monitor.views.report.figure import Picture, optional, picture
 from monitor.views.run import Run
 from oma import mac_matrix
-from updater import Diagnosis, Gain
+from updater import Gain
 from updater.diagnosis import ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 
 
-def run_content(run: Run, diagnosis: Diagnosis | None) -> dict[str, Any]:
+def run_content(run: Run, diagnosis: DiagnosisAnswer | None) -> dict[str, Any]:
     """Return the template's values for a run."""
     run_results = run.results
     found = None if diagnosis else last_discrepancy(run_results)
@@ -76,7 +76,7 @@ def _sensors(run_results: RunResults) -> list[dict[str, str]]:
     return health_rows(looked[-1]) if looked else []
 
 
-def last_diagnosis(run_results: RunResults) -> Diagnosis | None:
+def last_diagnosis(run_results: RunResults) -> DiagnosisAnswer | None:
     """Return the diagnosis of the last window that has one, if the alarm is still active."""
     found = [w.diagnosis for w in run_results.windows if w.diagnosis]
     return found[-1] if found and last_state(run_results) == "alarm" else None
@@ -236,7 +236,7 @@ def _quality(run: Run) -> dict[str, Any]:
 
 
 def diagnosis_content(
-    diagnosis: Diagnosis, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
+    diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
 ) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
     return {
@@ -284,7 +284,7 @@ def _fit(number: int, mode: ModeFit) -> dict[str, str]:
     }
 
 
-def _gain(diagnosis: Diagnosis, std: Gain | None) -> dict[str, Any] | None:
+def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> dict[str, Any] | None:
     gain = diagnosis.gain
     if gain is None:
         return None

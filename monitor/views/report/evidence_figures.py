@@ -4,18 +4,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 
-from monitor.results.comparison import PlaceDensity
+from monitor.results.comparison import DiagnosisAnswer, PlaceDensity
 from monitor.results.windows import ReferenceResult
 from monitor.text.quantities import plain
 from monitor.views.report.comparison_figures import WIDTH
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, INK, OK, SOFT, new_figure
-from updater import Diagnosis
 
 _LINEAR = 5.0  # log evidence up to which the scale is linear: ratio of 150 to 1
 
 
-def evidence_figure(diagnosis: Diagnosis) -> Figure | None:
+def evidence_figure(diagnosis: DiagnosisAnswer) -> Figure | None:
     """Return the log evidence of every cause against the best explanation; None where none was tried."""
     accepted = " + ".join(dict.fromkeys(plain(c.cause) for c in diagnosis.causes))
     bars = [(accepted, 0.0)] if accepted else []

@@ -9,10 +9,11 @@ from matplotlib.colors import LinearSegmentedColormap
 
 from daq import FloatArray
 from monitor.results.comparison import PlaceDensity
-from monitor.results.windows import Interval, MassAnswer, MassIncrements, ReferenceResult, Vector
+from monitor.results.windows import Interval, MassAnswer, MassIncrements, ReferenceResult
 from monitor.views.geometry import Geometry, screen
 from monitor.views.member_axis import sigmas
 from monitor.views.report.svg import ADDED, INK, REGION, REMOVED, SENSOR, SOFT, WARN, bare
+from updater.quantities import Vector
 
 _SIDE = (30.0, 20.0)  # degrees: azimuth and elevation of the eye
 _AMPLITUDE = 0.16  # of the structure's size: the largest increment

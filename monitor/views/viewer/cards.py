@@ -2,13 +2,13 @@
 
 import rerun as rr
 
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.verdicts import diagnosis_text
 from monitor.views.viewer.primitives import at, clock
-from updater import Diagnosis
 
 _MAX_REFUSED = 6  # causes whose refusal is listed individually
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
@@ -94,7 +94,7 @@ def _shift(mode: ModeResult) -> str:
     return f"{mode.shift_percent:+.2f} | {mode.shift_std_percent:.2f} | {sigmas}"
 
 
-def diagnosis_card(diagnosis: Diagnosis) -> str:
+def diagnosis_card(diagnosis: DiagnosisAnswer) -> str:
     """Return the verdict, the causes, the refused ones with reasons, and the gain."""
     parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
     for cause in diagnosis.causes:

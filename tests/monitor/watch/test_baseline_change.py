@@ -91,7 +91,7 @@ def observation(seed: int, bodies: list[Body | None]) -> Observation:
 def test_reference_windows_of_another_state_are_excluded(seed: int) -> None:
     before = observation(seed, [None] * 5 + [PUMP] * 3)
     found = explain(t_frame(), before, before.chosen(np.arange(5, 8)), only=("added_mass",))
-    diagnosis = found.explained.diagnosis
+    diagnosis = found.diagnosis
     [step] = diagnosis.reference_steps
     print(f"seed {seed}", step_text(step), sep="\n")
     assert (step.n_windows, step.of_windows, step.start) == (3, 8, 5 * 60 * 10**9)

@@ -4,10 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from monitor.results.comparison import DiagnosisAnswer, RejectedCause
 from monitor.results.windows import FlaggedDof, IncrementPlace, Interval, MassIncrements
 from tests.support.monitor import results as made
-from updater import Cause, Diagnosis, Gain
-from updater.diagnosis import FrequencyFit, ModeFit, Pair, Rejected
+from updater import Cause, Gain
+from updater.diagnosis import FrequencyFit, ModeFit, Pair
 from updater.quantities import Quantity, Where
 
 DIRECTIONS = ("x", "y", "z")
@@ -54,9 +55,9 @@ def increments(site: made.Site, n_windows: int = 3) -> MassIncrements:
     )
 
 
-def diagnosis() -> Diagnosis:
+def diagnosis() -> DiagnosisAnswer:
     """Return an explained diagnosis with every possible part; a text that must be escaped among it."""
-    return Diagnosis(
+    return DiagnosisAnswer(
         verdict="explained",
         causes=(
             Cause(
@@ -78,7 +79,9 @@ def diagnosis() -> Diagnosis:
                 parameters={"gain": Quantity(value=1.0312, std=0.0021, unit="-")},
             ),
         ),
-        rejected=(Rejected(cause="global_stiffness", log_evidence=-41.3, why="shifts all modes alike <unlike these>"),),
+        rejected=(
+            RejectedCause(cause="global_stiffness", log_evidence=-41.3, why="shifts all modes alike <unlike these>"),
+        ),
         modes=(
             ModeFit(
                 frequency=FrequencyFit(measured=10.504, std=0.012, before=10.81, after=10.507),

@@ -20,10 +20,10 @@ from monitor.results.windows import (
     ReferenceMode,
     ReferenceResult,
     Spectrum,
-    Vector,
     WindowResult,
 )
 from updater import Model, build_model, parse_structure, t_structure_toml
+from updater.quantities import Vector
 
 START = 1_767_225_600_000_000_000  # 2026-01-01 00:00 UTC [ns]
 WINDOW = 40_000_000_000  # [ns]

@@ -50,8 +50,8 @@ def test_three_elements_per_member_are_diagnosed_as_mesh_error(truth: Model) -> 
 
 
 def test_forty_elements_per_member_give_no_mesh_error(truth: Model) -> None:
-    found = asked(coarse(40), truth, 921).diagnosis
-    assert found.verdict == "nothing_to_explain"
+    found = asked(coarse(40), truth, 921)
+    assert found.diagnosis.verdict == "nothing_to_explain"
     assert "mesh_error" not in {r.cause for r in found.rejected}
 
 

@@ -55,9 +55,9 @@ def test_50_mg_mass_is_found_on_a_5_cm_bracket() -> None:
 
     reference = learn_reference(given, windows((), 6), [TRACK] * 6)
     now = reference.mean_of(stack_tracks(windows((Body(at=(0.02, 0, 0.04), mass=5e-5),), 5), [TRACK] * 5))
-    found = diagnose(reference, matched(reference.baseline, now)).diagnosis
-    assert found.verdict == "explained", found.next_measurement
-    (cause,) = found.causes
+    found = diagnose(reference, matched(reference.baseline, now))
+    assert found.diagnosis.verdict == "explained", found.next_measurement
+    (cause,) = found.diagnosis.causes
     assert cause.cause == "added_mass"
     assert cause.where is not None
     assert cause.where.position is not None

@@ -146,7 +146,7 @@ def test_change_outside_the_catalogue_is_unexplained() -> None:
     assert not found.diagnosis.causes
     assert found.diagnosis.gain is None
     assert found.extended is None
-    assert found.diagnosis.rejected
+    assert found.rejected
 
 
 @pytest.mark.parametrize("rigs", few_of([range(170, 171), range(170, 172)]), ids=["four", "eight"])

@@ -134,7 +134,7 @@ def test_unobservable_flexibilities_stay_below_those_of_a_loose_connection(
 def test_mass_on_three_span_girder_is_found_at_varying_levels(
     girder: tuple[Observation, Observation],
 ) -> None:
-    found = explain(girder_file(), *girder).explained.diagnosis
+    found = explain(girder_file(), *girder).diagnosis
     print(found.causes)
     assert found.verdict == "explained"
     assert found.failed == ()
@@ -174,7 +174,7 @@ def test_failing_cause_is_left_out_reported_and_logged(
         "axial_force": CatalogueEntry(propose=broken),
         "global_stiffness": CatalogueEntry(propose=singular),
     })  # fmt: skip
-    found = explain(girder_file(), *girder).explained.diagnosis
+    found = explain(girder_file(), *girder).diagnosis
     assert [cause.cause for cause in found.causes] == ["added_mass"]
     assert {f.part: f.error for f in found.failed} == {
         "axial_force": "IndexError: index 3 is out of bounds",

@@ -7,12 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monitor.text.diagnosis import next_text
 from oma import ModalEstimate
 from tests.support.updater.diagnosis_data import TRACK, Change, learnt
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Structure, diagnose, learn_reference, matched, stack_tracks
 from updater.causes import AddedMass, SelectedCause
-from updater.diagnosis.naming import named_causes, oddest
+from updater.diagnosis import Misfit, Separation
+from updater.diagnosis.naming import misfit, named_causes
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
@@ -50,36 +52,44 @@ def test_proposed_sensor_on_the_crossbeam_separates_left_from_right() -> None:
     rows = [int(np.argmin(np.abs(masses.position - at) + 10 * (masses.member != beam))) for at in (0.2, 0.6)]
     left_or_right = [(SelectedCause(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
     reported = next_measurement(reference, event, data, masses, left_or_right)
-    place = re.search(
-        r"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along [yz]: "
-        r"expected to separate the alternative places of the added mass by ([\d.]+) stand",
-        reported,
+    (found,) = reported.measurements
+    assert found.position is not None
+    assert abs(found.position[0]) > 0.1
+    assert found.position[1:] == pytest.approx((0.0, 1.48))
+    assert found.deviations > 3
+    assert re.match(
+        r"A sensor at \(-?[\d.]+, 0.00, 1.48\) m along [yz]: "
+        r"expected to separate the alternative places of the added mass by [\d.]+ standard deviations\.$",
+        next_text(reported),
     )
-    assert place is not None, reported
-    assert abs(float(place[1])) > 0.1
-    assert float(place[2]) > 3
-    axis = reported.split("m along ")[1][0]
-    there = Sensor(channel="there", at=(float(place[1]) + 0.02, 0.0, 1.48), direction=AXES[axis])
+    axis = found.axis
+    there = Sensor(channel="there", at=(found.position[0] + 0.02, 0.0, 1.48), direction=AXES[axis])
     calibration = replace(reference.calibration, structure=with_sensors(reference.structure, there))
     reported = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
-    other = re.search(rf"A sensor at \((-?[\d.]+), 0.00, 1.48\) m along {axis}:", reported)
-    assert other is None or abs(float(other[1]) - there.at[0]) > 0.03, reported
+    others = [m.position for m in reported.measurements if m.position and m.axis == axis]
+    assert all(abs(other[0] - there.at[0]) > 0.03 for other in others), reported
 
 
 def test_thermometer_tone_and_known_mass_are_proposed_for_common_factor() -> None:
     reference, _, event = learnt(503)
-    reported = diagnose(reference, event(Change(stiffness=0.96))).diagnosis.next_measurement
-    assert "A thermometer during both records" in reported
-    assert "A tone of known frequency in both records" in reported
-    assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", reported), reported
+    reported = diagnose(reference, event(Change(stiffness=0.96))).next_measurement
+    assert isinstance(reported, Separation)
+    assert reported.measurements[0].kind == "known_mass"
+    assert {one.instrument for one in reported.measurements[1:]} == {
+        "A thermometer during both records",
+        "A tone of known frequency in both records",
+    }
+    assert re.match(r"A known mass of [\d.]+ kg at .* stiffness", next_text(reported)), reported
 
 
 def test_inseparable_causes_are_reported_as_inseparable() -> None:
     """A foot and a joint that both give in torsion alone."""
     reference, _, event = learnt(122)
-    found = diagnose(reference, event(Change(foot={"rz": 0.2}))).diagnosis
-    assert found.verdict == "ambiguous"
-    assert "None of the measurements considered separates" in found.next_measurement
+    found = diagnose(reference, event(Change(foot={"rz": 0.2})))
+    assert found.diagnosis.verdict == "ambiguous"
+    assert isinstance(found.next_measurement, Separation)
+    assert found.next_measurement.inseparable
+    assert "None of the measurements considered separates" in next_text(found.next_measurement)
 
 
 def test_explained_verdict_proposes_no_separating_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,9 +101,9 @@ def test_explained_verdict_proposes_no_separating_measurement(monkeypatch: pytes
         return named, sure, [left_open[0], left_open[0]]
 
     monkeypatch.setattr("updater.diagnosis.explanation.named_causes", two_open)
-    found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",)).diagnosis
-    assert found.verdict == "explained"
-    assert "None of" not in found.next_measurement
+    found = diagnose(reference, event(Change((Body(at=(0.2, 0, 1.48), mass=0.3),))), only=("added_mass",))
+    assert found.diagnosis.verdict == "explained"
+    assert found.next_measurement == ("Inspect this place. A sensor moved there would make the estimate more precise.",)
 
 
 def test_fitting_frequency_is_not_reported_as_outlier() -> None:
@@ -102,11 +112,14 @@ def test_fitting_frequency_is_not_reported_as_outlier() -> None:
     masses = EvidenceComparison(reference, data).causes["added_mass"]
     assert isinstance(masses, AddedMass)
 
-    def reported(kg: float) -> str:
-        return oddest(
+    def reported(kg: float) -> Misfit:
+        return misfit(
             replace(data, shaped=np.zeros_like(data.shaped)), [SelectedCause(masses, 5, np.array([kg, 0, 0, 0]))]
         )
 
-    assert "no frequency 2 standard deviations off by itself" in reported(0.0)
-    assert "Hz 0 stand" not in reported(0.0)
-    assert "standard deviations off." in reported(3.0)
+    assert (reported(0.0).frequency, reported(0.0).shape) == (None, None)
+    assert "no frequency 2 standard deviations off by itself" in next_text(reported(0.0))
+    far = reported(3.0).frequency
+    assert far is not None
+    assert far[1] > 2
+    assert next_text(reported(3.0)).endswith(f"{far[1]:.0f} standard deviations off.")

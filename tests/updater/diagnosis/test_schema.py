@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from monitor.text.diagnosis import diagnosis_answer
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, Circumstances, diagnose
 
@@ -37,7 +38,7 @@ def answer(verdict: str) -> dict[str, Any]:
     current.shape[3] = np.nan
     extra = replace(current.only(np.array([5])), log_frequency=np.log([200.0]))
     found: dict[str, Any] = json.loads(
-        diagnose(reference, current, circumstances=Circumstances(extra=extra)).diagnosis.model_dump_json()
+        diagnosis_answer(diagnose(reference, current, circumstances=Circumstances(extra=extra))).model_dump_json()
     )
     return found
 

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor.analysis.explanation import explain_change
+from monitor.analysis.explanation import explain
+from monitor.results.comparison import DiagnosisAnswer
 from tests.examiner.cases import N_AFTER, N_BEFORE, specimen
 from tests.examiner.models.bar import Zone
 from tests.examiner.models.specimen import State
@@ -13,7 +14,7 @@ from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
-from updater import Body, Diagnosis, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
+from updater import Body, Reference, build_model, learn_reference, matched, nominal_reference, stack_tracks
 from updater.causes import Cause, LocalStiffness, SelectedCause
 from updater.causes.stiffness.local_stiffness import LENGTHS, propose_local_stiffness
 from updater.causes.stretches import everywhere
@@ -31,14 +32,14 @@ def softened(state: State, bar: str, left: float, share: tuple[float, float] = (
     return state.of_frame(state.frame.with_bar(bar, zones=(*one.zones, zone)))
 
 
-def diagnosed(which: str, before: State, after: State, seed: int) -> Diagnosis:
+def diagnosed(which: str, before: State, after: State, seed: int) -> DiagnosisAnswer:
     random = np.random.default_rng((seed, 6))
     reference = observation(before, estimated(before, N_BEFORE, random, noise="law"))
     now, heldout = (
         observation(after, [estimated(after, 1, random, first=w, noise="law")[0] for w in range(N_AFTER)])
         for _ in range(2)
     )
-    return explain_change(structure_of(f"{which}: "), reference, now, heldout).diagnosis
+    return explain(structure_of(f"{which}: "), reference, now, heldout).diagnosis
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor.text.causes import forecast_text
 from oma import ModalEstimate
 from tests.support.updater.frames import Truth, t_frame, t_truth, unmoved
 from updater import Body, ModalMean, Reference, learn_reference, locate_mass, stack_tracks
@@ -54,10 +55,10 @@ def test_forecast_reports_the_useful_number_of_windows(rig: Rig) -> None:
     twice = found.distance_std**2 > 2 * found.least_distance_std**2
     np.testing.assert_array_equal(twice, found.n < found.enough)
     assert (found.windows, found.limited_by) == (2, "windows")
-    assert f"up to about {found.enough}" in found.text
+    assert f"up to about {found.enough}" in forecast_text(found)
     later = sharpening(rig.reference, rig.event(4 * found.enough))
     assert later.limited_by != "windows"
-    assert "more windows will not reduce the deviation" in later.text
+    assert "more windows will not reduce the deviation" in forecast_text(later)
 
 
 def test_short_baseline_limits_the_accuracy_before_the_model(rig: Rig) -> None:
@@ -66,7 +67,7 @@ def test_short_baseline_limits_the_accuracy_before_the_model(rig: Rig) -> None:
     noisy = replace(baseline, log_frequency_std=10 * baseline.log_frequency_std, shape_std=10 * baseline.shape_std)
     found = sharpening(replace(rig.reference, baseline=noisy), rig.event(16))
     assert found.limited_by == "baseline"
-    assert "a longer baseline would" in found.text
+    assert "a longer baseline would" in forecast_text(found)
 
 
 def test_forecast_accuracy_matches_the_result_of_more_windows(rig: Rig) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from monitor.text.causes import open_question
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, MassChange, ModalDataError, ModalMean, Reference, learn_reference, locate_mass, stack_tracks
-from updater.localization import open_question
 
 TRACK = np.arange(8)
 

@@ -82,8 +82,8 @@ def test_a_diagnosis_can_be_limited_to_some_causes() -> None:
     """The command's tests cover causes that are left out."""
     reference, _, event = learnt(202)
     current = event(Change(bodies=(Body(at=(0.2, 0, 1.48), mass=0.3),)))
-    only = diagnose(reference, current, only=("added_mass", "local_stiffness")).diagnosis
-    assert [cause.cause for cause in only.causes] == ["added_mass"]
+    only = diagnose(reference, current, only=("added_mass", "local_stiffness"))
+    assert [cause.cause for cause in only.diagnosis.causes] == ["added_mass"]
     assert {c.cause for c in only.rejected} == {"local_stiffness"}
 
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from monitor.outputs.history import AlarmRow, EventRow, HistoryError, Reader, Span, TrendPoint, WindowRow
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.site_status import FILE_NAME, DeviceStatus, SiteStatus, read_status
 from monitor.results.windows import ReferenceResult, SelfTestResult
 from monitor.text.quantities import utc
-from updater import Diagnosis
 
 _STALE_SECONDS = 10.0  # without a new status file
 _SILENT_SECONDS = 5.0  # without data of a device
@@ -70,7 +70,7 @@ class Source:
                     alarms=alarms,
                     events=_newest(reader),
                     reference=ReferenceResult.model_validate_json(reference) if reference else None,
-                    places=_places(Diagnosis.model_validate_json(found)) if found else [],
+                    places=_places(DiagnosisAnswer.model_validate_json(found)) if found else [],
                 )
         except (HistoryError, ValueError):
             return None
@@ -83,7 +83,7 @@ def _newest(reader: Reader) -> list[EventRow]:
     return sorted(rows, key=lambda row: row.time)[-_EVENTS:]
 
 
-def _places(diagnosis: Diagnosis) -> list[tuple[float, float, float]]:
+def _places(diagnosis: DiagnosisAnswer) -> list[tuple[float, float, float]]:
     return [cause.where.position for cause in diagnosis.causes if cause.where and cause.where.position]
 
 

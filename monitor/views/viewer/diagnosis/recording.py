@@ -9,7 +9,7 @@ import rerun as rr
 from matplotlib.figure import Figure
 
 from daq import FloatArray
-from monitor.results.comparison import BalanceResult, DiscrepancyResult
+from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import cause_text
 from monitor.text.quantities import plain
@@ -22,13 +22,14 @@ from monitor.views.viewer.cards import diagnosis_card
 from monitor.views.viewer.diagnosis.layout import SECONDS_TIMELINE, diagnosis_layout
 from monitor.views.viewer.primitives import once, recording_file
 from monitor.views.viewer.scene import TUBE, sensors, supports
-from updater import Diagnosis
 
 _MARKDOWN = "text/markdown"
 _LIFT = 0.12  # of the structure's size, from a place up to its words
 
 
-def write_diagnosis(path: Path, diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> None:
+def write_diagnosis(
+    path: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult
+) -> None:
     """Write a self-contained .rrd file of a diagnosis, with its views laid out.
 
     Parameters
@@ -82,7 +83,7 @@ def modes_card(found: DiscrepancyResult) -> str:
 
 
 def _structure(
-    recording: rr.RecordingStream, diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult
+    recording: rr.RecordingStream, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult
 ) -> None:
     """Draw members coloured by the residual forces, sensors, and the causes at their places."""
     geometry = Geometry(reference)
@@ -109,7 +110,7 @@ def reading_of(balance: BalanceResult | None, n_nodes: int) -> FloatArray:
 
 
 def _causes(
-    recording: rr.RecordingStream, geometry: Geometry, diagnosis: Diagnosis, reference: ReferenceResult
+    recording: rr.RecordingStream, geometry: Geometry, diagnosis: DiagnosisAnswer, reference: ReferenceResult
 ) -> None:
     """Draw a ball and words at each cause's place, its 95 % region, and a ring about each channel that one names."""
     above = np.array([0.0, 0.0, _LIFT * geometry.size])

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from daq import Event
 from monitor.outputs.history import HistoryStore, Reader, schema
 from monitor.outputs.history.retention import says_the_same, told_before
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.events import result_event
 from monitor.results.windows import WindowResult
 from tests.support.monitor import answers
 from tests.support.monitor.history import START, change, rows, sqlite_url
-from updater import Diagnosis
 
 STEP = 600 * 10**9
 FOUND = answers.diagnosis()
@@ -24,13 +24,13 @@ TEXT = FOUND.model_dump_json()
 NOTHING = FOUND.model_copy(update={"verdict": "unexplained", "causes": (), "gain": None})
 
 
-def weighing(mass: float) -> Diagnosis:
+def weighing(mass: float) -> DiagnosisAnswer:
     """Return the diagnosis with another mass [kg], stated ± 5 g."""
     value = MASS.parameters["mass"].model_copy(update={"value": mass})
     return FOUND.model_copy(update={"causes": (MASS.model_copy(update={"parameters": {"mass": value}}), GAIN)})
 
 
-def window(number: int, diagnosis: Diagnosis) -> Event:
+def window(number: int, diagnosis: DiagnosisAnswer) -> Event:
     end = START + number * STEP
     result = WindowResult(
         index=number, start=end - STEP, end=end, phase="alarm", channels=[], modes=[], diagnosis=diagnosis
@@ -104,7 +104,7 @@ def test_each_alarm_keeps_its_first_and_newest_diagnosis(tmp_path: Path) -> None
         ),
     ],
 )
-def test_equivalence_of_two_diagnoses(now: Diagnosis, same: bool) -> None:
+def test_equivalence_of_two_diagnoses(now: DiagnosisAnswer, same: bool) -> None:
     assert says_the_same(FOUND, now) is same
     assert says_the_same(now, FOUND) is same
 

@@ -1,0 +1,116 @@
+"""A diagnosis as its JSON schema has it: why causes are refused, and what to measure next, in sentences."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from monitor.results.comparison import DiagnosisAnswer
+from monitor.text.quantities import MIN_P
+from updater import DiagnosisResult
+from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
+from updater.quantities import SIGNIFICANT
+
+_REASONS = {
+    "uniform_shift": "not distinguishable from a uniform frequency shift",
+    "no_change_fits_as_well": "fits, but no change fits as well",
+    "worse_model_only": "fits only if the model is assumed to be worse",
+}
+_SITUATIONS = {
+    "no_change": "None: the data agree with the reference.",
+    "unsteady": "The frequencies drift between windows. Record again while the structure is stationary.",
+    "scattered_mass": "Mass changed at several places that these modes cannot resolve. Inspect the structure, or "
+    "measure with more sensors and up to higher modes.",
+    "widespread_stiffness": "Stiffness has changed along most of several members: corrosion, another material or other "
+    "sections, of which a loss of stiffness alone is a part. Measure the members' sections, and correct the structure "
+    "file.",
+}
+
+
+def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = ()) -> DiagnosisAnswer:
+    """Return a diagnosis, and changes of the structure within the reference logs, with their sentences."""
+    rejected = [r.model_dump(include={"cause", "log_evidence"}) | {"why": rejection_text(r)} for r in found.rejected]
+    own = {"rejected": rejected, "next_measurement": next_text(found.next_measurement), "reference_steps": steps}
+    return DiagnosisAnswer.model_validate(dict(found.diagnosis) | own)
+
+
+def rejection_text(rejected: Rejected) -> str:
+    """Return why a cause is refused."""
+    if rejected.reason == "poor_fit":
+        p = f"p {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p under {MIN_P:.0e}"
+        return f"rejected: poor fit, {p}"
+    if rejected.reason == "less_probable":
+        return f"fits, {_ratio_text(-rejected.log_evidence)} times less probable"
+    return _REASONS[rejected.reason]
+
+
+def _ratio_text(log_ratio: float) -> str:
+    if log_ratio > -np.log(MIN_P):
+        return f"more than {1 / MIN_P:.0e}".replace("+", "")
+    return f"{np.exp(log_ratio):.2g}" if log_ratio < np.log(1e4) else f"1e{log_ratio / np.log(10):.0f}"
+
+
+def next_text(found: NextMeasurement) -> str:
+    """Return in sentences what to measure next."""
+    if isinstance(found, Misfit):
+        return f"Repeat the measurement. The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
+    if isinstance(found, Separation):
+        return _separation_text(found)
+    return _SITUATIONS[found] if isinstance(found, str) else " ".join(found)
+
+
+def _misfit_text(found: Misfit) -> str:
+    odd = []
+    if found.frequency:
+        odd.append("the frequency of the mode at {:.4g} Hz {:.0f} standard deviations off".format(*found.frequency))
+    if found.shape:
+        odd.append("the shape at {:.4g} Hz at a MAC of {:.3f}, most at {}".format(*found.shape))
+    none = f"no frequency {SIGNIFICANT:.0f} standard deviations off by itself, but all modes together more than noise"
+    return ", ".join(odd) or none
+
+
+def _separation_text(found: Separation) -> str:
+    names = _distinctive(found.hypotheses)
+    sentences = [
+        f"{_measurement_text(m)}: expected to separate {_pairs_text(names, m.pairs)} by {m.deviations:.1f} standard "
+        "deviations."
+        for m in found.measurements
+    ]
+    if found.inseparable:
+        sentences.append(f"None of the measurements considered separates {_pairs_text(names, found.inseparable)}.")
+    return " ".join(sentences)
+
+
+def _measurement_text(found: Measurement) -> str:
+    at = "({:.2f}, {:.2f}, {:.2f}) m".format(*found.position) if found.position else ""
+    return {
+        "sensor": f"A sensor at {at} along {found.axis}",
+        "known_mass": f"A known mass of {found.mass:.3g} kg at {at}",
+        "longer_record": f"{found.length} times the record",
+        "instrument": found.instrument,
+    }[found.kind]
+
+
+def _pairs_text(names: Sequence[str], pairs: Sequence[tuple[int, int]]) -> str:
+    """Return the names of pairs of hypotheses, each once; names with the same partners are grouped."""
+    order = list(dict.fromkeys(names))
+    left, texts = {frozenset((names[i], names[j])) for i, j in pairs}, []
+    places = [name for name in order if frozenset((name,)) in left]  # pairs of hypotheses with one name
+    left -= {frozenset((name,)) for name in places}
+    while left:
+        partners = {a: [b for b in order if a != b and frozenset((a, b)) in left] for a in order}
+        others = max(filter(None, partners.values()), key=lambda them: sum(p == them for p in partners.values()))
+        own = [name for name in order if partners[name] == others]
+        texts.append(f"{' or '.join(own)} from {' or '.join(others)}")
+        left -= {frozenset((a, b)) for a in own for b in others}
+    return "; ".join(texts + [f"the alternative places of the {name}" for name in places])
+
+
+def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:
+    """Return the names of the causes by which each hypothesis differs from the others."""
+    common = set[str].intersection(*map(set, hypotheses))
+    own = [[name for name in each if name not in common] for each in hypotheses]
+    return [_joint(dict.fromkeys(each)) for each in (own if all(own) else hypotheses)]
+
+
+def _joint(causes: Iterable[str]) -> str:
+    return " and ".join(causes).replace("_", " ")
