@@ -1,4 +1,4 @@
-"""`install-service` and `health`: a site under a service manager."""
+"""Site under a service manager: its unit, and its health."""
 
 import json
 import os
@@ -19,14 +19,12 @@ from monitor.settings import Settings
 _SECONDS = 5.0  # to wait for an answer
 
 
-def install_command(path: Path, *, of_user: bool, only_print: bool, run_as: str | None = None) -> int:
+def install_unit(path: Path, *, of_user: bool, only_print: bool, run_as: str | None) -> int:
     """Write or print the systemd unit of a site, and print the commands that start it.
 
     Parameters
     ----------
-    path : of SITE.toml
     of_user : whether it is for the user's manager instead of the system's
-    only_print : whether nothing is written
     run_as : user that the system's unit runs as. Default: the owner of the site's folder, who must not be root
 
     Raises
@@ -100,7 +98,7 @@ def _ports(settings: Settings) -> tuple[str, ...]:
     return tuple(port for d in settings.device if (port := d.port or (d.can.channel if d.can else "")))
 
 
-def health_command(path: Path) -> int:
+def check_health(path: Path) -> int:
     """Query the health of a site's running monitor; 1 with the stale parts if it is not healthy, or does not respond.
 
     Raises

@@ -1,4 +1,4 @@
-"""`modalwatch reanalyse`: an archive analysed again, in parallel."""
+"""An archive analysed again, in parallel."""
 
 import os
 from collections.abc import Iterator, Sequence
@@ -25,28 +25,17 @@ console = Terminal()
 _READERS = 8  # logs whose attachments are read at the same time
 
 
-def reanalyse_command(
+def reanalyse_archive(
     archives: Sequence[str],
     out: Path,
     site: Path | None,
+    given: Sequence[str],
     scheduler: str | None,
     workers: int | None,
     *,
     dry_run: bool,
-    given: Sequence[str] = (),
 ) -> int:
-    """Analyse the logs of an archive again; 1 if a log could not be analysed to its end, or a site ends in an alarm.
-
-    Parameters
-    ----------
-    archives : logs, folders, URLs
-    out : folder of the results
-    site : of SITE.toml, instead of the attached ones
-    scheduler : address of a scheduler of Dask; None: processes of this machine
-    workers : their number
-    dry_run : whether only the plan is printed
-    given : KEY=VALUE each, which override SITE.toml
-    """
+    """Analyse the logs of an archive again; 1 if a log could not be analysed to its end, or a site ends in an alarm."""
     texts = _texts(site, given)
     logs = find_logs(archives)
     with ThreadPoolExecutor(_READERS) as pool:

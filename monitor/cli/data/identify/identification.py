@@ -1,8 +1,8 @@
-"""`identify`: the modes of logs."""
+"""Modes of logs, averaged over windows, or merged over set-ups."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from daq import AnyLog, LogError, Recording, read_attachments
 from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.stationarity import frequency_change
-from monitor.analysis.time_range import WHOLE, TimeRange
-from monitor.cli.data.identify_output import Findings, as_json, console, say_modes
+from monitor.analysis.time_range import TimeRange
+from monitor.cli.data.identify.identification_output import Findings, as_json, console, say_modes
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
 from monitor.cli.terminal import say_range
@@ -28,64 +28,60 @@ from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse
 from updater.validation import ModelModes, model_modes
 
 
-@dataclass(frozen=True, kw_only=True)
-class Options:
-    """Arguments of the command line."""
-
-    method: str = "ssi-data"
-    window: float | None = None  #: [s]; the log's settings', else the whole log
-    band: tuple[float, float] | None = None  #: [Hz]; the log's settings', else chosen
-    structure: Path | None = None  #: structure to compare with; the one attached to the log, if any
-    references: tuple[str, ...] = ()  #: channels that stay while others are moved: each log is a set-up of its own
-    within: TimeRange = WHOLE  #: range of all logs together; of each log if they are set-ups
-
-
-def identify_command(
-    paths: Sequence[Path], options: Options, json_path: Path | None, picture: Path | None, out: Path | None = None
+def identify_logs(
+    paths: Sequence[Path],
+    *,
+    method: str,
+    window: float | None,
+    band: tuple[float, float] | None,
+    structure: Path | None,
+    references: Sequence[str],
+    within: TimeRange,
+    json_path: Path | None,
+    picture: Path | None,
+    out: Path | None,
 ) -> int:
-    """Print the modes; write JSON, pictures and a folder on request."""
-    if options.method not in METHODS:
-        raise ArgumentError("--method", f"expected one of {', '.join(METHODS)}, found {options.method!r}")
-    if options.band is not None and not 0 < options.band[0] < options.band[1]:
-        raise ArgumentError("--band", f"expected 0 < low < high, found {options.band[0]:g} {options.band[1]:g}")
-    logs = _logs(paths, options)
+    """Print the modes of logs, or of set-ups with reference sensors; write JSON, pictures and a folder on request."""
+    if band is not None and not 0 < band[0] < band[1]:
+        raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
+    logs = _logs(paths, references, within)
     settings = _settings(logs[0])
-    window = options.window or (settings.analysis.window_seconds if settings else None)
-    band = options.band or (settings.analysis.band if settings else None)
-    method = METHODS[options.method]()
-    if options.references:
-        windows, fused = _merged(logs, window, method, band, options.references)
+    window = window or (settings.analysis.window_seconds if settings else None)
+    band = band or (settings.analysis.band if settings else None)
+    chosen = METHODS[method]()
+    if references:
+        windows, fused = _merged(logs, window, chosen, band, references)
     else:
-        windows, fused = _identify(logs, window, method, band)
-    model = _model(fused.estimate, logs[0], options.structure)
+        windows, fused = _identify(logs, window, chosen, band)
+    model = _model(fused.estimate, logs[0], structure)
     partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
-    windows_of = partial(_recordings, logs[:1] if options.references else logs, window)
-    late = None if options.references else _asynchrony(windows_of(), windows, fused.estimate)
-    change = None if options.references else frequency_change(windows, windows_of, method, band)
+    windows_of = partial(_recordings, logs[:1] if references else logs, window)
+    late = None if references else _asynchrony(windows_of(), windows, fused.estimate)
+    change = None if references else frequency_change(windows, windows_of, chosen, band)
     shown = Findings(windows=windows, fused=fused, partners=partners, asynchrony=late, change=change)
-    say_modes(logs, shown, setups=bool(options.references))
-    about = {"name": options.method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
-    content = as_json(shown) | {"method": about | {"options": asdict(method)}}
+    say_modes(logs, shown, setups=bool(references))
+    about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
+    content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
     if json_path:
         write_json(json_path, content)
     if picture or out:
-        recording, found = _first(windows_of(), method, band)
+        recording, found = _first(windows_of(), chosen, band)
         if picture:
             _draw(picture, recording, found, fused.estimate)
         if out:
-            over_time = () if options.references else windows.estimates
+            over_time = () if references else windows.estimates
             _fill(out, over_time, fused.estimate, recording, found, model, content)
     return DONE
 
 
-def _logs(paths: Sequence[Path], options: Options) -> Sequence[AnyLog]:
+def _logs(paths: Sequence[Path], references: Sequence[str], within: TimeRange) -> Sequence[AnyLog]:
     """Return the logs to read, or their parts within a range."""
     logs = as_logs(paths)
-    if not options.references:
-        return options.within.of_logs(logs, say_range)
+    if not references:
+        return within.of_logs(logs, say_range)
     if len(logs) < 2:
         raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
-    return [options.within.of_log(log, say_range) for log in logs]
+    return [within.of_log(log, say_range) for log in logs]
 
 
 def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:

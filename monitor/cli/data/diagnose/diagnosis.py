@@ -1,4 +1,4 @@
-"""`diagnose`: changes since the reference logs, or errors of the structure file."""
+"""Changes since the reference logs, or errors of the structure file."""
 
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -13,12 +13,12 @@ from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.logs import Held, log_channels, log_held
 from monitor.analysis.modal_table.table import is_table, read_tables
 from monitor.analysis.observation import Observation, given_up, observe, window_seconds
-from monitor.analysis.selection import EVERYTHING, Selection
+from monitor.analysis.selection import Selection
 from monitor.analysis.stationarity import step_text
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.analysis.trends import trends_beside
-from monitor.cli.data.diagnose_output import say_answer, say_evidence
-from monitor.cli.data.parameters_output import changes_table
+from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
+from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal, say_range
@@ -96,7 +96,7 @@ _EXTENDED = "found by modalwatch diagnose"  # comment of entries added to an ext
 
 @dataclass(frozen=True, kw_only=True)
 class Logs:
-    """Arguments of the command line."""
+    """Logs of a diagnosis, as given on the command line."""
 
     current: Sequence[Path]
     reference: Sequence[Path] = ()
@@ -105,14 +105,14 @@ class Logs:
     reference_within: TimeRange = WHOLE
 
 
-def diagnose_command(
+def diagnose_logs(
     structure_path: Path,
     logs: Logs,
+    selection: Selection,
     *,
     window: float | None,
     out: Path | None,
     json_path: Path | None,
-    selection: Selection = EVERYTHING,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     structure = selected_structure(structure_path, selection)

@@ -9,6 +9,7 @@ from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, HistoryError, Reader, Span
 from monitor.service.operator_commands import Command, write_command
 from monitor.service.site import Site
+from monitor.text.quantities import utc
 
 console = Terminal()
 _EVER = Span(start=0, end=2**62)
@@ -44,22 +45,38 @@ def _runs(site: Site) -> bool:
     return status is not None and abs(time.time() - status.time) < _FRESH
 
 
-def standing(site: Site) -> AlarmRow | None:
-    """Return the active alarm of the history.
+def active_alarm(site: Site, given: str | None) -> AlarmRow:
+    """Return the active alarm of the history, if it is the given one.
+
+    Parameters
+    ----------
+    given : time at which it was raised, as in `history`, or the beginning of it. Default: the active one
 
     Raises
     ------
-    HistoryError
-        If it is not available.
+    ArgumentError
+        If none is active, or another one.
     """
+    try:
+        found = _active_alarm(site)
+    except HistoryError as error:
+        raise ArgumentError("ALARM", f"no alarm is known: {error}") from error
+    if found is None:
+        raise ArgumentError("ALARM", "no alarm is active")
+    if given is not None and not utc(found.raised).startswith(given):
+        raise ArgumentError("ALARM", f"expected the active one, {utc(found.raised)}, found {given!r}")
+    return found
+
+
+def active_alarm_if_known(site: Site) -> AlarmRow | None:
+    """Return the active alarm, None also if the history is not available."""
+    try:
+        return _active_alarm(site)
+    except HistoryError:
+        return None
+
+
+def _active_alarm(site: Site) -> AlarmRow | None:
     with Reader(site.source.url) as reader:
         found = [row for row in reader.alarms(_EVER) if row.cleared is None]
     return found[-1] if found else None
-
-
-def standing_if_known(site: Site) -> AlarmRow | None:
-    """Return the same, None also if the history is not available."""
-    try:
-        return standing(site)
-    except HistoryError:
-        return None

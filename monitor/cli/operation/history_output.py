@@ -1,8 +1,8 @@
-"""`history`: results over months and years as tables, CSV, JSON and a picture."""
+"""Results over months and years as tables, CSV, JSON and a picture."""
 
 import csv
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from time import time_ns
 
@@ -26,28 +26,21 @@ _MAX = 20  # lines of a table
 _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outputs:
-    """Output files."""
-
-    csv: Path | None = None
-    plot: Path | None = None
-    json: Path | None = None
-
-
-def history_command(target: str, days: float | None, outputs: Outputs) -> int:
-    """Print a site's history of the last days, or of all time."""
+def list_history(
+    target: str, days: float | None, *, csv_path: Path | None, json_path: Path | None, picture: Path | None
+) -> int:
+    """Print a site's history of the last days, or of all time; write files on request."""
     with Reader(target_url(target)) as reader:
         found = look(reader, None if days is None else _last(days))
     _say(found)
-    if outputs.csv:
-        write_csv(outputs.csv, found)
-    if outputs.json:
-        write_json(outputs.json, as_json(found))
-    if outputs.plot:
+    if csv_path:
+        write_csv(csv_path, found)
+    if json_path:
+        write_json(json_path, as_json(found))
+    if picture:
         from monitor.views.plots.history import draw_history  # loads matplotlib
 
-        draw_history(outputs.plot, found)
+        draw_history(picture, found)
     return DONE
 
 

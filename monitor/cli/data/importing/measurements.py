@@ -1,8 +1,7 @@
-"""`import`: a file of measurements becomes a log."""
+"""Files of measurements as a log."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -10,9 +9,8 @@ import numpy as np
 from rich.markup import escape
 
 from daq import DataError, DataOptions, Recording, write_recordings
-from daq.files import ACCELERATIONS, TIME_UNITS, Measured, acceleration, read_in_order, with_channels
-from monitor.analysis.time_range import instant
-from monitor.cli.data.new_site import learning_notes, new_site
+from daq.files import Measured, read_in_order, with_channels
+from monitor.cli.data.importing.new_site import learning_notes, new_site
 from monitor.cli.exit_codes import DONE
 from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
@@ -25,64 +23,56 @@ _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any c
 console = Terminal()
 
 
-@dataclass(frozen=True, kw_only=True)
-class ImportOptions:
-    """Arguments of the command line about a file of measurements."""
+def import_measurements(
+    data: Sequence[Path],
+    out: Path,
+    options: DataOptions,
+    *,
+    structure: Path | None = None,
+    site: Path | None = None,
+    new: Path | None = None,
+) -> int:
+    """Write the log and print a summary.
 
-    rate: float | None = None  #: [Hz], if it has no times
-    unit: str | None = None  #: unit of the numbers. Default: that of the columns, else m/s2
-    scale: float | None = None  #: units a number
-    start: str | None = None  #: ISO 8601
-    time: str | None = None  #: column of times. Default: t or time
-    time_unit: str | None = None  #: unit of the times. Default: that of the column
-    columns: tuple[str, ...] = ()  #: NAME or NAME=SENSOR
-    velocities: tuple[str, ...] = ()  #: sensors whose numbers are velocities
-    temperature: str | None = None  #: column of temperatures. Default: all columns with such a unit
-    transposed: bool | None = None  #: whether rows of an array are channels
-    structure: Path | None = None
-    site: Path | None = None
-    new_site: Path | None = None  #: site to write, with these channels
-    dbc: Path | None = None  #: DBC file of a CAN log
-    counter: str | None = None  #: signal of a CAN log that counts scans
-
-
-def import_command(data: Sequence[Path], out: Path, options: ImportOptions) -> int:
-    """Write the log and print a summary."""
-    if len(data) > 1 and options.start is not None:
-        raise ArgumentError("--start", f"not of {len(data)} files, each with its start date")
-    parts = _read(data, options)
+    Parameters
+    ----------
+    structure, site : files to attach
+    new : site to write, with the channels of the data
+    """
+    try:
+        parts = read_in_order(data, options)
+    except ValueError as error:  # invalid name or record too short: the other arguments were checked before
+        raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
     with ExitStack() as undone:
-        if options.new_site is not None:
-            if options.structure is None or options.site is not None:
+        if new is not None:
+            if structure is None or site is not None:
                 raise ArgumentError("--new-site", "expected --structure with it, and no --site")
-            recorded = [part.recording for part in parts]
-            undone.enter_context(new_site(options.new_site, options.structure, out, recorded))
-        recordings, notes = _write(data[0], out, options, parts)
-    _say(out, recordings, parts, options.new_site)
+            undone.enter_context(new_site(new, structure, out, [part.recording for part in parts]))
+        recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
+    _say(out, recordings, parts, new)
     for note in notes:
         console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
     return DONE
 
 
 def _write(
-    data: Path, out: Path, options: ImportOptions, parts: Sequence[Measured]
+    data: Path, out: Path, parts: Sequence[Measured], structure: Path | None, path: Path | None, *, learns: bool
 ) -> tuple[Sequence[Recording], list[str]]:
-    """Write the log; return its content, and the notes."""
+    """Write the log with a structure and the site of a path; return its content, and the notes."""
     recordings = [part.recording for part in parts]
     attachments: dict[str, str] = {}
     notes: list[str] = []
-    if options.structure is not None:
-        attachments["structure.toml"], lacking = _structure_text(data, recordings[0], options.structure)
+    if structure is not None:
+        attachments["structure.toml"], lacking = _structure_text(data, recordings[0], structure)
         if lacking:
-            notes.append(f"no column for {', '.join(lacking)} of {options.structure}")
-    path = options.new_site or options.site
+            notes.append(f"no column for {', '.join(lacking)} of {structure}")
     if path is not None:
         site = load_site(path)
         recordings = [_for_site(data, recording, site, path) for recording in recordings]
         attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
         if site.settings.temperature is not None and any(np.isfinite(one.temperature) for one in recordings):
             notes.append(f"[temperature] of {path} overrides the log's temperatures; remove it there")
-        if options.new_site is not None:
+        if learns:
             notes += learning_notes(site.settings, sum(recording.duration for recording in recordings), path)
     write_recordings(out, recordings, attachments, [part.temperature for part in parts])
     return recordings, notes
@@ -116,53 +106,6 @@ def _sequence(recordings: Sequence[Recording]) -> str:
     warm = [recording.temperature for recording in recordings if np.isfinite(recording.temperature)]
     means = f"; their mean temperatures: {min(warm):.4g} to {max(warm):.4g} degC" if warm else ""
     return f"{len(recordings)} files by their dates, {len(real)} pauses between them{longest}{means}"
-
-
-def _read(data: Sequence[Path], options: ImportOptions) -> tuple[Measured, ...]:
-    if options.time_unit is not None and options.time_unit not in TIME_UNITS:
-        raise ArgumentError("--time-unit", f"expected one of {', '.join(TIME_UNITS)}, found {options.time_unit!r}")
-    asked = DataOptions(
-        rate=options.rate,
-        factor=_factor(options),
-        start=None if options.start is None else start_of(options.start),
-        time=options.time,
-        time_unit=options.time_unit,
-        columns=columns_of(options.columns),
-        velocities=options.velocities,
-        temperature=options.temperature,
-        transposed=options.transposed,
-    )
-    try:
-        return read_in_order(data, asked)
-    except ValueError as error:  # invalid name or record too short: the other arguments were checked before
-        raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
-
-
-def _factor(options: ImportOptions) -> float | None:
-    """Return the factor of a number [m/s2] if it was given explicitly."""
-    if options.unit is None and options.scale is None:
-        return None
-    worth = acceleration(options.unit or "m/s2")
-    if worth is None:
-        raise ArgumentError("--unit", f"expected one of {', '.join(ACCELERATIONS)}, found {options.unit!r}")
-    return worth * (options.scale or 1.0)
-
-
-def columns_of(options: Sequence[str]) -> dict[str, str] | None:
-    """Return column -> channel from NAME or NAME=SENSOR; None for all columns."""
-    pairs = [(option.rpartition("=") if "=" in option else (option, "", option)) for option in options]
-    columns = {column: channel for column, _, channel in pairs}
-    if len(columns) < len(pairs) or len(set(columns.values())) < len(pairs):
-        raise ArgumentError("--column", f"expected different names, found {', '.join(options)}")
-    return columns or None
-
-
-def start_of(text: str) -> int:
-    """Return a time [ns UTC]; without a zone it is UTC."""
-    try:
-        return instant(text)
-    except ValueError as error:
-        raise ArgumentError("--start", str(error)) from error
 
 
 def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recording:

@@ -1,14 +1,13 @@
-"""`structure`: picture of a structure file, and the accuracy of its sensors."""
+"""Picture of a structure file, and the accuracy of its sensors."""
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 from rich.markup import escape
 
 from monitor.analysis.channels import check_channels, measured_only
-from monitor.cli.data.parameters_output import SENSITIVITY_NOTE, parameter_table, parameters_json
-from monitor.cli.data.structure_output import (
+from monitor.cli.data.structure.parameters_output import SENSITIVITY_NOTE, parameter_table, parameters_json
+from monitor.cli.data.structure.structure_output import (
     as_json,
     body_table,
     channel_words,
@@ -34,54 +33,80 @@ _ELSE = "for another recorder give --highest, or --channels SITE.toml or a log o
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """Options of the command."""
+def study_structure(
+    path: Path,
+    *,
+    n_modes: int,
+    seconds: float,
+    damping: float,
+    highest: float | None,
+    target_mass: str | None,
+    tolerance: str,
+    channels: Path | None,
+    parameters: bool,
+    json_path: Path | None,
+    picture: Path | None,
+) -> int:
+    """Draw the structure, list modes and detectability; return 1 if sensors and channels do not match."""
+    structure, target = load_structure(path), _target(target_mass, tolerance)
+    check = check_channels(structure, channels) if channels else None
+    record = _record(seconds, damping, highest, check.highest if check else PASS * _USUAL_RATE)
+    if check:
+        structure = measured_only(structure, check)
+    try:
+        sight = look(structure, n_modes, record, target.within if target else None)
+        planned = _planned(sight, target)
+    except ModelError as error:
+        raise StructureError(path, str(error)) from error
+    picture = picture or path.with_suffix(".png")
+    try:
+        draw_structure(sight, picture, planned)
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
+        raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
+    _say(sight, planned)
+    for words in channel_words(structure, check):
+        console.print(escape(words))
+    sensitivities = _parameters(structure, n_modes) if parameters else None
+    notes = odd_units(structure)
+    if highest is None and check is None:
+        notes = [
+            *notes,
+            f"modes are counted up to {record.highest:g} Hz, as recorded at {_USUAL_RATE:g} Hz; {_ELSE}",
+        ]
+    for note in notes:
+        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
+    console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
+    if json_path:
+        listed = {} if sensitivities is None else {"parameters": parameters_json(sensitivities)}
+        write_json(json_path, as_json(sight, planned) | listed)
+    return DONE if check is None or check.good else NEEDS_A_PERSON
 
-    n_modes: int
-    seconds: float
-    damping: float
-    highest: float | None  #: None: that of the recording of --channels, or of 1000 Hz
-    target: str | None
-    within: str
-    channels: Path | None
-    parameters: bool = False  #: whether the model parameters and their sensitivities are listed
 
-    def record(self, highest_measured: float) -> Record:
-        """Return the record that is planned.
+def _record(seconds: float, damping: float, given: float | None, highest_measured: float) -> Record:
+    """Return the record that is planned, with modes up to a given frequency, or the highest measured one [Hz].
 
-        Parameters
-        ----------
-        highest_measured : highest frequency of identified modes, unless it was given [Hz]
-
-        Raises
-        ------
-        ArgumentError
-            Naming the option that makes no sense.
-        """
-        highest = self.highest if self.highest is not None else highest_measured
-        for name, value in (("--record-seconds", self.seconds), ("--damping", self.damping), ("--highest", highest)):
-            if not value > 0:
-                raise ArgumentError(name, f"expected a positive number, found {value:g}")
-        if self.damping >= 1:
-            raise ArgumentError("--damping", f"expected a ratio of critical such as 0.005, found {self.damping:g}")
-        return Record(seconds=self.seconds, damping=self.damping, highest=highest)
-
-    def wanted(self) -> Target | None:
-        """Return the target mass, None if there is none.
-
-        Raises
-        ------
-        ArgumentError
-            Naming the option that is no mass or length.
-        """
-        if self.target is None:
-            return None
-        mass = measured("--target-mass", self.target, "mass")
-        return Target(mass=mass, within=measured("--tolerance", self.within, "length"))
+    Raises
+    ------
+    ArgumentError
+        Naming the option that makes no sense.
+    """
+    highest = given if given is not None else highest_measured
+    for name, value in (("--record-seconds", seconds), ("--damping", damping), ("--highest", highest)):
+        if not value > 0:
+            raise ArgumentError(name, f"expected a positive number, found {value:g}")
+    if damping >= 1:
+        raise ArgumentError("--damping", f"expected a ratio of critical such as 0.005, found {damping:g}")
+    return Record(seconds=seconds, damping=damping, highest=highest)
 
 
-def measured(option: str, text: str, kind: str) -> float:
+def _target(mass: str | None, tolerance: str) -> Target | None:
+    """Return the target mass, None if there is none."""
+    if mass is None:
+        return None
+    return Target(mass=_measured("--target-mass", mass, "mass"), within=_measured("--tolerance", tolerance, "length"))
+
+
+def _measured(option: str, text: str, kind: str) -> float:
     """Return a positive quantity with its unit, such as `50g` or `0.05 m`, in SI units.
 
     Raises
@@ -98,42 +123,6 @@ def measured(option: str, text: str, kind: str) -> float:
     if not value > 0:
         raise ArgumentError(option, f"expected a {kind} in {' or '.join(units)}, such as 50{units[1]}, found {text!r}")
     return value
-
-
-def structure_command(path: Path, asked: Asked, *, json_path: Path | None, picture: Path | None) -> int:
-    """Draw the structure, list modes and detectability; return 1 if sensors and channels do not match."""
-    structure, target = load_structure(path), asked.wanted()
-    check = check_channels(structure, asked.channels) if asked.channels else None
-    record = asked.record(check.highest if check else PASS * _USUAL_RATE)
-    if check:
-        structure = measured_only(structure, check)
-    try:
-        sight = look(structure, asked.n_modes, record, target.within if target else None)
-        planned = _planned(sight, target)
-    except ModelError as error:
-        raise StructureError(path, str(error)) from error
-    picture = picture or path.with_suffix(".png")
-    try:
-        draw_structure(sight, picture, planned)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
-        raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
-    _say(sight, planned)
-    for words in channel_words(structure, check):
-        console.print(escape(words))
-    sensitivities = _parameters(structure, asked.n_modes) if asked.parameters else None
-    notes = odd_units(structure)
-    if asked.highest is None and check is None:
-        notes = [
-            *notes,
-            f"modes are counted up to {record.highest:g} Hz, as recorded at {_USUAL_RATE:g} Hz; {_ELSE}",
-        ]
-    for note in notes:
-        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
-    console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
-    if json_path:
-        listed = {} if sensitivities is None else {"parameters": parameters_json(sensitivities)}
-        write_json(json_path, as_json(sight, planned) | listed)
-    return DONE if check is None or check.good else NEEDS_A_PERSON
 
 
 def _parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity]:

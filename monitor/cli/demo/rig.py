@@ -1,0 +1,28 @@
+"""Command `rig`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from monitor.cli.exit_codes import DONE
+
+
+def rig(
+    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")],
+    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
+    ports: Annotated[Path, typer.Option(help="File that gets the ports, once they can be opened.")] = Path(
+        "ports.json"
+    ),
+    report: Annotated[Path, typer.Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
+) -> int:
+    """Run a virtual rig with emulated devices.
+
+    Example:
+    modalwatch rig scenario.toml --speed 10 --ports ports.json
+    """
+    from monitor.rig import run_rig
+
+    done = run_rig(scenario, speed=speed, ports=ports, report=report)
+    typer.echo(f"{done.sent} frames sent, {done.dropped} dropped")
+    return DONE
