@@ -3,30 +3,30 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 from typer.models import OptionInfo
 
 METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")  #: those of `daq.files.TIME_UNITS`
 
-Site = Annotated[Path, typer.Argument(metavar="SITE.toml")]
-Run = Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")]
-Json = Annotated[Path | None, typer.Option(metavar="FILE", help="JSON file to write.")]
-Person = Annotated[str, typer.Option(help="Name of the person.")]
+Site = Annotated[Path, Argument(metavar="SITE.toml")]
+Run = Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")]
+Json = Annotated[Path | None, Option(metavar="FILE", help="JSON file to write.")]
+Person = Annotated[str, Option(help="Name of the person.")]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Override a setting, e.g. analysis.overlap=0.5. Repeatable."),
+    Option("--set", metavar="KEY=VALUE", help="Override a setting, e.g. analysis.overlap=0.5. Repeatable."),
 ]
 From = Annotated[
     str | None,
-    typer.Option(
+    Option(
         "--from",
         metavar="TIME",
         help="Where to begin: seconds from the start of the log (90, 1h30m; -10m is from its end), or a time "
         "(2026-01-31T12:00:00Z; UTC unless it has a zone).",
     ),
 ]
-To = Annotated[str | None, typer.Option("--to", metavar="TIME", help="End of the range (exclusive). Format as --from.")]
+To = Annotated[str | None, Option("--to", metavar="TIME", help="End of the range (exclusive). Format as --from.")]
 
 
 def one_of(option: str, values: tuple[str, ...], text: str) -> OptionInfo:
@@ -39,7 +39,7 @@ def one_of(option: str, values: tuple[str, ...], text: str) -> OptionInfo:
             raise ArgumentError(option, f"expected one of {', '.join(values)}, found {value!r}")
         return value
 
-    found: OptionInfo = typer.Option(
+    found: OptionInfo = Option(
         option, metavar="|".join(values), help=text, callback=checked, autocompletion=lambda: values
     )
     return found

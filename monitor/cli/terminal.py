@@ -25,6 +25,6 @@ def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
     typer.echo(printable(text), nl=nl, err=err)
 
 
-def say_range(text: str) -> None:
-    """Print the range of time to which a command is limited."""
-    Terminal().print(text, soft_wrap=True, markup=False)
+def warn(text: str) -> None:
+    """Print a text that needs attention, in yellow."""
+    Terminal().print(text, style="yellow", soft_wrap=True, markup=False)

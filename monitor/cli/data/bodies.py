@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from monitor.cli.options import Json
 
@@ -11,7 +11,7 @@ from monitor.cli.options import Json
 def bodies(
     file: Annotated[
         Path,
-        typer.Argument(
+        Argument(
             metavar="BODIES.toml",
             help="TOML file with the structure, the bodies, and places and frequencies per record.",
         ),

@@ -12,7 +12,7 @@ from rich.table import Table
 from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text
 from updater.quantities import Quantity
@@ -27,14 +27,13 @@ def identify_bodies(path: Path, json_path: Path | None) -> int:
         result = select_known_bodies(path)
     if json_path:
         write_json(json_path, bodies_json(result))
-    console.print(_answer_text(result), soft_wrap=True, markup=False)
+    echo(_answer_text(result))
     for table in (_sets_table(result), _bodies_table(result), _records_table(result)):
         console.print(table)
     found = result.selection
-    console.print(
+    echo(
         f"scatter between records per mode [%]: {', '.join(f'{100 * s:.2g}' for s in found.scatter)}; "
-        f"model error: {100 * found.model_error:.2g} % of a mode's displacement",
-        soft_wrap=True,
+        f"model error: {100 * found.model_error:.2g} % of a mode's displacement"
     )
     return DONE if result.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
 

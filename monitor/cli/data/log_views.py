@@ -12,7 +12,7 @@ from daq import AnyLog, LogExcerpt
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal, say_range
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report
 from monitor.views.run import load_run
@@ -24,11 +24,11 @@ _CONNECT_SECONDS = 2.0
 def write_report(path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange) -> int:
     """Write the report of a log, or of the newest one in a folder; by default next to it, one page per range."""
     found = load_diagnosis(diagnosis) if diagnosis else None
-    run = load_run(path, within, say_range)
+    run = load_run(path, within, echo)
     page = out or _default_page(path, run.log)
     _spare(run.log, page)
     run_report(run, page, found)
-    console.print(f"report: {page}", soft_wrap=True, markup=False)
+    echo(f"report: {page}")
     return DONE
 
 
@@ -49,7 +49,7 @@ def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange) -
     else:
         file = out or _cache(Path(target))
         _write(Path(target), file, within, in_cache=out is None)
-        console.print(f"recording: {file}", soft_wrap=True, markup=False)
+        echo(f"recording: {file}")
         sources = [str(file)]
     if show:
         _open(sources)
@@ -57,7 +57,7 @@ def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange) -
 
 
 def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None:
-    run = load_run(path, within, say_range)
+    run = load_run(path, within, echo)
     _spare(run.log, file)
     from monitor.views.viewer import write_recording  # loads rerun: not before the log is known to be good
 
@@ -111,11 +111,11 @@ def _open(sources: list[str]) -> None:
     if viewer is None or not _has_display():
         why = "rerun is not installed" if viewer is None else "there is no display here"
         hint = f"{why}; in a browser: rerun --serve-web --bind 127.0.0.1 {' '.join(sources)}"
-        console.print(hint, soft_wrap=True, markup=False)
+        echo(hint)
         return
     quiet = subprocess.DEVNULL
     subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
-    console.print(f"viewer: {' '.join(command)}", soft_wrap=True, markup=False)
+    echo(f"viewer: {' '.join(command)}")
 
 
 def _has_display() -> bool:

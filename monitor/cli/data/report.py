@@ -3,16 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import From, To
 
 
 def report(
-    path: Annotated[Path, typer.Argument(metavar="DIR|LOG.mcap")],
-    out: Annotated[Path | None, typer.Option("-o", "--out", help="Page to write. Default: next to the log.")] = None,
+    path: Annotated[Path, Argument(metavar="DIR|LOG.mcap")],
+    out: Annotated[Path | None, Option("-o", "--out", help="Page to write. Default: next to the log.")] = None,
     diagnosis: Annotated[
-        Path | None, typer.Option(help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
+        Path | None, Option(help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
     ] = None,
     start: From = None,
     stop: To = None,

@@ -3,15 +3,15 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import From, To
 
 
 def view(
-    target: Annotated[str, typer.Argument(metavar="DIR|LOG.mcap|URL")],
-    out: Annotated[Path | None, typer.Option(help="Recording to write. Default: in a cache folder.")] = None,
-    show: Annotated[bool, typer.Option("--open/--no-open", help="Open the rerun viewer on the recording.")] = True,
+    target: Annotated[str, Argument(metavar="DIR|LOG.mcap|URL")],
+    out: Annotated[Path | None, Option(help="Recording to write. Default: in a cache folder.")] = None,
+    show: Annotated[bool, Option("--open/--no-open", help="Open the rerun viewer on the recording.")] = True,
     start: From = None,
     stop: To = None,
 ) -> int:

@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 
 def demo(
-    out: Annotated[Path, typer.Option(help="Folder for what the demo leaves behind.")] = Path("demo-output"),
-    seed: Annotated[int | None, typer.Option(help="Seed of the rig and its events. Default: random.")] = None,
-    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
-    short: Annotated[bool, typer.Option("--short", help="A quarter of the length, less sure answers.")] = False,
+    out: Annotated[Path, Option(help="Folder for what the demo leaves behind.")] = Path("demo-output"),
+    seed: Annotated[int | None, Option(help="Seed of the rig and its events. Default: random.")] = None,
+    speed: Annotated[float, Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
+    short: Annotated[bool, Option("--short", help="A quarter of the length, less sure answers.")] = False,
 ) -> int:
     """Monitor an emulated rig from baseline to diagnosis.
 

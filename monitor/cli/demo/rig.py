@@ -4,17 +4,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from typer import Argument, Option
 
 from monitor.cli.exit_codes import DONE
 
 
 def rig(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")],
-    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
-    ports: Annotated[Path, typer.Option(help="File that gets the ports, once they can be opened.")] = Path(
-        "ports.json"
-    ),
-    report: Annotated[Path, typer.Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
+    scenario: Annotated[Path, Argument(metavar="SCENARIO.toml")],
+    speed: Annotated[float, Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
+    ports: Annotated[Path, Option(help="File that gets the ports, once they can be opened.")] = Path("ports.json"),
+    report: Annotated[Path, Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
 ) -> int:
     """Run a virtual rig with emulated devices.
 

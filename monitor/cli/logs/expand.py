@@ -3,16 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import From, Run, To
 
 
 def expand(
     log: Run,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="VIEW.mcap", help="MCAP file to write, with ROS 2 messages.")
-    ],
+    out: Annotated[Path, Option("--out", "-o", metavar="VIEW.mcap", help="MCAP file to write, with ROS 2 messages.")],
     start: From = None,
     stop: To = None,
 ) -> int:

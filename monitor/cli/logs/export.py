@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import From, Run, To
 
 
 def export(
     log: Run,
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="DATA", help="File to write: .csv, .npz, .mat or .uff.")],
+    out: Annotated[Path, Option("--out", "-o", metavar="DATA", help="File to write: .csv, .npz, .mat or .uff.")],
     start: From = None,
     stop: To = None,
 ) -> int:

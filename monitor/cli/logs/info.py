@@ -3,10 +3,7 @@
 from monitor.cli.options import Json, Run
 
 
-def info(
-    log: Run,
-    json: Json = None,
-) -> int:
+def info(log: Run, json: Json = None) -> int:
     """Summarize a log.
 
     Devices, scans, gaps, events, attachments, completeness.

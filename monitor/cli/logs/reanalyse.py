@@ -3,25 +3,24 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import Overrides
 
 
 def reanalyse(
     archive: Annotated[
-        list[str],
-        typer.Argument(metavar="ARCHIVE", help="Logs, folders (searched to any depth), or URLs (s3://, gs://)."),
+        list[str], Argument(metavar="ARCHIVE", help="Logs, folders (searched to any depth), or URLs (s3://, gs://).")
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="RESULTS", help="Folder for the results.")],
+    out: Annotated[Path, Option("--out", "-o", metavar="RESULTS", help="Folder for the results.")],
     site: Annotated[
-        Path | None, typer.Option(metavar="SITE.toml", help="Settings. Default: those attached to each log.")
+        Path | None, Option(metavar="SITE.toml", help="Settings. Default: those attached to each log.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Scheduler of Dask. Default: processes of this machine.")
+        str | None, Option(metavar="ADDRESS", help="Scheduler of Dask. Default: processes of this machine.")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes. Default: one per core.", min=1)] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="List the logs and what would be computed.")] = False,
+    workers: Annotated[int | None, Option(help="Processes. Default: one per core.", min=1)] = None,
+    dry_run: Annotated[bool, Option("--dry-run", help="List the logs and what would be computed.")] = False,
     given: Overrides = None,
 ) -> int:
     """Analyse an archive of logs again, in parallel.

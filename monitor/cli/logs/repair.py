@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument
 
 from monitor.cli.exit_codes import DONE
 
 
-def repair(log: Annotated[Path, typer.Argument(metavar="LOG.mcap")]) -> int:
+def repair(log: Annotated[Path, Argument(metavar="LOG.mcap")]) -> int:
     """Repair a truncated or damaged log in place. Every complete chunk is kept.
 
     Example:

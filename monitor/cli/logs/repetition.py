@@ -10,7 +10,7 @@ from daq import LogError
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.site.console_log import line
-from monitor.cli.terminal import Terminal, say_range
+from monitor.cli.terminal import Terminal, echo, warn
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import ReplayReport, replay, write_watched
 from monitor.service.site import load_site
@@ -29,7 +29,7 @@ def replay_log(
     watched: Path | None,
 ) -> int:
     """Run the loop over a log; 1 if it ends in an alarm."""
-    log = within.of_log(one_log(logs), say_range)
+    log = within.of_log(one_log(logs), echo)
     if watched and watched.exists():
         raise LogError(watched, "cannot be written: File exists")
     report = replay(log, load_site(site, given) if site else None, _say, overrides(given, {}))
@@ -44,20 +44,16 @@ def replay_log(
         json_path.write_text(json.dumps(found), encoding="utf-8")
     note = _nothing_watched(report)
     if note:
-        console.print(f"note: {note}", style="yellow", soft_wrap=True, markup=False)
+        warn(f"note: {note}")
     if watched:
         write_watched(log, watched, report)
-        console.print(f"written: {watched}, for `report` and `view`", soft_wrap=True, markup=False)
+        echo(f"written: {watched}, for `report` and `view`")
     elif not (report.logged or note):
         console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
     if not report.from_beginning:
-        console.print(
-            "note: not compared with what was found live: the baseline is learnt from the beginning of the range",
-            style="yellow",
-            soft_wrap=True,
-        )
+        warn("note: not compared with what was found live: the baseline is learnt from the beginning of the range")
     if report.logged and not (site or given):
-        console.print(report.comparison.text, soft_wrap=True, markup=False)
+        echo(report.comparison.text)
     alarms = [result for result in report.found if isinstance(result, AlarmResult)]
     return int(bool(alarms) and alarms[-1].state == "alarm")
 

@@ -3,19 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import From, Json, Overrides, Run, To
 
 
 def replay(
     log: Run,
-    site: Annotated[
-        Path | None, typer.Option(help="SITE.toml to use instead of the settings attached to the log.")
-    ] = None,
+    site: Annotated[Path | None, Option(help="SITE.toml to use instead of the settings attached to the log.")] = None,
     out: Annotated[
-        Path | None,
-        typer.Option("-o", "--out", metavar="WATCHED.mcap", help="Log to write, with signals and results."),
+        Path | None, Option("-o", "--out", metavar="WATCHED.mcap", help="Log to write, with signals and results.")
     ] = None,
     json: Json = None,
     start: From = None,

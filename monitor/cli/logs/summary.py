@@ -14,7 +14,7 @@ from daq.log import DeviceInfo, LogInfo, files_of, log_info
 from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 
 console = Terminal()
 
@@ -85,7 +85,7 @@ def _say(log: AnyLog, info: LogInfo) -> None:
     if not info.state.whole:
         for path in files_of(log):
             if not inspect_log(path).whole:
-                console.print(f"repair it: modalwatch repair {escape(str(path))}", soft_wrap=True)
+                echo(f"repair it: modalwatch repair {path}")
 
 
 def _utc(time: int) -> str:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Person, Site
@@ -12,14 +12,14 @@ def accept(
     site: Site,
     alarm: Annotated[
         str | None,
-        typer.Argument(
+        Argument(
             metavar="ALARM", help="Time at which the alarm was raised, as in `history`. Default: the active alarm."
         ),
     ] = None,
-    cause: Annotated[str, typer.Option("--reason", help="Cause of the change, such as 'pump, 150 g'.")] = "",
+    cause: Annotated[str, Option("--reason", help="Cause of the change, such as 'pump, 150 g'.")] = "",
     by: Person = "",
-    undo: Annotated[bool, typer.Option("--undo", help="Undo the last acceptance.")] = False,
-    note: Annotated[str, typer.Option(help="Reason for the undo.")] = "",
+    undo: Annotated[bool, Option("--undo", help="Undo the last acceptance.")] = False,
+    note: Annotated[str, Option(help="Reason for the undo.")] = "",
 ) -> int:
     """Accept an alarmed change as the new reference.
 

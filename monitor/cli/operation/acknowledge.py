@@ -2,17 +2,13 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Person, Site
 
 
-def acknowledge(
-    site: Site,
-    by: Person = "",
-    note: Annotated[str, typer.Option(help="Comment.")] = "",
-) -> int:
+def acknowledge(site: Site, by: Person = "", note: Annotated[str, Option(help="Comment.")] = "") -> int:
     """Acknowledge the alarm of a running monitor.
 
     Example:

@@ -3,20 +3,17 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import Json
 
 
 def history(
-    target: Annotated[str, typer.Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
-    days: Annotated[
-        float | None, typer.Option(help="Number of days, counted back from now. Default: all.", min=0.0)
-    ] = None,
-    csv: Annotated[Path | None, typer.Option(metavar="FILE", help="CSV file to write: modes over time.")] = None,
+    target: Annotated[str, Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
+    days: Annotated[float | None, Option(help="Number of days, counted back from now. Default: all.", min=0.0)] = None,
+    csv: Annotated[Path | None, Option(metavar="FILE", help="CSV file to write: modes over time.")] = None,
     plot: Annotated[
-        Path | None,
-        typer.Option(metavar="PICTURE.png", help="Picture to write: novelty and frequency shifts over time."),
+        Path | None, Option(metavar="PICTURE.png", help="Picture to write: novelty and frequency shifts over time.")
     ] = None,
     json: Json = None,
 ) -> int:

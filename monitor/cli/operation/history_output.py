@@ -12,7 +12,7 @@ from rich.table import Table
 
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint, database_url
 from monitor.outputs.history.summary import Found, look
@@ -98,7 +98,7 @@ def _say(found: Found) -> None:
     newest = f"; the newest {utc(found.newest)}" if found.newest < found.span.end else ""
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
     counts = f"{windows.number} windows, {windows.judged} judged, {windows.over} over the limit"
-    console.print(f"{counts}{newest}", soft_wrap=True)
+    echo(f"{counts}{newest}")
     console.print(f"state: {found.state}")
     console.print(_self_tests(found.self_tests), soft_wrap=True)
     _say_alarms(found.alarms)
@@ -127,8 +127,8 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
         lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
         again = f", reopened {alarm.reopened} times" if alarm.reopened else ""
         known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
-        console.print(f"  {utc(alarm.raised)}   {lasted}{again}, {known}", soft_wrap=True)
-        console.print(f"    {escape(alarm.text)}", soft_wrap=True)
+        echo(f"  {utc(alarm.raised)}   {lasted}{again}, {known}")
+        echo(f"    {alarm.text}")
     if alarms:
         console.print()
 

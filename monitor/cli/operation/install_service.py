@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import Site
 
@@ -10,12 +10,11 @@ from monitor.cli.options import Site
 def install_service(
     site: Site,
     user: Annotated[
-        bool, typer.Option("--user", help="Unit for the user's service manager instead of the system's.")
+        bool, Option("--user", help="Unit for the user's service manager instead of the system's.")
     ] = False,
-    only_print: Annotated[bool, typer.Option("--print", help="Print the unit instead of writing it.")] = False,
+    only_print: Annotated[bool, Option("--print", help="Print the unit instead of writing it.")] = False,
     run_as: Annotated[
-        str | None,
-        typer.Option("--as", metavar="USER", help="User that runs the service. Default: the owner of the folder."),
+        str | None, Option("--as", metavar="USER", help="User that runs the service. Default: the owner of the folder.")
     ] = None,
 ) -> int:
     """Write a systemd unit for a site.

@@ -2,9 +2,7 @@
 
 import time
 
-from rich.markup import escape
-
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, HistoryError, Reader, Span
 from monitor.service.operator_commands import Command, write_command
@@ -31,13 +29,13 @@ def send_command(site: Site, command: Command) -> None:
         why = error.strerror or str(error)
         raise ArgumentError("state", f"{site.state}: {why}: expected a user who may write there") from error
     if not _runs(site):
-        console.print("no monitor is running: the command is executed at the next start", soft_wrap=True)
+        echo("no monitor is running: the command is executed at the next start")
         return
     end = time.monotonic() + _WAIT
     while path.exists() and time.monotonic() < end:
         time.sleep(_LOOK)
     left = f"left for the monitor, which has not taken it within {_WAIT:g} s: {path}"
-    console.print(escape(left if path.exists() else "the monitor has taken it"), soft_wrap=True)
+    echo(left if path.exists() else "the monitor has taken it")
 
 
 def _runs(site: Site) -> bool:

@@ -13,7 +13,7 @@ from daq import AnyLog
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
@@ -26,7 +26,7 @@ console = Terminal()
 
 
 def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Path | None) -> int:
-    """Report whether an attached mass [kg] was found; return 1 if not. Default of `json`: a file in the state folder."""
+    """Report whether an attached mass [kg] was found; return 1 if not."""
     site, place = load_site(path), _place(at)
     structure = parse_structure(site.structure_text)
     memory = parse_memory(_replayed(one_log(logs), site) if logs else _remembered(site))
@@ -35,7 +35,7 @@ def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Pat
     kept = json or _unused(site.state / "proofs", utc(proof.end).replace(":", "").replace(" ", "_"))
     kept.parent.mkdir(parents=True, exist_ok=True)
     write_json(kept, as_json(proof))
-    console.print(escape(f"kept: {kept}"), soft_wrap=True)
+    echo(f"kept: {kept}")
     return DONE if proof.passed else NEEDS_A_PERSON
 
 

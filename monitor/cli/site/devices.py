@@ -2,19 +2,19 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import Json
 
 
 def devices(
     port: Annotated[
-        list[str] | None, typer.Option(metavar="PORT", help="Port to search. Repeatable. Default: all ports.")
+        list[str] | None, Option(metavar="PORT", help="Port to search. Repeatable. Default: all ports.")
     ] = None,
-    probe: Annotated[bool, typer.Option("--probe/--no-probe", help="Query devices at the ports.")] = True,
-    every: Annotated[bool, typer.Option("--all", help="Also query ports that are not USB.")] = False,
+    probe: Annotated[bool, Option("--probe/--no-probe", help="Query devices at the ports.")] = True,
+    every: Annotated[bool, Option("--all", help="Also query ports that are not USB.")] = False,
     bitrate: Annotated[
-        int, typer.Option(help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
+        int, Option(help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
     ] = 1_000_000,
     json: Json = None,
 ) -> int:

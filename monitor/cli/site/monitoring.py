@@ -7,11 +7,10 @@ from pathlib import Path
 from threading import Event
 
 from rich.console import Console
-from rich.markup import escape
 
 from monitor.cli.exit_codes import DONE
 from monitor.cli.site.console_log import journal
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.results.windows import Result
 from monitor.service.daemon import reload_on_signal, run, stop_on_signals
 from monitor.service.processes import give_back_memory, spare_what_is_loaded
@@ -37,7 +36,7 @@ def monitor_site(path: Path, given: Sequence[str], *, as_json: bool) -> int:
 def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_json: bool) -> int:
     mended = list(mend_logs(site.folder / site.settings.recorder.folder))
     for message in mended:
-        console.print(escape(message), soft_wrap=True)
+        echo(message)
     recalled = recall(site.state, parse_structure(site.structure_text), site.settings)
     with (
         live_view(site.settings, site.structure_text, site.site_text) as live,
@@ -58,7 +57,7 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
         )
     tell_live_end(console, live)
     for path in report.logs:
-        console.print(f"log: {path}", soft_wrap=True)
+        echo(f"log: {path}")
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
     return DONE
@@ -68,9 +67,7 @@ def _tell_page(site: Site) -> None:
     """Print the address of the pages."""
     web = site.settings.web
     if web:
-        console.print(
-            f"status page: http://{f'[{web.bind}]' if ':' in web.bind else web.bind}:{web.port}", soft_wrap=True
-        )
+        echo(f"status page: http://{f'[{web.bind}]' if ':' in web.bind else web.bind}:{web.port}")
 
 
 def _reread(hangup: Event, read_again: Callable[[], Site]) -> Site | None:
@@ -88,12 +85,10 @@ def _nothing(_: Result) -> None:
 def tell_live(console: Console, live: LiveView) -> None:
     """Print the address of the live view, or the reason why there is none."""
     if live.text:
-        console.print(live.text, soft_wrap=True, markup=False)
+        echo(live.text)
 
 
 def tell_live_end(console: Console, live: LiveView) -> None:
     """Print the amount of data that the live view dropped."""
     if live.served and (live.dropped or live.problem):
-        console.print(
-            f"live view: {live.dropped} items not shown; {live.problem or 'ok'}", soft_wrap=True, markup=False
-        )
+        echo(f"live view: {live.dropped} items not shown; {live.problem or 'ok'}")

@@ -3,18 +3,18 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import Json, Site
 
 
 def prove(
     site: Site,
-    mass: Annotated[float, typer.Option(help="Known mass that is attached now [kg].", min=1e-6)],
-    position: Annotated[str, typer.Option(metavar="X,Y,Z", help="Its position on a member [m]; X,Z of a plane frame.")],
+    mass: Annotated[float, Option(help="Known mass that is attached now [kg].", min=1e-6)],
+    position: Annotated[str, Option(metavar="X,Y,Z", help="Its position on a member [m]; X,Z of a plane frame.")],
     log: Annotated[
         list[Path] | None,
-        typer.Option(metavar="LOG.mcap|DIR", help="Log to use instead of the saved state of the monitor. Repeatable."),
+        Option(metavar="LOG.mcap|DIR", help="Log to use instead of the saved state of the monitor. Repeatable."),
     ] = None,
     json: Json = None,
 ) -> int:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-import typer
+from typer import Option
 
 from monitor.cli.options import Overrides, Site
 
@@ -10,7 +10,7 @@ from monitor.cli.options import Overrides, Site
 def run(
     site: Site,
     given: Overrides = None,
-    json_log: Annotated[bool, typer.Option("--json-log", help="Print events as JSON, one object per line.")] = False,
+    json_log: Annotated[bool, Option("--json-log", help="Print events as JSON, one object per line.")] = False,
 ) -> int:
     """Monitor a site until SIGTERM or Ctrl-C.
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Overrides
@@ -11,11 +11,9 @@ from monitor.cli.options import Overrides
 
 def settings(
     site: Annotated[
-        Path | None, typer.Argument(metavar="SITE.toml", help="SITE.toml. Default: the default settings.")
+        Path | None, Argument(metavar="SITE.toml", help="SITE.toml. Default: the default settings.")
     ] = None,
-    schema: Annotated[
-        bool, typer.Option("--schema", help="Print the JSON Schema of the settings, for editors.")
-    ] = False,
+    schema: Annotated[bool, Option("--schema", help="Print the JSON Schema of the settings, for editors.")] = False,
     given: Overrides = None,
 ) -> int:
     """Print all settings as TOML, each with its meaning.

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from daq.drivers import low_grade
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site
@@ -74,19 +74,18 @@ def _say_plan(site: Site) -> None:
     settings, analysis = site.settings, site.settings.analysis
     folder = site.folder / settings.recorder.folder
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
-    console.print(f"structure: {escape(str(site.folder / settings.structure))}", soft_wrap=True)
-    console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
+    echo(f"structure: {site.folder / settings.structure!s}")
+    echo(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices")
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
-    console.print(f"baseline:  {_baseline_text(settings)}", soft_wrap=True)
+    echo(f"baseline:  {_baseline_text(settings)}")
     acknowledged = ", once acknowledged" if settings.alarm.latched else ""
-    console.print(
+    echo(
         f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
         f"after {settings.alarm.hold_windows} windows over the limit; "
-        f"over after {settings.alarm.clear_windows} calm ones{acknowledged}",
-        soft_wrap=True,
+        f"over after {settings.alarm.clear_windows} calm ones{acknowledged}"
     )
-    console.print(f"log:       {escape(str(folder))}, {free / 1e9:.1f} GB free", soft_wrap=True)
-    console.print(f"disk:      {disk_plan(settings, free)}", soft_wrap=True)
+    echo(f"log:       {folder}, {free / 1e9:.1f} GB free")
+    echo(f"disk:      {disk_plan(settings, free)}")
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:

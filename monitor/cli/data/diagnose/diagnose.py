@@ -3,60 +3,53 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import From, Json, To
 
 
 def diagnose(
-    structure: Annotated[Path, typer.Argument(metavar="STRUCTURE.toml")],
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
+    structure: Annotated[Path, Argument(metavar="STRUCTURE.toml")],
+    logs: Annotated[list[Path], Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
     reference: Annotated[
-        list[Path] | None, typer.Option(metavar="LOG", help="Log of the structure before the change. Repeatable.")
+        list[Path] | None, Option(metavar="LOG", help="Log of the structure before the change. Repeatable.")
     ] = None,
     held_out: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--held-out",
-            "--holdout",
-            metavar="LOG",
-            help="Held-out log: used only to measure the gain. Repeatable.",
+        Option(
+            "--held-out", "--holdout", metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable."
         ),
     ] = None,
     start: From = None,
     stop: To = None,
     reference_start: Annotated[
         str | None,
-        typer.Option("--reference-from", metavar="TIME", help="Range of the reference logs, like --from and --to."),
+        Option("--reference-from", metavar="TIME", help="Range of the reference logs, like --from and --to."),
     ] = None,
     reference_stop: Annotated[
-        str | None,
-        typer.Option("--reference-to", metavar="TIME", help="Range of the reference logs, like --from and --to."),
+        str | None, Option("--reference-to", metavar="TIME", help="Range of the reference logs, like --from and --to.")
     ] = None,
     window: Annotated[
-        float | None, typer.Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
+        float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
+        Path | None, Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
     ] = None,
     json: Json = None,
-    only: Annotated[
-        list[str] | None, typer.Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")
-    ] = None,
-    without: Annotated[list[str] | None, typer.Option(metavar="CAUSE", help="Cause to leave out. Repeatable.")] = None,
+    only: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")] = None,
+    without: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to leave out. Repeatable.")] = None,
     without_channel: Annotated[
-        list[str] | None, typer.Option(metavar="NAME", help="Channel to leave out. Repeatable.")
+        list[str] | None, Option(metavar="NAME", help="Channel to leave out. Repeatable.")
     ] = None,
     without_mode: Annotated[
-        list[float] | None, typer.Option(metavar="HZ", help="Frequency of a mode to leave out, within 2 %. Repeatable.")
+        list[float] | None, Option(metavar="HZ", help="Frequency of a mode to leave out, within 2 %. Repeatable.")
     ] = None,
     fix: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`)."),
+        Option(metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`)."),
     ] = None,
     bound: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable."),
+        list[str] | None, Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable.")
     ] = None,
 ) -> int:
     """Diagnose a change, or the errors of a model.

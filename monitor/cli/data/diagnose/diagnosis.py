@@ -21,7 +21,7 @@ from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, say_range
+from monitor.cli.terminal import Terminal, echo, warn
 from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
 from monitor.optional import run_optional
 from monitor.results.comparison import DiscrepancyResult
@@ -149,11 +149,9 @@ def diagnose_logs(
     nearer = _write_nearer(found.explained, structure_path, logs, out)
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
         for text in left_out_texts({c: str(fault) for c, fault in given_up(one).items()}) if one else ():
-            console.print(f"warning: {_names(paths)}: {text}", style="yellow", markup=False, soft_wrap=True)
+            warn(f"warning: {_names(paths)}: {text}")
     for step in diagnosis.reference_steps:
-        console.print(
-            f"note: {_names(logs.reference)}: {step_text(step)}", style="yellow", markup=False, soft_wrap=True
-        )
+        warn(f"note: {_names(logs.reference)}: {step_text(step)}")
     say_answer(console, diagnosis)
     with console.status("comparing measured with simulated ..."):
         compared = run_optional(
@@ -166,9 +164,9 @@ def diagnose_logs(
             console.print(f"  {_LIFTED}", style="dim", soft_wrap=True)
     _say_parameters(found.explained.calibration or found.reference.calibration)
     if nearer:
-        console.print(nearer, soft_wrap=True, markup=False)
+        echo(nearer)
     for note in _channel_notes(structure, logs):
-        console.print(f"note: {note}", style="yellow", markup=False, soft_wrap=True)
+        warn(f"note: {note}")
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
         console.print(
             f"note: {structure_path} holds what an earlier diagnosis found. Reference logs from before that show a "
@@ -178,9 +176,7 @@ def diagnose_logs(
     if out:
         with console.status("drawing ..."):
             draw(out, diagnosis, compared, found.reference.structure)
-        console.print(
-            "written: " + ", ".join(str(path) for path in written(out, diagnosis)), soft_wrap=True, markup=False
-        )
+        echo("written: " + ", ".join(str(path) for path in written(out, diagnosis)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
 
 
@@ -200,7 +196,7 @@ def _compared(found: Explanation, after: Observation, heldout: Observation | Non
 
 
 def _say_extended(path: str, *, fitted: bool) -> None:
-    console.print(f"extended model: {path}", soft_wrap=True, markup=False)
+    echo(f"extended model: {path}")
     if fitted:
         console.print(
             "  it also has the parameters fitted to the reference logs: stiffness of materials, feet and joints",
@@ -276,7 +272,7 @@ def _observe(
         raise ArgumentError(", ".join(within.options), f"expected a log, found a table of modes: {tables[0]}")
     if tables:
         return read_tables(structure, paths)
-    logs = within.of_logs(as_logs(paths), lambda text: say_range(f"{_names(paths)}: {text}"))
+    logs = within.of_logs(as_logs(paths), lambda text: echo(f"{_names(paths)}: {text}"))
     try:
         seconds = window or _window(structure, [log_held(log) for log in logs])
         recordings = _recordings(structure, logs, seconds, selection.without_channels)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.markup import escape
 
 from daq import AnyLog, LogError, Recording, read_attachments
 from daq.log import as_logs
@@ -18,7 +17,7 @@ from monitor.analysis.time_range import TimeRange
 from monitor.cli.data.identify.identification_output import Findings, as_json, console, say_modes
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
-from monitor.cli.terminal import say_range
+from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.settings import Settings, parse_attached
 from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
@@ -78,10 +77,10 @@ def _logs(paths: Sequence[Path], references: Sequence[str], within: TimeRange) -
     """Return the logs to read, or their parts within a range."""
     logs = as_logs(paths)
     if not references:
-        return within.of_logs(logs, say_range)
+        return within.of_logs(logs, echo)
     if len(logs) < 2:
         raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
-    return [within.of_log(log, say_range) for log in logs]
+    return [within.of_log(log, echo) for log in logs]
 
 
 def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
@@ -137,7 +136,7 @@ def _fill(
         written = write_folder(folder, results)
     except OSError as error:
         raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror or error}") from error
-    console.print(f"{escape(str(folder))}: {', '.join(path.name for path in written)}", soft_wrap=True)
+    echo(f"{folder}: {', '.join(path.name for path in written)}")
 
 
 def _settings(log: AnyLog) -> Settings | None:

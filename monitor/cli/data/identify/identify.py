@@ -3,28 +3,28 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import METHODS, From, Json, To, one_of
 
 
 def identify(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
+    logs: Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
     method: Annotated[str, one_of("--method", METHODS, "Identification method.")] = "ssi-data",
     window: Annotated[
         float | None,
-        typer.Option(help="Length of a window [s]. Default: that of the log's settings, else the whole log.", min=0.1),
+        Option(help="Length of a window [s]. Default: that of the log's settings, else the whole log.", min=0.1),
     ] = None,
     band: Annotated[
-        tuple[float, float] | None, typer.Option(metavar="LOW HIGH", help="Frequency band of the modes [Hz].")
+        tuple[float, float] | None, Option(metavar="LOW HIGH", help="Frequency band of the modes [Hz].")
     ] = None,
     structure: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="structure.toml to compare with. Default: the one attached to the log."),
+        Option(metavar="FILE", help="structure.toml to compare with. Default: the one attached to the log."),
     ] = None,
     reference: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             metavar="NAME",
             help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
         ),
@@ -34,10 +34,10 @@ def identify(
     json: Json = None,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="PICTURE.png", help="Picture to write: spectrum, stabilization diagram, mode shapes."),
+        Option(metavar="PICTURE.png", help="Picture to write: spectrum, stabilization diagram, mode shapes."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
+        Path | None, Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
     ] = None,
 ) -> int:
     """Identify the modes of logs.

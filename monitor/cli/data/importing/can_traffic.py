@@ -4,12 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from rich.markup import escape
-
 from daq import Channel, DbcSensor
 from daq.files import LoggedSensor, import_can_log
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
 from updater import parse_structure
@@ -36,11 +34,7 @@ def import_can_traffic(data: Path, out: Path, source: CanSource, structure: Path
     if structure is not None:
         attachments = attachments | {"structure.toml": _structure_text(source.channels, structure)}
     for found in import_can_log(data, out, source.sensors, source.channels, attachments, start=start):
-        console.print(
-            f"{escape(str(out))}: {escape(found.device)}: {found.scans} scans, {found.missing} missing, "
-            f"{found.seconds:.6g} s",
-            soft_wrap=True,
-        )
+        echo(f"{out}: {found.device}: {found.scans} scans, {found.missing} missing, {found.seconds:.6g} s")
     return DONE
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import TIME_UNITS, one_of
 
@@ -11,62 +11,55 @@ from monitor.cli.options import TIME_UNITS, one_of
 def import_(
     data: Annotated[
         list[Path],
-        typer.Argument(
+        Argument(
             metavar="DATA",
             help="A table (CSV), .npz, .mat, .uff, .unv, or tables with dates that follow each other; "
             ".log, .blf, .asc, .trc of CAN.",
         ),
     ],
-    out: Annotated[Path, typer.Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
-    rate: Annotated[float | None, typer.Option(help="Samples per second [Hz], if DATA has no times.", min=1e-6)] = None,
+    out: Annotated[Path, Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
+    rate: Annotated[float | None, Option(help="Samples per second [Hz], if DATA has no times.", min=1e-6)] = None,
     unit: Annotated[
         str | None,
-        typer.Option(help="Unit of the numbers: m/s2, mm/s2, g, mg. Default: that of the column names, else m/s2."),
+        Option(help="Unit of the numbers: m/s2, mm/s2, g, mg. Default: that of the column names, else m/s2."),
     ] = None,
-    scale: Annotated[float | None, typer.Option(help="Factor from numbers to units. Default: 1.", min=1e-12)] = None,
+    scale: Annotated[float | None, Option(help="Factor from numbers to units. Default: 1.", min=1e-12)] = None,
     start: Annotated[
-        str | None, typer.Option(help="Time of the first sample, ISO 8601. Default: that of DATA, else 1970.")
+        str | None, Option(help="Time of the first sample, ISO 8601. Default: that of DATA, else 1970.")
     ] = None,
     time: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Column of times. Default: t or time (t_ms, time [s])."),
+        str | None, Option(metavar="NAME", help="Column of times. Default: t or time (t_ms, time [s]).")
     ] = None,
     time_unit: Annotated[
-        str | None,
-        one_of("--time-unit", TIME_UNITS, "Unit of the times. Default: that of the column name, else s."),
+        str | None, one_of("--time-unit", TIME_UNITS, "Unit of the times. Default: that of the column name, else s.")
     ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME[=SENSOR]", help="Column to import, and its sensor. Repeatable. Default: all columns."
-        ),
+        Option(metavar="NAME[=SENSOR]", help="Column to import, and its sensor. Repeatable. Default: all columns."),
     ] = None,
     velocity: Annotated[
-        list[str] | None, typer.Option(metavar="SENSOR", help="Sensor that measures velocity [m/s]. Repeatable.")
+        list[str] | None, Option(metavar="SENSOR", help="Sensor that measures velocity [m/s]. Repeatable.")
     ] = None,
     temperature: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Column of temperatures. Default: columns with a unit of temperature."),
+        str | None, Option(metavar="NAME", help="Column of temperatures. Default: columns with a unit of temperature.")
     ] = None,
     transpose: Annotated[
         bool | None,
-        typer.Option(
+        Option(
             "--transpose/--no-transpose",
             help="Rows of an array are channels (or columns are). Required where the shape is ambiguous.",
         ),
     ] = None,
-    structure: Annotated[Path | None, typer.Option(metavar="FILE", help="structure.toml to attach.")] = None,
-    site: Annotated[Path | None, typer.Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
+    structure: Annotated[Path | None, Option(metavar="FILE", help="structure.toml to attach.")] = None,
+    site: Annotated[Path | None, Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
     new_site: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="SITE.toml to write for the channels and to attach. Requires --structure."),
+        Option(metavar="FILE", help="SITE.toml to write for the channels and to attach. Requires --structure."),
     ] = None,
     dbc: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="DBC file that describes the frames of CAN traffic.")
+        Path | None, Option(metavar="FILE", help="DBC file that describes the frames of CAN traffic.")
     ] = None,
-    counter: Annotated[
-        str | None, typer.Option(metavar="SIGNAL", help="Signal of CAN traffic that counts scans.")
-    ] = None,
+    counter: Annotated[str | None, Option(metavar="SIGNAL", help="Signal of CAN traffic that counts scans.")] = None,
 ) -> int:
     """Convert files of measurements to a log.
 

@@ -6,13 +6,12 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from rich.markup import escape
 
 from daq import DataError, DataOptions, Recording, write_recordings
 from daq.files import Measured, read_in_order, with_channels
 from monitor.cli.data.importing.new_site import learning_notes, new_site
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo, warn
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
 from updater import parse_structure
@@ -51,7 +50,7 @@ def import_measurements(
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
     _say(out, recordings, parts, new)
     for note in notes:
-        console.print(escape(f"note: {note}"), soft_wrap=True, style="yellow")
+        warn(f"note: {note}")
     return DONE
 
 
@@ -82,20 +81,16 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
     """Print the result and its interpretation."""
     gaps = [gap for recording in recordings for gap in recording.gaps]
     seconds, rate = sum(recording.duration for recording in recordings), recordings[0].rate
-    console.print(
-        f"{escape(str(out))}: {len(recordings[0].channels)} channels, {seconds:.6g} s at {rate:.6g} Hz, "
-        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}",
-        soft_wrap=True,
+    echo(
+        f"{out}: {len(recordings[0].channels)} channels, {seconds:.6g} s at {rate:.6g} Hz, "
+        f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}"
     )
     if len(recordings) > 1:
         console.print(_sequence(recordings), soft_wrap=True)
     if new_site is not None:
-        console.print(
-            escape(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` watches the log"),
-            soft_wrap=True,
-        )
+        echo(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` watches the log")
     for remark in parts[0].remarks:
-        console.print(escape(f"{'first file: ' if len(parts) > 1 else ''}{remark}"), soft_wrap=True)
+        echo(f"{'first file: ' if len(parts) > 1 else ''}{remark}")
 
 
 def _sequence(recordings: Sequence[Recording]) -> str:

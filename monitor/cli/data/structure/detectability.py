@@ -18,7 +18,7 @@ from monitor.cli.data.structure.structure_output import (
 )
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import Terminal, echo, warn
 from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
 from oma.preparation import PASS
@@ -74,8 +74,8 @@ def study_structure(
             f"modes are counted up to {record.highest:g} Hz, as recorded at {_USUAL_RATE:g} Hz; {_ELSE}",
         ]
     for note in notes:
-        console.print(f"note: {escape(note)}", style="yellow", soft_wrap=True)
-    console.print(f"picture: {escape(str(picture))}", soft_wrap=True)
+        warn(f"note: {note}")
+    echo(f"picture: {picture}")
     if json_path:
         listed = {} if sensitivities is None else {"parameters": parameters_json(sensitivities)}
         write_json(json_path, as_json(sight, planned) | listed)

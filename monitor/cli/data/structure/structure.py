@@ -3,40 +3,34 @@
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from typer import Argument, Option
 
 from monitor.cli.options import Json
 
 
 def structure(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="structure.toml.")],
-    modes: Annotated[int, typer.Option(help="Number of modes to list.", min=1, max=100)] = 12,
+    file: Annotated[Path, Argument(metavar="FILE", help="structure.toml.")],
+    modes: Annotated[int, Option(help="Number of modes to list.", min=1, max=100)] = 12,
     json: Json = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE.")
-    ] = None,
+    out: Annotated[Path | None, Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE.")] = None,
     channels: Annotated[
         Path | None,
-        typer.Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
+        Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
     ] = None,
     record_seconds: Annotated[
-        float, typer.Option(metavar="S", help="Length of the records before and after a change [s].")
+        float, Option(metavar="S", help="Length of the records before and after a change [s].")
     ] = 600.0,
-    damping: Annotated[float, typer.Option(help="Damping ratio of the modes.")] = 0.005,
+    damping: Annotated[float, Option(help="Damping ratio of the modes.")] = 0.005,
     highest: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="HZ", help="Frequency up to which modes are identified [Hz]. Default: from --channels, else 400."
         ),
     ] = None,
-    target_mass: Annotated[
-        str | None, typer.Option(metavar="MASS", help="Mass that must be located, such as 50g.")
-    ] = None,
-    tolerance: Annotated[
-        str, typer.Option(metavar="LENGTH", help="Largest error of its position, such as 50mm.")
-    ] = "50mm",
+    target_mass: Annotated[str | None, Option(metavar="MASS", help="Mass that must be located, such as 50g.")] = None,
+    tolerance: Annotated[str, Option(metavar="LENGTH", help="Largest error of its position, such as 50mm.")] = "50mm",
     parameters: Annotated[
-        bool, typer.Option("--parameters", help="List the model parameters that may be updated, with sensitivities.")
+        bool, Option("--parameters", help="List the model parameters that may be updated, with sensitivities.")
     ] = False,
 ) -> int:
     """Draw a structure, and report what its sensors detect.
