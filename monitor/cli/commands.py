@@ -76,6 +76,16 @@ class CommandGroup(TyperGroup):
                 formatter.write_dl(rows)
 
 
+class _Command(TyperCommand):
+    """Command with an example at the end of its help."""
+
+    def format_epilog(self, ctx: "Context", formatter: "HelpFormatter") -> None:
+        """Write the example, each command line unbroken."""
+        with formatter.section("Example"):
+            for line in (self.epilog or "").splitlines():
+                formatter.write(f"{'':>{formatter.current_indent}}{line}\n")
+
+
 def command_function(path: str) -> Callable[..., int]:
     """Import the function of a command."""
     module = import_module(f"monitor.cli.{COMMANDS[path][1]}")
@@ -86,9 +96,9 @@ def command_function(path: str) -> Callable[..., int]:
 def command(path: str) -> TyperCommand:
     """Return a command; the example at the end of its docstring is written at the end of its help."""
     function = command_function(path)
-    text, _, examples = (inspect.getdoc(function) or "").partition("\n\nExample:\n")
+    text, _, example = (inspect.getdoc(function) or "").partition("\n\nExample:\n")
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    app.command(path.rpartition(" ")[2], help=text, epilog=f"Example:\n\n\b\n{examples}")(function)
+    app.command(path.rpartition(" ")[2], cls=_Command, help=text, epilog=example)(function)
     built = typer.main.get_command(app)
     assert isinstance(built, TyperCommand)
     return built

@@ -12,12 +12,11 @@ from daq import AnyLog, LogExcerpt
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report
 from monitor.views.run import load_run
 
-console = Terminal()
 _CONNECT_SECONDS = 2.0
 
 

@@ -9,7 +9,9 @@ from monitor.cli.exit_codes import DONE
 
 
 def repair(log: Annotated[Path, Argument(metavar="LOG.mcap")]) -> int:
-    """Repair a truncated or damaged log in place. Every complete chunk is kept.
+    """Repair a truncated or damaged log in place.
+
+    Every complete chunk is kept.
 
     Example:
     modalwatch repair run.mcap

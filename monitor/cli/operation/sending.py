@@ -2,14 +2,13 @@
 
 import time
 
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, HistoryError, Reader, Span
 from monitor.service.operator_commands import Command, write_command
 from monitor.service.site import Site
 from monitor.text.quantities import utc
 
-console = Terminal()
 _EVER = Span(start=0, end=2**62)
 _FRESH = 10.0  # s: age of a monitor's last sign of life
 _WAIT, _LOOK = 3.0, 0.1  # s: until it has taken a word; between looks

@@ -4,7 +4,7 @@ from monitor.cli.options import Overrides, Site
 
 
 def check(site: Site, given: Overrides = None) -> int:
-    """Check the settings, the devices and their rates before a run.
+    """Check settings, devices and rates before a run.
 
     Example:
     modalwatch check site.toml

@@ -7,7 +7,7 @@ from pathlib import Path
 from daq import Channel, DbcSensor
 from daq.files import LoggedSensor, import_can_log
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
 from updater import parse_structure
@@ -15,8 +15,6 @@ from updater.structure import portable_text
 
 _DEVICE = "import"
 _AXES = 3
-
-console = Terminal()
 
 
 @dataclass(frozen=True, kw_only=True)
