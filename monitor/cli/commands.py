@@ -53,6 +53,12 @@ class CommandGroup(TyperGroup):
         names: dict[str, Any] = dict.fromkeys(path.partition(" ")[0] for path in own)
         self.commands = names
 
+    def parse_args(self, ctx: "Context", args: list[str]) -> list[str]:
+        """Parse the options; those of completion are False instead of None, which typer converts by pydantic."""
+        for parameter in self.params:
+            parameter.default = parameter.default or False
+        return super().parse_args(ctx, args)
+
     def get_command(self, ctx: "Context", cmd_name: str) -> "Command | None":
         """Return a command or a group, None if there is none of this name."""
         if cmd_name not in self.commands:
