@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 if TYPE_CHECKING:
-    from typer._click import Command, Context, HelpFormatter
+    from typer._click import Command, Context, HelpFormatter, Parameter
 
 COMMANDS: dict[str, tuple[str, str]] = {
     "demo": ("Start", "demo.demo"),
@@ -53,11 +53,12 @@ class CommandGroup(TyperGroup):
         names: dict[str, Any] = dict.fromkeys(path.partition(" ")[0] for path in own)
         self.commands = names
 
-    def parse_args(self, ctx: "Context", args: list[str]) -> list[str]:
-        """Parse the options; those of completion are False instead of None, which typer converts by pydantic."""
-        for parameter in self.params:
-            parameter.default = parameter.default or False
-        return super().parse_args(ctx, args)
+    def get_params(self, ctx: "Context") -> "list[Parameter]":
+        """Return the options, all flags; an absent one is False: typer imports pydantic to convert None."""
+        found = super().get_params(ctx)
+        for parameter in found:
+            parameter.default = bool(parameter.default)
+        return found
 
     def get_command(self, ctx: "Context", cmd_name: str) -> "Command | None":
         """Return a command or a group, None if there is none of this name."""
