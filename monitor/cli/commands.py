@@ -1,5 +1,7 @@
 """Table of the commands, and the group that imports a command when it is called or its help is requested."""
 
+from __future__ import annotations
+
 import inspect
 from collections.abc import Callable
 from importlib import import_module
@@ -53,14 +55,14 @@ class CommandGroup(TyperGroup):
         names: dict[str, Any] = dict.fromkeys(path.partition(" ")[0] for path in own)
         self.commands = names
 
-    def get_params(self, ctx: "Context") -> "list[Parameter]":
+    def get_params(self, ctx: Context) -> list[Parameter]:
         """Return the options, all flags; an absent one is False: typer imports pydantic to convert None."""
         found = super().get_params(ctx)
         for parameter in found:
             parameter.default = bool(parameter.default)
         return found
 
-    def get_command(self, ctx: "Context", cmd_name: str) -> "Command | None":
+    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
         """Return a command or a group, None if there is none of this name."""
         if cmd_name not in self.commands:
             return None
@@ -70,7 +72,7 @@ class CommandGroup(TyperGroup):
             )
         return command(self._prefix + cmd_name)
 
-    def format_commands(self, ctx: "Context", formatter: "HelpFormatter") -> None:
+    def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write the commands by section, a line each."""
         sections: dict[str, list[tuple[str, str]]] = {}
         own = [path for path in COMMANDS if path.startswith(self._prefix)]
@@ -86,7 +88,7 @@ class CommandGroup(TyperGroup):
 class _Command(TyperCommand):
     """Command with an example at the end of its help."""
 
-    def format_epilog(self, ctx: "Context", formatter: "HelpFormatter") -> None:
+    def format_epilog(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write the example, each command line unbroken."""
         with formatter.section("Example"):
             for line in (self.epilog or "").splitlines():
