@@ -51,8 +51,8 @@ class CommandGroup(TyperGroup):
     def __init__(self, *, name: str | None = None, **attributes: Any) -> None:  # noqa: ANN401 - as typer has them
         super().__init__(name=name, **attributes)
         self._prefix = f"{name} " if name else ""
-        own = [path.removeprefix(self._prefix) for path in COMMANDS if path.startswith(self._prefix)]
-        names: dict[str, Any] = dict.fromkeys(path.partition(" ")[0] for path in own)
+        self._paths = [path for path in COMMANDS if path.startswith(self._prefix)]
+        names: dict[str, Any] = dict.fromkeys(p.removeprefix(self._prefix).partition(" ")[0] for p in self._paths)
         self.commands = names
 
     def get_params(self, ctx: Context) -> list[Parameter]:
@@ -75,9 +75,8 @@ class CommandGroup(TyperGroup):
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
         """Write the commands by section, a line each."""
         sections: dict[str, list[tuple[str, str]]] = {}
-        own = [path for path in COMMANDS if path.startswith(self._prefix)]
-        width = max(map(len, own))
-        for path in own:
+        width = max(map(len, self._paths))
+        for path in self._paths:
             first_line, *_ = (inspect.getdoc(command_function(path)) or "").splitlines()
             sections.setdefault(COMMANDS[path][0], []).append((path.ljust(width), first_line))
         for section, rows in sections.items():

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Json
 
 
@@ -22,6 +23,17 @@ def history(
     Example:
     modalwatch history site.toml --days 30 --plot month.png
     """
-    from monitor.cli.operation.history_output import list_history
+    from monitor.cli.operation.history_output import as_json, print_history, read_history, write_csv
+    from monitor.cli.output import write_json
 
-    return list_history(target, days, csv_path=csv, json_path=json, picture=plot)
+    found = read_history(target, days)
+    print_history(found)
+    if csv:
+        write_csv(csv, found)
+    if json:
+        write_json(json, as_json(found))
+    if plot:
+        from monitor.views.plots.history import draw_history  # loads matplotlib
+
+        draw_history(plot, found)
+    return DONE

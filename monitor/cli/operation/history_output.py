@@ -10,8 +10,6 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.cli.exit_codes import DONE
-from monitor.cli.output import write_json
 from monitor.cli.terminal import Terminal, echo
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint, database_url
@@ -26,26 +24,13 @@ _MAX = 20  # lines of a table
 _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
 
 
-def list_history(
-    target: str, days: float | None, *, csv_path: Path | None, json_path: Path | None, picture: Path | None
-) -> int:
-    """Print a site's history of the last days, or of all time; write files on request."""
-    with Reader(target_url(target)) as reader:
-        found = look(reader, None if days is None else _last(days))
-    _say(found)
-    if csv_path:
-        write_csv(csv_path, found)
-    if json_path:
-        write_json(json_path, as_json(found))
-    if picture:
-        from monitor.views.plots.history import draw_history  # loads matplotlib
-
-        draw_history(picture, found)
-    return DONE
+def read_history(target: str, days: float | None) -> Found:
+    """Return the history of the last days, or of all time, of SITE.toml, a SQLite file or an address."""
+    with Reader(_url(target)) as reader:
+        return look(reader, None if days is None else _last(days))
 
 
-def target_url(target: str) -> str:
-    """Return the database that SITE.toml, a SQLite file or an address means."""
+def _url(target: str) -> str:
     if "://" in target:
         return target
     path = Path(target)
@@ -93,7 +78,8 @@ def _told(events: list[EventRow]) -> list[dict[str, object]]:
     return [asdict(event) | {"json": json.loads(event.json)} for event in events]
 
 
-def _say(found: Found) -> None:
+def print_history(found: Found) -> None:
+    """Print states, self-tests, alarms, modes and events."""
     windows = found.windows
     newest = f"; the newest {utc(found.newest)}" if found.newest < found.span.end else ""
     console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")

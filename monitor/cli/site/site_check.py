@@ -11,7 +11,7 @@ from rich.table import Table
 
 from daq.drivers import low_grade
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import Terminal, echo, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site
@@ -46,11 +46,11 @@ def check_site(path: Path, given: Sequence[str]) -> int:
     problems = [problem for device in site.settings.device for problem in _problems(device, found[device.name])]
     for device in site.settings.device:
         if why := low_grade(device.driver):
-            console.print(f"[yellow]{escape(f'device {device.name} is of low grade: {why}')}[/]", soft_wrap=True)
+            warn(f"device {device.name} is of low grade: {why}")
     if not site.settings.temperature and not any(_has_thermometer(probe) for probe in found.values()):
-        console.print(f"[yellow]{escape(NO_THERMOMETER)}[/]", soft_wrap=True)
+        warn(NO_THERMOMETER)
     for problem in problems:
-        console.print(f"[yellow]{escape(problem)}[/]")
+        warn(problem)
     console.print("all devices answer" if not problems else "the devices answer; see the problems above")
     well = _say_around(site)
     return DONE if well and not problems else NEEDS_A_PERSON
@@ -64,8 +64,7 @@ def _say_around(site: Site) -> bool:
     """Print the requirements of a run besides devices; return whether all are met."""
     well = True
     for found in look_around(site):
-        line = f"{found.what + ':':<13}{found.text}"
-        console.print(escape(line) if found.well else f"[yellow]{escape(line)}[/]", soft_wrap=True)
+        (echo if found.well else warn)(f"{found.what + ':':<13}{found.text}")
         well &= found.well
     return well
 
@@ -74,7 +73,7 @@ def _say_plan(site: Site) -> None:
     settings, analysis = site.settings, site.settings.analysis
     folder = site.folder / settings.recorder.folder
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
-    echo(f"structure: {site.folder / settings.structure!s}")
+    echo(f"structure: {site.folder / settings.structure}")
     echo(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices")
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
     echo(f"baseline:  {_baseline_text(settings)}")

@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,78 +10,29 @@ import numpy as np
 from daq import AnyLog, LogError, Recording, read_attachments
 from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
-from monitor.analysis.stationarity import frequency_change
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.data.identify.identification_output import Findings, as_json, console, say_modes
-from monitor.cli.exit_codes import DONE
-from monitor.cli.output import write_json
+from monitor.cli.data.identify.identification_output import console
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.settings import Settings, parse_attached
-from oma import METHODS, Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
+from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
 from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
 from updater.validation import ModelModes, model_modes
 
 
-def identify_logs(
-    paths: Sequence[Path],
-    *,
-    method: str,
-    window: float | None,
-    band: tuple[float, float] | None,
-    structure: Path | None,
-    references: Sequence[str],
-    within: TimeRange,
-    json_path: Path | None,
-    picture: Path | None,
-    out: Path | None,
-) -> int:
-    """Print the modes of logs, or of set-ups with reference sensors; write JSON, pictures and a folder on request."""
-    if band is not None and not 0 < band[0] < band[1]:
-        raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
-    logs = _logs(paths, references, within)
-    settings = _settings(logs[0])
-    window = window or (settings.analysis.window_seconds if settings else None)
-    band = band or (settings.analysis.band if settings else None)
-    chosen = METHODS[method]()
-    if references:
-        windows, fused = _merged(logs, window, chosen, band, references)
-    else:
-        windows, fused = _identify(logs, window, chosen, band)
-    model = _model(fused.estimate, logs[0], structure)
-    partners = [model.partner(i) if model else None for i in range(fused.estimate.n_modes)]
-    windows_of = partial(_recordings, logs[:1] if references else logs, window)
-    late = None if references else _asynchrony(windows_of(), windows, fused.estimate)
-    change = None if references else frequency_change(windows, windows_of, chosen, band)
-    shown = Findings(windows=windows, fused=fused, partners=partners, asynchrony=late, change=change)
-    say_modes(logs, shown, setups=bool(references))
-    about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
-    content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
-    if json_path:
-        write_json(json_path, content)
-    if picture or out:
-        recording, found = _first(windows_of(), chosen, band)
-        if picture:
-            _draw(picture, recording, found, fused.estimate)
-        if out:
-            over_time = () if references else windows.estimates
-            _fill(out, over_time, fused.estimate, recording, found, model, content)
-    return DONE
-
-
-def _logs(paths: Sequence[Path], references: Sequence[str], within: TimeRange) -> Sequence[AnyLog]:
+def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Sequence[AnyLog]:
     """Return the logs to read, or their parts within a range."""
     logs = as_logs(paths)
-    if not references:
+    if not setups:
         return within.of_logs(logs, echo)
     if len(logs) < 2:
         raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
     return [within.of_log(log, echo) for log in logs]
 
 
-def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
+def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
     """Return the delays between channels if shapes are far from real; from the first window that gave modes."""
     if (mpc(estimate.shape) >= LOW_MPC).all():
         return None
@@ -91,7 +40,7 @@ def _asynchrony(recordings: Iterable[Recording], windows: Windows, estimate: Mod
     return asynchrony(first, estimate)
 
 
-def _first(
+def first_window(
     recordings: Iterable[Recording], method: Method, band: tuple[float, float] | None
 ) -> tuple[Recording, Identification]:
     """Return the first window that gives modes, and all that was found in it."""
@@ -101,7 +50,7 @@ def _first(
     raise AssertionError("a window that gave modes gives none")
 
 
-def _draw(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
+def draw_window(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
     """Draw one window, with the modes of all."""
     from monitor.views.plots.mode_shapes import draw_modes  # matplotlib is loaded only if a picture is requested
 
@@ -111,7 +60,7 @@ def _draw(path: Path, recording: Recording, found: Identification, estimate: Mod
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
-def _fill(
+def fill_folder(
     folder: Path,
     windows: Sequence[ModalEstimate],
     estimate: ModalEstimate,
@@ -139,7 +88,7 @@ def _fill(
     echo(f"{folder}: {', '.join(path.name for path in written)}")
 
 
-def _settings(log: AnyLog) -> Settings | None:
+def attached_settings(log: AnyLog) -> Settings | None:
     """Return the settings attached to a log."""
     text = read_attachments(log).get("site.toml")
     return None if text is None else parse_attached(text, f"{log}: site.toml")
@@ -150,7 +99,24 @@ def _attached_structure(log: AnyLog) -> Structure | None:
     return None if text is None else parse_structure(text, f"{log}: structure.toml")
 
 
-def _identify(
+def identified(
+    logs: Sequence[AnyLog],
+    window: float | None,
+    method: Method,
+    band: tuple[float, float] | None,
+    references: Sequence[str] | None,
+) -> tuple[Windows, FusedModes]:
+    """Identify all windows of logs; with reference sensors each log as a set-up of its own, and merge."""
+    if not references:
+        return _identified(logs, window, method, band)
+    parts = [_identified([log], window, method, band) for log in logs]
+    try:
+        return merge_setups(parts, references)
+    except OmaError as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
+
+
+def _identified(
     logs: Sequence[AnyLog], window: float | None, method: Method, band: tuple[float, float] | None
 ) -> tuple[Windows, FusedModes]:
     named = ", ".join(map(str, logs))
@@ -158,7 +124,7 @@ def _identify(
         with console.status("reading ...") as status:
             number = iter(range(1, 1 << 30))
             windows = identify_windows(
-                _recordings(logs, window),
+                recordings_of(logs, window),
                 method,
                 band,
                 lambda _: status.update(f"window {next(number)} ..."),
@@ -171,22 +137,7 @@ def _identify(
         raise LogError(named, str(error)) from error
 
 
-def _merged(
-    logs: Sequence[AnyLog],
-    window: float | None,
-    method: Method,
-    band: tuple[float, float] | None,
-    references: Sequence[str],
-) -> tuple[Windows, FusedModes]:
-    """Identify each log as a set-up of its own, and merge."""
-    parts = [_identify([log], window, method, band) for log in logs]
-    try:
-        return merge_setups(parts, references)
-    except OmaError as error:
-        raise LogError(", ".join(map(str, logs)), str(error)) from error
-
-
-def _recordings(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
+def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
     """Yield the windows of logs that have the same channels."""
     names = {channel.name for channel in log_channels(logs[0])}
     for log in logs:
@@ -197,7 +148,7 @@ def _recordings(logs: Sequence[AnyLog], window: float | None) -> Iterator[Record
         yield from log_recordings(log, window)
 
 
-def _model(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
+def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
     """Return the structure's modes paired with the measured ones; None without a structure."""
     structure = load_structure(path) if path else _attached_structure(log)
     if structure is None:

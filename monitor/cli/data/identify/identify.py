@@ -1,10 +1,13 @@
 """Command `identify`."""
 
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
 
+from monitor.cli.exit_codes import DONE
 from monitor.cli.options import METHODS, From, Json, To, one_of
 
 
@@ -49,18 +52,41 @@ def identify(
     modalwatch identify measured.mcap --band 1 20 --picture modes.png
     modalwatch identify setup_1.mcap setup_2.mcap --reference top_x --out modes
     """
+    from monitor.analysis.stationarity import frequency_change
     from monitor.analysis.time_range import time_range
-    from monitor.cli.data.identify.identification import identify_logs
+    from monitor.cli.data.identify import identification as work
+    from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
+    from monitor.cli.output import write_json
+    from monitor.errors import ArgumentError
+    from oma import METHODS as IMPLEMENTED
 
-    return identify_logs(
-        logs,
-        method=method,
-        window=window,
-        band=band,
-        structure=structure,
-        references=reference or (),
-        within=time_range(start, stop),
-        json_path=json,
-        picture=picture,
-        out=out,
+    if band is not None and not 0 < band[0] < band[1]:
+        raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
+    setups = bool(reference)
+    found = work.logs_within(logs, time_range(start, stop), setups=setups)
+    settings = work.attached_settings(found[0])
+    window = window or (settings.analysis.window_seconds if settings else None)
+    band = band or (settings.analysis.band if settings else None)
+    chosen = IMPLEMENTED[method]()
+    windows, fused = work.identified(found, window, chosen, band, reference)
+    model = work.modes_of_structure(fused.estimate, found[0], structure)
+    recordings = partial(work.recordings_of, found[:1] if setups else found, window)
+    shown = Findings(
+        windows=windows,
+        fused=fused,
+        partners=[model.partner(i) if model else None for i in range(fused.estimate.n_modes)],
+        asynchrony=None if setups else work.channel_delays(recordings(), windows, fused.estimate),
+        change=None if setups else frequency_change(windows, recordings, chosen, band),
     )
+    say_modes(found, shown, setups=setups)
+    about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
+    content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
+    if json:
+        write_json(json, content)
+    if picture or out:
+        recording, seen = work.first_window(recordings(), chosen, band)
+        if picture:
+            work.draw_window(picture, recording, seen, fused.estimate)
+        if out:
+            work.fill_folder(out, () if setups else windows.estimates, fused.estimate, recording, seen, model, content)
+    return DONE

@@ -72,8 +72,7 @@ def import_(
     from daq import DataOptions
     from daq.files import CAN_LOGS
     from monitor.cli.data.importing.can_traffic import import_can_traffic, one_sensor, site_sensors
-    from monitor.cli.data.importing.measurements import import_measurements
-    from monitor.cli.data.importing.values import columns_of, factor_of, start_of
+    from monitor.cli.data.importing.measurements import columns_of, factor_of, import_measurements, start_of
     from monitor.errors import ArgumentError
 
     can = dbc is not None or any(path.suffix.lower() in CAN_LOGS for path in data)

@@ -8,18 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from daq import DataError, DataOptions, Recording, write_recordings
-from daq.files import Measured, read_in_order, with_channels
+from daq.files import ACCELERATIONS, Measured, acceleration, read_in_order, with_channels
+from monitor.analysis.time_range import instant
 from monitor.cli.data.importing.new_site import learning_notes, new_site
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal, echo, warn
+from monitor.cli.terminal import echo, warn
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
 from updater import parse_structure
 from updater.structure import portable_text
 
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
-
-console = Terminal()
 
 
 def import_measurements(
@@ -86,7 +85,7 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
         f"{len(gaps)} gaps ({sum(gap.stop - gap.start for gap in gaps)} samples){level(recordings)}"
     )
     if len(recordings) > 1:
-        console.print(_sequence(recordings), soft_wrap=True)
+        echo(_sequence(recordings))
     if new_site is not None:
         echo(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` watches the log")
     for remark in parts[0].remarks:
@@ -101,6 +100,33 @@ def _sequence(recordings: Sequence[Recording]) -> str:
     warm = [recording.temperature for recording in recordings if np.isfinite(recording.temperature)]
     means = f"; their mean temperatures: {min(warm):.4g} to {max(warm):.4g} degC" if warm else ""
     return f"{len(recordings)} files by their dates, {len(real)} pauses between them{longest}{means}"
+
+
+def factor_of(unit: str | None, scale: float | None) -> float | None:
+    """Return the factor of a number [m/s2] if it was given explicitly."""
+    if unit is None and scale is None:
+        return None
+    worth = acceleration(unit or "m/s2")
+    if worth is None:
+        raise ArgumentError("--unit", f"expected one of {', '.join(ACCELERATIONS)}, found {unit!r}")
+    return worth * (scale or 1.0)
+
+
+def columns_of(options: Sequence[str]) -> dict[str, str] | None:
+    """Return column -> channel from NAME or NAME=SENSOR; None for all columns."""
+    pairs = [(option.rpartition("=") if "=" in option else (option, "", option)) for option in options]
+    columns = {column: channel for column, _, channel in pairs}
+    if len(columns) < len(pairs) or len(set(columns.values())) < len(pairs):
+        raise ArgumentError("--column", f"expected different names, found {', '.join(options)}")
+    return columns or None
+
+
+def start_of(text: str) -> int:
+    """Return a time [ns UTC]; without a zone it is UTC."""
+    try:
+        return instant(text)
+    except ValueError as error:
+        raise ArgumentError("--start", str(error)) from error
 
 
 def _for_site(data: Path, recording: Recording, site: Site, path: Path) -> Recording:

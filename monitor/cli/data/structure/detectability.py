@@ -5,10 +5,9 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from monitor.analysis.channels import check_channels, measured_only
-from monitor.cli.data.structure.parameters_output import SENSITIVITY_NOTE, parameter_table, parameters_json
+from monitor.analysis.channels import ChannelCheck
+from monitor.cli.data.structure.parameters_output import SENSITIVITY_NOTE, parameter_table
 from monitor.cli.data.structure.structure_output import (
-    as_json,
     body_table,
     channel_words,
     clearer_words,
@@ -16,81 +15,32 @@ from monitor.cli.data.structure.structure_output import (
     modes_table,
     plan_tables,
 )
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, echo, warn
+from monitor.cli.terminal import Terminal
 from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
 from oma.preparation import PASS
-from updater import ModelError, Record, Structure, StructureError, load_structure
-from updater.planning import ALIKE, ModeVisibility, Plan, Target, look, plan
+from updater import ModelError, Record, Structure
+from updater.planning import ALIKE, ModeVisibility, Plan, Target, plan
 from updater.reference import ParameterSensitivity, parameter_sensitivities
-from updater.structure import odd_units
 
 console = Terminal()
 _USUAL_RATE = 1000.0  # Hz
-_ELSE = "for another recorder give --highest, or --channels SITE.toml or a log of it"
+USUAL_BAND = (
+    f"modes are counted up to {PASS * _USUAL_RATE:g} Hz, as recorded at {_USUAL_RATE:g} Hz; "
+    "for another recorder give --highest, or --channels SITE.toml or a log of it"
+)
 _UNITS = {"kg": ("mass", 1.0), "g": ("mass", 1e-3), "m": ("length", 1.0), "mm": ("length", 1e-3)}
 
 
-def study_structure(
-    path: Path,
-    *,
-    n_modes: int,
-    seconds: float,
-    damping: float,
-    highest: float | None,
-    target_mass: str | None,
-    tolerance: str,
-    channels: Path | None,
-    parameters: bool,
-    json_path: Path | None,
-    picture: Path | None,
-) -> int:
-    """Draw the structure, list modes and detectability; return 1 if sensors and channels do not match."""
-    structure, target = load_structure(path), _target(target_mass, tolerance)
-    check = check_channels(structure, channels) if channels else None
-    record = _record(seconds, damping, highest, check.highest if check else PASS * _USUAL_RATE)
-    if check:
-        structure = measured_only(structure, check)
-    try:
-        sight = look(structure, n_modes, record, target.within if target else None)
-        planned = _planned(sight, target)
-    except ModelError as error:
-        raise StructureError(path, str(error)) from error
-    picture = picture or path.with_suffix(".png")
-    try:
-        draw_structure(sight, picture, planned)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
-        raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
-    _say(sight, planned)
-    for words in channel_words(structure, check):
-        console.print(escape(words))
-    sensitivities = _parameters(structure, n_modes) if parameters else None
-    notes = odd_units(structure)
-    if highest is None and check is None:
-        notes = [
-            *notes,
-            f"modes are counted up to {record.highest:g} Hz, as recorded at {_USUAL_RATE:g} Hz; {_ELSE}",
-        ]
-    for note in notes:
-        warn(f"note: {note}")
-    echo(f"picture: {picture}")
-    if json_path:
-        listed = {} if sensitivities is None else {"parameters": parameters_json(sensitivities)}
-        write_json(json_path, as_json(sight, planned) | listed)
-    return DONE if check is None or check.good else NEEDS_A_PERSON
-
-
-def _record(seconds: float, damping: float, given: float | None, highest_measured: float) -> Record:
-    """Return the record that is planned, with modes up to a given frequency, or the highest measured one [Hz].
+def planned_record(seconds: float, damping: float, given: float | None, check: ChannelCheck | None) -> Record:
+    """Return the record that is planned, with modes up to a given frequency [Hz], or the highest of a recorder.
 
     Raises
     ------
     ArgumentError
         Naming the option that makes no sense.
     """
-    highest = given if given is not None else highest_measured
+    highest = given if given is not None else check.highest if check else PASS * _USUAL_RATE
     for name, value in (("--record-seconds", seconds), ("--damping", damping), ("--highest", highest)):
         if not value > 0:
             raise ArgumentError(name, f"expected a positive number, found {value:g}")
@@ -99,7 +49,7 @@ def _record(seconds: float, damping: float, given: float | None, highest_measure
     return Record(seconds=seconds, damping=damping, highest=highest)
 
 
-def _target(mass: str | None, tolerance: str) -> Target | None:
+def target_of(mass: str | None, tolerance: str) -> Target | None:
     """Return the target mass, None if there is none."""
     if mass is None:
         return None
@@ -125,7 +75,7 @@ def _measured(option: str, text: str, kind: str) -> float:
     return value
 
 
-def _parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity]:
+def list_parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity]:
     """List the parameters that may be updated with their sensitivities, and return these."""
     _, found = parameter_sensitivities(structure, n_modes)
     console.print(parameter_table(found) if found else "no parameter may be updated")
@@ -134,7 +84,7 @@ def _parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity
     return found
 
 
-def _planned(sight: ModeVisibility, target: Target | None) -> Plan | None:
+def plan_for(sight: ModeVisibility, target: Target | None) -> Plan | None:
     """Return how to find the target.
 
     Raises
@@ -148,6 +98,21 @@ def _planned(sight: ModeVisibility, target: Target | None) -> Plan | None:
         raise ModelError(sight.too_few)
     with console.status("playing records that are not measured yet"):
         return plan(sight.outlook, target)
+
+
+def draw(sight: ModeVisibility, picture: Path, planned: Plan | None) -> None:
+    """Draw the structure."""
+    try:
+        draw_structure(sight, picture, planned)
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
+        raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
+
+
+def print_study(sight: ModeVisibility, planned: Plan | None, check: ChannelCheck | None) -> None:
+    """Print modes, detectability, the plan, and the channels of a recorder."""
+    _say(sight, planned)
+    for words in channel_words(sight.model.structure, check):
+        console.print(escape(words))
 
 
 def _say(sight: ModeVisibility, planned: Plan | None) -> None:

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
+from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.options import Json
 
 
@@ -41,18 +42,35 @@ def structure(
     modalwatch structure structure.toml --channels site.toml
     modalwatch structure structure.toml --target-mass 50g --tolerance 50mm
     """
-    from monitor.cli.data.structure.detectability import study_structure
+    from monitor.analysis.channels import check_channels, measured_only
+    from monitor.cli.data.structure import detectability as work
+    from monitor.cli.data.structure.parameters_output import parameters_json
+    from monitor.cli.data.structure.structure_output import as_json
+    from monitor.cli.output import write_json
+    from monitor.cli.terminal import echo, warn
+    from updater import ModelError, StructureError, load_structure
+    from updater.planning import look
+    from updater.structure import odd_units
 
-    return study_structure(
-        file,
-        n_modes=modes,
-        seconds=record_seconds,
-        damping=damping,
-        highest=highest,
-        target_mass=target_mass,
-        tolerance=tolerance,
-        channels=channels,
-        parameters=parameters,
-        json_path=json,
-        picture=out,
-    )
+    loaded, target = load_structure(file), work.target_of(target_mass, tolerance)
+    check = check_channels(loaded, channels) if channels else None
+    record = work.planned_record(record_seconds, damping, highest, check)
+    if check:
+        loaded = measured_only(loaded, check)
+    try:
+        sight = look(loaded, modes, record, target.within if target else None)
+        planned = work.plan_for(sight, target)
+    except ModelError as error:
+        raise StructureError(file, str(error)) from error
+    picture = out or file.with_suffix(".png")
+    work.draw(sight, picture, planned)
+    work.print_study(sight, planned, check)
+    listed = work.list_parameters(loaded, modes) if parameters else None
+    for note in odd_units(loaded):
+        warn(f"note: {note}")
+    if highest is None and check is None:
+        warn(f"note: {work.USUAL_BAND}")
+    echo(f"picture: {picture}")
+    if json:
+        write_json(json, as_json(sight, planned) | ({} if listed is None else {"parameters": parameters_json(listed)}))
+    return DONE if check is None or check.good else NEEDS_A_PERSON
