@@ -20,6 +20,9 @@ class Terminal(Console):
         return super().render_str(printable(text), **options)
 
 
+console = Terminal()
+
+
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
     """Print a text without markup, its control characters as escapes."""
     typer.echo(printable(text), nl=nl, err=err)
@@ -27,4 +30,4 @@ def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
 
 def warn(text: str) -> None:
     """Print a text that needs attention, in yellow."""
-    Terminal().print(text, style="yellow", soft_wrap=True, markup=False)
+    console.print(text, style="yellow", soft_wrap=True, markup=False)

@@ -12,7 +12,7 @@ from monitor.cli.demo.rig_process import RigProcess
 from monitor.cli.demo.score import reveal
 from monitor.cli.exit_codes import INTERRUPTED
 from monitor.cli.site.monitoring import tell_live
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import console
 from monitor.rig import T_DEVICES, draw_t_frame, dump_scenario
 from monitor.service.daemon import run, stop_on_signals
 from monitor.service.servers.live_view import live_view
@@ -42,7 +42,6 @@ SHORT = Plan(window=20.0, baseline_windows=8, windows=13, between=(165.0, 195.0)
 
 def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:
     """Run the demo; 0 if the body was found rightly, 1 if not, 130 if it was stopped."""
-    console = Terminal()
     seed = secrets.randbelow(10_000) if seed is None else seed
     seconds = plan.windows * plan.window / speed
     console.print(f"[bold]modalwatch demo[/], seed {seed}: a virtual T-frame plays for {seconds:.0f} s")
@@ -60,7 +59,7 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int
         display = Display(console, plan.windows, stop)
         site = load_site(out / "site.toml")
         with live_view(site.settings, site.structure_text, site.site_text) as live, display:
-            tell_live(console, live)
+            tell_live(live)
             report = run(site, stop, display.show, live)
         done = rig.finish()
     if display.n_windows < plan.windows:

@@ -11,9 +11,9 @@ from monitor.cli.exit_codes import DONE
 
 def rig(
     scenario: Annotated[Path, Argument(metavar="SCENARIO.toml")],
-    speed: Annotated[float, Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
-    ports: Annotated[Path, Option(help="File that gets the ports, once they can be opened.")] = Path("ports.json"),
-    report: Annotated[Path, Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
+    speed: Annotated[float, Option(help="Seconds of data per second.", min=0.1, max=20)] = 1.0,
+    ports: Annotated[Path, Option(help="File for the ports, written once they can be opened.")] = Path("ports.json"),
+    report: Annotated[Path, Option(help="File for the report, written at the end.")] = Path("rig.json"),
 ) -> int:
     """Run a virtual rig with emulated devices.
 

@@ -9,10 +9,8 @@ from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import console, echo
 from monitor.views.run import late_devices
-
-console = Terminal()
 
 
 def export_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeR
 
 from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, reanalyse, steps_key, steps_of, texts_of
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import console
 from monitor.errors import ArgumentError
 from monitor.results.windows import AlarmResult, Result
 from monitor.service.site import load_site
@@ -21,7 +21,6 @@ from monitor.service.site import load_site
 if TYPE_CHECKING:
     from distributed import Client
 
-console = Terminal()
 _READERS = 8  # logs whose attachments are read at the same time
 
 

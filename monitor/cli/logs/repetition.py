@@ -10,13 +10,11 @@ from daq import LogError
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.site.console_log import line
-from monitor.cli.terminal import Terminal, echo, warn
+from monitor.cli.terminal import console, echo, warn
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import ReplayReport, replay, write_watched
 from monitor.service.site import load_site
 from monitor.settings import overrides
-
-console = Terminal()
 
 
 def replay_log(

@@ -14,9 +14,7 @@ from daq.log import DeviceInfo, LogInfo, files_of, log_info
 from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, echo
-
-console = Terminal()
+from monitor.cli.terminal import console, echo
 
 
 def summarize(paths: Sequence[Path], json_path: Path | None) -> int:

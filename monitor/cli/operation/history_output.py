@@ -10,7 +10,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint, database_url
 from monitor.outputs.history.summary import Found, look
@@ -18,7 +18,6 @@ from monitor.service.site import load_site
 from monitor.text.events import event_name, event_text
 from monitor.text.quantities import duration_text, utc
 
-console = Terminal()
 _DAY = 86_400 * 10**9  # ns
 _MAX = 20  # lines of a table
 _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits

@@ -13,7 +13,7 @@ from daq import AnyLog
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
@@ -21,8 +21,6 @@ from monitor.text.quantities import utc
 from monitor.watch.commissioning import Proof, ProofError, gather, prove
 from monitor.watch.memory import parse_memory, recall
 from updater import parse_structure
-
-console = Terminal()
 
 
 def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Path | None) -> int:

@@ -16,11 +16,9 @@ from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, can_adapters
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import console, echo
 from monitor.errors import StartError
 from monitor.settings import AXES
-
-console = Terminal()
 
 Seen = PortAnswer | str | None  #: an answer, why there is none, or silence
 

@@ -6,11 +6,9 @@ from functools import partial
 from pathlib import Path
 from threading import Event
 
-from rich.console import Console
-
 from monitor.cli.exit_codes import DONE
 from monitor.cli.site.console_log import journal
-from monitor.cli.terminal import Terminal, echo
+from monitor.cli.terminal import console, echo
 from monitor.results.windows import Result
 from monitor.service.daemon import reload_on_signal, run, stop_on_signals
 from monitor.service.processes import give_back_memory, spare_what_is_loaded
@@ -20,8 +18,6 @@ from monitor.service.startup.instance_lock import only_one
 from monitor.service.startup.repair_logs import mend_logs
 from monitor.watch.memory import recall
 from updater import parse_structure
-
-console = Terminal()
 
 
 def monitor_site(path: Path, given: Sequence[str], *, as_json: bool) -> int:
@@ -42,7 +38,7 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
         live_view(site.settings, site.structure_text, site.site_text) as live,
         journal(as_json=as_json) as lines,
     ):
-        tell_live(console, live)
+        tell_live(live)
         _tell_page(site)
         spare_what_is_loaded()
         report = run(
@@ -55,7 +51,7 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
             mended=mended,
             reread=reread,
         )
-    tell_live_end(console, live)
+    tell_live_end(live)
     for path in report.logs:
         echo(f"log: {path}")
     if report.dropped or report.disk_failure:
@@ -82,13 +78,13 @@ def _nothing(_: Result) -> None:
     """Results are printed as they are in the log."""
 
 
-def tell_live(console: Console, live: LiveView) -> None:
+def tell_live(live: LiveView) -> None:
     """Print the address of the live view, or the reason why there is none."""
     if live.text:
         echo(live.text)
 
 
-def tell_live_end(console: Console, live: LiveView) -> None:
+def tell_live_end(live: LiveView) -> None:
     """Print the amount of data that the live view dropped."""
     if live.served and (live.dropped or live.problem):
         echo(f"live view: {live.dropped} items not shown; {live.problem or 'ok'}")

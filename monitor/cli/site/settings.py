@@ -20,6 +20,7 @@ def settings(
 
     Example:
     modalwatch settings > site.toml
+    modalwatch settings --schema > site.schema.json
     """
     from monitor.cli.terminal import echo
     from monitor.settings import annotated, json_schema, overrides, parse_settings, read_settings

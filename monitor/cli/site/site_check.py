@@ -11,7 +11,7 @@ from rich.table import Table
 
 from daq.drivers import low_grade
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import Terminal, echo, warn
+from monitor.cli.terminal import console, echo, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site
@@ -21,8 +21,6 @@ from monitor.settings import AXES, DeviceSettings, Settings
 from monitor.text.detectability import NO_THERMOMETER
 
 _DAY_HOURS = 24.0
-
-console = Terminal()
 
 
 def check_site(path: Path, given: Sequence[str]) -> int:

@@ -7,6 +7,10 @@ from typer import Argument, Option
 
 from monitor.cli.options import From, Json, To
 
+_ReferenceTime = Annotated[
+    str | None, Option(metavar="TIME", help="Range of the reference logs, like --from and --to.")
+]
+
 
 def diagnose(
     structure: Annotated[Path, Argument(metavar="STRUCTURE.toml")],
@@ -22,13 +26,8 @@ def diagnose(
     ] = None,
     start: From = None,
     stop: To = None,
-    reference_start: Annotated[
-        str | None,
-        Option("--reference-from", metavar="TIME", help="Range of the reference logs, like --from and --to."),
-    ] = None,
-    reference_stop: Annotated[
-        str | None, Option("--reference-to", metavar="TIME", help="Range of the reference logs, like --from and --to.")
-    ] = None,
+    reference_from: _ReferenceTime = None,
+    reference_to: _ReferenceTime = None,
     window: Annotated[
         float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
@@ -64,22 +63,26 @@ def diagnose(
     """
     from monitor.analysis.selection import Selection
     from monitor.analysis.time_range import time_range
+    from monitor.cli.data.diagnose.bounds import bound_of
     from monitor.cli.data.diagnose.diagnosis import Logs, diagnose_logs
-    from monitor.cli.data.diagnose.selection import bounds_of, frequencies_of
+    from monitor.errors import ArgumentError
 
     named = Logs(
         current=logs,
         reference=reference or (),
         heldout=held_out or (),
         within=time_range(start, stop),
-        reference_within=time_range(reference_start, reference_stop, ("--reference-from", "--reference-to")),
+        reference_within=time_range(reference_from, reference_to, ("--reference-from", "--reference-to")),
     )
+    for hertz in without_mode or ():
+        if not hertz > 0:
+            raise ArgumentError("--without-mode", f"expected a positive frequency in Hz, found {hertz:g}")
     selection = Selection(
         only=tuple(only or ()),
         without=tuple(without or ()),
         without_channels=tuple(without_channel or ()),
-        without_modes=frequencies_of(without_mode or ()),
+        without_modes=tuple(without_mode or ()),
         fixed=tuple(fix or ()),
-        bounds=bounds_of(bound or ()),
+        bounds=dict(map(bound_of, bound or ())),
     )
     return diagnose_logs(structure, named, selection, window=window, out=out, json_path=json)

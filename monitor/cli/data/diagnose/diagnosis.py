@@ -21,7 +21,7 @@ from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, echo, warn
+from monitor.cli.terminal import console, echo, warn
 from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
 from monitor.optional import run_optional
 from monitor.results.comparison import DiscrepancyResult
@@ -89,7 +89,6 @@ def written(out: Path, diagnosis: Diagnosis) -> list[Path]:
     return [out / name for name in (*names, "diagnosis.json", NUMBERS) if (out / name).exists()]
 
 
-console = Terminal()
 _LIFTED = "the removed body is not in this file: its stiffness was fitted to the reference logs with the body on"
 _EXTENDED = "found by modalwatch diagnose"  # comment of entries added to an extended model
 

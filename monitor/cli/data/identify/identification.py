@@ -11,8 +11,7 @@ from daq import AnyLog, LogError, Recording, read_attachments
 from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.data.identify.identification_output import console
-from monitor.cli.terminal import echo
+from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.settings import Settings, parse_attached
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc

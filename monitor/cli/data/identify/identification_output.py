@@ -12,14 +12,13 @@ from rich.table import Table
 
 from daq import AnyLog
 from monitor.analysis.stationarity import FrequencyChange
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import console
 from oma import mpc, mpd
 from oma.preparation import ALIAS_FREE
 from oma.windows import Windows, are_near
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
 from updater.validation import ModelPartner
 
-console = Terminal()
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
 
 

@@ -15,7 +15,7 @@ from monitor.cli.data.structure.structure_output import (
     modes_table,
     plan_tables,
 )
-from monitor.cli.terminal import Terminal
+from monitor.cli.terminal import console
 from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
 from oma.preparation import PASS
@@ -23,7 +23,6 @@ from updater import ModelError, Record, Structure
 from updater.planning import ALIKE, ModeVisibility, Plan, Target, plan
 from updater.reference import ParameterSensitivity, parameter_sensitivities
 
-console = Terminal()
 _USUAL_RATE = 1000.0  # Hz
 USUAL_BAND = (
     f"modes are counted up to {PASS * _USUAL_RATE:g} Hz, as recorded at {_USUAL_RATE:g} Hz; "
