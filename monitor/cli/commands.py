@@ -59,7 +59,7 @@ class CommandGroup(TyperGroup):
         """Return the options, all flags; an absent one is False: typer imports pydantic to convert None."""
         found = super().get_params(ctx)
         for parameter in found:
-            parameter.default = bool(parameter.default)
+            parameter.default = False if parameter.default is None else parameter.default
         return found
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
