@@ -15,7 +15,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from monitor.cli.demo.demo import Plan, demo_command
+from monitor.cli.demo.demonstration import Plan, demonstrate
 
 HERE = Path(__file__).parent
 PLAN = Plan(window=15.0, baseline_windows=8, windows=12, between=(125.0, 130.0), rate=500.0)
@@ -39,7 +39,7 @@ def main() -> int:
     os.environ["MODALWATCH_RECORDER__VIEW_RATE"] = "0"  # half the size; `log expand` makes a view of it
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        demo_command(out, seed, speed=5.0, plan=PLAN)
+        demonstrate(out, seed, speed=5.0, plan=PLAN)
         answer = json.loads((out / "answer.json").read_text(encoding="utf-8"))
         if answer["dropped"]:
             print(f"{answer['dropped']} scans were lost: try again on a quieter machine")

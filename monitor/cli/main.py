@@ -1,26 +1,33 @@
-"""`modalwatch`: its commands, and how it ends."""
+"""`modalwatch`: its entry point, and its exit codes."""
 
 import os
 import sys
-from importlib.metadata import version
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from monitor.cli.commands import CommandGroup
 from monitor.cli.exit_codes import DONE, INTERRUPTED, explain
-from monitor.cli.tables.data import data_app
-from monitor.cli.tables.log import log_app
-from monitor.cli.tables.site import site_app
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None)
-app.add_typer(site_app)
-app.add_typer(data_app)
-app.add_typer(log_app, name="log")
+
+def _exit(code: int, **_options: bool) -> None:
+    raise typer.Exit(code)
+
+
+app = typer.Typer(
+    cls=CommandGroup,
+    result_callback=_exit,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"max_content_width": 200},
+)
 
 
 def _print_version(asked: bool) -> None:
     if asked:
+        from importlib.metadata import version  # slow to import
+
         typer.echo(f"modalwatch {version('modalwatch')}")
         raise typer.Exit
 
@@ -38,35 +45,6 @@ def _options(
 
 
 _debug: list[bool] = []
-
-
-@app.command()
-def demo(
-    out: Annotated[Path, typer.Option(help="Folder for what the demo leaves behind.")] = Path("demo-output"),
-    seed: Annotated[int | None, typer.Option(help="Seed of the rig and its events. Default: random.")] = None,
-    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 10.0,
-    short: Annotated[bool, typer.Option("--short", help="A quarter of the length, less sure answers.")] = False,
-) -> None:
-    """Monitor an emulated rig from baseline to diagnosis."""
-    from monitor.cli.demo.demo import FULL, SHORT, demo_command
-
-    raise typer.Exit(demo_command(out, seed, speed=speed, plan=SHORT if short else FULL))
-
-
-@app.command()
-def rig(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO.toml")],
-    speed: Annotated[float, typer.Option(help="Seconds of data a second.", min=0.1, max=20)] = 1.0,
-    ports: Annotated[Path, typer.Option(help="File that gets the ports, once they can be opened.")] = Path(
-        "ports.json"
-    ),
-    report: Annotated[Path, typer.Option(help="File that gets what happened, at the end.")] = Path("rig.json"),
-) -> None:
-    """Run a virtual rig with emulated devices."""
-    from monitor.rig import run_rig
-
-    done = run_rig(scenario, speed=speed, ports=ports, report=report)
-    typer.echo(f"{done.sent} frames sent, {done.dropped} dropped")
 
 
 def main() -> None:

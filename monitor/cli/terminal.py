@@ -20,11 +20,14 @@ class Terminal(Console):
         return super().render_str(printable(text), **options)
 
 
+console = Terminal()
+
+
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
     """Print a text without markup, its control characters as escapes."""
     typer.echo(printable(text), nl=nl, err=err)
 
 
-def say_range(text: str) -> None:
-    """Print the range of time to which a command is limited."""
-    Terminal().print(text, soft_wrap=True, markup=False)
+def warn(text: str) -> None:
+    """Print a text that needs attention, in yellow."""
+    console.print(text, style="yellow", soft_wrap=True, markup=False)

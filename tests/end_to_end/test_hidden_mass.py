@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor.cli.data.import_ import ImportOptions, import_command
-from monitor.cli.data.log import export_command
-from monitor.cli.site.run import replay_command
+from monitor.cli.data.importing.import_ import import_
+from monitor.cli.logs.export import export
+from monitor.cli.logs.replay import replay as replay_command
 from monitor.rig import draw_t_frame
 from monitor.service.replay import replay
 from tests.support.monitor.recorded_runs import site_toml, write_log
@@ -35,8 +35,8 @@ def through_a_table(log: Path) -> Path:
     table, imported, site = log.with_name("table.csv"), log.with_name("imported.mcap"), log.with_name("site.toml")
     site.write_text(SITE, encoding="utf-8")
     log.with_name("t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
-    assert export_command([log], table) == 0
-    assert import_command([table], imported, ImportOptions(site=site)) == 0
+    assert export([log], table) == 0
+    assert import_([table], imported, site=site) == 0
     return imported
 
 
@@ -47,7 +47,7 @@ def test_replay_of_an_imported_table_finds_the_hidden_mass(tmp_path: Path, capsy
     The repository's own log, straight from a rig, is replayed in test_replay_data.py.
     """
     log, at, mass = hidden(tmp_path, 33, added=True)
-    assert replay_command([through_a_table(log)], None, tmp_path / "found.json") == 1  # an alarm: a person is needed
+    assert replay_command([through_a_table(log)], json=tmp_path / "found.json") == 1  # an alarm: a person is needed
     assert "`-o WATCHED.mcap` writes a log with this" in " ".join(capsys.readouterr().out.split())
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))["results"]
     alarms = [r for r in found if r.get("state") == "alarm"]

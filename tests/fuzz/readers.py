@@ -38,8 +38,9 @@ from tests.fuzz.mutations import (
 from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = (
-    *("data.structure", "data.import_", "data.import_can", "data.log", "data.identify", "data.view"),
-    *("site.settings", "site.check", "site.run", "site.service"),
+    *("data.structure.detectability", "data.importing.measurements", "data.importing.can_traffic"),
+    *("data.identify.identification", "data.log_views", "logs.summary", "logs.conversion", "logs.repetition"),
+    *("site.site_check", "site.monitoring", "operation.service_unit"),
 )
 for _module in _MODULES:
     import_module(f"monitor.cli.{_module}")  # which commands import when they run: once, not in each case

@@ -1,1 +1,1 @@
-"""Commands that work on files: measurements, structures, logs."""
+"""Commands on measurements, modes, structures and diagnoses."""

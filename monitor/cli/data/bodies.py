@@ -1,145 +1,30 @@
-"""`bodies`: bodies removed or added at known places."""
+"""Command `bodies`."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
+from typer import Argument
 
-from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal
-from monitor.text.causes import quantity_text
-from monitor.text.quantities import share_text
-from updater.quantities import Quantity
-
-console = Terminal()
-_MAX_LISTED = 5  # sets of bodies
+from monitor.cli.options import Json
 
 
-def bodies_command(path: Path, *, json_path: Path | None) -> int:
-    """Identify the bodies; return 0 if the answer is sure, 1 if a person must decide."""
-    with console.status("comparing sets of bodies ..."):
-        result = select_known_bodies(path)
-    if json_path:
-        write_json(json_path, bodies_json(result))
-    console.print(_answer_text(result), soft_wrap=True, markup=False)
-    for table in (_sets_table(result), _bodies_table(result), _records_table(result)):
-        console.print(table)
-    found = result.selection
-    console.print(
-        f"scatter between records per mode [%]: {', '.join(f'{100 * s:.2g}' for s in found.scatter)}; "
-        f"model error: {100 * found.model_error:.2g} % of a mode's displacement",
-        soft_wrap=True,
-    )
-    return DONE if result.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+def bodies(
+    file: Annotated[
+        Path,
+        Argument(
+            metavar="BODIES.toml",
+            help="TOML file with the structure, the bodies, and places and frequencies per record.",
+        ),
+    ],
+    json: Json = None,
+) -> int:
+    """Identify bodies removed or added at known places.
 
+    Several records are used together.
 
-def bodies_json(result: BodiesResult) -> dict[str, Any]:
-    """Return the result for other programs."""
-    found, content = result.selection, result.content
-    names = content.names
-    order = np.argsort(-found.probability).tolist()
-    best = found.best
-    return {
-        "verdict": result.verdict,
-        "bodies": [
-            {
-                "name": body.name,
-                "change": body.change,
-                "probability": float(found.candidate_probability[k]),
-                "mass": {"value": abs(float(found.mass[k])), "std": float(found.mass_std[k]), "unit": "kg"}
-                if k in best
-                else None,
-            }
-            for k, body in enumerate(content.body)
-        ],
-        "sets": [
-            {"bodies": [names[k] for k in found.sets[row]], "probability": float(found.probability[row])}
-            for row in order
-        ],
-        "records": [
-            {
-                "name": name,
-                "bodies": [names[k] for k in found.sets[int(own.argmax())]],
-                "probability": float(own.max()),
-                "probability_of_answer": float(own[order[0]]),
-            }
-            for name, own in zip(content.record_names, found.per_record, strict=True)
-        ],
-        "scatter": found.scatter.tolist(),
-        "model_error": found.model_error,
-    }
+    Example:
+    modalwatch bodies bodies.toml --json bodies.json
+    """
+    from monitor.cli.data.body_selection import identify_bodies
 
-
-def _answer_text(result: BodiesResult) -> str:
-    found, content = result.selection, result.content
-    probability = share_text(float(found.probability.max()))
-    records = f"{len(content.record)} record{'s' * (len(content.record) > 1)}"
-    changes = [f"{content.names[k]} {content.body[k].change}" for k in found.best]
-    best = ", ".join(changes) or "no body taken off or added"
-    if result.verdict == "unexplained":
-        return (
-            f"unexplained: no set of the bodies fits. The nearest is: {best}; it needs a scatter or model error "
-            f"{found.excess:.1f} prior standard deviations above the usual one."
-        )
-    return f"{result.verdict.replace('_', ' ')}: {best} (probability {probability}, {records})"
-
-
-def _table(title: str, columns: Sequence[tuple[str, bool]]) -> Table:
-    """Return an empty table; columns are names and whether they hold numbers."""
-    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
-    for name, number in columns:
-        table.add_column(name, justify="right" if number else "left")
-    return table
-
-
-def _set_text(names: Sequence[str], chosen: Sequence[int]) -> str:
-    return escape(", ".join(names[k] for k in chosen) or "none")
-
-
-def _sets_table(result: BodiesResult) -> Table:
-    found, names = result.selection, result.content.names
-    table = _table("sets of bodies, all records together", (("bodies", False), ("probability", True)))
-    for row in np.argsort(-found.probability)[:_MAX_LISTED].tolist():
-        table.add_row(_set_text(names, found.sets[row]), _probability_text(float(found.probability[row])))
-    return table
-
-
-def _bodies_table(result: BodiesResult) -> Table:
-    found, content = result.selection, result.content
-    table = _table("bodies", (("body", False), ("change", False), ("probability", True), ("mass", True)))
-    for k, body in enumerate(content.body):
-        mass = Quantity(value=abs(float(found.mass[k])), std=float(found.mass_std[k]), unit="kg")
-        table.add_row(
-            escape(body.name),
-            body.change,
-            _probability_text(float(found.candidate_probability[k])),
-            quantity_text(mass) if k in found.best else "",
-        )
-    return table
-
-
-def _records_table(result: BodiesResult) -> Table:
-    found, content = result.selection, result.content
-    best = int(np.argmax(found.probability))
-    answer = _set_text(content.names, found.best)
-    columns = (("record", False), ("most probable", False), ("probability", True), (f"probability of {answer}", True))
-    table = _table("each record alone, with the scatter of all", columns)
-    for name, own in zip(content.record_names, found.per_record, strict=True):
-        table.add_row(
-            escape(name),
-            _set_text(content.names, found.sets[int(own.argmax())]),
-            _probability_text(float(own.max())),
-            _probability_text(float(own[best])),
-        )
-    return table
-
-
-def _probability_text(probability: float) -> str:
-    """Return a probability in per cent; a small one with its order of magnitude."""
-    return share_text(probability) if probability >= 1e-3 else f"{100 * probability:.0e} %"
+    return identify_bodies(file, json)

@@ -1,122 +1,29 @@
-"""`report` and `view`: report and rerun recording of a log or a running monitor."""
+"""Command `view`."""
 
-import os
-import shutil
-import socket
-import subprocess
-import sys
 from pathlib import Path
-from urllib.parse import urlsplit
+from typing import Annotated
 
-from daq import AnyLog, LogExcerpt
-from daq.log import files_of
-from monitor.analysis.time_range import WHOLE, TimeRange
-from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import Terminal, say_range
-from monitor.errors import ArgumentError, ResultsError
-from monitor.views.report import load_diagnosis, run_report
-from monitor.views.run import load_run
+from typer import Argument, Option
 
-console = Terminal()
-_CONNECT_SECONDS = 2.0
+from monitor.cli.options import From, To
 
 
-def report_command(path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange = WHOLE) -> int:
-    """Write the report of a log, or of the newest one in a folder; by default next to it, one page per range."""
-    found = load_diagnosis(diagnosis) if diagnosis else None
-    run = load_run(path, within, say_range)
-    page = out or _default_page(path, run.log)
-    _spare(run.log, page)
-    run_report(run, page, found)
-    console.print(f"report: {page}", soft_wrap=True, markup=False)
-    return DONE
+def view(
+    target: Annotated[str, Argument(metavar="DIR|LOG.mcap|URL")],
+    out: Annotated[Path | None, Option(help="Recording to write. Default: in a cache folder.")] = None,
+    show: Annotated[bool, Option("--open/--no-open", help="Open the rerun viewer on the recording.")] = True,
+    start: From = None,
+    stop: To = None,
+) -> int:
+    """Open the rerun viewer on a log or a running monitor.
 
+    A range is shown as by `report`.
 
-def _default_page(path: Path, log: AnyLog) -> Path:
-    """Return the page next to a log or in a folder, such as `run.html`; `run_60-150s.html` of a range."""
-    whole = path / "report.html" if path.is_dir() else path.with_suffix(".html")
-    if not isinstance(log, LogExcerpt):
-        return whole
-    return whole.with_stem(f"{whole.stem}_{log.text.replace(' to ', '-').replace(' ', '')}")
+    Example:
+    modalwatch view run.mcap
+    modalwatch view rerun+http://127.0.0.1:9876/proxy
+    """
+    from monitor.analysis.time_range import time_range
+    from monitor.cli.data.log_views import open_view
 
-
-def view_command(target: str, out: Path | None, *, show: bool, within: TimeRange = WHOLE) -> int:
-    """Open the viewer on a log's new recording or on a live server; print instructions if impossible."""
-    if "://" in target:
-        if not within.whole:
-            raise ArgumentError(", ".join(within.options), f"expected a log, found the address of a monitor: {target}")
-        sources = _live_sources(target)
-    else:
-        file = out or _cache(Path(target))
-        _write(Path(target), file, within, in_cache=out is None)
-        console.print(f"recording: {file}", soft_wrap=True, markup=False)
-        sources = [str(file)]
-    if show:
-        _open(sources)
-    return DONE
-
-
-def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None:
-    run = load_run(path, within, say_range)
-    _spare(run.log, file)
-    from monitor.views.viewer import write_recording  # loads rerun: not before the log is known to be good
-
-    try:
-        if in_cache:
-            file.parent.mkdir(parents=True, exist_ok=True)
-        write_recording(file, run.results)
-    except OSError as error:
-        raise ResultsError(file, f"cannot be written: {error.strerror}") from error
-
-
-def _spare(log: AnyLog, out: Path) -> None:
-    """Refuse to write over the log."""
-    if out.exists() and any(out.samefile(path) for path in files_of(log)):
-        raise ArgumentError("--out", f"{out} is the log itself")
-
-
-def _cache(path: Path) -> Path:
-    """Return where the recording of a log is kept."""
-    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return root / "modalwatch" / f"{path.resolve().name.removesuffix('.mcap')}.rrd"
-
-
-def _live_sources(url: str) -> list[str]:
-    """Return the address of a live server, and the one of its signals if that responds too."""
-    parts = urlsplit(url)
-    try:
-        host, port = parts.hostname, parts.port
-    except ValueError as error:
-        raise ArgumentError(url, str(error)) from error
-    if host is None or port is None:
-        raise ArgumentError(url, "expected an address like rerun+http://127.0.0.1:9876/proxy")
-    if not _answers(host, port):
-        raise ArgumentError(url, "nothing answers there: is the monitor running, with [viewer] in its settings?")
-    second = url.replace(f":{port}", f":{port + 1}")
-    return [url, second] if _answers(host, port + 1) else [url]
-
-
-def _answers(host: str, port: int) -> bool:
-    try:
-        socket.create_connection((host, port), _CONNECT_SECONDS).close()
-    except OSError:
-        return False
-    return True
-
-
-def _open(sources: list[str]) -> None:
-    """Open the viewer and leave it open; without a display print instructions."""
-    viewer = shutil.which("rerun", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}")
-    command = [viewer or "rerun", *sources]
-    if viewer is None or not _has_display():
-        why = "rerun is not installed" if viewer is None else "there is no display here"
-        hint = f"{why}; in a browser: rerun --serve-web --bind 127.0.0.1 {' '.join(sources)}"
-        console.print(hint, soft_wrap=True, markup=False)
-        return
-    quiet = subprocess.DEVNULL
-    subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)
-    console.print(f"viewer: {' '.join(command)}", soft_wrap=True, markup=False)
-
-
-def _has_display() -> bool:
-    return sys.platform in ("win32", "darwin") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return open_view(target, out, show=show, within=time_range(start, stop))

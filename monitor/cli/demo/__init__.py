@@ -1,1 +1,1 @@
-"""The demo: a virtual rig, its monitor, and the truth compared with the answer."""
+"""Commands `demo` and `rig`: a virtual rig, its monitor, and the truth compared with the answer."""

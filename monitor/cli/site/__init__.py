@@ -1,1 +1,1 @@
-"""Commands that work on a site and its running monitor."""
+"""Commands that prepare, run and commission a site."""

@@ -1,132 +1,14 @@
-"""`check`: settings, devices and rates before a run."""
+"""Command `check`."""
 
-import shutil
-from collections.abc import Sequence
-from pathlib import Path
-
-import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
-
-from daq.drivers import low_grade
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import Terminal
-from monitor.errors import StartError
-from monitor.service.acquisition.probe import Probe, probe_devices
-from monitor.service.site import Site, load_site
-from monitor.service.startup.disk_budget import disk_plan
-from monitor.service.startup.preflight import look_around
-from monitor.settings import AXES, DeviceSettings, Settings
-from monitor.text.detectability import NO_THERMOMETER
-
-_DAY_HOURS = 24.0
-
-console = Terminal()
+from monitor.cli.options import Overrides, Site
 
 
-def check_command(path: Path, given: Sequence[str] = ()) -> int:
-    """Print the plan of a run; return 1 if a device or another requirement is not met.
+def check(site: Site, given: Overrides = None) -> int:
+    """Check settings, devices and rates before a run.
 
-    Raises
-    ------
-    SettingsError, StructureError
-        If the settings cannot be used.
-    StartError
-        If a device does not answer.
+    Example:
+    modalwatch check site.toml
     """
-    site = load_site(path, given)
-    _say_plan(site)
-    with console.status(f"asking {len(site.settings.device)} devices ..."):
-        found = probe_devices(site.settings)
-    console.print(_table(site, found))
-    silent = [f"device {name}: {what}" for name, what in found.items() if isinstance(what, str)]
-    if silent:
-        raise StartError("; ".join(silent))
-    problems = [problem for device in site.settings.device for problem in _problems(device, found[device.name])]
-    for device in site.settings.device:
-        if why := low_grade(device.driver):
-            console.print(f"[yellow]{escape(f'device {device.name} is of low grade: {why}')}[/]", soft_wrap=True)
-    if not site.settings.temperature and not any(_has_thermometer(probe) for probe in found.values()):
-        console.print(f"[yellow]{escape(NO_THERMOMETER)}[/]", soft_wrap=True)
-    for problem in problems:
-        console.print(f"[yellow]{escape(problem)}[/]")
-    console.print("all devices answer" if not problems else "the devices answer; see the problems above")
-    well = _say_around(site)
-    return DONE if well and not problems else NEEDS_A_PERSON
+    from monitor.cli.site.site_check import check_site
 
-
-def _has_thermometer(found: Probe | str) -> bool:
-    return not isinstance(found, str) and bool(np.isfinite(found.temperature))
-
-
-def _say_around(site: Site) -> bool:
-    """Print the requirements of a run besides devices; return whether all are met."""
-    well = True
-    for found in look_around(site):
-        line = f"{found.what + ':':<13}{found.text}"
-        console.print(escape(line) if found.well else f"[yellow]{escape(line)}[/]", soft_wrap=True)
-        well &= found.well
-    return well
-
-
-def _say_plan(site: Site) -> None:
-    settings, analysis = site.settings, site.settings.analysis
-    folder = site.folder / settings.recorder.folder
-    free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
-    console.print(f"structure: {escape(str(site.folder / settings.structure))}", soft_wrap=True)
-    console.print(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices", soft_wrap=True)
-    console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
-    console.print(f"baseline:  {_baseline_text(settings)}", soft_wrap=True)
-    acknowledged = ", once acknowledged" if settings.alarm.latched else ""
-    console.print(
-        f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
-        f"after {settings.alarm.hold_windows} windows over the limit; "
-        f"over after {settings.alarm.clear_windows} calm ones{acknowledged}",
-        soft_wrap=True,
-    )
-    console.print(f"log:       {escape(str(folder))}, {free / 1e9:.1f} GB free", soft_wrap=True)
-    console.print(f"disk:      {disk_plan(settings, free)}", soft_wrap=True)
-
-
-def _table(site: Site, found: dict[str, Probe | str]) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("device", "who", "Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"):
-        table.add_column(name, justify="left" if name in {"device", "who"} else "right")
-    for device in site.settings.device:
-        what = found[device.name]
-        if isinstance(what, str):
-            table.add_row(escape(device.name), "[red]no answer[/]")
-            continue
-        who = " ".join(value for value in what.identity.payload().values() if isinstance(value, str))
-        temperature = f"{what.temperature:.1f}" if np.isfinite(what.temperature) else "-"
-        axes = [AXES.index(axis) for axis in device.channels]
-        mean, rms = (" ".join(f"{values[axis]:.3g}" for axis in axes) for values in (what.mean, what.rms))
-        table.add_row(escape(device.name), escape(who), f"{what.rate:.0f}", str(what.lost), temperature, mean, rms)
-    return table
-
-
-def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
-    """Return problems of a device that answers."""
-    if isinstance(found, str):
-        return []
-    problems = []
-    if not found.rate_is(device.rate):
-        problems.append(f"device {device.name}: expected {device.rate:g} scans a second, found {found.rate:.0f}")
-    if found.lost or found.bad_bytes:
-        problems.append(f"device {device.name}: {found.lost} scans lost, {found.bad_bytes} damaged bytes in a second")
-    still = [name for axis, name in device.channels.items() if found.rms[AXES.index(axis)] == 0]
-    problems += [f"device {device.name}: channel {name} does not move at all" for name in still]
-    return problems
-
-
-def _baseline_text(settings: Settings) -> str:
-    """Return how many windows are learnt from, and for how long."""
-    analysis, hours = settings.analysis, settings.learning_seconds / 3600
-    text = f"{analysis.first_windows} windows, {hours:.2g} h"
-    if analysis.most_windows > analysis.first_windows:
-        most = hours + (analysis.most_windows - analysis.first_windows) * settings.step_seconds / 3600
-        return (
-            f"{text}; extended automatically up to {analysis.most_windows}, {most:.2g} h, if the baseline is too short"
-        )
-    return text if hours >= _DAY_HOURS else f"{text}, less than a day's cycle"
+    return check_site(site, given or ())

@@ -1,151 +1,29 @@
-"""`devices`: connected devices, with settings to paste."""
+"""Command `devices`."""
 
-import json
-import re
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from typing import Annotated
 
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
-from rich.table import Table
+from typer import Option
 
-from daq import CanAddress, DriverError, search_port, serial_ports
-from daq.drivers import Found, PortAnswer, SerialPortInfo, can_adapters
-from monitor.cli.exit_codes import DONE
-from monitor.cli.output import write_json
-from monitor.cli.terminal import Terminal, echo
-from monitor.errors import StartError
-from monitor.settings import AXES
-
-console = Terminal()
-
-Seen = PortAnswer | str | None  #: an answer, why there is none, or silence
+from monitor.cli.options import Json
 
 
-@dataclass(frozen=True, kw_only=True)
-class Asked:
-    """Requested search."""
+def devices(
+    port: Annotated[
+        list[str] | None, Option(metavar="PORT", help="Port to search. Repeatable. Default: all ports.")
+    ] = None,
+    probe: Annotated[bool, Option("--probe/--no-probe", help="Query devices at the ports.")] = True,
+    every: Annotated[bool, Option("--all", help="Also query ports that are not USB.")] = False,
+    bitrate: Annotated[
+        int, Option(help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
+    ] = 1_000_000,
+    json: Json = None,
+) -> int:
+    """List ports and devices, with settings to paste.
 
-    ports: tuple[str, ...]  #: ports to search. Default: all of the machine
-    probe: bool  #: whether devices are queried
-    every: bool  #: whether ports that are not USB are searched too
-    bitrate: int  #: bit rate of a bus behind an SLCAN adapter [bit/s]
-
-
-def devices_command(asked: Asked, json_path: Path | None) -> int:
-    """Print connected devices; every given port must answer.
-
-    Raises
-    ------
-    StartError
-        If a port that was named cannot be opened, or nothing that is known answers there.
+    Example:
+    modalwatch devices
+    modalwatch devices --port /dev/ttyUSB0 --json devices.json
     """
-    ports = _named(asked.ports) if asked.ports else serial_ports()
-    adapters = [] if asked.ports else can_adapters()
-    wanted = [port for port in ports if asked.probe and (asked.ports or asked.every or port.is_usb)]
-    with console.status(f"asking at {len(wanted)} ports ..."):
-        seen = dict(zip((port.path for port in wanted), _asked_at_once(wanted, asked.bitrate), strict=True))
-    console.print(_table(ports, adapters, seen))
-    found = [device for answer in seen.values() if isinstance(answer, PortAnswer) for device in answer.devices]
-    echo(settings_for(found))
-    if json_path is not None:
-        write_json(json_path, _as_json(ports, adapters, seen))
-    silent = [_why(path, answer) for path, answer in seen.items() if not isinstance(answer, PortAnswer)]
-    if silent and asked.ports:
-        raise StartError("; ".join(silent))
-    return DONE
+    from monitor.cli.site.device_search import list_devices
 
-
-def _named(paths: Sequence[str]) -> list[SerialPortInfo]:
-    return [SerialPortInfo(device=path, by_id=None, description="", is_usb=False) for path in dict.fromkeys(paths)]
-
-
-def _asked_at_once(ports: Sequence[SerialPortInfo], bitrate: int) -> list[Seen]:
-    def ask(port: SerialPortInfo) -> Seen:
-        try:
-            return search_port(port.path, bitrate)
-        except DriverError as error:
-            return str(error)
-
-    with ThreadPoolExecutor(max(1, len(ports))) as pool:
-        return list(pool.map(ask, ports))
-
-
-def _why(path: str, answer: Seen) -> str:
-    return answer if isinstance(answer, str) else f"{path}: no device that is known answers"
-
-
-def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]], seen: dict[str, Seen]) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("port", "system's name", "what", "who answers"):
-        table.add_column(name, overflow="fold")
-    for port in ports:
-        answer = seen.get(port.path, "not queried")
-        who = answer.who if isinstance(answer, PortAnswer) else answer or "no known device"
-        if isinstance(answer, PortAnswer):
-            nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
-            who += "".join(f"\nnode {_node(d)}: {d.identity}" for d in nodes)
-        system = port.device if port.by_id else ""
-        table.add_row(*(escape(text) for text in (port.path, system, port.description or "serial port", who)))
-    for interface, channel in adapters:
-        table.add_row(escape(channel), "", escape(f"CAN, interface {interface}"), "not queried")
-    if not ports and not adapters:
-        table.add_row("none", "", "", "")
-    return table
-
-
-def _node(device: Found) -> int:
-    return device.place.node if isinstance(device.place, CanAddress) else 0
-
-
-def settings_for(found: Sequence[Found]) -> str:
-    """Return the devices as settings (TOML): names and sensors are to be changed, the rest is as found."""
-    if not found:
-        return "# no device was found"
-    lines: list[str] = []
-    names: set[str] = set()
-    for number, device in enumerate(found, 1):
-        name = re.sub(r"\W+", "_", f"device_{device.identity.serial or number}")
-        name = f"{name}_{number}" if name in names else name
-        names.add(name)
-        axes = ", ".join(f'{AXES[axis]} = "{name}_{AXES[axis]}"' for axis in device.axes)
-        lines += [
-            f"[[device]]  # {device.identity}",
-            f'name = "{name}"',
-            f'driver = "{device.driver}"',
-            _place(device.place),
-            f"rate = {device.rate:g}",
-            f"channels = {{{axes}}}  # device axis = sensor of your structure",
-            "",
-        ]
-    return "\n".join(lines)
-
-
-def _place(place: str | CanAddress) -> str:
-    if isinstance(place, str):
-        return f"port = {json.dumps(place)}"
-    words = [f'interface = "{place.interface}"', f"channel = {json.dumps(place.channel)}", f"node = {place.node}"]
-    if place.bitrate != 1_000_000:
-        words.append(f"bitrate = {place.bitrate}")
-    return f"can = {{{', '.join(words)}}}"
-
-
-def _as_json(
-    ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]], seen: dict[str, Seen]
-) -> dict[str, Any]:
-    def answer_of(port: SerialPortInfo) -> dict[str, Any]:
-        answer = seen.get(port.path)
-        if isinstance(answer, PortAnswer):
-            return {
-                "who": answer.who,
-                "devices": [asdict(d) | {"identity": d.identity.payload()} for d in answer.devices],
-            }
-        return {"who": None, "devices": [], "why": answer if port.path in seen else "not queried"}
-
-    return {
-        "ports": [asdict(port) | answer_of(port) for port in ports],
-        "can": [{"interface": interface, "channel": channel} for interface, channel in adapters],
-    }
+    return list_devices(port or (), json, probe=probe, every=every, bitrate=bitrate)

@@ -1,26 +1,35 @@
-"""`settings`: all settings with their meaning, and their JSON Schema."""
+"""Command `settings`."""
 
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
 
 from monitor.cli.exit_codes import DONE
-from monitor.cli.terminal import echo
-from monitor.settings import annotated, json_schema, overrides, parse_settings, read_settings
+from monitor.cli.options import Overrides
 
 
-def settings_command(site: Path | None, given: Sequence[str], *, schema: bool) -> int:
-    """Print the defaults, the resulting settings of a site, or the JSON Schema.
+def settings(
+    site: Annotated[
+        Path | None, Argument(metavar="SITE.toml", help="SITE.toml. Default: the default settings.")
+    ] = None,
+    schema: Annotated[bool, Option("--schema", help="Print the JSON Schema of the settings, for editors.")] = False,
+    given: Overrides = None,
+) -> int:
+    """Print all settings as TOML, each with its meaning.
 
-    Raises
-    ------
-    SettingsError, ArgumentError
-        If the settings of the site, or the overriding values, are invalid.
+    Example:
+    modalwatch settings > site.toml
+    modalwatch settings --schema > site.schema.json
     """
+    from monitor.cli.terminal import echo
+    from monitor.settings import annotated, json_schema, overrides, parse_settings, read_settings
+
     if schema:
         echo(json_schema())
     elif site is None:
         echo(annotated(), nl=False)
     else:
-        text, _ = read_settings(site, overrides(given))
+        text, _ = read_settings(site, overrides(given or ()))
         echo(annotated(parse_settings(text, site)), nl=False)
     return DONE

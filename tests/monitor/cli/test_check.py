@@ -139,7 +139,9 @@ def test_check_of_a_replay_device(modalwatch: Commands, site: Path) -> None:
 def test_check_reports_a_low_grade_device(modalwatch: Commands, site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = Clock()
     found = probe(Sending(clock), seconds=1.0, now=clock)
-    monkeypatch.setattr("monitor.cli.site.check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)})
+    monkeypatch.setattr(
+        "monitor.cli.site.site_check.probe_devices", lambda _: {"beam_left": replace(found, rate=200.0)}
+    )
     message = "device beam_left is of low grade: scans have no number"
     for driver, is_low in (("witmotion", True), ("epson-uart", False)):
         text = SITE.format(driver=driver, port="/dev/none").replace("{y =", "{x =").replace(", z =", ", y =")
@@ -154,7 +156,7 @@ def test_check_reports_a_missing_thermometer(modalwatch: Commands, site: Path, m
     site.write_text(text)
     for celsius, lacks in ((20.0, False), (float("nan"), True)):
         probed = {"beam_left": replace(found, rate=500.0, temperature=celsius)}
-        monkeypatch.setattr("monitor.cli.site.check.probe_devices", lambda _, probed=probed: probed)
+        monkeypatch.setattr("monitor.cli.site.site_check.probe_devices", lambda _, probed=probed: probed)
         assert ("a thermometer is needed" in modalwatch("check", site).out) == lacks
 
 

@@ -72,7 +72,7 @@ def test_given_port_without_a_device_is_an_error(
         if path != "/dev/silent":
             search_port(path, bitrate)
 
-    monkeypatch.setattr("monitor.cli.site.devices.search_port", search)
+    monkeypatch.setattr("monitor.cli.site.device_search.search_port", search)
     done = modalwatch("devices", *named(["/dev/silent", str(tmp_path / "none")]))
     assert done.code == 3
     assert done.err.startswith(f"error: /dev/silent: no device that is known answers; {tmp_path / 'none'}: cannot be o")
@@ -92,9 +92,9 @@ def test_all_ports_are_listed_and_only_usb_ports_are_probed(
     def search(path: str, bitrate: int) -> None:
         asked.append(f"{path} {bitrate}")
 
-    monkeypatch.setattr("monitor.cli.site.devices.serial_ports", lambda: ports)
-    monkeypatch.setattr("monitor.cli.site.devices.can_adapters", lambda: [("socketcan", "can0")])
-    monkeypatch.setattr("monitor.cli.site.devices.search_port", search)
+    monkeypatch.setattr("monitor.cli.site.device_search.serial_ports", lambda: ports)
+    monkeypatch.setattr("monitor.cli.site.device_search.can_adapters", lambda: [("socketcan", "can0")])
+    monkeypatch.setattr("monitor.cli.site.device_search.search_port", search)
     done = modalwatch("devices", "--bitrate", 500_000)
     assert done.code == 0
     assert asked == ["/dev/serial/by-id/usb-A 500000"]

@@ -1,36 +1,116 @@
-"""Every command describes its purpose, without delay."""
+"""Every command describes its purpose and shows an example, without delay; the shell completes its name."""
 
+import inspect
+import os
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from monitor.cli.main import app
-from monitor.cli.tables.data import data_app
-from monitor.cli.tables.log import log_app
-from monitor.cli.tables.site import site_app
+from daq.files import TIME_UNITS as UNITS_OF_TIMES
+from monitor.cli.commands import COMMANDS, command, command_function
+from monitor.cli.options import METHODS, TIME_UNITS
+from oma import METHODS as METHODS_OF_OMA
 from tests.support.monitor.cli import Commands
 
-COMMANDS: list[tuple[str, ...]] = [
-    (c.name or str(c.callback and c.callback.__name__),)
-    for table in (app, site_app, data_app)
-    for c in table.registered_commands
-]
-COMMANDS += [("log", str(c.name)) for c in log_app.registered_commands]
+CLI = Path(inspect.getfile(command)).parent
+HEAVY = {"numpy", "scipy", "pydantic", "rerun", "rich", "matplotlib", "daq", "oma", "updater"}
+RUN = "from monitor.cli.main import main; main()"
 
 
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_help_describes_each_command(modalwatch: Commands, command: tuple[str, ...]) -> None:
-    done = modalwatch(*command, "--help")
+@pytest.mark.parametrize("path", COMMANDS)
+def test_help_describes_each_command(modalwatch: Commands, path: str) -> None:
+    done = modalwatch(*path.split(), "--help")
     assert (done.code, done.err) == (0, "")
-    assert f"Usage: modalwatch {' '.join(command)} " in done.out
+    assert f"Usage: modalwatch {path} " in done.out
     assert len(done.out.splitlines()[2].strip()) >= len("Summarize a log.")  # a sentence
-    everything = modalwatch("--help").out
-    assert f"  {command[0]} " in everything
+    assert "\nExample:\n  modalwatch " in done.out
 
 
-def test_help_imports_no_slow_packages() -> None:
-    heavy = {"numpy", "scipy", "pydantic", "rerun", "rich", "matplotlib"}
-    code = f"import sys, monitor.cli.main; sys.exit(str({heavy} & {{*sys.modules}}))"
+def test_help_lists_all_commands_aligned_under_their_sections(
+    modalwatch: Commands, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = modalwatch("--help").out.split("Start:\n")[1].splitlines()
+    listed = [line for line in lines if line.startswith("  ")]
+    assert [line[2:18].rstrip() for line in listed] == list(COMMANDS)
+    assert all(line[17:19].strip() == "" and line[19:].endswith(".") for line in listed)  # one line each
+    headings = [line.removesuffix(":") for line in lines if line and not line.startswith("  ")]
+    assert ["Start", *headings] == list(dict.fromkeys(section for section, _ in COMMANDS.values()))
+
+
+@pytest.mark.parametrize("path", COMMANDS)
+def test_example_is_accepted_by_the_parser_of_its_command(path: str) -> None:
+    lines = (command(path).epilog or "").splitlines()
+    assert 1 <= len(lines) <= 2
+    for line in lines:
+        words = shlex.split(line.partition(" > ")[0].removeprefix("sudo "))
+        assert words[: 1 + path.count(" ") + 1] == ["modalwatch", *path.split()]
+        command(path).make_context(path, words[2 + path.count(" ") :])  # raises for an unknown option or value
+
+
+def test_files_of_commands_are_those_of_the_table() -> None:
+    functions = {Path(inspect.getfile(command_function(path))) for path in COMMANDS}
+    assert len(functions) == len(COMMANDS)
+    with_signatures = {p for p in CLI.rglob("*.py") if p.read_text(encoding="utf-8").startswith('"""Command `')}
+    assert {p for p in with_signatures if p.name != "__init__.py"} == functions
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["identify", "--help"], ["log", "--help"]], ids=" ".join)
+def test_help_imports_no_slow_packages(arguments: list[str]) -> None:
+    code = f"import sys; sys.argv[1:] = {arguments}\nfrom monitor.cli.main import _run\n_run()\n"
+    code += f"sys.exit(str({HEAVY} & {{*sys.modules}}))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     assert done.stderr.strip() == "set()"
+
+
+def test_only_the_called_command_is_imported() -> None:
+    code = "import sys; sys.argv[1:] = ['settings', '--help']\nfrom monitor.cli.main import _run\n_run()\n"
+    code += "sys.exit(str({m for m in sys.modules if m.startswith('monitor.cli.') and m.count('.') > 2}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stderr.strip() == "{'monitor.cli.site.settings'}"
+
+
+def test_listed_values_of_options_are_those_of_the_packages(modalwatch: Commands) -> None:
+    assert tuple(METHODS_OF_OMA) == METHODS
+    assert tuple(UNITS_OF_TIMES) == TIME_UNITS
+    assert f"--method {'|'.join(METHODS)}" in modalwatch("identify", "--help").out
+    assert f"--time-unit {'|'.join(TIME_UNITS)}" in modalwatch("import", "--help").out
+
+
+@pytest.mark.parametrize(
+    ("words", "completed"),
+    [
+        ("modalwatch ide", "identify"),
+        ("modalwatch log ex", "export\nexpand"),
+        ("modalwatch identify --meth", "--method"),
+        ("modalwatch identify --method fs", "fsdd"),
+    ],
+)
+def test_shell_completes(words: str, completed: str) -> None:
+    environment = os.environ | {
+        "_MODALWATCH_COMPLETE": "complete_bash",
+        "COMP_WORDS": words,
+        "COMP_CWORD": str(words.count(" ")),
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], capture_output=True, text=True, timeout=60, check=False, env=environment
+    )
+    assert (done.returncode, done.stderr, done.stdout.strip()) == (0, "", completed)
+
+
+def test_completion_script_is_written_for_a_named_shell() -> None:
+    environment = os.environ | {"_MODALWATCH_COMPLETE": "source_bash"}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], capture_output=True, text=True, timeout=60, check=False, env=environment
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "complete -o default -F _modalwatch_completion modalwatch" in done.stdout
+
+
+def test_unknown_command_is_answered_with_similar_ones(modalwatch: Commands) -> None:
+    done = modalwatch("identfy")
+    assert (done.code, done.out) == (2, "")
+    assert "No such command 'identfy'. Did you mean 'identify'?" in done.err

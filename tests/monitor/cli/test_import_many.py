@@ -8,7 +8,7 @@ import pytest
 
 from daq import Channel, DataError, DataOptions, FloatArray, Recording, load_recordings, read_measured
 from daq.files import Measured, differentiated, in_order, read_in_order
-from monitor.cli.data.import_ import level
+from monitor.cli.data.importing.measurements import level
 from monitor.settings import load_settings
 from tests.support.monitor.cli import Commands, assert_refused
 from updater import t_structure_toml

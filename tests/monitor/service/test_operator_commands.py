@@ -105,9 +105,9 @@ def test_command_waits_until_the_monitor_has_received_it(
     """A running monitor takes it at once; one that hangs is reported."""
     state = site.parent / "state"
     MonitorStatus(state / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write(*WELL)
-    monkeypatch.setattr("monitor.cli.site.send._WAIT", 0.2)
+    monkeypatch.setattr("monitor.cli.operation.sending._WAIT", 0.2)
     assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
-    monkeypatch.setattr("monitor.cli.site.send._WAIT", 10.0)
+    monkeypatch.setattr("monitor.cli.operation.sending._WAIT", 10.0)
     stop, inbox = threading.Event(), Inbox(state)
 
     def take() -> None:

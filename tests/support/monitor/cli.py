@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import pytest
 
 from monitor.cli.main import main
+from monitor.cli.terminal import console
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class Commands:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
         self._monkeypatch, self._capsys = monkeypatch, capsys
         monkeypatch.setenv("COLUMNS", "200")
+        monkeypatch.setattr(console, "width", 200)  # it may have been made before
 
     def __call__(self, *arguments: object) -> Done:
         self._monkeypatch.setattr(sys, "argv", ["modalwatch", *map(str, arguments)])

@@ -115,7 +115,7 @@ def test_last_days_are_counted_from_now(
     with HistoryStore(url) as store:
         late = Event(topic="/event/notice_failed", time=end + 10 * DAY, payload={"why": "broken"})
         store.write([change(end - 3 * DAY, "alarm", "a mass"), late])
-    monkeypatch.setattr("monitor.cli.site.history.time_ns", lambda: end + down)
+    monkeypatch.setattr("monitor.cli.operation.history_output.time_ns", lambda: end + down)
     files = [tmp_path / name for name in ("h.json", "h.csv", "h.png")]
     done = modalwatch("history", url, "--days", days, "--json", files[0], "--csv", files[1], "--plot", files[2])
     assert (done.code, done.err) == (0, "")

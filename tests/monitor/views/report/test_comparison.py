@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from monitor.cli.data.diagnose_output import say_evidence
+from monitor.cli.data.diagnose.diagnosis_output import say_evidence
 from monitor.results.comparison import DiscrepancyResult
 from monitor.views.report import diagnosis_report
 from tests.support.monitor import answers

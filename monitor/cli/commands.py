@@ -1,0 +1,112 @@
+"""Table of the commands, and the group that imports a command when it is called or its help is requested."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+
+if TYPE_CHECKING:
+    from typer._click import Command, Context, HelpFormatter, Parameter
+
+COMMANDS: dict[str, tuple[str, str]] = {
+    "demo": ("Start", "demo.demo"),
+    "rig": ("Start", "demo.rig"),
+    "import": ("Data", "data.importing.import_"),
+    "structure": ("Data", "data.structure.structure"),
+    "identify": ("Data", "data.identify.identify"),
+    "diagnose": ("Data", "data.diagnose.diagnose"),
+    "bodies": ("Data", "data.bodies"),
+    "report": ("Data", "data.report"),
+    "view": ("Data", "data.view"),
+    "log info": ("Logs", "logs.info"),
+    "log export": ("Logs", "logs.export"),
+    "log expand": ("Logs", "logs.expand"),
+    "repair": ("Logs", "logs.repair"),
+    "replay": ("Logs", "logs.replay"),
+    "reanalyse": ("Logs", "logs.reanalyse"),
+    "devices": ("Site", "site.devices"),
+    "settings": ("Site", "site.settings"),
+    "check": ("Site", "site.check"),
+    "run": ("Site", "site.run"),
+    "prove": ("Site", "site.prove"),
+    "health": ("Operation", "operation.health"),
+    "history": ("Operation", "operation.history"),
+    "acknowledge": ("Operation", "operation.acknowledge"),
+    "accept": ("Operation", "operation.accept"),
+    "install-service": ("Operation", "operation.install_service"),
+}
+"""Section of the help, and module in `monitor.cli`, of each command. Its function is named as the module."""
+
+GROUPS = {"log": "Inspect and export logs."}
+
+
+class CommandGroup(TyperGroup):
+    """Commands of the table, or those of the table that begin with the name of the group."""
+
+    def __init__(self, *, name: str | None = None, **attributes: Any) -> None:  # noqa: ANN401 - as typer has them
+        super().__init__(name=name, **attributes)
+        self._prefix = f"{name} " if name else ""
+        self._paths = [path for path in COMMANDS if path.startswith(self._prefix)]
+        names: dict[str, Any] = dict.fromkeys(p.removeprefix(self._prefix).partition(" ")[0] for p in self._paths)
+        self.commands = names
+
+    def get_params(self, ctx: Context) -> list[Parameter]:
+        """Return the options, all flags; an absent one is False: typer imports pydantic to convert None."""
+        found = super().get_params(ctx)
+        for parameter in found:
+            parameter.default = False if parameter.default is None else parameter.default
+        return found
+
+    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
+        """Return a command or a group, None if there is none of this name."""
+        if cmd_name not in self.commands:
+            return None
+        if cmd_name in GROUPS:
+            return CommandGroup(
+                name=cmd_name, help=GROUPS[cmd_name], no_args_is_help=True, rich_markup_mode=self.rich_markup_mode
+            )
+        return command(self._prefix + cmd_name)
+
+    def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write the commands by section, a line each."""
+        sections: dict[str, list[tuple[str, str]]] = {}
+        width = max(map(len, self._paths))
+        for path in self._paths:
+            first_line, *_ = (inspect.getdoc(command_function(path)) or "").splitlines()
+            sections.setdefault(COMMANDS[path][0], []).append((path.ljust(width), first_line))
+        for section, rows in sections.items():
+            with formatter.section(section):
+                formatter.write_dl(rows)
+
+
+class _Command(TyperCommand):
+    """Command with an example at the end of its help."""
+
+    def format_epilog(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write the example, each command line unbroken."""
+        with formatter.section("Example"):
+            for line in (self.epilog or "").splitlines():
+                formatter.write(f"{'':>{formatter.current_indent}}{line}\n")
+
+
+def command_function(path: str) -> Callable[..., int]:
+    """Import the function of a command."""
+    module = import_module(f"monitor.cli.{COMMANDS[path][1]}")
+    function: Callable[..., int] = getattr(module, module.__name__.rpartition(".")[2])
+    return function
+
+
+def command(path: str) -> TyperCommand:
+    """Return a command; the example at the end of its docstring is written at the end of its help."""
+    function = command_function(path)
+    text, _, example = (inspect.getdoc(function) or "").partition("\n\nExample:\n")
+    app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
+    app.command(path.rpartition(" ")[2], cls=_Command, help=text, epilog=example)(function)
+    built = typer.main.get_command(app)
+    assert isinstance(built, TyperCommand)
+    return built

@@ -1,0 +1,1 @@
+"""Command `diagnose`: changes since reference logs, or errors of a structure file."""

@@ -1,0 +1,88 @@
+"""Command `diagnose`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from monitor.cli.options import From, Json, To
+
+_ReferenceTime = Annotated[
+    str | None, Option(metavar="TIME", help="Range of the reference logs, like --from and --to.")
+]
+
+
+def diagnose(
+    structure: Annotated[Path, Argument(metavar="STRUCTURE.toml")],
+    logs: Annotated[list[Path], Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
+    reference: Annotated[
+        list[Path] | None, Option(metavar="LOG", help="Log of the structure before the change. Repeatable.")
+    ] = None,
+    held_out: Annotated[
+        list[Path] | None,
+        Option(
+            "--held-out", "--holdout", metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable."
+        ),
+    ] = None,
+    start: From = None,
+    stop: To = None,
+    reference_from: _ReferenceTime = None,
+    reference_to: _ReferenceTime = None,
+    window: Annotated[
+        float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
+    ] = None,
+    out: Annotated[
+        Path | None, Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
+    ] = None,
+    json: Json = None,
+    only: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")] = None,
+    without: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to leave out. Repeatable.")] = None,
+    without_channel: Annotated[
+        list[str] | None, Option(metavar="NAME", help="Channel to leave out. Repeatable.")
+    ] = None,
+    without_mode: Annotated[
+        list[float] | None, Option(metavar="HZ", help="Frequency of a mode to leave out, within 2 %. Repeatable.")
+    ] = None,
+    fix: Annotated[
+        list[str] | None,
+        Option(metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`)."),
+    ] = None,
+    bound: Annotated[
+        list[str] | None, Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable.")
+    ] = None,
+) -> int:
+    """Diagnose a change, or the errors of a model.
+
+    With --reference: what has changed since the reference logs. Without: what the structure file gets wrong.
+
+    --from and --to limit LOG, not the logs of --reference and --held-out. A log that shows both states can be LOG with
+    --from and --reference with --reference-to.
+
+    Example:
+    modalwatch diagnose structure.toml now.mcap --reference before.mcap --out found
+    """
+    from monitor.analysis.selection import Selection
+    from monitor.analysis.time_range import time_range
+    from monitor.cli.data.diagnose.bounds import bound_of
+    from monitor.cli.data.diagnose.diagnosis import Logs, diagnose_logs
+    from monitor.errors import ArgumentError
+
+    named = Logs(
+        current=logs,
+        reference=reference or (),
+        heldout=held_out or (),
+        within=time_range(start, stop),
+        reference_within=time_range(reference_from, reference_to, ("--reference-from", "--reference-to")),
+    )
+    for hertz in without_mode or ():
+        if not hertz > 0:
+            raise ArgumentError("--without-mode", f"expected a positive frequency in Hz, found {hertz:g}")
+    selection = Selection(
+        only=tuple(only or ()),
+        without=tuple(without or ()),
+        without_channels=tuple(without_channel or ()),
+        without_modes=tuple(without_mode or ()),
+        fixed=tuple(fix or ()),
+        bounds=dict(map(bound_of, bound or ())),
+    )
+    return diagnose_logs(structure, named, selection, window=window, out=out, json_path=json)

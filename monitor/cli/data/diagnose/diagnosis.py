@@ -1,0 +1,355 @@
+"""Changes since the reference logs, or errors of the structure file."""
+
+import math
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from daq import AnyLog, LogError, Recording, load_recordings
+from daq.log import as_logs
+from monitor.analysis.excluded_channels import left_out_texts
+from monitor.analysis.explanation import Explanation, explain
+from monitor.analysis.logs import Held, log_channels, log_held
+from monitor.analysis.modal_table.table import is_table, read_tables
+from monitor.analysis.observation import Observation, given_up, observe, window_seconds
+from monitor.analysis.selection import Selection
+from monitor.analysis.stationarity import step_text
+from monitor.analysis.time_range import WHOLE, TimeRange
+from monitor.analysis.trends import trends_beside
+from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
+from monitor.cli.data.structure.parameters_output import changes_table
+from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.output import write_json
+from monitor.cli.terminal import console, echo, warn
+from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
+from monitor.optional import run_optional
+from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
+from monitor.results.convert import bare_reference
+from monitor.results.correlation import discrepancy_result
+from monitor.text.causes import cause_text, gain_text
+from monitor.text.quantities import plain, share_text
+from monitor.text.sensors import health_result
+from monitor.views.report import diagnosis_report
+from oma import OmaError
+from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
+from updater.diagnosis import allowed_causes
+from updater.errors import SelectionError
+from updater.reference import Calibration
+
+REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
+
+
+def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, structure: Structure) -> None:
+    """Write report, recording and numbers into a folder; failures are logged and left out.
+
+    Parameters
+    ----------
+    out : the folder
+    diagnosis : to draw
+    found : comparison of measured with simulated modes of the structure; None: not known, and no recording
+    structure : that was diagnosed
+
+    Raises
+    ------
+    ResultsError
+        If one of them cannot be written.
+    """
+    from monitor.views.viewer import write_diagnosis  # loads rerun: not before there is something to draw
+
+    for name in (REPORT, RECORDING, NUMBERS):  # of an earlier diagnosis
+        with _writing(out / name):
+            (out / name).unlink(missing_ok=True)
+
+    def record() -> None:
+        if found is not None:
+            with _writing(out / RECORDING):
+                write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure))
+
+    if found is not None:
+        write_json(out / NUMBERS, found.model_dump(mode="json"))
+    run_optional(
+        REPORT,
+        lambda: diagnosis_report(diagnosis, out / REPORT, title=structure.name, structure=structure, found=found),
+    )
+    run_optional(RECORDING, record)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
+
+
+def written(out: Path, diagnosis: DiagnosisAnswer) -> list[Path]:
+    """Return the files in the folder, the one to be read first in front."""
+    names = [REPORT, RECORDING, *([Path(diagnosis.extended_model).name] if diagnosis.extended_model else [])]
+    return [out / name for name in (*names, "diagnosis.json", NUMBERS) if (out / name).exists()]
+
+
+_LIFTED = "the removed body is not in this file: its stiffness was fitted to the reference logs with the body on"
+_EXTENDED = "found by modalwatch diagnose"  # comment of entries added to an extended model
+
+
+@dataclass(frozen=True, kw_only=True)
+class Logs:
+    """Logs of a diagnosis, as given on the command line."""
+
+    current: Sequence[Path]
+    reference: Sequence[Path] = ()
+    heldout: Sequence[Path] = ()
+    within: TimeRange = WHOLE  #: range of the current logs
+    reference_within: TimeRange = WHOLE
+
+
+def diagnose_logs(
+    structure_path: Path,
+    logs: Logs,
+    selection: Selection,
+    *,
+    window: float | None,
+    out: Path | None,
+    json_path: Path | None,
+) -> int:
+    """Diagnose; 0 if it is clear, 1 if a person must decide."""
+    structure = selected_structure(structure_path, selection)
+    if not (logs.reference or logs.reference_within.whole):
+        raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
+    with console.status("reading ...") as status:
+
+        def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
+            if not paths:
+                return None
+            found = _observe(
+                structure, paths, window, lambda n: status.update(f"{what}: window {n}"), selection, within
+            )
+            return selection.of_observation(found)
+
+        after = observed(logs.current, "logs", logs.within)
+        before = observed(logs.reference, "reference", logs.reference_within)
+        heldout = observed(logs.heldout, "held-out logs")
+        assert after is not None  # there is at least one log
+        status.update("weighing the causes ...")
+        try:
+            found = explain(
+                structure,
+                before,
+                after,
+                heldout,
+                lambda name: status.update(f"weighing {plain(name)} ..."),
+                only=selection.only,
+                without=selection.without,
+            )
+        except StateError as error:
+            raise LogError(_named(getattr(logs, error.state)), str(error)) from error
+    diagnosis = _write(found, structure_path, logs, out, json_path)
+    nearer = _write_nearer(found.explained, structure_path, logs, out)
+    for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
+        for text in left_out_texts({c: str(fault) for c, fault in given_up(one).items()}) if one else ():
+            warn(f"warning: {_names(paths)}: {text}")
+    for step in diagnosis.reference_steps:
+        warn(f"note: {_names(logs.reference)}: {step_text(step)}")
+    say_answer(console, diagnosis)
+    with console.status("comparing measured with simulated ..."):
+        compared = run_optional(
+            "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
+        )
+    say_evidence(console, diagnosis, compared, bare_reference(found.reference.structure).nodes)
+    if diagnosis.extended_model:
+        _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
+        if found.explained.calibration is not None:
+            console.print(f"  {_LIFTED}", style="dim", soft_wrap=True)
+    _say_parameters(found.explained.calibration or found.reference.calibration)
+    if nearer:
+        echo(nearer)
+    for note in _channel_notes(structure, logs):
+        warn(f"note: {note}")
+    if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
+        console.print(
+            f"note: {structure_path} holds what an earlier diagnosis found. Reference logs from before that show a "
+            "structure without it: what was found then is found again, or its opposite. Give logs recorded since.",
+            style="yellow",
+        )
+    if out:
+        with console.status("drawing ..."):
+            draw(out, diagnosis, compared, found.reference.structure)
+        echo("written: " + ", ".join(str(path) for path in written(out, diagnosis)))
+    return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _compared(found: Explanation, after: Observation, heldout: Observation | None) -> DiscrepancyResult:
+    """Return measured modes, sensors and signals compared with simulated ones."""
+    health = run_optional("the health of the sensors", lambda: health_result(found.health)) if after.shaped else None
+    sample = (heldout or after).sample
+    return discrepancy_result(
+        found.reference,
+        found.measured,
+        found.explained,
+        sample,
+        trends_beside(after),
+        health or {},
+        shaped=after.shaped,
+    )
+
+
+def _say_extended(path: str, *, fitted: bool) -> None:
+    echo(f"extended model: {path}")
+    if fitted:
+        console.print(
+            "  it also has the parameters fitted to the reference logs: stiffness of materials, feet and joints",
+            style="dim",
+        )
+
+
+def _say_parameters(calibration: Calibration) -> None:
+    """Print the model parameters that the reference logs have moved significantly away from the file."""
+    changes = [change for change in calibration.changes() if change.significant]
+    if changes:
+        console.print(changes_table(changes, "model parameters fitted to the reference logs"))
+
+
+def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:
+    """Write the recalibrated model of a file that is far off, if requested; return a message, if any."""
+    if found.nearer is None:
+        return ""
+    gain, std = found.nearer.gained.gain, found.nearer.gained.std
+    before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent, ".3g")
+    what = f"with its own parameters fitted the file's frequencies are off by {after} %, not by {before} %"
+    if out is None:
+        return f"{what}: --out DIR writes that model"
+    path = out / "structure_recalibrated.toml"
+    given = structure_path.read_text(encoding="utf-8")
+    text = dump_structure(found.nearer.structure, given, note="fitted by modalwatch diagnose")
+    head = (
+        f"# {structure_path.name} with its own parameters fitted to {_names(logs.current)}, which it does not explain\n"
+    )
+    try:
+        path.write_text(head + text, encoding="utf-8")
+    except OSError as error:
+        raise ArgumentError("--out", f"{path}: cannot be written: {error.strerror}") from error
+    return f"recalibrated model: {path}\n  {what}; diagnose again with it"
+
+
+def _named(paths: Sequence[Path]) -> str:
+    return ", ".join(map(str, paths))
+
+
+def selected_structure(path: Path, selection: Selection) -> Structure:
+    """Read a structure file and limit the updated parameters.
+
+    Raises
+    ------
+    ArgumentError
+        Naming a parameter that the structure does not have, or an unknown cause.
+    """
+    structure = load_structure(path)
+    try:
+        allowed_causes(selection.only, selection.without)
+    except SelectionError as error:
+        raise ArgumentError("--only, --without", str(error)) from error
+    try:
+        return selection.of_structure(structure)
+    except ValueError as error:
+        raise ArgumentError("--fix, --bound, --without-channel", str(error)) from error
+
+
+def _observe(
+    structure: Structure,
+    paths: Sequence[Path],
+    window: float | None,
+    on_window: Callable[[int], None],
+    selection: Selection,
+    within: TimeRange,
+) -> Observation:
+    number = iter(range(1, 1 << 30))
+    tables = [path for path in paths if is_table(path)]
+    if tables and len(tables) < len(paths):
+        raise LogError(tables[0], "expected modal tables only, or logs only, for one state")
+    if tables and not within.whole:
+        raise ArgumentError(", ".join(within.options), f"expected a log, found a table of modes: {tables[0]}")
+    if tables:
+        return read_tables(structure, paths)
+    logs = within.of_logs(as_logs(paths), lambda text: echo(f"{_names(paths)}: {text}"))
+    try:
+        seconds = window or _window(structure, [log_held(log) for log in logs])
+        recordings = _recordings(structure, logs, seconds, selection.without_channels)
+        return observe(recordings, lambda _: on_window(next(number)), structure.delays)
+    except (OmaError, RecordLengthError) as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
+
+
+def _window(structure: Structure, held: Sequence[Held]) -> float:
+    """Return how long windows are [s]: as logs are, or within the records of loggers that pause."""
+    record = min((one.record for one in held if one.record < one.seconds), default=math.inf)
+    return window_seconds(structure, min(one.seconds for one in held), len(held), record)
+
+
+def _recordings(
+    structure: Structure, logs: Sequence[AnyLog], seconds: float, left_out: Collection[str]
+) -> Iterator[Recording]:
+    """Yield the windows of logs, without channels that are no sensors of the structure or are left out."""
+    for log in logs:
+        found = log_channels(log)
+        channels = tuple(c for c in found if c.name in structure.active_channels and c.name not in left_out)
+        if not channels:
+            have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
+            raise LogError(str(log), f"expected channels named as the structure's sensors ({know}), found {have}")
+        yield from load_recordings(log, window_seconds=seconds, channels=channels)
+
+
+def _channel_notes(structure: Structure, logs: Logs) -> list[str]:
+    """Report channels that are in the logs but not in the structure, or only in the reference."""
+    current, reference = _channels_of(logs.current), _channels_of(logs.reference)
+    notes = []
+    if strange := [name for name in current if name not in structure.active_channels]:
+        notes.append(f"{_names(logs.current)}: no sensor of the structure, left out: {', '.join(strange)}")
+    if lacking := [name for name in reference if name in structure.active_channels and name not in current]:
+        notes.append(f"{_names(logs.current)}: compared without {', '.join(lacking)}, which the reference has")
+    return notes if current else []
+
+
+def _channels_of(paths: Sequence[Path]) -> list[str]:
+    """Return the channels of logs, each once; none of tables, which are checked as they are read."""
+    if any(is_table(path) for path in paths):
+        return []
+    return list(dict.fromkeys(channel.name for log in as_logs(paths) for channel in log_channels(log)))
+
+
+def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str:
+    """Return comments on the origin of an extended model."""
+    since = f" since {_names(logs.reference)}" if logs.reference else ""
+    lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
+    lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in found.diagnosis.causes]
+    if found.calibration is not None:
+        lines.append(_LIFTED)
+    if logs.reference:
+        lines.append("and what was fitted to the latter: the stiffness of materials, feet and joints")
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def _names(paths: Sequence[Path]) -> str:
+    return ", ".join(path.name for path in paths)
+
+
+def _write(
+    found: Explanation, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
+) -> DiagnosisAnswer:
+    """Write the requested files; return the diagnosis with the path of the extended model."""
+    diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
+    try:
+        if out:
+            out.mkdir(parents=True, exist_ok=True)
+        if found.explained.extended and folder:
+            path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
+            given = structure_path.read_text(encoding="utf-8")
+            own = parse_structure(given).updating  # without parameters fixed and bounded on the command line
+            text = dump_structure(found.explained.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
+            path.write_text(_provenance(found.explained, structure_path, logs) + text, encoding="utf-8")
+            diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
+    except OSError as error:
+        raise ArgumentError("--out" if out else "--json", f"{folder}: cannot be written: {error.strerror}") from error
+    for path in filter(None, (json_path, out and out / "diagnosis.json")):
+        write_json(path, diagnosis.model_dump(mode="json"))
+    return diagnosis

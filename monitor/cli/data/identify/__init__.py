@@ -1,0 +1,1 @@
+"""Command `identify`: modes of logs."""

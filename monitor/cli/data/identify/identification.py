@@ -1,0 +1,158 @@
+"""Modes of logs, averaged over windows, or merged over set-ups."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from daq import AnyLog, LogError, Recording, read_attachments
+from daq.log import as_logs
+from monitor.analysis.logs import log_channels, log_recordings
+from monitor.analysis.time_range import TimeRange
+from monitor.cli.terminal import console, echo
+from monitor.errors import ArgumentError
+from monitor.settings import Settings, parse_attached
+from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
+from oma.windows import Windows, identify_windows
+from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
+from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
+from updater.validation import ModelModes, model_modes
+
+
+def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Sequence[AnyLog]:
+    """Return the logs to read, or their parts within a range."""
+    logs = as_logs(paths)
+    if not setups:
+        return within.of_logs(logs, echo)
+    if len(logs) < 2:
+        raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
+    return [within.of_log(log, echo) for log in logs]
+
+
+def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
+    """Return the delays between channels if shapes are far from real; from the first window that gave modes."""
+    if (mpc(estimate.shape) >= LOW_MPC).all():
+        return None
+    first = next(r for r in recordings if r.start == windows.estimates[0].start)
+    return asynchrony(first, estimate)
+
+
+def first_window(
+    recordings: Iterable[Recording], method: Method, band: tuple[float, float] | None
+) -> tuple[Recording, Identification]:
+    """Return the first window that gives modes, and all that was found in it."""
+    for recording in recordings:
+        with suppress(IdentificationError):
+            return recording, identify_all(recording, method, band)
+    raise AssertionError("a window that gave modes gives none")
+
+
+def draw_window(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
+    """Draw one window, with the modes of all."""
+    from monitor.views.plots.mode_shapes import draw_modes  # matplotlib is loaded only if a picture is requested
+
+    try:
+        draw_modes(path, recording, found, estimate)
+    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
+        raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
+
+
+def fill_folder(
+    folder: Path,
+    windows: Sequence[ModalEstimate],
+    estimate: ModalEstimate,
+    recording: Recording,
+    found: Identification,
+    model: ModelModes | None,
+    content: dict[str, Any],
+) -> None:
+    """Write all files into a folder, and print their names."""
+    from monitor.views.plots.identification_folder import (  # matplotlib is loaded only if pictures are requested
+        Results,
+        write_folder,
+    )
+
+    if model:
+        agreement = zip(estimate.channels, model.comac.tolist(), strict=True)
+        content = content | {"comac": {channel: c if np.isfinite(c) else None for channel, c in agreement}}
+    results = Results(
+        estimate=estimate, windows=windows, recording=recording, found=found, model=model, content=content
+    )
+    try:
+        written = write_folder(folder, results)
+    except OSError as error:
+        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror or error}") from error
+    echo(f"{folder}: {', '.join(path.name for path in written)}")
+
+
+def attached_settings(log: AnyLog) -> Settings | None:
+    """Return the settings attached to a log."""
+    text = read_attachments(log).get("site.toml")
+    return None if text is None else parse_attached(text, f"{log}: site.toml")
+
+
+def _attached_structure(log: AnyLog) -> Structure | None:
+    text = read_attachments(log).get("structure.toml")
+    return None if text is None else parse_structure(text, f"{log}: structure.toml")
+
+
+def identified(
+    logs: Sequence[AnyLog],
+    window: float | None,
+    method: Method,
+    band: tuple[float, float] | None,
+    references: Sequence[str] | None,
+) -> tuple[Windows, FusedModes]:
+    """Identify all windows of logs; with reference sensors each log as a set-up of its own, and merge."""
+    if not references:
+        return _identified(logs, window, method, band)
+    parts = [_identified([log], window, method, band) for log in logs]
+    try:
+        return merge_setups(parts, references)
+    except OmaError as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
+
+
+def _identified(
+    logs: Sequence[AnyLog], window: float | None, method: Method, band: tuple[float, float] | None
+) -> tuple[Windows, FusedModes]:
+    named = ", ".join(map(str, logs))
+    try:
+        with console.status("reading ...") as status:
+            number = iter(range(1, 1 << 30))
+            windows = identify_windows(
+                recordings_of(logs, window),
+                method,
+                band,
+                lambda _: status.update(f"window {next(number)} ..."),
+                uncertain=True,
+            )
+        if not windows.estimates:
+            raise LogError(named, windows.problems[0])
+        return windows, fuse(windows.estimates)
+    except OmaError as error:
+        raise LogError(named, str(error)) from error
+
+
+def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
+    """Yield the windows of logs that have the same channels."""
+    names = {channel.name for channel in log_channels(logs[0])}
+    for log in logs:
+        found = {channel.name for channel in log_channels(log)}
+        if found != names:
+            other = ", ".join(sorted(found ^ names))
+            raise LogError(str(log), f"expected the channels of {logs[0]}; only one of the two has {other}")
+        yield from log_recordings(log, window)
+
+
+def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
+    """Return the structure's modes paired with the measured ones; None without a structure."""
+    structure = load_structure(path) if path else _attached_structure(log)
+    if structure is None:
+        return None
+    try:
+        return model_modes(estimate, structure)
+    except UpdaterError as error:
+        raise StructureError(path or f"{log}: structure.toml", str(error)) from error

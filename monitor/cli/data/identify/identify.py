@@ -1,0 +1,92 @@
+"""Command `identify`."""
+
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from monitor.cli.exit_codes import DONE
+from monitor.cli.options import METHODS, From, Json, To, one_of
+
+
+def identify(
+    logs: Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
+    method: Annotated[str, one_of("--method", METHODS, "Identification method.")] = "ssi-data",
+    window: Annotated[
+        float | None,
+        Option(help="Length of a window [s]. Default: that of the log's settings, else the whole log.", min=0.1),
+    ] = None,
+    band: Annotated[
+        tuple[float, float] | None, Option(metavar="LOW HIGH", help="Frequency band of the modes [Hz].")
+    ] = None,
+    structure: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="structure.toml to compare with. Default: the one attached to the log."),
+    ] = None,
+    reference: Annotated[
+        list[str] | None,
+        Option(
+            metavar="NAME",
+            help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
+        ),
+    ] = None,
+    start: From = None,
+    stop: To = None,
+    json: Json = None,
+    picture: Annotated[
+        Path | None,
+        Option(metavar="PICTURE.png", help="Picture to write: spectrum, stabilization diagram, mode shapes."),
+    ] = None,
+    out: Annotated[
+        Path | None, Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
+    ] = None,
+) -> int:
+    """Identify the modes of logs.
+
+    One estimate with its uncertainty, averaged over all windows. All logs count as one record for
+    --from and --to; with --reference each log separately.
+
+    Example:
+    modalwatch identify measured.mcap --band 1 20 --picture modes.png
+    modalwatch identify setup_1.mcap setup_2.mcap --reference top_x --out modes
+    """
+    from monitor.analysis.stationarity import frequency_change
+    from monitor.analysis.time_range import time_range
+    from monitor.cli.data.identify import identification as work
+    from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
+    from monitor.cli.output import write_json
+    from monitor.errors import ArgumentError
+    from oma import METHODS as IMPLEMENTED
+
+    if band is not None and not 0 < band[0] < band[1]:
+        raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
+    setups = bool(reference)
+    found = work.logs_within(logs, time_range(start, stop), setups=setups)
+    settings = work.attached_settings(found[0])
+    window = window or (settings.analysis.window_seconds if settings else None)
+    band = band or (settings.analysis.band if settings else None)
+    chosen = IMPLEMENTED[method]()
+    windows, fused = work.identified(found, window, chosen, band, reference)
+    model = work.modes_of_structure(fused.estimate, found[0], structure)
+    recordings = partial(work.recordings_of, found[:1] if setups else found, window)
+    shown = Findings(
+        windows=windows,
+        fused=fused,
+        partners=[model.partner(i) if model else None for i in range(fused.estimate.n_modes)],
+        asynchrony=None if setups else work.channel_delays(recordings(), windows, fused.estimate),
+        change=None if setups else frequency_change(windows, recordings, chosen, band),
+    )
+    say_modes(found, shown, setups=setups)
+    about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
+    content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
+    if json:
+        write_json(json, content)
+    if picture or out:
+        recording, seen = work.first_window(recordings(), chosen, band)
+        if picture:
+            work.draw_window(picture, recording, seen, fused.estimate)
+        if out:
+            work.fill_folder(out, () if setups else windows.estimates, fused.estimate, recording, seen, model, content)
+    return DONE

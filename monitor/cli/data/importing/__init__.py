@@ -1,0 +1,1 @@
+"""Command `import`: files of measurements, and of CAN traffic, to logs."""

@@ -1,0 +1,1 @@
+"""Command `structure`: picture of a structure, modes, detectability, parameters."""

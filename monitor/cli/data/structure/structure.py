@@ -1,0 +1,76 @@
+"""Command `structure`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.options import Json
+
+
+def structure(
+    file: Annotated[Path, Argument(metavar="FILE", help="structure.toml.")],
+    modes: Annotated[int, Option(help="Number of modes to list.", min=1, max=100)] = 12,
+    json: Json = None,
+    out: Annotated[Path | None, Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE.")] = None,
+    channels: Annotated[
+        Path | None,
+        Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
+    ] = None,
+    record_seconds: Annotated[
+        float, Option(metavar="S", help="Length of the records before and after a change [s].")
+    ] = 600.0,
+    damping: Annotated[float, Option(help="Damping ratio of the modes.")] = 0.005,
+    highest: Annotated[
+        float | None,
+        Option(
+            metavar="HZ", help="Frequency up to which modes are identified [Hz]. Default: from --channels, else 400."
+        ),
+    ] = None,
+    target_mass: Annotated[str | None, Option(metavar="MASS", help="Mass that must be located, such as 50g.")] = None,
+    tolerance: Annotated[str, Option(metavar="LENGTH", help="Largest error of its position, such as 50mm.")] = "50mm",
+    parameters: Annotated[
+        bool, Option("--parameters", help="List the model parameters that may be updated, with sensitivities.")
+    ] = False,
+) -> int:
+    """Draw a structure, and report what its sensors detect.
+
+    Lists its modes, which of them the sensors measure, and the smallest added mass that raises an alarm.
+
+    Example:
+    modalwatch structure structure.toml --channels site.toml
+    modalwatch structure structure.toml --target-mass 50g --tolerance 50mm
+    """
+    from monitor.analysis.channels import check_channels, measured_only
+    from monitor.cli.data.structure import detectability as work
+    from monitor.cli.data.structure.parameters_output import parameters_json
+    from monitor.cli.data.structure.structure_output import as_json
+    from monitor.cli.output import write_json
+    from monitor.cli.terminal import echo, warn
+    from updater import ModelError, StructureError, load_structure
+    from updater.planning import look
+    from updater.structure import odd_units
+
+    loaded, target = load_structure(file), work.target_of(target_mass, tolerance)
+    check = check_channels(loaded, channels) if channels else None
+    record = work.planned_record(record_seconds, damping, highest, check)
+    if check:
+        loaded = measured_only(loaded, check)
+    try:
+        sight = look(loaded, modes, record, target.within if target else None)
+        planned = work.plan_for(sight, target)
+    except ModelError as error:
+        raise StructureError(file, str(error)) from error
+    picture = out or file.with_suffix(".png")
+    work.draw(sight, picture, planned)
+    work.print_study(sight, planned, check)
+    listed = work.list_parameters(loaded, modes) if parameters else None
+    for note in odd_units(loaded):
+        warn(f"note: {note}")
+    if highest is None and check is None:
+        warn(f"note: {work.USUAL_BAND}")
+    echo(f"picture: {picture}")
+    if json:
+        write_json(json, as_json(sight, planned) | ({} if listed is None else {"parameters": parameters_json(listed)}))
+    return DONE if check is None or check.good else NEEDS_A_PERSON

@@ -1,0 +1,107 @@
+"""A virtual rig and its monitor; the answer is compared with the truth."""
+
+import json
+import secrets
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from monitor.cli.demo.display import Display
+from monitor.cli.demo.rig_process import RigProcess
+from monitor.cli.demo.score import reveal
+from monitor.cli.exit_codes import INTERRUPTED
+from monitor.cli.site.monitoring import tell_live
+from monitor.cli.terminal import console
+from monitor.rig import T_DEVICES, draw_t_frame, dump_scenario
+from monitor.service.daemon import run, stop_on_signals
+from monitor.service.servers.live_view import live_view
+from monitor.service.site import load_site
+from updater import t_structure_toml
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """One demo; times in seconds of data."""
+
+    window: float
+    baseline_windows: int
+    windows: int
+    between: tuple[float, float]  #: when the rig may add the body
+    rate: float = 1000.0  #: rate of the devices [Hz]
+
+    @property
+    def duration(self) -> float:
+        """Longer than the monitored time, so that the monitor ends first."""
+        return (self.windows + 3) * self.window
+
+
+FULL = Plan(window=40.0, baseline_windows=12, windows=27, between=(530.0, 640.0))
+SHORT = Plan(window=20.0, baseline_windows=8, windows=13, between=(165.0, 195.0))
+
+
+def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:
+    """Run the demo; 0 if the body was found rightly, 1 if not, 130 if it was stopped."""
+    seed = secrets.randbelow(10_000) if seed is None else seed
+    seconds = plan.windows * plan.window / speed
+    console.print(f"[bold]modalwatch demo[/], seed {seed}: a virtual T-frame plays for {seconds:.0f} s")
+    console.print(
+        "Six emulated Epson accelerometers: four serial, two CAN. Sometime, somewhere, the rig will add a body;"
+    )
+    console.print("the monitor has no information on time, place or mass.\n")
+    _clear(out)
+    scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
+    (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
+    with stop_on_signals() as stop, RigProcess(out, speed) as rig:
+        (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), plan), encoding="utf-8")
+        rig.stop_at_its_end(stop)
+        display = Display(console, plan.windows, stop)
+        site = load_site(out / "site.toml")
+        with live_view(site.settings, site.structure_text, site.site_text) as live, display:
+            tell_live(live)
+            report = run(site, stop, display.show, live)
+        done = rig.finish()
+    if display.n_windows < plan.windows:
+        console.print(f"\nstopped after {display.n_windows} windows; the log is whole: {report.log}", soft_wrap=True)
+        return INTERRUPTED
+    return reveal(console, out, scenario, display.found, report, done)
+
+
+def _clear(out: Path) -> None:
+    """Make room for this demo where an earlier one was; touch nothing else."""
+    out.mkdir(parents=True, exist_ok=True)
+    if (out / "scenario.toml").exists():
+        shutil.rmtree(out / "log", ignore_errors=True)
+        shutil.rmtree(out / "state", ignore_errors=True)
+    for name in ("ports.json", "rig.json", "answer.json", "overview.rrd", "report.html"):
+        (out / name).unlink(missing_ok=True)
+
+
+def _site(ready: dict[str, Any], plan: Plan) -> str:
+    """Return the SITE.toml of this demo: that of a user, plus the rig's time scale."""
+    lines = [
+        'structure = "t_structure.toml"',
+        "",
+        "[analysis]",
+        f"window_seconds = {plan.window}",
+        f"baseline_windows = {plan.baseline_windows}",
+        "",
+        "[viewer]",
+        "",
+        "[clock]",
+        *(f"{key} = {value}" for key, value in ready["clock"].items()),
+    ]
+    for name, (_, axes) in T_DEVICES.items():
+        mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
+        lines += ["", "[[device]]", f'name = "{name}"', *_place(ready["ports"][name])]
+        lines += [f"rate = {plan.rate}", f"channels = {{{mapped}}}"]
+    return "\n".join(lines) + "\n"
+
+
+def _place(place: str | dict[str, Any]) -> list[str]:
+    """Return driver and place of a device of the rig."""
+    if isinstance(place, str):
+        return ['driver = "epson-uart"', f'port = "{place}"']
+    fields = ", ".join(f"{key} = {json.dumps(value)}" for key, value in place.items() if value is not None)
+    return ['driver = "epson-can"', f"can = {{{fields}}}"]

@@ -1,0 +1,1 @@
+"""Commands on logs: summary, export, repair, repeated analysis."""

@@ -1,0 +1,51 @@
+"""Signals of a log in files for other programs."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from daq import LogError, export_recording
+from daq.files import expand_log
+from monitor.analysis.logs import log_recordings
+from monitor.analysis.time_range import TimeRange
+from monitor.cli.exit_codes import DONE
+from monitor.cli.logs.run_log import one_log
+from monitor.cli.terminal import console, echo
+from monitor.views.run import late_devices
+
+
+def export_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:
+    """Write the signals of a log, or of a range of it, to a file of measurements."""
+    whole = one_log(paths)
+    log = within.of_log(whole, echo)
+    late = late_devices(whole)
+    recordings = list(log_recordings(log, late=late))
+    if not recordings:
+        raise LogError(str(log), "holds less than the two seconds that the clocks need")
+    export_recording(out, recordings[0])
+    found = recordings[0]
+    echo(
+        f"{out}: {len(found.channels)} channels, {found.duration:.6g} s at {found.rate:g} Hz, "
+        f"{len(found.gaps)} gaps; it starts at {found.start} ns UTC"
+    )
+    _say_late(late)
+    return DONE
+
+
+def expand_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:
+    """Write the signals of a log, or of a range of it, for stock viewers."""
+    whole = one_log(paths)
+    log = within.of_log(whole, echo)
+    with console.status("writing ..."):
+        late = late_devices(whole)
+        written = expand_log(log, out, late)
+    devices = ", ".join(f"/view/{device} {count}" for device, count in written.items())
+    echo(f"{out}: {sum(written.values())} messages; {devices}")
+    _say_late(late)
+    return DONE
+
+
+def _say_late(late: Mapping[str, float]) -> None:
+    """Print the delays that were removed."""
+    if late:
+        text = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
+        echo(f"removed, as the baseline found devices late: {text}")

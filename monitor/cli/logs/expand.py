@@ -1,0 +1,27 @@
+"""Command `log expand`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from monitor.cli.options import From, Run, To
+
+
+def expand(
+    log: Run,
+    out: Annotated[Path, Option("--out", "-o", metavar="VIEW.mcap", help="MCAP file to write, with ROS 2 messages.")],
+    start: From = None,
+    stop: To = None,
+) -> int:
+    """Export a log as one message per scan.
+
+    Stock rerun and Foxglove plot it.
+
+    Example:
+    modalwatch log expand run.mcap -o view.mcap
+    """
+    from monitor.analysis.time_range import time_range
+    from monitor.cli.logs.conversion import expand_signals
+
+    return expand_signals(log, out, time_range(start, stop))

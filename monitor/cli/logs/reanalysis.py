@@ -1,0 +1,119 @@
+"""An archive analysed again, in parallel."""
+
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, reanalyse, steps_key, steps_of, texts_of
+from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.terminal import console
+from monitor.errors import ArgumentError
+from monitor.results.windows import AlarmResult, Result
+from monitor.service.site import load_site
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+_READERS = 8  # logs whose attachments are read at the same time
+
+
+def reanalyse_archive(
+    archives: Sequence[str],
+    out: Path,
+    site: Path | None,
+    given: Sequence[str],
+    scheduler: str | None,
+    workers: int | None,
+    *,
+    dry_run: bool,
+) -> int:
+    """Analyse the logs of an archive again; 1 if a log could not be analysed to its end, or a site ends in an alarm."""
+    texts = _texts(site, given)
+    logs = find_logs(archives)
+    with ThreadPoolExecutor(_READERS) as pool:
+        planned = list(zip(logs, pool.map(partial(texts_of, site=texts), logs), strict=True))
+    if dry_run:
+        _print_plan(planned, out)
+        return DONE
+    with (
+        _client(scheduler, workers) as client,
+        Progress(
+            TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn(), console=console
+        ) as progress,
+    ):
+        task = progress.add_task("logs", total=sum(log.size for log in logs))
+        problems: list[str] = []
+        states: dict[str, str] = {}
+
+        def finished(about: AnalysedLog, results: list[Result]) -> None:
+            progress.advance(task, about.log.size)
+            problems.extend([about.problem] if about.problem else [])
+            alarms = [result for result in results if isinstance(result, AlarmResult)]
+            states[about.site] = alarms[-1].state if alarms else states.get(about.site, "normal")
+            _say(about, alarms)
+
+        reanalyse(client, planned, out, finished)
+    console.print(f"results: {out} (Parquet: windows, modes, alarms, logs; sites/NAME/history.sqlite)", soft_wrap=True)
+    return NEEDS_A_PERSON if problems or "alarm" in states.values() else DONE
+
+
+def _texts(site: Path | None, given: Sequence[str]) -> LogTexts | None:
+    if site is None:
+        if given:
+            raise ArgumentError("--set", "requires --site")
+        return None
+    loaded = load_site(site, given)
+    return LogTexts(site=loaded.site_text, structure=loaded.structure_text)
+
+
+@contextmanager
+def _client(scheduler: str | None, workers: int | None) -> "Iterator[Client]":
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise ArgumentError("reanalyse", "requires `pip install modalwatch[fleet]`") from error
+    if scheduler:
+        try:
+            with Client(scheduler, timeout=10) as client:
+                yield client
+        except OSError as error:
+            raise ArgumentError("--scheduler", f"{scheduler}: does not respond: {error}") from error
+        return
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the workers: one core each
+    with (
+        LocalCluster(
+            n_workers=workers or os.cpu_count() or 1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path) -> None:
+    new = 0
+    for log, texts in planned:
+        if isinstance(texts, str):
+            state = f"not readable: {texts}"
+        elif steps_of(out / "steps", steps_key(log, texts)):
+            state = "identified by an earlier run"
+        else:
+            state, new = "to be identified", new + log.size
+        console.print(f"{escape(log.name)}: {escape(state)}", soft_wrap=True)
+    console.print(f"{len(planned)} logs, {new / 1e6:.1f} MB to be read; nothing is written")
+
+
+def _say(about: AnalysedLog, alarms: Sequence[AlarmResult]) -> None:
+    state = f"{about.n_windows} windows" + (", identified by an earlier run" if about.kept else "")
+    if about.problem:
+        state += f"; {about.problem}"
+    console.print(f"{escape(about.site)}: {escape(about.log.name)}: {escape(state)}", soft_wrap=True)
+    for alarm in alarms:
+        if alarm.state == "alarm" and not alarm.quiet:
+            console.print(f"    {escape(alarm.text)}", soft_wrap=True)

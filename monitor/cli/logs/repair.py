@@ -1,0 +1,27 @@
+"""Command `repair`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument
+
+from monitor.cli.exit_codes import DONE
+
+
+def repair(log: Annotated[Path, Argument(metavar="LOG.mcap")]) -> int:
+    """Repair a truncated or damaged log in place.
+
+    Every complete chunk is kept.
+
+    Example:
+    modalwatch repair run.mcap
+    """
+    from daq import repair_log
+    from monitor.cli.terminal import echo
+
+    state = repair_log(log)
+    if state.whole:
+        echo(f"{log}: whole, {state.n_messages} messages; not touched")
+    else:
+        echo(f"{log}: repaired, {state.n_messages} messages kept; it was {state}")
+    return DONE

@@ -1,0 +1,77 @@
+"""Analysis of a log, repeated at full speed."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.markup import escape
+
+from daq import LogError
+from monitor.analysis.time_range import TimeRange
+from monitor.cli.logs.run_log import one_log
+from monitor.cli.site.console_log import line
+from monitor.cli.terminal import console, echo, warn
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.service.replay import ReplayReport, replay, write_watched
+from monitor.service.site import load_site
+from monitor.settings import overrides
+
+
+def replay_log(
+    logs: Sequence[Path],
+    site: Path | None,
+    given: Sequence[str],
+    within: TimeRange,
+    *,
+    json_path: Path | None,
+    watched: Path | None,
+) -> int:
+    """Run the loop over a log; 1 if it ends in an alarm."""
+    log = within.of_log(one_log(logs), echo)
+    if watched and watched.exists():
+        raise LogError(watched, "cannot be written: File exists")
+    report = replay(log, load_site(site, given) if site else None, _say, overrides(given, {}))
+    if json_path:
+        results = [result.payload() for result in report.found]
+        compared = report.from_beginning
+        found = {
+            "same_as_live": report.same if compared else None,
+            "comparison": report.comparison.payload() if compared else None,
+            "results": results,
+        }
+        json_path.write_text(json.dumps(found), encoding="utf-8")
+    note = _nothing_watched(report)
+    if note:
+        warn(f"note: {note}")
+    if watched:
+        write_watched(log, watched, report)
+        echo(f"written: {watched}, for `report` and `view`")
+    elif not (report.logged or note):
+        console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
+    if not report.from_beginning:
+        warn("note: not compared with what was found live: the baseline is learnt from the beginning of the range")
+    if report.logged and not (site or given):
+        echo(report.comparison.text)
+    alarms = [result for result in report.found if isinstance(result, AlarmResult)]
+    return int(bool(alarms) and alarms[-1].state == "alarm")
+
+
+def _nothing_watched(report: ReplayReport) -> str:
+    """Return the reason why no window was scored; nothing if one was."""
+    windows = [result for result in report.found if isinstance(result, WindowResult)]
+    if not windows:
+        return (
+            f"there is no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing was looked at"
+        )
+    if any(isinstance(result, ReferenceResult) for result in report.found) or windows[-1].phase != "learning":
+        return ""
+    learnt = sum(bool(window.modes) for window in windows)
+    short = ""
+    if learnt < len(windows) / 2:
+        short = f"; are records shorter than a window of {report.window_seconds:g} s (analysis.window_seconds)?"
+    return f"the log ended while the watch was still learning: {learnt} of {len(windows)} windows gave modes{short}"
+
+
+def _say(result: Result) -> None:
+    """Print one result as a line."""
+    console.print(escape(line(result)))

@@ -1,0 +1,34 @@
+"""Command `replay`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Option
+
+from monitor.cli.options import From, Json, Overrides, Run, To
+
+
+def replay(
+    log: Run,
+    site: Annotated[Path | None, Option(help="SITE.toml to use instead of the settings attached to the log.")] = None,
+    out: Annotated[
+        Path | None, Option("-o", "--out", metavar="WATCHED.mcap", help="Log to write, with signals and results.")
+    ] = None,
+    json: Json = None,
+    start: From = None,
+    stop: To = None,
+    given: Overrides = None,
+) -> int:
+    """Repeat the analysis of a log at full speed.
+
+    Results are compared with the live ones. With --from the baseline is learned from that time on, and
+    nothing is compared.
+
+    Example:
+    modalwatch replay run.mcap
+    modalwatch replay days.mcap --site site.toml -o watched.mcap --set alarm.hold_windows=3
+    """
+    from monitor.analysis.time_range import time_range
+    from monitor.cli.logs.repetition import replay_log
+
+    return replay_log(log, site, given or (), time_range(start, stop), json_path=json, watched=out)

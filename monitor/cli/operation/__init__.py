@@ -1,0 +1,1 @@
+"""Commands on a running monitor: health, history, alarms, service."""

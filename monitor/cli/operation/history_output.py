@@ -1,0 +1,147 @@
+"""Results over months and years as tables, CSV, JSON and a picture."""
+
+import csv
+import json
+from dataclasses import asdict
+from pathlib import Path
+from time import time_ns
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from monitor.cli.terminal import console, echo
+from monitor.errors import ArgumentError
+from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint, database_url
+from monitor.outputs.history.summary import Found, look
+from monitor.service.site import load_site
+from monitor.text.events import event_name, event_text
+from monitor.text.quantities import duration_text, utc
+
+_DAY = 86_400 * 10**9  # ns
+_MAX = 20  # lines of a table
+_EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
+
+
+def read_history(target: str, days: float | None) -> Found:
+    """Return the history of the last days, or of all time, of SITE.toml, a SQLite file or an address."""
+    with Reader(_url(target)) as reader:
+        return look(reader, None if days is None else _last(days))
+
+
+def _url(target: str) -> str:
+    if "://" in target:
+        return target
+    path = Path(target)
+    if path.suffix == ".toml":
+        site = load_site(path)
+        return database_url(site.settings.history.url, site.state)
+    if not path.is_file():
+        raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}")
+    return f"sqlite:///{path}"
+
+
+def _last(days: float) -> Span:
+    now = time_ns()
+    return Span(start=now - round(min(_EONS, days) * _DAY), end=now)
+
+
+def write_csv(path: Path, found: Found) -> None:
+    """Write the trends: a line a mode and window, or day over more than two weeks."""
+    try:
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(TrendPoint.__dataclass_fields__)
+            writer.writerows(asdict(point).values() for points in found.trends.values() for point in points)
+    except OSError as error:
+        raise ArgumentError("--csv", f"{path} cannot be written: {error.strerror}") from error
+
+
+def as_json(found: Found) -> dict[str, object]:
+    """Return the output for other programs; times are ns UTC, days are counted from 1970-01-01."""
+    return {
+        "start": found.span.start,
+        "end": found.span.end,
+        "state": found.state,
+        "every": found.span.every,
+        "days": [asdict(day) for day in found.days],
+        "alarms": [asdict(alarm) for alarm in found.alarms],
+        "accepted": [change.payload() for change in found.accepted],
+        "trends": {str(mode): [asdict(point) for point in points] for mode, points in found.trends.items()},
+        "events": _told(found.events),
+        "self_tests": _told(found.self_tests),
+    }
+
+
+def _told(events: list[EventRow]) -> list[dict[str, object]]:
+    return [asdict(event) | {"json": json.loads(event.json)} for event in events]
+
+
+def print_history(found: Found) -> None:
+    """Print states, self-tests, alarms, modes and events."""
+    windows = found.windows
+    newest = f"; the newest {utc(found.newest)}" if found.newest < found.span.end else ""
+    console.print(f"{utc(found.span.start)} to {utc(found.span.end)}")
+    counts = f"{windows.number} windows, {windows.judged} judged, {windows.over} over the limit"
+    echo(f"{counts}{newest}")
+    console.print(f"state: {found.state}")
+    console.print(_self_tests(found.self_tests), soft_wrap=True)
+    _say_alarms(found.alarms)
+    if any(found.trends.values()):
+        console.print(_trends(found.trends))
+    if found.events:
+        console.print(_events(found.events))
+
+
+def _self_tests(tests: list[EventRow]) -> str:
+    """Return a line on the self-tests."""
+    if not tests:
+        return "self-tests: none"
+    records = [json.loads(test.json) for test in tests]
+    passed = [test.time for test, record in zip(tests, records, strict=True) if record["passed"]]
+    last = records[-1]
+    seen = f"{1000 * last['mass']:.0f} g would raise the alarm at {last['detected']} of {last['places']} places"
+    before = "" if last["passed"] else f"; passed last {utc(passed[-1])}" if passed else "; none has passed"
+    return f"self-tests: {len(tests)}, {len(passed)} passed; the last {utc(tests[-1].time)}: {seen}{before}"
+
+
+def _say_alarms(alarms: list[AlarmRow]) -> None:
+    """Print one line per alarm, and its text below it, which is too long for a column of a table."""
+    console.print("\nalarms" if alarms else "alarms: none")
+    for alarm in alarms[-_MAX:]:
+        lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
+        again = f", reopened {alarm.reopened} times" if alarm.reopened else ""
+        known = f"acknowledged {utc(alarm.acknowledged)}" if alarm.acknowledged else "not acknowledged"
+        echo(f"  {utc(alarm.raised)}   {lasted}{again}, {known}")
+        echo(f"    {alarm.text}")
+    if alarms:
+        console.print()
+
+
+def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
+    table = Table(title="modes: frequencies in Hz, last damping and shift in %", title_justify="left", box=SIMPLE_HEAD)
+    for name in ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift"):
+        table.add_column(name, justify="right", no_wrap=True)
+    for mode, points in trends.items():
+        if not points:
+            continue
+        last = points[-1]
+        figures = [f"{points[0].frequency:.5g}", f"{last.frequency:.5g}"]
+        figures += [f"{min(p.lowest for p in points):.5g}", f"{max(p.highest for p in points):.5g}"]
+        figures += [_number(None if last.damping is None else 100 * last.damping, ".2f")]
+        table.add_row(str(mode), str(sum(p.n for p in points)), *figures, _number(last.shift_percent, "+.2f"))
+    return table
+
+
+def _events(events: list[EventRow]) -> Table:
+    table = Table(title="events", title_justify="left", box=SIMPLE_HEAD)
+    for name in ("time", "what", "device", ""):
+        table.add_column(name, no_wrap=bool(name))
+    for event in events[-_MAX:]:
+        records = event_text(json.loads(event.json), without="device")
+        table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(records))
+    return table
+
+
+def _number(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

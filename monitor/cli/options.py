@@ -1,0 +1,45 @@
+"""Arguments and options that several commands have."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+from typer.models import OptionInfo
+
+METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
+TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")  #: those of `daq.files.TIME_UNITS`
+
+Site = Annotated[Path, Argument(metavar="SITE.toml")]
+Run = Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")]
+Json = Annotated[Path | None, Option(metavar="FILE", help="JSON file to write.")]
+Person = Annotated[str, Option(help="Name of the person.")]
+Overrides = Annotated[
+    list[str] | None,
+    Option("--set", metavar="KEY=VALUE", help="Override a setting, e.g. analysis.overlap=0.5. Repeatable."),
+]
+From = Annotated[
+    str | None,
+    Option(
+        "--from",
+        metavar="TIME",
+        help="Where to begin: seconds from the start of the log (90, 1h30m; -10m is from its end), or a time "
+        "(2026-01-31T12:00:00Z; UTC unless it has a zone).",
+    ),
+]
+To = Annotated[str | None, Option("--to", metavar="TIME", help="End of the range (exclusive). Format as --from.")]
+
+
+def one_of(option: str, values: tuple[str, ...], text: str) -> OptionInfo:
+    """Return an option that lists its values in the help, completes them in the shell, and refuses others."""
+
+    def checked(value: str | None) -> str | None:
+        if value is not None and value not in values:
+            from monitor.errors import ArgumentError
+
+            raise ArgumentError(option, f"expected one of {', '.join(values)}, found {value!r}")
+        return value
+
+    found: OptionInfo = Option(
+        option, metavar="|".join(values), help=text, callback=checked, autocompletion=lambda: values
+    )
+    return found
