@@ -18,7 +18,7 @@ from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
 from monitor.views.viewer.mode_shapes import draw_mode_shapes
 from monitor.views.viewer.posterior import draw_answers
-from monitor.views.viewer.primitives import APPLICATION
+from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
 from monitor.views.viewer.signals import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
@@ -127,6 +127,7 @@ class LiveResults:
         self._windows[: len(older)] = [_light(w) for w in older]
         del self._windows[1 : max(1, len(self._windows) - self._most)]
         run_results = self._results_of([window])
+        at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
         if self._reference:
             draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, answered=answered)
         draw_spectra(self._recording, run_results, static=False)

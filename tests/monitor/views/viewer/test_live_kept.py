@@ -92,3 +92,23 @@ def test_static_data_are_sent_once_during_a_long_alarm(tmp_path: Path) -> None:
     )
     assert static["/increments/x/supports", "Boxes3D:centers"] == 1
     assert not [what for what, times in static.items() if times > 1]
+
+
+def test_axes_of_the_live_spectrum_follow_the_windows(run: RunResults, tmp_path: Path) -> None:
+    """The frequencies of the second window are twice as high: its ticks reach as far, at its own time."""
+    first = made.whole_run(SITE, n_learning=N_LEARNING, n_before=2, n_after=2)["windows"][0]
+    assert first.spectrum
+    higher = first.spectrum.model_copy(update={"frequency": [2 * f for f in first.spectrum.frequency]})
+    modes = [mode.model_copy(update={"frequency": 2 * mode.frequency}) for mode in first.modes]
+    place = {"index": 1, "start": first.end, "end": first.end + made.WINDOW}
+    second = first.model_copy(update={"spectrum": higher, "modes": modes, **place})
+    recording = rr.RecordingStream(APPLICATION, recording_id="axes")
+    recording.save(tmp_path / "axes.rrd")
+    live = LiveResults(recording, run.name, parse_settings(SETTINGS))
+    live.add(first)
+    live.add(second)
+    recording.disconnect()
+    times, labels = Rrd(tmp_path / "axes.rrd").rows("/spectrum/ticks", "Points2D:labels")
+    assert times.tolist() == [first.end, second.end]
+    ends = [float(next(label for label in row if label.endswith(" Hz")).removesuffix(" Hz")) for row in labels]
+    assert ends[1] == pytest.approx(2 * ends[0], rel=0.2)
