@@ -102,6 +102,18 @@ def thin(items: Sequence[T], most: int = _MAX_DRAWN) -> list[T]:
     return list(items[::-1][::step])[::-1]
 
 
+def standing_answer(window: WindowResult, before: WindowResult | None) -> WindowResult | None:
+    """Return the window whose answer holds at a window: its own, or while the alarm stands the last one; else None.
+
+    Parameters
+    ----------
+    before : what this function returned for the window before
+    """
+    if window.answer:
+        return window
+    return before if window.phase == "alarm" else None
+
+
 def find_mode(window: WindowResult, number: int) -> ModeResult | None:
     """Return a tracked mode of a window, None if the window did not show it."""
     return next((m for m in window.modes if m.id == number), None)

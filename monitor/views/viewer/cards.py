@@ -3,7 +3,7 @@
 import rerun as rr
 
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.results.run_results import RunResults, find_mode
+from monitor.results.run_results import RunResults, find_mode, standing_answer
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
 from monitor.text.quantities import plain, share_text
@@ -15,11 +15,12 @@ _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 
 
-def write_cards(recording: rr.RecordingStream, run_results: RunResults) -> None:
-    """Write the card of each window."""
+def write_cards(recording: rr.RecordingStream, run_results: RunResults, answered: WindowResult | None = None) -> None:
+    """Write the card of each window; `answered` is the window whose answer held before the first of them."""
     for window in run_results.windows:
         at(recording, window.end)
-        recording.log("/now", rr.TextDocument(window_card(window, run_results), media_type=_MARKDOWN))
+        answered = standing_answer(window, answered)
+        recording.log("/now", rr.TextDocument(window_card(window, run_results, answered), media_type=_MARKDOWN))
         if window.diagnosis:
             recording.log("/diagnosis", rr.TextDocument(diagnosis_card(window.diagnosis), media_type=_MARKDOWN))
 
@@ -30,13 +31,20 @@ def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -
         recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
 
 
-def window_card(window: WindowResult, run_results: RunResults) -> str:
-    """Return the card of one window: the verdict first, then its basis."""
+def window_card(window: WindowResult, run_results: RunResults, answered: WindowResult | None = None) -> str:
+    """Return the card of one window: the verdict first, then its basis.
+
+    Parameters
+    ----------
+    answered : window whose answer holds; None if no answer was found
+    """
     parts = [f"# {verdict(window, run_results.alarms)}"]
     if window.phase == "learning":
         parts.append(f"{window.index + 1} window{'s' * (window.index > 0)} so far. Nothing is judged yet.")
     if window.answer:
         parts.append(_answer(window.answer))
+    elif answered and answered.answer:
+        parts += [_answer(answered.answer), f"*By window {answered.index}.*"]
     elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
         parts.append("**The structure has changed.** Location not yet known.")
     if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):

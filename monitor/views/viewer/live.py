@@ -9,7 +9,7 @@ import rerun as rr
 
 from daq import Block, Item
 from monitor.results.events import event_result
-from monitor.results.run_results import RunResults
+from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, parse_attached
 from monitor.views.geometry import Geometry
@@ -98,6 +98,7 @@ class LiveResults:
         self._states: dict[str, tuple[int, str]] = {}  # lane -> time [ns UTC] and state of its last change
         self._told: set[tuple[int, str, str]] = set()  # events that are kept
         self._shown: set[str] = set()
+        self._answered: WindowResult | None = None  # window whose answer holds
         name_states(recording)
 
     def add(self, result: Result | None) -> None:
@@ -121,7 +122,6 @@ class LiveResults:
         )
 
     def _window(self, window: WindowResult) -> None:
-        answered = bool(self._windows) and self._windows[-1].answer is not None
         self._windows = [*self._windows, window]
         older = self._windows[:-_KEPT_WINDOWS]
         self._windows[: len(older)] = [_light(w) for w in older]
@@ -129,12 +129,13 @@ class LiveResults:
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
         if self._reference:
-            draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, answered=answered)
+            draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, self._answered)
         draw_spectra(self._recording, run_results, static=False)
         draw_trends(self._recording, run_results)
         draw_answers(self._recording, run_results, static=False)
         draw_increments(self._recording, run_results, static=False)
-        write_cards(self._recording, run_results)
+        write_cards(self._recording, run_results, self._answered)
+        self._answered = standing_answer(window, self._answered)
 
     def _tell(self) -> None:
         """Log the changes of state and the events that were not logged yet."""

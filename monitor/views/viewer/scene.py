@@ -8,7 +8,7 @@ import numpy.typing as npt
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.run_results import RunResults, thin
+from monitor.results.run_results import RunResults, standing_answer, thin
 from monitor.results.windows import MassAnswer, ReferenceResult, WindowResult
 from monitor.text.quantities import share_text
 from monitor.views.geometry import Geometry, screen
@@ -28,10 +28,10 @@ def draw_structure(recording: rr.RecordingStream, run_results: RunResults) -> No
         return
     geometry = Geometry(run_results.reference)
     draw_bare_structure(recording, run_results.reference, run_results.start)
-    answered = False
+    answered: WindowResult | None = None
     for window in thin(run_results.windows):
-        draw_place(recording, geometry, window, run_results.mass_unit, answered=answered)
-        answered = window.answer is not None
+        draw_place(recording, geometry, window, run_results.mass_unit, answered)
+        answered = standing_answer(window, answered)
 
 
 def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
@@ -45,13 +45,17 @@ def draw_bare_structure(recording: rr.RecordingStream, reference: ReferenceResul
 
 
 def draw_place(
-    recording: rr.RecordingStream, geometry: Geometry, window: WindowResult, unit: tuple[float, str], *, answered: bool
+    recording: rr.RecordingStream,
+    geometry: Geometry,
+    window: WindowResult,
+    unit: tuple[float, str],
+    answered: WindowResult | None,
 ) -> None:
-    """Draw the position of the mass by a window; `answered`: whether the window before had one, to be removed now."""
+    """Draw the position of the mass; `answered` is the window whose position is drawn, until the alarm ends."""
     at(recording, window.end)
     if window.answer:
         _mass(recording, geometry, window.answer, unit)
-    elif answered:
+    elif answered and not standing_answer(window, answered):
         _bare(recording, geometry)
 
 

@@ -212,15 +212,22 @@ def test_sphere_radius_is_proportional_to_the_cube_root_of_the_mass() -> None:
     assert scene.sphere_radius(-0.1) == scene.sphere_radius(0.1)
 
 
-def test_drawn_mass_is_cleared_when_a_window_has_no_answer(tmp_path: Path) -> None:
-    bare = WINDOWS[-1].model_copy(
-        update={"index": len(WINDOWS), "start": ENDS[-1], "end": ENDS[-1] + made.WINDOW, "answer": None}
-    )
-    rrd = written(tmp_path, shortened(windows=[*WINDOWS, bare]))
+def test_answer_is_shown_until_the_alarm_ends(tmp_path: Path) -> None:
+    """A window of the alarm without an answer changes neither the drawn mass nor the card; the first one after it does."""
+    later = []
+    for k, phase in enumerate(["alarm", "watching"]):
+        start = ENDS[-1] + k * made.WINDOW
+        place = {"index": len(WINDOWS) + k, "start": start, "end": start + made.WINDOW, "answer": None}
+        later.append(WINDOWS[-1].model_copy(update=place | {"phase": phase}))
+    rrd = written(tmp_path, shortened(windows=[*WINDOWS, *later]))
     cleared, recursive = rrd.rows("/structure/mass", "Clear:is_recursive")
-    assert (cleared[-1], recursive[-1]) == (bare.end, [True])
+    assert (cleared[-1], recursive[-1]) == (later[1].end, [True])
+    assert later[0].end not in cleared
     _, strips = rrd.rows("/structure/members", "LineStrips3D:strips")
     assert len(strips[-1]) == len(RUN["reference"].lines)
+    _, cards = rrd.rows("/now", "TextDocument:text")
+    shown = [f"*By window {WINDOWS[-1].index}.*" in card[0] for card in cards[-3:]]
+    assert shown == [False, True, False]
 
 
 def test_member_colour_is_hottest_at_the_mass(rrd: Rrd) -> None:
