@@ -213,7 +213,7 @@ def test_sphere_radius_is_proportional_to_the_cube_root_of_the_mass() -> None:
 
 
 def test_answer_is_shown_until_the_alarm_ends(tmp_path: Path) -> None:
-    """A window of the alarm without an answer changes neither the drawn mass nor the card; the first one after it does."""
+    """A window of the alarm without an answer changes neither the mass nor the card; the first one after it does."""
     later = []
     for k, phase in enumerate(["alarm", "watching"]):
         start = ENDS[-1] + k * made.WINDOW
