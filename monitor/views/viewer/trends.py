@@ -4,6 +4,7 @@ import numpy as np
 import rerun as rr
 
 from monitor.results.run_results import RunResults, find_mode
+from monitor.results.windows import ModeResult
 from monitor.views.palette import ALARM, GREY, TEXT, mode_colour
 from monitor.views.viewer.primitives import band, ends, line, once, rule
 
@@ -21,16 +22,16 @@ def frequency_span(run_results: RunResults, number: int) -> tuple[float, float]:
 
 
 def shift_span(run_results: RunResults) -> tuple[float, float]:
-    """Return lowest and highest value [%] of the plot of shifts, the control band included."""
-    limit = control_limit(run_results)
-    shifts = [m.shift_percent for w in run_results.watched for m in w.modes if m.shift_percent is not None]
-    return min([-limit, *shifts]), max([limit, *shifts])
+    """Return lowest and highest value of the plot of shifts [standard deviations], the control band included."""
+    shifts = [s for w in run_results.watched for m in w.modes if np.isfinite(s := _standardised(m))]
+    return min([-SIGMAS, *shifts]), max([SIGMAS, *shifts])
 
 
-def control_limit(run_results: RunResults) -> float:
-    """Return three standard deviations of the shift of the least sure mode [%]."""
-    stds = [m.shift_std_percent for w in run_results.watched for m in w.modes if m.shift_std_percent is not None]
-    return SIGMAS * max(stds, default=0.0)
+def _standardised(mode: ModeResult | None) -> float:
+    """Return the shift of a mode from its baseline in its own standard deviations; NaN if it has none."""
+    if mode is None or mode.shift_percent is None or not mode.shift_std_percent:
+        return _NAN
+    return mode.shift_percent / mode.shift_std_percent
 
 
 def draw_trends(recording: rr.RecordingStream, run_results: RunResults) -> None:
@@ -71,18 +72,17 @@ def _frequency(recording: rr.RecordingStream, run_results: RunResults, number: i
 
 
 def _shift(recording: rr.RecordingStream, run_results: RunResults, number: int) -> None:
-    found = [find_mode(w, number) for w in run_results.watched]
-    shift = [_NAN if m is None or m.shift_percent is None else m.shift_percent for m in found]
+    shift = [_standardised(find_mode(w, number)) for w in run_results.watched]
     if np.isfinite(shift).any():
         path = f"/trend/shift/mode_{number}"
         line(recording, path, f"mode {number}", mode_colour(number), ends(run_results.watched), shift)
 
 
 def _control_band(recording: rr.RecordingStream, run_results: RunResults) -> None:
-    limit, n = control_limit(run_results), len(run_results.watched)
-    if limit > 0:
-        name = f"± {SIGMAS:g}σ, least sure mode"
-        band(recording, "/trend/shift/band", name, ALARM, ends(run_results.watched), np.zeros(n), np.full(n, limit))
+    n = len(run_results.watched)
+    if n:
+        column, limit = ends(run_results.watched), np.full(n, SIGMAS)
+        band(recording, "/trend/shift/band", f"± {SIGMAS:g}σ", ALARM, column, np.zeros(n), limit)
 
 
 def _novelty(recording: rr.RecordingStream, run_results: RunResults) -> None:

@@ -87,7 +87,10 @@ def _trends(run_results: RunResults, trends: views.Trends) -> rrb.Vertical:
         parts.append(
             (
                 trends.series(
-                    "Frequency shift from the baseline [%]", "/trend/shift", values=shift_span(run_results), legend=True
+                    "Frequency shift from the baseline [its standard deviation]",
+                    "/trend/shift",
+                    values=shift_span(run_results),
+                    legend=True,
                 ),
                 4.0,
             )

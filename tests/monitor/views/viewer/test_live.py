@@ -171,7 +171,8 @@ def test_clients_can_reconnect_and_a_killed_server_is_reported(tmp_path: Path) -
 def check_results(rrd: Rrd) -> None:
     """The stream has the same content as a file: trends, states without repeats, the newest place."""
     windows = [w for w in RUN["windows"] if w.phase != "learning"]
-    expected = [(w.end, m.shift_percent) for w in windows for m in w.modes if m.id == 3]
+    shifts = [(w.end, m.shift_percent, m.shift_std_percent) for w in windows for m in w.modes if m.id == 3]
+    expected = [(end, shift / std) for end, shift, std in shifts if shift is not None and std]
     times, values = rrd.scalars("/trend/shift/mode_3")
     assert times.tolist() == [end for end, _ in expected]
     np.testing.assert_allclose(values, [shift for _, shift in expected], rtol=1e-12)

@@ -129,7 +129,7 @@ def test_card_of_each_window_begins_with_the_verdict(rrd: Rrd) -> None:
 @pytest.mark.parametrize("number", range(1, SITE.n_modes + 1))
 def test_shift_trend_has_gaps_for_unidentified_modes(rrd: Rrd, number: int) -> None:
     times, values = rrd.scalars(f"/trend/shift/mode_{number}")
-    found = [[m.shift_percent for m in w.modes if m.id == number] for w in WATCHED]
+    found = [[m.shift_percent / m.shift_std_percent for m in w.modes if m.id == number] for w in WATCHED]
     expected = [f[0] if f else np.nan for f in found]
     assert times.tolist() == [w.end for w in WATCHED]
     np.testing.assert_array_equal(values, expected)
