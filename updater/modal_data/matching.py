@@ -20,13 +20,16 @@ _SAME_MAC = 0.95  # at which a mode is the same one, however far it went ...
 _FARTHEST_SAME = 0.7  # of ln f: ... up to twice or half its frequency
 _FREQUENCY_WEIGHT = 2.0  # weight of |d ln f| relative to 1 - MAC
 _FAULT_COST = 0.3  # that a fault of the measuring chain must save in all
+_NO_PAIR = 1 - _MIN_MAC + _FREQUENCY_WEIGHT * _FARTHEST  # cost of a mode without a partner: that of the worst pair
 
 
 def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
     """Return for each mode of the baseline (n_tracks,) the event's mode, or -1.
 
     The one-to-one assignment of least sum of (1 - MAC) + 2 |d ln f|, the MAC less what is not known of the event's
-    shape: the mean of several that mix two modes looks like one of them. Two channels that were exchanged, or one that
+    shape: the mean of several that mix two modes looks like one of them. A mode without a partner costs as much as the
+    worst pair, and two modes with a MAC of 0.95 that are each other's best are paired: of two close modes, one that is
+    poorly identified does not take the partner of the other. Two channels that were exchanged, or one that
     was turned, spoil every MAC; so it is sought with each such fault undone, and one is believed for this purpose
     only. Pairs with a MAC under 0.5 or frequencies more than 30 % apart (100 % at a MAC of 0.95) are
     none.
@@ -78,8 +81,9 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
     least, undone, found = np.inf, None, np.full(len(baseline.log_frequency), -1, np.intp)
     for cost, chain in _chains(len(baseline.channels)):
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
-        whole = 1 - assurance + _FREQUENCY_WEIGHT * distance
-        row, column = linear_sum_assignment(whole)
+        whole = np.minimum(1 - assurance + _FREQUENCY_WEIGHT * distance, _NO_PAIR)
+        best = (whole == whole.min(0)) & (whole == whole.min(1, keepdims=True))
+        row, column = linear_sum_assignment(whole - _NO_PAIR * (best & (assurance >= _SAME_MAC)))
         total = cost + float(whole[row, column].sum())
         if total < least:
             near = _answer(assurance[row, column], distance[row, column])

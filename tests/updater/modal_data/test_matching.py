@@ -77,3 +77,16 @@ def test_channels_missing_in_one_record_are_left_out() -> None:
     found = matched(mean(10), event)
     assert found.channels == CHANNELS[:7]
     assert np.isfinite(found.log_frequency).sum() >= 6
+
+
+def test_poorly_identified_close_mode_does_not_take_the_partner_of_the_other() -> None:
+    """The lower of two close modes is mixed with the upper one, with one sign in the baseline, the other in the event.
+
+    The sum of costs is least with both paired crosswise, though the upper mode has the same shape in both.
+    """
+    baseline, event = mean(21), mean(22)
+    first, second = baseline.shape[:2]
+    mixed = [0.82 * second + sign * np.sqrt(1 - 0.82**2) * first for sign in (1, -1)]
+    known = replace(baseline, shape=np.vstack([mixed[0], baseline.shape[1:]]))
+    poor = replace(event, shape=np.vstack([mixed[1], event.shape[1:]]))
+    np.testing.assert_array_equal(match_modes(known, poor)[1:], np.arange(1, 8))
