@@ -9,9 +9,25 @@ from typer.models import OptionInfo
 METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")  #: those of `daq.files.TIME_UNITS`
 
+
+def _json(path: Path | None) -> Path | None:
+    if path == Path("-"):
+        from monitor.cli.terminal import keep_stdout_free  # imports rich
+
+        keep_stdout_free()
+    return path
+
+
 Site = Annotated[Path, Argument(metavar="SITE.toml")]
 Run = Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")]
-Json = Annotated[Path | None, Option(metavar="FILE", help="JSON file to write.")]
+Json = Annotated[
+    Path | None,
+    Option(
+        metavar="FILE",
+        help="JSON file to write; - is the standard output, without other texts.",
+        callback=_json,
+    ),
+]
 Person = Annotated[str, Option(help="Name of the person.")]
 Overrides = Annotated[
     list[str] | None,

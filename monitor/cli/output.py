@@ -4,18 +4,27 @@ import json
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from monitor.errors import ArgumentError
+
+STDOUT = Path("-")  #: name of the standard output in place of a file
+VERSION = 1  #: of the JSON of all commands: larger if a key is removed or has another meaning
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write the file that --json names.
+    """Write the file that --json names, or to the standard output.
 
     Raises
     ------
     ArgumentError
         If it cannot be written.
     """
+    text = json.dumps({"version": VERSION} | content, indent=1)
+    if path == STDOUT:
+        typer.echo(text)
+        return
     try:
-        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
+        path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise ArgumentError("--json", f"{path}: cannot be written: {error.strerror}") from error

@@ -23,9 +23,14 @@ class Terminal(Console):
 console = Terminal()
 
 
+def keep_stdout_free() -> None:
+    """Print all texts to the standard error stream from now on."""
+    console.stderr = True
+
+
 def echo(text: str, *, nl: bool = True, err: bool = False) -> None:
     """Print a text without markup, its control characters as escapes."""
-    typer.echo(printable(text), nl=nl, err=err)
+    typer.echo(printable(text), nl=nl, err=err or console.stderr)
 
 
 def warn(text: str) -> None:

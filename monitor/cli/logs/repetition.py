@@ -1,6 +1,5 @@
 """Analysis of a log, repeated at full speed."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,6 +8,7 @@ from rich.markup import escape
 from daq import LogError
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.run_log import one_log
+from monitor.cli.output import write_json
 from monitor.cli.site.console_log import line
 from monitor.cli.terminal import console, echo, warn
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
@@ -39,7 +39,7 @@ def replay_log(
             "comparison": report.comparison.payload() if compared else None,
             "results": results,
         }
-        json_path.write_text(json.dumps(found), encoding="utf-8")
+        write_json(json_path, found)
     note = _nothing_watched(report)
     if note:
         warn(f"note: {note}")

@@ -71,6 +71,10 @@ def diagnosis_report(
     _write(path, "diagnosis.html", values)
 
 
+class _DiagnosisFile(DiagnosisAnswer):
+    version: int = 1
+
+
 def load_diagnosis(path: Path) -> DiagnosisAnswer:
     """Read the output of `modalwatch diagnose --json`.
 
@@ -80,7 +84,8 @@ def load_diagnosis(path: Path) -> DiagnosisAnswer:
         Naming file and field.
     """
     try:
-        return DiagnosisAnswer.model_validate_json(path.read_bytes())
+        found = _DiagnosisFile.model_validate_json(path.read_bytes())
+        return DiagnosisAnswer.model_validate(found.model_dump(exclude={"version"}))
     except OSError as error:
         raise ResultsError(path, f"cannot be read: {error.strerror}") from error
     except ValidationError as error:

@@ -172,3 +172,12 @@ def test_modes_are_unchanged_by_export_and_import(modalwatch: Commands, tmp_path
     devices = [{channel.device for channel in log_channels(one)} for one in (path, table.with_suffix(".mcap"))]
     assert devices[0] == devices[1]
     assert len(devices[0]) == 6
+
+
+def test_json_on_standard_output_has_no_other_text(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    assert modalwatch("log", "info", log, "--json", tmp_path / "info.json").code == 0
+    done = modalwatch("log", "info", log, "--json", "-")
+    assert json.loads(done.out) == json.loads((tmp_path / "info.json").read_text())
+    assert json.loads(done.out)["version"] == 1
+    assert "beam" in done.err
+    assert "beam" in modalwatch("log", "info", log).out  # of another call again

@@ -25,6 +25,7 @@ class Commands:
         monkeypatch.setattr(console, "width", 200)  # it may have been made before
 
     def __call__(self, *arguments: object) -> Done:
+        self._monkeypatch.setattr(console, "stderr", False)
         self._monkeypatch.setattr(sys, "argv", ["modalwatch", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
             main()

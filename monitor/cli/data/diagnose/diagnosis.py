@@ -20,7 +20,7 @@ from monitor.analysis.trends import trends_beside
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.output import write_json
+from monitor.cli.output import STDOUT, write_json
 from monitor.cli.terminal import console, echo, warn
 from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
 from monitor.optional import run_optional
@@ -337,7 +337,7 @@ def _write(
     found: Explanation, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
 ) -> DiagnosisAnswer:
     """Write the requested files; return the diagnosis with the path of the extended model."""
-    diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path else None)
+    diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path and json_path != STDOUT else None)
     try:
         if out:
             out.mkdir(parents=True, exist_ok=True)
