@@ -104,6 +104,7 @@ def identify(
     ModalEstimate
         Of the channels that carry a signal (`channel_faults` names the others), without their devices' delays
         (`device_delays`). Where gaps leave too little for the lowest frequencies, these are passed over.
+        `identify_all` returns the same estimate with the poles that it was chosen from, for the same time.
 
     Raises
     ------
