@@ -245,7 +245,7 @@ def _draw_compass(axes: PolarAxes, estimate: ModalEstimate, k: int) -> None:
     axes.set_title(f"{k + 1}: {estimate.frequency[k]:.3f} Hz\n{quality}", fontsize=9)
 
 
-def tracks_figure(estimates: Sequence[ModalEstimate]) -> Figure:
+def plot_tracks(estimates: Sequence[ModalEstimate]) -> Figure:
     """Draw the frequencies of all windows over time, one colour per identity; rare ones are grey."""
     figure = Figure(figsize=(14, 7), layout="constrained")
     axes = figure.add_subplot()

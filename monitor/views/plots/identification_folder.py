@@ -15,7 +15,7 @@ from monitor.views.plots.identification import (
     mac_figure,
     plot_spectrum,
     plot_stabilization,
-    tracks_figure,
+    plot_tracks,
 )
 from monitor.views.plots.mode_shapes import plot_shapes
 from oma import Identification, ModalEstimate, Place, write_universal
@@ -73,7 +73,7 @@ def _pictures(results: Results, structure: Structure | None) -> dict[str, Callab
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:
-        pictures[_OVER_TIME] = lambda: tracks_figure(results.windows)
+        pictures[_OVER_TIME] = lambda: plot_tracks(results.windows)
     return pictures
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from daq import Channel, write_recording
 from monitor.views.plots import plot_shapes, plot_stabilization
-from monitor.views.plots.identification import complexity_figure, mac_figure, tracks_figure
+from monitor.views.plots.identification import complexity_figure, mac_figure, plot_tracks
 from oma import Identification, ModalEstimate, identify_all, mac_matrix, normalise, places_by_name
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.seasons import FREQUENCY, Month, month
@@ -107,7 +107,7 @@ def test_complexity_arrows_have_the_phases_of_the_shape() -> None:
 
 def test_each_mode_has_one_colour_over_time() -> None:
     estimates = [estimate for estimate, _ in month(Month(days=2), 5)]
-    (axes,) = tracks_figure(estimates).axes
+    (axes,) = plot_tracks(estimates).axes
     strange, *modes = axes.lines
     medians = [float(np.median(np.asarray(line.get_ydata(), float))) for line in modes]
     np.testing.assert_allclose(medians, FREQUENCY, rtol=0.06)  # they drift by 5 %

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from daq import Recording
-from monitor.views.plots import plot_mac, plot_shapes, plot_spectrum, plot_stabilization
+from monitor.results.comparison import DiagnosisAnswer, RejectedCause
+from monitor.views.plots import plot_evidence, plot_mac, plot_shapes, plot_spectrum, plot_stabilization
 from oma import Identification, identify_all, mac_matrix
 from tests.support.oma.structures import chain, simulate
-from updater import parse_structure, t_structure_toml
+from updater import Cause, parse_structure, t_structure_toml
 
 CHAIN = chain(4, first=2.0, damping=0.01)
 
@@ -57,6 +58,21 @@ def test_shapes_with_and_without_a_structure(found: Identification) -> None:
     assert len(plot_shapes(found.estimate).axes) == found.estimate.n_modes
     with pytest.raises(ValueError, match="structure: expected a sensor of"):
         plot_shapes(found.estimate, structure)
+
+
+def test_evidence_has_a_bar_per_cause() -> None:
+    mass = Cause(cause="added_mass", probability=0.99, where=None, parameters={})
+    refused = tuple(RejectedCause(cause=name, log_evidence=e, why="") for name, e in (("b", -300.0), ("a", -5.0)))
+    answer = DiagnosisAnswer(
+        verdict="explained", causes=(mass,), modes=(), gain=None, rejected=refused, next_measurement=""
+    )
+    (axes,) = plot_evidence(answer).axes
+    assert [bar.get_width() for bar in axes.patches] == [0.0, -5.0, -300.0]  # type: ignore[attr-defined]
+    assert [text.get_text() for text in axes.texts] == ["added mass: accepted", "a", "b"]
+    assert axes.xaxis.get_majorticklabels()[0].get_fontsize() == axes.xaxis.label.get_fontsize()
+    nothing = answer.model_copy(update={"causes": (), "rejected": ()})
+    with pytest.raises(ValueError, match="expected weighed causes, found none"):
+        plot_evidence(nothing)
 
 
 def test_oma_does_not_load_matplotlib_and_plots_do_not_load_pyplot() -> None:
