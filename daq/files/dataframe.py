@@ -1,6 +1,5 @@
 """Tables of pandas to recordings."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,7 +26,7 @@ def read_dataframe(frame: "pandas.DataFrame", *, rate: float | None = None, unit
     ----------
     frame : its index holds dates (UTC where they state no zone), time differences or seconds; missing rows and NaN are
         gaps. A column of temperatures, as `temperature [degC]`, is the recording's temperature
-    rate : samples per second [Hz]; the index then gives no more than the date of the first row
+    rate : samples per second [Hz], for a table without times; numbers in its index are then not used
     unit : unit of all channels, such as `g`. Default: by the names of the columns, as `top_x [mg]`, else m/s2
 
     Raises
@@ -49,10 +48,12 @@ def read_dataframe(frame: "pandas.DataFrame", *, rate: float | None = None, unit
     wanted = [*(signal.column for signal in signals), *warm]
     values = np.column_stack([_numbers(frame.iloc[:, names.index(name)], name) for name in wanted])
     if rate is None:
-        found = Columns(signals, warm, *_on_times(frame.index, values))
+        found = Columns(signals, warm, *_on_times(frame.index, values), began=_began(frame.index))
+    elif frame.index.dtype.kind in "mM":
+        raise DataError(_SOURCE, "index: holds times, leave out rate")
     else:
         found = Columns(signals, warm, values, known_rate(_SOURCE, rate, None, ""))
-    return as_measured(_SOURCE, replace(found, began=_began(frame.index)), options).recording
+    return as_measured(_SOURCE, found, options).recording
 
 
 def _on_times(index: "pandas.Index", values: FloatArray) -> tuple[FloatArray, float]:

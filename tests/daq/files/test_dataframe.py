@@ -34,10 +34,13 @@ def test_index_gives_rate_and_start(index: pd.Index, start: int) -> None:
     np.testing.assert_array_equal(found.data, SIGNALS)
 
 
-def test_given_rate_goes_before_the_index() -> None:
-    found = read_dataframe(table(), rate=25.0)
-    assert (found.rate, found.start) == (25.0, 0)
-    assert read_dataframe(table(DATES), rate=25.0).start == START
+def test_table_without_times_needs_the_rate() -> None:
+    for index in (None, pd.Index(np.full(N, 7.0))):
+        found = read_dataframe(table(index), rate=25.0)
+        assert (found.rate, found.start) == (25.0, 0)
+    for dates in (DATES, DATES[:0]):
+        with pytest.raises(DataError, match="index: holds times, leave out rate"):
+            read_dataframe(table(DATES).reindex(dates), rate=25.0)
 
 
 def test_units_are_given_or_in_the_names() -> None:
