@@ -6,6 +6,7 @@ from daq.drivers.discovery import search_port, serial_ports
 from daq.drivers.reader import DeviceReader
 from daq.drivers.registry import driver_names, make_driver
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
+from daq.files.dataframe import read_dataframe
 from daq.files.export import export_recording, write_recording, write_recordings
 from daq.files.measurement_file import DataOptions, read_data, read_measured
 from daq.log.mcap_log import McapWriter, read_attachments, read_events, read_log
@@ -68,6 +69,7 @@ __all__ = [
     "make_driver",
     "read_attachments",
     "read_data",
+    "read_dataframe",
     "read_events",
     "read_log",
     "read_measured",

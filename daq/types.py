@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from daq.notebook import html_table, utc_text
+
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]
 IndexArray = npt.NDArray[np.intp]
@@ -113,6 +115,22 @@ class Recording:
             raise ValueError(f"data: expected (n_samples, {len(self.channels)}), found {self.data.shape}")
         if not self.rate > 0:
             raise ValueError(f"rate: expected a positive number of Hz, found {self.rate}")
+
+    def __repr__(self) -> str:
+        return f"Recording({len(self.channels)} channels, {self.duration:.4g} s at {self.rate:g} Hz)"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the channels, for notebooks."""
+        missing, total = np.isnan(self.data), max(len(self.data), 1)
+        n = np.maximum((~missing).sum(0), 1)
+        mean = np.where(missing, 0.0, self.data).sum(0) / n
+        deviation = np.sqrt((np.where(missing, 0.0, self.data - mean) ** 2).sum(0) / n)
+        rows = [
+            (channel.name, channel.device, f"{std:.3g}", f"{share:.2g}")
+            for channel, std, share in zip(self.channels, deviation, 100 * missing.sum(0) / total, strict=True)
+        ]
+        caption = f"{self.duration:.4g} s at {self.rate:g} Hz from {utc_text(self.start)}"
+        return html_table(caption, ("channel", "device", "standard deviation [m/s²]", "missing [%]"), rows)
 
     @property
     def duration(self) -> float:

@@ -56,6 +56,13 @@ class Identification:
     delays: Mapping[str, float] = field(default_factory=dict)
     """Device -> how late it was, 0 if that does not matter (`device_delays`) [s]."""
 
+    def __repr__(self) -> str:
+        return f"Identification({self.estimate!r}, {len(self.poles)} poles, {len(self.harmonics)} tones)"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the modes, for notebooks."""
+        return self.estimate._repr_html_()
+
     @property
     def channels(self) -> dict[str, str]:
         """Channel -> "ok", or a description of its fault."""
@@ -104,6 +111,7 @@ def identify(
     ModalEstimate
         Of the channels that carry a signal (`channel_faults` names the others), without their devices' delays
         (`device_delays`). Where gaps leave too little for the lowest frequencies, these are passed over.
+        `identify_all` returns the same estimate with the poles that it was chosen from, for the same time.
 
     Raises
     ------

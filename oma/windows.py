@@ -3,16 +3,21 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray, Recording
+from daq.notebook import notebook_extra
 from oma.errors import IdentificationError
 from oma.identification import identify_all
 from oma.methods import Method
 from oma.preparation import ChannelFault, WindowQuality, channel_faults
 from oma.types import ModalEstimate
+
+if TYPE_CHECKING:
+    import pandas
 
 _SAME_TONE = 2e-3  # relative difference of frequencies up to which tones are the same one
 
@@ -45,6 +50,24 @@ class Windows:
             rms_variation=max(q.rms_variation for q in self.quality),
             cycles=min(q.cycles for q in self.quality),
         )
+
+    def to_dataframe(self, *, shapes: bool = False) -> "pandas.DataFrame":
+        """Return one row per window and mode, by the window's start (UTC) and the mode's number in the window.
+
+        Parameters
+        ----------
+        shapes : as for `ModalEstimate.to_dataframe`
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed.
+        """
+        with notebook_extra():
+            import pandas
+        start = pandas.to_datetime([estimate.start for estimate in self.estimates], unit="ns", utc=True)
+        tables = [estimate.to_dataframe(shapes=shapes) for estimate in self.estimates]
+        return pandas.concat(tables, keys=start, names=["start"]) if tables else pandas.DataFrame()
 
 
 def identify_windows(

@@ -4,6 +4,7 @@ from daq.files.archive_size import DAMAGED_FILE, check_archive
 from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
 from daq.files.columns.headings import ACCELERATIONS, acceleration
 from daq.files.columns.time_column import TIME_UNITS
+from daq.files.dataframe import read_dataframe
 from daq.files.differentiation import differentiated
 from daq.files.export import export_recording, with_channels, write_recording, write_recordings
 from daq.files.measurement_file import DataOptions, Measured, read_data, read_measured
@@ -27,6 +28,7 @@ __all__ = [
     "import_can_log",
     "in_order",
     "read_data",
+    "read_dataframe",
     "read_in_order",
     "read_measured",
     "with_channels",

@@ -125,7 +125,11 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
 def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
     """Read a file as `read_measured` does, but do not differentiate velocities [m/s]."""
     read = _arrays if path.suffix.lower() in {".npz", ".mat", *UNIVERSAL} else _table
-    found = read(path, options)
+    return as_measured(path, read(path, options), options)
+
+
+def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
+    """Return columns in m/s2 (velocities in m/s), with the channels and devices they belong to."""
     by_hand = options.factor
     factor = factors(path, found.signals, options.velocities) if by_hand is None else by_hand
     channels = _channels(found)
@@ -168,8 +172,8 @@ def _check_magnitude(path: Path, signals: Sequence[Signal], data: FloatArray) ->
 
 
 @dataclass(frozen=True, eq=False)
-class _Columns:
-    """Signals and temperatures on an even grid, in the units of the file."""
+class Columns:
+    """Signals and temperatures on an even grid, in the units of their source."""
 
     signals: tuple[Signal, ...]
     warm: tuple[str, ...]  #: columns of temperatures
@@ -190,7 +194,9 @@ class _Columns:
         return self.every[:, len(self.signals) :]
 
 
-def _what(path: Path, names: Sequence[str], options: DataOptions) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
+def columns_to_read(
+    path: Path, names: Sequence[str], options: DataOptions
+) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
     """Return the columns to read in addition to the times: signals and temperatures."""
     warm = temperatures_of(path, [name for name in names if name not in (options.columns or ())], options.temperature)
     others = temperatures_of(path, names, None) if options.columns is None else ()
@@ -198,44 +204,44 @@ def _what(path: Path, names: Sequence[str], options: DataOptions) -> tuple[tuple
     return signals, warm
 
 
-def _table(path: Path, options: DataOptions) -> _Columns:
+def _table(path: Path, options: DataOptions) -> Columns:
     (every, first), rate, origin = csv_head(path), options.rate, csv_origin(path)
     time = time_column(every, options.time)
     day = date_column(every, first, time)
-    signals, warm = _what(path, [name for name in every if name not in (time, day)], options)
+    signals, warm = columns_to_read(path, [name for name in every if name not in (time, day)], options)
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
-    known = rate if timed else _known(path, rate, None, no_times(every, options.time))
+    known = rate if timed else known_rate(path, rate, None, no_times(every, options.time))
     wanted = None if options.columns is None else {*columns, *(name for name in (time, day) if name and timed)}
     table = read_csv(path, wanted, *((time, day) if timed else ()))
     if not signals:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     values = table.values[:, [table.names.index(name) for name in columns]]
     if known is not None and not timed:
-        return _Columns(signals, warm, values, known, origin=origin)
+        return Columns(signals, warm, values, known, origin=origin)
     if time is None or known is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
     try:
         t = table.values[:, table.names.index(time)]
         if table.dated:
             name = time if day is None else f"{day} {time}"
-            return _Columns(signals, warm, *_on_grid(t, values), name, 1000 * round(1e6 * float(t[0])), origin)
+            return Columns(signals, warm, *on_grid(t, values), name, 1000 * round(1e6 * float(t[0])), origin)
         t = in_seconds(path, time, t, options.time_unit)
-        data, even_rate = _on_grid(t, values)
+        data, even_rate = on_grid(t, values)
         if origin:  # rows may have been taken out of the beginning
             origin = replace(origin, start=origin.start + round(1e9 * float(t[0])))
-        return _Columns(signals, warm, data, even_rate, time, origin=origin)
+        return Columns(signals, warm, data, even_rate, time, origin=origin)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
 
-def _arrays(path: Path, options: DataOptions) -> _Columns:
+def _arrays(path: Path, options: DataOptions) -> Columns:
     universal = path.suffix.lower() in UNIVERSAL  # units are in the file itself
     arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time, options.transposed)
     if universal:
         signals, warm = signals_of(path, arrays.names, options.columns, united=False), tuple[str, ...]()
     else:
-        signals, warm = _what(path, arrays.names, options)
+        signals, warm = columns_to_read(path, arrays.names, options)
     columns = [*(signal.column for signal in signals), *warm]
     for name in columns:
         if name not in arrays.names:
@@ -243,18 +249,18 @@ def _arrays(path: Path, options: DataOptions) -> _Columns:
     values = arrays.values[:, [arrays.names.index(name) for name in columns]]
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
-        known = _known(path, options.rate, arrays.rate, otherwise)
-        return _Columns(signals, warm, values, known, origin=arrays.origin)
+        known = known_rate(path, options.rate, arrays.rate, otherwise)
+        return Columns(signals, warm, values, known, origin=arrays.origin)
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
-        return _Columns(signals, warm, *_on_grid(t, values), arrays.t_name, origin=arrays.origin)
+        return Columns(signals, warm, *on_grid(t, values), arrays.t_name, origin=arrays.origin)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 
 
-def _known(path: Path, given: float | None, found: float | None, otherwise: str) -> float:
+def known_rate(path: Path, given: float | None, found: float | None, otherwise: str) -> float:
     """Return the rate that is given or in the file."""
     rate = given if given is not None else found
     if rate is None:
@@ -264,7 +270,7 @@ def _known(path: Path, given: float | None, found: float | None, otherwise: str)
     return rate
 
 
-def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
+def on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
     """Return rows at their places on an even grid, NaN between, and its rate."""
     grid = even_grid(t)
     data = np.full((int(grid.index[-1]) + 1, values.shape[1]), np.nan)
@@ -272,7 +278,7 @@ def _on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
     return data, grid.rate
 
 
-def _channels(found: _Columns) -> tuple[Channel, ...]:
+def _channels(found: Columns) -> tuple[Channel, ...]:
     """Return the channels on the devices that the file states, else on one; see `devices_of`."""
     places = [found.origin.channel(signal.column) if found.origin else None for signal in found.signals]
     taken = {place.axis for place in places if place and place.device == _DEVICE}

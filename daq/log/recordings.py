@@ -1,8 +1,9 @@
 """A whole log as recordings."""
 
 import itertools
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from daq.errors import LogError
 from daq.events import DeviceFailed
 from daq.log.channel_map import CHANNELS, ChannelMap, parse_channel_map
 from daq.log.mcap_log import read_attachments, read_log
-from daq.log.parts import BEGINNING, AnyLog, LogExcerpt, files_of
+from daq.log.naming import as_logs
+from daq.log.parts import BEGINNING, AnyLog, LogExcerpt, PartedLog, files_of
 from daq.timing.resampling import NO_DELAYS, Assembler
 from daq.types import Block, Channel, Event, Recording, find_gaps
 
@@ -25,49 +27,73 @@ _PIECE_SECONDS = 60.0  # clocks of devices are fitted separately for each piece
 
 
 def load_recordings(
-    log: AnyLog,
+    logs: AnyLog | str | Sequence[Path | str],
     *,
     window_seconds: float | None = None,
     channels: tuple[Channel, ...] | None = None,
     late: Mapping[str, float] = NO_DELAYS,
 ) -> Iterator[Recording]:
-    """Yield the recordings of a log, cut in windows of equal length.
+    """Yield the recordings of logs, cut in windows of equal length.
 
     Parameters
     ----------
-    log : its path, or all files of a run
-    window_seconds : length of a window [s]. Default: the whole log is one window
-    channels : device axis of each sensor. Default: the log's own channel map
+    logs : a log, a folder of logs, or several of either; the files of one run are one log, in any order
+    window_seconds : length of a window [s]. Default: each log is one window
+    channels : device axis of each sensor. Default: the channel map of each log
     late : device -> delay of its scans, which is removed [s]
 
     Yields
     ------
     Recording
-        NaN where a device has a gap or is missing. An incomplete last window is left out, unless it is the only one.
+        NaN where a device has a gap or is missing. An incomplete last window of a log is left out, unless it is the
+        only one.
 
     Raises
     ------
     LogError
-        If the log cannot be read, has no channel map, has no scan of its channels, or, requested as one recording, is
-        almost nothing but an outage.
+        If a folder holds no log, the logs have different channels, or a log cannot be read, has no channel map, has no
+        scan of its channels, or, requested as one recording, is almost nothing but an outage.
     ValueError
         If the window is not positive.
     """
     if window_seconds is not None and not window_seconds > 0:
         raise ValueError(f"window_seconds: expected a positive number, found {window_seconds}")
+    names: frozenset[str] | None = None
+    for log in _logs(logs):
+        known, rates = _known(log, channels, late)
+        found = frozenset(channel.name for channel in known.channels)
+        if names is not None and found != names:
+            raise LogError(str(log), f"expected the same channels in all logs, found others: {_list(found ^ names)}")
+        names = found
+        rate = min(rates.values())
+        length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
+        pieces = _cut(log, known, rates, length / rate, late, by_record=window_seconds is not None)
+        if window_seconds is None:
+            yield from _joined(log, pieces)
+        else:
+            yield from _whole(pieces, length)
+
+
+def _logs(logs: AnyLog | str | Sequence[Path | str]) -> Sequence[AnyLog]:
+    if isinstance(logs, PartedLog | LogExcerpt):
+        return [logs]
+    return as_logs([Path(path) for path in ([logs] if isinstance(logs, str | Path) else logs)])
+
+
+def _known(
+    log: AnyLog, channels: tuple[Channel, ...] | None, late: Mapping[str, float]
+) -> tuple[ChannelMap, dict[str, float]]:
+    """Return the channels of a log, and the rates of their devices [Hz]."""
     stored = read_channel_map(log)
     if channels is None and stored is None:
         raise LogError(str(log), "has no channel map: the sensors of its channels are unknown")
     on_grid = bool(stored and stored.on_grid) and not any(late.values())
     known = ChannelMap(channels=channels or stored.channels, on_grid=on_grid)  # type: ignore[union-attr]
-    rates = _rates(log, known.channels)
-    rate = min(rates.values())
-    length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
-    pieces = _cut(log, known, rates, length / rate, late, by_record=window_seconds is not None)
-    if window_seconds is None:
-        yield from _joined(log, pieces)
-    else:
-        yield from _whole(pieces, length)
+    return known, _rates(log, known.channels)
+
+
+def _list(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names))
 
 
 def read_channel_map(log: AnyLog) -> ChannelMap | None:

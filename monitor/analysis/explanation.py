@@ -42,6 +42,13 @@ class Explanation:
     circumstances: Circumstances  #: circumstances of the logs
     diagnosis: DiagnosisAnswer  #: the diagnosis in sentences
 
+    def __repr__(self) -> str:
+        return f"Explanation({self.diagnosis!r})"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the causes, for notebooks."""
+        return self.diagnosis._repr_html_()
+
     @property
     def reference(self) -> Reference:
         """Of the structure as it was, or of the structure file."""

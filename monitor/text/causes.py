@@ -5,9 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from daq.notebook import number_text
 from monitor.results.comparison import BalanceResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
-from monitor.text.quantities import MIN_P, number_text, plain, share_text
+from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain, MassChange, Structure
 from updater.diagnosis import CalibrationSummary, Failed, Pair
 from updater.localization import AccuracyForecast, mirrored

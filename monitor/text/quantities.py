@@ -1,9 +1,6 @@
 """Texts of quantities: numbers with deviations, times, durations, masses, stretches of members."""
 
-import math
-
-import numpy as np
-
+from daq.notebook import utc_text
 from updater.planning import Stretches
 
 _CERTAIN = 0.999
@@ -43,16 +40,6 @@ def plain(name: str) -> str:
     return _NAMES.get(name, name.replace("_", " "))
 
 
-def number_text(value: float, std: float) -> str:
-    """Return a value and its standard deviation, rounded to its first digit, or its second if the first is 1 or 2."""
-    if not (math.isfinite(std) and std > 0):
-        return f"{value:.4g}"
-    power = math.floor(math.log10(std))
-    digits = -power + (std < 2.95 * 10.0**power)
-    shown = max(0, digits)
-    return f"{round(value, digits):.{shown}f} ± {round(std, digits):.{shown}f}"
-
-
 def share_text(probability: float) -> str:
     """Return a probability in per cent, never rounded to certainty."""
     if probability > _CERTAIN:
@@ -62,8 +49,7 @@ def share_text(probability: float) -> str:
 
 def utc(time: int, *, date: bool = True) -> str:
     """Return a time [ns UTC] to the second."""
-    text = str(np.datetime64(time, "ns"))[:19].replace("T", " ")
-    return f"{text} UTC" if date else text[11:]
+    return utc_text(time) if date else utc_text(time)[11:19]
 
 
 def duration_text(seconds: float) -> str:

@@ -34,6 +34,13 @@ class DiagnosisResult:
     calibration: Calibration | None = None  #: calibration of `extended`, if not the reference's: with removed bodies on
     removed: tuple[Body, ...] = ()  #: bodies taken off that the structure file lacks, as they were on it
 
+    def __repr__(self) -> str:
+        return f"DiagnosisResult({self.diagnosis!r})"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the causes, for notebooks."""
+        return self.diagnosis._repr_html_()
+
 
 @dataclass(frozen=True, eq=False)
 class Case:

@@ -2,6 +2,7 @@
 
 from typing import Literal
 
+from daq.notebook import html_table, number_text
 from updater.quantities import ParameterChange, PlainValue, Quantity, Vector, Where
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
@@ -143,3 +144,34 @@ class Diagnosis(PlainValue):
     gain: Gain | None
     calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
+
+    def __repr__(self) -> str:
+        causes = ", ".join(f"{cause.cause} {_probability(cause)}" for cause in self.causes)
+        return f"{type(self).__name__}({self.verdict}{': ' if causes else ''}{causes})"
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        """Return a table of the causes, for notebooks."""
+        head = ("cause", "probability", "parameters", "place", "position [m]")
+        return html_table(self.verdict, head, map(_cells, self.causes))
+
+
+def _probability(cause: Cause) -> str:
+    """Return a probability, never rounded to certainty."""
+    return "> 0.999" if cause.probability > 0.999 else f"{cause.probability:.3f}"
+
+
+def _cells(cause: Cause) -> tuple[str, ...]:
+    """Return the row of a cause."""
+    where = cause.where or Where()
+    parameters = (f"{name} {number_text(q.value, q.std)} {q.unit}" for name, q in cause.parameters.items())
+    position = ", ".join(f"{x:.3f}" for x in where.position or ())
+    deviation = f" ± {where.position_std:.3f}" if where.position_std is not None else ""
+    return (
+        cause.cause.replace("_", " "),
+        _probability(cause),
+        ", ".join(parameters),
+        ", ".join(filter(None, (where.member, *where.channels))),
+        position + deviation,
+    )

@@ -69,7 +69,7 @@ def draw_spectrum(axes: Axes, recording: Recording, highest: float, n_lines: int
     axes.set_ylabel("singular values [dB re (m/s²)²/Hz]")
 
 
-def mark_modes(axes: Axes, found: Identification, estimate: ModalEstimate, highest: float) -> None:
+def mark_modes(axes: Axes, estimate: ModalEstimate, tones: FloatArray, highest: float) -> None:
     """Mark modes, numbered, and tones; the numbers of neighbours are at different heights."""
     raised = False
     for k, frequency in enumerate(estimate.frequency):
@@ -80,24 +80,40 @@ def mark_modes(axes: Axes, found: Identification, estimate: ModalEstimate, highe
             str(k + 1), (frequency, 1), xycoords=("data", "axes fraction"), xytext=(0, 12 if raised else 3),
             textcoords="offset points", ha="center", color=MODE, fontsize=9,
         )  # fmt: skip
-    for k, tone in enumerate(found.harmonics):
+    for k, tone in enumerate(tones):
         axes.axvline(tone, color=TONE, linewidth=0.8, linestyle="--", label="tone" if k == 0 else None)
     axes.legend(loc="lower right", fontsize=8, framealpha=0.9)
 
 
-def stabilization_figure(recording: Recording, found: Identification, estimate: ModalEstimate) -> Figure:
-    """Draw poles over frequency: above their orders before the spectrum, below the damping of those that are stable."""
+def plot_stabilization(
+    found: Identification, recording: Recording | None = None, estimate: ModalEstimate | None = None
+) -> Figure:
+    """Draw the stabilization diagram: poles over frequency by model order, and the damping of the stable ones.
+
+    Parameters
+    ----------
+    found : with the poles, as of `oma.identify_all`
+    recording : whose spectrum is drawn behind the poles. Default: no spectrum
+    estimate : modes to mark. Default: those of `found`
+    """
+    estimate = found.estimate if estimate is None else estimate
     figure = Figure(figsize=(14, 9), layout="constrained")
     upper, lower = np.ravel(figure.subplots(2, 1, height_ratios=(2, 1), sharex=True))
     highest = highest_shown(estimate)
-    spectrum = upper.twinx()
-    upper.set(zorder=spectrum.get_zorder() + 1, frame_on=False)  # poles before lines
     draw_poles(upper, found, highest)
-    draw_spectrum(spectrum, recording, highest)
-    mark_modes(upper, found, estimate, highest)
+    if recording is not None:
+        draw_spectrum_behind(upper, recording, highest)
+    mark_modes(upper, estimate, found.harmonics, highest)
     upper.set_xlabel("")
     _draw_damping(lower, found, estimate)
     return figure
+
+
+def draw_spectrum_behind(axes: Axes, recording: Recording, highest: float) -> None:
+    """Draw the spectrum behind what the axes show, on a scale of its own at the right."""
+    behind = axes.twinx()
+    axes.set(zorder=behind.get_zorder() + 1, frame_on=False)
+    draw_spectrum(behind, recording, highest)
 
 
 def _draw_damping(axes: Axes, found: Identification, estimate: ModalEstimate) -> None:
@@ -116,15 +132,50 @@ def _draw_damping(axes: Axes, found: Identification, estimate: ModalEstimate) ->
     axes.legend(loc="upper right", fontsize=8)
 
 
-def spectrum_figure(recording: Recording, found: Identification, estimate: ModalEstimate) -> Figure:
-    """Draw the singular values of the spectral matrix with modes and tones."""
+def plot_spectrum(
+    recording: Recording, found: Identification | None = None, estimate: ModalEstimate | None = None
+) -> Figure:
+    """Draw the singular values of the spectral matrix.
+
+    Parameters
+    ----------
+    recording : Recording
+    found : whose modes and tones are marked. Default: nothing is marked, up to half the rate
+    estimate : modes to mark. Default: those of `found`
+    """
+    if estimate is None and found is not None:
+        estimate = found.estimate
+    highest = recording.rate / 2 if estimate is None else highest_shown(estimate)
     figure = Figure(figsize=(14, 6.5), layout="constrained")
     axes = figure.add_subplot()
-    highest = highest_shown(estimate)
     draw_spectrum(axes, recording, highest, len(recording.channels))
-    mark_modes(axes, found, estimate, highest)
+    if estimate is not None:
+        mark_modes(axes, estimate, found.harmonics if found else np.empty(0), highest)
     axes.set(xlabel="frequency [Hz]", xlim=(0, highest))
     axes.grid(alpha=0.3)
+    return figure
+
+
+def plot_mac(a: ModalEstimate, b: ModalEstimate | None = None) -> Figure:
+    """Draw the MAC of the modes of an estimate with those of another one.
+
+    Parameters
+    ----------
+    a, b : of the same channels; `b` is `a` by default
+
+    Raises
+    ------
+    ValueError
+        If the channels differ.
+    """
+    b = a if b is None else b
+    if a.channels != b.channels:
+        raise ValueError(f"b: expected the channels {', '.join(a.channels)}, found {', '.join(b.channels)}")
+    figure = Figure(figsize=(8, 7), layout="constrained")
+    axes = figure.add_subplot()
+    _draw_matrix(axes, mac_matrix(a.shape, b.shape), _names(a.frequency), _names(b.frequency))
+    axes.set(xlabel="mode [Hz]", ylabel="mode [Hz]")
+    figure.colorbar(axes.images[0], ax=axes, shrink=0.7, label="MAC")
     return figure
 
 
@@ -139,16 +190,19 @@ def mac_figure(estimate: ModalEstimate, model: tuple[FloatArray, FloatArray] | N
     widths = [estimate.n_modes, *([len(model[0])] if model else [])]
     figure = Figure(figsize=(15 if model else 8, 7), layout="constrained")
     panels = np.ravel(np.asarray(figure.subplots(1, len(widths), squeeze=False, width_ratios=widths), object))
-    names = [f"{k + 1}: {f:.2f}" for k, f in enumerate(estimate.frequency)]
+    names = _names(estimate.frequency)
     _draw_matrix(panels[0], mac_matrix(estimate.shape, estimate.shape), names, names)
     panels[0].set(title="MAC of the modes with each other", xlabel="mode [Hz]", ylabel="mode [Hz]")
     if model:
         frequency, shape = model
-        theirs = [f"{k + 1}: {f:.2f}" for k, f in enumerate(frequency)]
-        _draw_matrix(panels[1], mac_matrix(estimate.shape, shape), names, theirs)
+        _draw_matrix(panels[1], mac_matrix(estimate.shape, shape), names, _names(frequency))
         panels[1].set(title="MAC with the model's modes", xlabel="model [Hz]", ylabel="mode [Hz]")
     figure.colorbar(panels[-1].images[0], ax=panels.tolist(), shrink=0.7, label="MAC")
     return figure
+
+
+def _names(frequency: FloatArray) -> list[str]:
+    return [f"{k + 1}: {f:.2f}" for k, f in enumerate(frequency)]
 
 
 def _draw_matrix(axes: Axes, matrix: FloatArray, rows: Sequence[str], columns: Sequence[str]) -> None:
@@ -191,7 +245,7 @@ def _draw_compass(axes: PolarAxes, estimate: ModalEstimate, k: int) -> None:
     axes.set_title(f"{k + 1}: {estimate.frequency[k]:.3f} Hz\n{quality}", fontsize=9)
 
 
-def tracks_figure(estimates: Sequence[ModalEstimate]) -> Figure:
+def plot_tracks(estimates: Sequence[ModalEstimate]) -> Figure:
     """Draw the frequencies of all windows over time, one colour per identity; rare ones are grey."""
     figure = Figure(figsize=(14, 7), layout="constrained")
     axes = figure.add_subplot()

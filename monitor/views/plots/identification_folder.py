@@ -13,11 +13,11 @@ from daq import Recording
 from monitor.views.plots.identification import (
     complexity_figure,
     mac_figure,
-    spectrum_figure,
-    stabilization_figure,
-    tracks_figure,
+    plot_spectrum,
+    plot_stabilization,
+    plot_tracks,
 )
-from monitor.views.plots.mode_shapes import shapes_figure
+from monitor.views.plots.mode_shapes import plot_shapes
 from oma import Identification, ModalEstimate, Place, write_universal
 from updater import Structure
 from updater.validation import ModelModes
@@ -66,14 +66,14 @@ def write_folder(folder: Path, results: Results) -> list[Path]:
 def _pictures(results: Results, structure: Structure | None) -> dict[str, Callable[[], Figure]]:
     estimate, model = results.estimate, results.model
     pictures: dict[str, Callable[[], Figure]] = {
-        "stabilization.png": lambda: stabilization_figure(results.recording, results.found, estimate),
-        "singular_values.png": lambda: spectrum_figure(results.recording, results.found, estimate),
+        "stabilization.png": lambda: plot_stabilization(results.found, results.recording, estimate),
+        "singular_values.png": lambda: plot_spectrum(results.recording, results.found, estimate),
         "mac.png": lambda: mac_figure(estimate, model.near(estimate.frequency) if model else None),
-        "shapes.png": lambda: shapes_figure(estimate, structure),
+        "shapes.png": lambda: plot_shapes(estimate, structure),
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:
-        pictures[_OVER_TIME] = lambda: tracks_figure(results.windows)
+        pictures[_OVER_TIME] = lambda: plot_tracks(results.windows)
     return pictures
 
 

@@ -9,7 +9,14 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from daq import FloatArray, Recording
-from monitor.views.plots.identification import LINE, STABLE, draw_poles, draw_spectrum, highest_shown, mark_modes
+from monitor.views.plots.identification import (
+    LINE,
+    STABLE,
+    draw_poles,
+    draw_spectrum_behind,
+    highest_shown,
+    mark_modes,
+)
 from oma import Identification, ModalEstimate
 from updater import Structure
 
@@ -32,12 +39,10 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
     figure = Figure(figsize=(14, 9), layout="constrained")
     grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
     diagram = figure.add_subplot(grid[0, :])
-    spectrum = diagram.twinx()
-    diagram.set(zorder=spectrum.get_zorder() + 1, frame_on=False)  # poles before lines
     highest = highest_shown(estimate)
     draw_poles(diagram, found, highest)
-    draw_spectrum(spectrum, recording, highest)
-    mark_modes(diagram, found, estimate, highest)
+    draw_spectrum_behind(diagram, recording, highest)
+    mark_modes(diagram, estimate, found.harmonics, highest)
     shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
     for k, axes in enumerate(shapes):
         axes.sharey(shapes[0])
@@ -45,8 +50,16 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
     figure.savefig(path, dpi=110)
 
 
-def shapes_figure(estimate: ModalEstimate, structure: Structure | None) -> Figure:
-    """Draw all shapes: at the structure's sensors if it is known, else as bars at the channels."""
+def plot_shapes(estimate: ModalEstimate, structure: Structure | None = None) -> Figure:
+    """Draw all mode shapes: as arrows at the sensors of a structure; without one as bars, one per channel.
+
+    Raises
+    ------
+    ValueError
+        If the structure has no sensor of these channels.
+    """
+    if structure and not {sensor.channel for sensor in structure.corrected_sensors} & set(estimate.channels):
+        raise ValueError(f"structure: expected a sensor of {', '.join(estimate.channels)}, found none")
     columns = min(_COLUMNS, estimate.n_modes)
     rows = -(-estimate.n_modes // columns)
     figure = Figure(figsize=(3.6 * columns, (4.0 if structure else 3.2) * rows), layout="constrained")

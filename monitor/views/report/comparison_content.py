@@ -3,10 +3,11 @@
 from functools import partial
 from typing import Any
 
+from daq.notebook import number_text
 from monitor.results.comparison import DiscrepancyResult, ModeComparison, SensorComparison
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
-from monitor.text.quantities import number_text, plain
+from monitor.text.quantities import plain
 from monitor.text.sensors import health_rows
 from monitor.views.report import comparison_figures as beside
 from monitor.views.report.evidence_figures import density_figure

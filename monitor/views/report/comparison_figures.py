@@ -5,6 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from daq import FloatArray
+from daq.notebook import number_text
 from monitor.results.comparison import (
     BalanceResult,
     DiscrepancyResult,
@@ -14,7 +15,6 @@ from monitor.results.comparison import (
 )
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import SIGNIFICANT
-from monitor.text.quantities import number_text
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, new_figure
 

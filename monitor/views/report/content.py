@@ -8,6 +8,7 @@ import numpy as np
 
 from daq import LogExcerpt
 from daq.log import files_of
+from daq.notebook import number_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
@@ -23,7 +24,7 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.detectability import last_detectable
-from monitor.text.quantities import number_text, plain, share_text, utc
+from monitor.text.quantities import plain, share_text, utc
 from monitor.text.sensors import health_rows
 from monitor.text.trends import standing_trend
 from monitor.text.uncertainty import unsure_ever, unsure_now

@@ -18,6 +18,7 @@ from daq import (
     Recording,
     load_recordings,
     read_log,
+    write_recording,
 )
 from tests.support.daq.blocks import START
 
@@ -155,3 +156,34 @@ def test_log_of_one_second_is_a_recording(tmp_path: Path) -> None:
     path = written(tmp_path / "log.mcap", *blocks("a", 0, 1), *blocks("b", 0, 1))
     (found,) = load_recordings(path, channels=CHANNELS)
     assert 0.5 < found.duration < 1.0
+
+
+def imported(path: Path, names: str, start: int) -> Path:
+    """Write a log of 10 s with a channel map."""
+    channels = tuple(Channel(name=name, device="d", axis=axis) for axis, name in enumerate(names))
+    data = np.random.default_rng(start).standard_normal((1000, len(names)))
+    write_recording(path, Recording(channels=channels, data=data, rate=100.0, start=START + start * 10**9))
+    return path
+
+
+def test_several_logs_and_folders_are_read_one_after_the_other(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    first, second = (
+        imported(tmp_path / "folder" / "1.mcap", "ab", 0),
+        imported(tmp_path / "folder" / "2.mcap", "ab", 60),
+    )
+    third = imported(tmp_path / "3.mcap", "ab", 120)
+    expected = [START, START + 60 * 10**9, START + 120 * 10**9]
+    for logs in ([first, second, third], [tmp_path / "folder", third], [str(tmp_path / "folder"), str(third)]):
+        assert [found.start for found in load_recordings(logs)] == expected
+    assert [found.start for found in load_recordings(str(tmp_path / "folder"))] == expected[:2]
+    assert len(list(load_recordings(tmp_path / "folder", window_seconds=5.0))) == 4
+
+
+def test_logs_with_different_channels_are_refused(tmp_path: Path) -> None:
+    first, other = imported(tmp_path / "1.mcap", "ab", 0), imported(tmp_path / "2.mcap", "ac", 60)
+    with pytest.raises(LogError, match=r"2\.mcap: expected the same channels in all logs, found others: b, c"):
+        list(load_recordings([first, other]))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(LogError, match="holds no log"):
+        list(load_recordings(tmp_path / "empty"))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from daq.notebook import number_text
 from monitor.results.comparison import BalanceResult
 from monitor.text.causes import (
     cause_text,
@@ -15,7 +16,6 @@ from monitor.text.causes import (
     parameter_text,
     where_text,
 )
-from monitor.text.quantities import number_text
 from monitor.text.verdicts import is_one_mass
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers

@@ -11,8 +11,8 @@ import pyuff
 from PIL import Image
 
 from daq import Channel, write_recording
-from monitor.views.plots.identification import complexity_figure, mac_figure, stabilization_figure, tracks_figure
-from monitor.views.plots.mode_shapes import shapes_figure
+from monitor.views.plots import plot_shapes, plot_stabilization
+from monitor.views.plots.identification import complexity_figure, mac_figure, plot_tracks
 from oma import Identification, ModalEstimate, identify_all, mac_matrix, normalise, places_by_name
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.seasons import FREQUENCY, Month, month
@@ -84,7 +84,7 @@ def found_modes() -> tuple[ModalEstimate, Identification]:
 
 def test_diagrams_show_the_identified_modes() -> None:
     estimate, found = found_modes()
-    upper, lower, _ = stabilization_figure(simulate(CHAIN, 200.0, 40.0, seed=23), found, estimate).axes
+    upper, lower, _ = plot_stabilization(found, simulate(CHAIN, 200.0, 40.0, seed=23)).axes
     shown = np.concatenate([np.asarray(line.get_xdata(), float) for line in upper.lines if line.get_marker() == "."])
     assert sorted(shown) == sorted(found.poles.frequency)
     (marked,) = (c for c in lower.containers if str(c.get_label()).startswith("mode"))
@@ -107,7 +107,7 @@ def test_complexity_arrows_have_the_phases_of_the_shape() -> None:
 
 def test_each_mode_has_one_colour_over_time() -> None:
     estimates = [estimate for estimate, _ in month(Month(days=2), 5)]
-    (axes,) = tracks_figure(estimates).axes
+    (axes,) = plot_tracks(estimates).axes
     strange, *modes = axes.lines
     medians = [float(np.median(np.asarray(line.get_ydata(), float))) for line in modes]
     np.testing.assert_allclose(medians, FREQUENCY, rtol=0.06)  # they drift by 5 %
@@ -120,7 +120,7 @@ def test_each_mode_has_one_colour_over_time() -> None:
 def drawn_arrows(estimate: ModalEstimate, channels: Sequence[str]) -> int:
     structure = parse_structure(t_structure_toml(), "t")
     named = replace(estimate, channels=tuple(channels))
-    return sum(len(axes.collections) - 1 for axes in shapes_figure(named, structure).axes)
+    return sum(len(axes.collections) - 1 for axes in plot_shapes(named, structure).axes)
 
 
 def test_shapes_are_drawn_at_the_sensors() -> None:
