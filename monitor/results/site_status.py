@@ -61,6 +61,7 @@ class PartProblems(_Status):
     disk: str | None = None
     history: str | None = None
     notices: str | None = None
+    home_assistant: str | None = None
     memory: str | None = None
     viewer: str | None = None
     web: str | None = None
