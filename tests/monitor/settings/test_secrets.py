@@ -236,7 +236,9 @@ def test_written_files_and_served_pages_contain_no_secrets(
                 process.send_signal(signal.SIGHUP)
                 until(lambda: b"reload_refused" in output.read_bytes(), process)
                 site.write_text(text, encoding="utf-8")
-                served = {path: page(path) for path in ("/", "/state", "/healthz", "/metrics", "/page.js", "/none")}
+                served = {
+                    path: page(path) for path in ("/", "/state", "/healthz", "/metrics", "/influx", "/page.js", "/none")
+                }
             finally:
                 process.terminate()
                 process.wait(60)

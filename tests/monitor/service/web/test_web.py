@@ -295,7 +295,9 @@ def test_unwritable_state_folder_is_reported(source: Source) -> None:
 
 def test_remote_reading_requires_the_token(source: Source) -> None:
     looked = Client(source, open_to_look=False)
-    assert {looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/page.js")} == {401}
+    assert {
+        looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/influx", "/page.js")
+    } == {401}
     assert looked.get("/", headers=ACT).status_code == 200
 
 
