@@ -1,6 +1,7 @@
 """Client of an MQTT broker, made from its address. paho-mqtt is an extra."""
 
 import ssl
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 from urllib.parse import unquote, urlsplit
 
@@ -43,6 +44,16 @@ def mqtt_client(address: str, tls: ssl.SSLContext | None = None) -> "Client":
     if place.scheme == "mqtts":
         client.tls_set_context(tls or ssl.create_default_context())
     return client
+
+
+def on_answer(client: "Client", answered: Callable[[str], None]) -> None:
+    """Have a function called with each answer of the broker: the reason of a refusal, empty if it accepts."""
+    from paho.mqtt.reasoncodes import ReasonCode  # an extra
+
+    def connected(_client: object, _data: object, _flags: object, reason: ReasonCode, _properties: object) -> None:
+        answered(str(reason) if reason.is_failure else "")
+
+    client.on_connect = connected
 
 
 def mqtt_connect(client: "Client", address: str, keepalive_seconds: int = 60) -> None:

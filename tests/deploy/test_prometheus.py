@@ -12,7 +12,8 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.support.monitor.served import free_port, served_run, server_process
+from tests.support.monitor.served import served_run
+from tests.support.processes import free_port, server_process
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 DASHBOARD = json.loads((DEPLOY / "grafana" / "dashboards" / "modalwatch.json").read_text(encoding="utf-8"))

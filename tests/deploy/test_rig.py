@@ -11,7 +11,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from tests.support.monitor.served import free_port
+from tests.support.processes import free_port
 
 ROOT = Path(__file__).parents[2]
 TOKEN = "0123456789abcdef"

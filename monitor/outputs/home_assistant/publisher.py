@@ -19,7 +19,7 @@ from monitor.outputs.home_assistant.discovery import (
     site_configs,
     states,
 )
-from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic
+from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
 from monitor.results.service_events import HomeAssistantFailed, HomeAssistantRecovered
 from monitor.results.site_status import SiteStatus
 from monitor.settings import HomeAssistantSettings
@@ -27,7 +27,6 @@ from monitor.settings.redaction import masked, revealed, secrets_of_address, sho
 
 if TYPE_CHECKING:
     from paho.mqtt.client import Client
-    from paho.mqtt.reasoncodes import ReasonCode
 
 _LOOP_SECONDS = 0.2
 _CONNECT_SECONDS = 5.0
@@ -105,7 +104,7 @@ class HomeAssistant:
             If it cannot be made, or is lost.
         """
         session = _Session(client, self._topics, self._site)
-        client.on_connect = session.connected
+        on_answer(client, session.answered)
         client.connect_timeout = _CONNECT_SECONDS
         client.will_set(self._topics.availability, OFFLINE, qos=1, retain=True)
         mqtt_connect(client, self._address, _KEEPALIVE_SECONDS)
@@ -138,11 +137,9 @@ class _Session:
         self._refused = ""
         self.online = False  #: whether the broker has accepted the connection
 
-    def connected(
-        self, _client: object, _data: object, _flags: object, reason: "ReasonCode", _properties: object
-    ) -> None:
-        """Publish discovery and availability; called by the client."""
-        if reason.is_failure:
+    def answered(self, reason: str) -> None:
+        """Publish discovery and availability once the broker accepts; called by the client."""
+        if reason:
             self._refused = f"the broker refuses: {reason}"
             return
         for topic, config in site_configs(self._topics, self._site).items():
@@ -163,9 +160,12 @@ class _Session:
             raise _BrokerError(self._refused or f"the connection is lost: {code.name}")
 
     def publish(self, status: SiteStatus | None) -> None:
-        """Publish states if there is a new window or a change of the alarm; before that, modes that are new or gone."""
+        """Publish states if there is a new window or a change of the alarm; before that, modes that are new or gone.
+
+        Until a start has found its baseline, the retained states of the run before remain: an alarm continues.
+        """
         key = status and (status.state, status.window and (status.window.end, status.window.index))
-        if status is None or key == self._published:
+        if status is None or key == self._published or (status.state == "learning" and status.window is None):
             return
         window = status.window
         modes = {} if status.state == "learning" else dict(self._modes)

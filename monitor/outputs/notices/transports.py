@@ -13,19 +13,16 @@ from contextlib import ExitStack
 from email.utils import parsedate_to_datetime
 from http import HTTPStatus
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import httpx
 
 from monitor.errors import MonitorError
-from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic
+from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
 from monitor.outputs.notices.deadline import Deadline, DeadlineRunner
 from monitor.settings import NotifySettings
 from monitor.settings.redaction import masked, revealed, secrets_of_address
 from monitor.text.notices import Message, Notice, message
-
-if TYPE_CHECKING:
-    from paho.mqtt.reasoncodes import ReasonCode
 
 _LOOK_SECONDS = 0.05  # between looks at whether a broker has refused
 Sender = Callable[[list[Notice], int], None]  #: function that sends notices, with the number of others
@@ -169,11 +166,11 @@ def _by_mqtt(target: NotifySettings, notice_message: Message, deadline: Deadline
 
     refused = ""
 
-    def connected(_client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
+    def answered(reason: str) -> None:
         nonlocal refused
-        refused = f"the broker refuses: {reason}" if reason.is_failure else ""
+        refused = f"the broker refuses: {reason}" if reason else ""
 
-    client.on_connect = connected
+    on_answer(client, answered)
     client.on_socket_open = lambda _client, _data, connection: deadline.watch(connection.fileno())
     client.connect_timeout = deadline.seconds
     try:

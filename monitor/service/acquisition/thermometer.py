@@ -13,7 +13,7 @@ from daq import Event, HostClock, SystemClock
 from daq.bounded_text import parse_json
 from daq.supervision import SupervisedThread
 from monitor.analysis.temperature import reading
-from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic
+from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
 from monitor.results.service_events import TemperatureFailed, TemperatureRecovered
 from monitor.settings import TemperatureSettings
 from monitor.settings.redaction import revealed, shown_address
@@ -21,7 +21,6 @@ from monitor.text.quantities import utc
 
 if TYPE_CHECKING:
     from paho.mqtt.client import MQTTMessage
-    from paho.mqtt.reasoncodes import ReasonCode
 
 _POLL = 1.0  # s
 _TAIL = 65536  # bytes: of a file that is there already, the last reading is enough
@@ -162,8 +161,8 @@ class MqttThermometer(Thermometer):
             except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
                 self.problem = f"{shown}: expected a number, or an object with {self._settings.column!r}: {error}"
 
-        def connected(_client: object, _data: object, _flags: object, reason: "ReasonCode", _more: object) -> None:
-            if reason.is_failure:
+        def answered(reason: str) -> None:
+            if reason:
                 self.problem = f"{shown}: {reason}"
             else:
                 client.subscribe(mqtt_topic(address))
@@ -171,7 +170,8 @@ class MqttThermometer(Thermometer):
         def parted(*_: object) -> None:
             self.problem = self.problem or f"{shown}: the connection is lost"
 
-        client.on_message, client.on_connect, client.on_disconnect = taken, connected, parted
+        client.on_message, client.on_disconnect = taken, parted
+        on_answer(client, answered)
         while not self._stop.is_set():
             try:
                 mqtt_connect(client, address)

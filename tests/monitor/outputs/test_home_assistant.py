@@ -20,8 +20,9 @@ from monitor.outputs.home_assistant.discovery import Topics, mode_configs, site_
 from monitor.results.service_events import HomeAssistantFailed, HomeAssistantRecovered
 from monitor.results.site_status import SiteStatus
 from monitor.settings import HomeAssistantSettings
-from tests.support.monitor.broker import PASSWORD, USER, Subscriber, broker, needs_broker
-from tests.support.monitor.served import free_port, site_status
+from tests.support.broker import PASSWORD, USER, Subscriber, broker, needs_broker
+from tests.support.monitor.served import site_status
+from tests.support.processes import free_port
 
 ROOT = Path(__file__).parents[3]
 RECORDED = ROOT / "replay_data" / "t_frame_added_mass.mcap"
@@ -140,6 +141,9 @@ def test_discovery_and_states_are_retained(status: SiteStatus, tmp_path: Path) -
         with Subscriber().connected(port) as early, HomeAssistant(settings, "bridge") as home:
             early.until(lambda: early.of("site/a/availability"))
             assert early.of("site/a/state") == []  # there is no status yet
+            home.show(status.model_copy(update={"state": "learning", "window": None}))  # of a start
+            time.sleep(0.5)
+            assert early.of("site/a/state") == []
             home.show(status)
             early.until(lambda: early.of("site/a/state"))
             for _ in range(3):
@@ -243,7 +247,7 @@ channels = {{y = "beam_left_y"}}
     with broker(tmp_path, port), Subscriber().connected(port) as found:
         with subprocess.Popen(command, env=environment, stdout=quiet, stderr=quiet) as process:
             try:
-                found.until(lambda: len(found.of("site/a/state")) > 1, 60.0)  # at least one window
+                found.until(lambda: found.of("site/a/state"), 60.0)
                 assert process.poll() is None
                 assert json.loads(found.of("site/a/state")[-1])["window_end"]
                 assert found.of("site/a/availability") == ["online"]

@@ -1,7 +1,5 @@
 """A run in alarm whose status is served, as by a monitor."""
 
-import socket
-import subprocess
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +13,7 @@ from monitor.service.status import MonitorStatus
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events, sqlite_url
 from tests.support.monitor.status import PACE, WELL
+from tests.support.processes import free_port
 
 
 def status_in_alarm(folder: Path) -> MonitorStatus:
@@ -36,12 +35,6 @@ def site_status(folder: Path) -> SiteStatus:
     return found
 
 
-def free_port() -> int:
-    """Return a port of the loopback interface that was free."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
-
-
 @contextmanager
 def served_run(folder: Path) -> Iterator[int]:
     """Serve the run for as long as the context lasts; give the port. Its status is renewed every second."""
@@ -60,19 +53,3 @@ def served_run(folder: Path) -> Iterator[int]:
     finally:
         ended.set()
         renewing.join()
-
-
-@contextmanager
-def server_process(command: list[str], folder: Path) -> Iterator[Path]:
-    """Run a server for as long as the context lasts; give the file of its output."""
-    output = folder / "output.txt"
-    with (
-        output.open("wb") as file,
-        subprocess.Popen(
-            command, cwd=folder, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT
-        ) as process,
-    ):
-        try:
-            yield output
-        finally:
-            process.kill()

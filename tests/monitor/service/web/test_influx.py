@@ -14,7 +14,8 @@ import pytest
 
 from monitor.results.site_status import SiteStatus
 from monitor.service.servers.web.influx import influx_lines
-from tests.support.monitor.served import free_port, served_run, server_process, site_status
+from tests.support.monitor.served import served_run, site_status
+from tests.support.processes import free_port, server_process
 
 DEPLOY = Path(__file__).parents[4] / "deploy"
 ODD = 'east, "upper"=1 \\ ü'

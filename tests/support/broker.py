@@ -12,7 +12,7 @@ import pytest
 from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
-from tests.support.monitor.served import server_process
+from tests.support.processes import server_process
 
 PROGRAM = shutil.which("mosquitto", path="/usr/local/sbin:/usr/sbin:/usr/local/bin:/usr/bin")
 needs_broker = pytest.mark.skipif(PROGRAM is None, reason="mosquitto is not installed")
