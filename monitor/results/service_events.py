@@ -213,6 +213,18 @@ class NoticeRecovered(EventPayload):
     to: str
 
 
+class HomeAssistantFailed(ReasonPayload):
+    """The broker of Home Assistant is not available."""
+
+    topic = "/event/home_assistant_failed"
+
+
+class HomeAssistantRecovered(EventPayload):
+    """The broker of Home Assistant is available again."""
+
+    topic = "/event/home_assistant_recovered"
+
+
 class ViewerFailed(ReasonPayload):
     """The live view has failed."""
 

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 from daq.bounded_text import parse_json
 from monitor.detection.alarm import State
-from monitor.results.windows import DetectableChange, Novelty, Phase, SelfTestResult, TrendResult
+from monitor.results.windows import DetectableChange, Novelty, Number, Phase, SelfTestResult, TrendResult
 
 FILE_NAME = "status.json"  #: in the state folder
 
@@ -26,6 +26,16 @@ class DeviceStatus(_Status):
     lost: bool
     silent: float | None  #: time since the last block; None if there was none [s]
     rate: float = 0.0  #: scans per second of wall time [Hz]
+    temperature: float | None = None  #: last reading; None if it has no thermometer [degC]
+
+
+class ModeStatus(_Status):
+    """One mode of the last window."""
+
+    frequency: float  #: [Hz]
+    frequency_std: Number  #: [Hz]
+    damping: Number  #: [-]
+    damping_std: Number  #: [-]
 
 
 class WindowStatus(_Status):
@@ -37,7 +47,12 @@ class WindowStatus(_Status):
     novelty: Novelty | None = None
     end: int | None = None  #: [ns UTC]
     n_modes: int = 0
-    frequencies: dict[int, float] = {}  #: of the modes, by identity [Hz]
+    modes: dict[int, ModeStatus] = {}  #: by identity
+
+    @property
+    def tracked(self) -> dict[int, ModeStatus]:
+        """Modes with lasting identities; there are none before the baseline is learned."""
+        return {} if self.phase == "learning" else self.modes
 
 
 class PartProblems(_Status):
@@ -46,6 +61,7 @@ class PartProblems(_Status):
     disk: str | None = None
     history: str | None = None
     notices: str | None = None
+    home_assistant: str | None = None
     memory: str | None = None
     viewer: str | None = None
     web: str | None = None
@@ -88,6 +104,7 @@ class SiteStatus(_Status):
     missing_channels: list[str] = []  #: reports of channels without data
     overload: str | None = None  #: report of windows that were left out
     windows_left_out: int = 0  #: since the start
+    temperature: float | None = None  #: last reading of the site's thermometer; None if it has none [degC]
     latency: dict[str, float] = {}  #: of the last window and alarm, since their last sample [s of wall time]
     self_test: SelfTestResult | None = None  #: last one of the present baseline
     identities: dict[str, dict[str, Any]] = {}  #: of devices, over restarts

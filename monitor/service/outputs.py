@@ -1,4 +1,4 @@
-"""Outputs of a run: history, notices, pages and the live view; each may fail or be replaced."""
+"""Outputs of a run: history, notices, Home Assistant, pages and the live view; each may fail or be replaced."""
 
 import time
 from collections.abc import Iterator, Sequence
@@ -10,8 +10,10 @@ from daq.events import EventPayload
 from daq.supervision import FAILURES, error_text
 from monitor.errors import StartError
 from monitor.outputs.history import HistoryRecorder
+from monitor.outputs.home_assistant import HomeAssistant
 from monitor.outputs.notices import NoticeSender
 from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
+from monitor.results.site_status import SiteStatus
 from monitor.service.servers.live_view import LiveView
 from monitor.service.servers.web import WebServer, web_process
 from monitor.service.site import Site
@@ -30,7 +32,7 @@ class Outputs:
 
     def __init__(self, site: Site, live: LiveView | None) -> None:
         self._site, self._live = site, live
-        self._history, self._senders = _history(site), _senders(site)
+        self._history, self._senders, self._home = _history(site), _senders(site), _home(site)
         self._web = ExitStack()
         self._server: WebServer | None = None
         self._web_failed: str | None = None  # why there is no server
@@ -45,8 +47,8 @@ class Outputs:
             If the pages cannot be served.
         """
         with ExitStack() as stack:
-            stack.callback(lambda: _stop([self._history, *self._senders]))
-            _start([self._history, *self._senders])
+            stack.callback(lambda: _stop([self._history, *self._senders, *self._home]))
+            _start([self._history, *self._senders, *self._home])
             stack.callback(lambda: self._web.close())
             self._serve()
             self._undo = stack.pop_all()
@@ -64,11 +66,18 @@ class Outputs:
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 
+    def show_status(self, status: SiteStatus) -> None:
+        """Pass on the status of the monitor; never blocks."""
+        for home in self._home:
+            home.show(status)
+
     def events(self) -> Iterator[EventPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
         yield from self._history.events()
         for sender in self._senders:
             yield from sender.events()
+        for home in self._home:
+            yield from home.events()
         yield from self._tend()
 
     def _tend(self) -> Iterator[EventPayload]:
@@ -123,6 +132,7 @@ class Outputs:
         return {
             "history": self._history.problem,
             "notices": troubled or None,
+            "home_assistant": next((home.problem for home in self._home), None),
             "viewer": self._live.problem if self._live else None,
             "web": self._web_problem,
         }
@@ -142,6 +152,11 @@ class Outputs:
         if before.notify != now.notify:
             self._renew_senders()
             yield "notify"
+        if before.home_assistant != now.home_assistant:
+            old_home, self._home = self._home, _home(site)
+            _stop(old_home)
+            _start(self._home)
+            yield "home_assistant"
         if before.web != now.web:
             why = self._serve_again()
             yield f"no web: {why}" if why else "web"
@@ -172,7 +187,7 @@ class Outputs:
             self._server = self._web.enter_context(server)
 
 
-Part = HistoryRecorder | NoticeSender
+Part = HistoryRecorder | NoticeSender | HomeAssistant
 
 
 def _start(parts: Sequence[Part]) -> None:
@@ -196,3 +211,9 @@ def _history(site: Site) -> HistoryRecorder:
 def _senders(site: Site) -> list[NoticeSender]:
     targets = enumerate(site.settings.notify, 1)
     return [NoticeSender(target, site.state / f"notices_{number}.jsonl", site.name) for number, target in targets]
+
+
+def _home(site: Site) -> list[HomeAssistant]:
+    """Return the publisher for Home Assistant; none if that is not configured."""
+    settings = site.settings.home_assistant
+    return [HomeAssistant(settings, site.name)] if settings else []

@@ -119,7 +119,10 @@ class SiteRun:
             self.logs.put(reading)
 
     def _write_status(self) -> None:
-        self._second_over = self.status.write(self._problems, self._counters)
+        written = self.status.write(self._problems, self._counters)
+        self._second_over = written is not None
+        if written:
+            self._outputs.show_status(written)
 
     def _sweep(self) -> None:
         """Free circular references: with few objects Python does that once in hours.

@@ -1,6 +1,7 @@
 """State of a running monitor, written to one small file once per second."""
 
 import contextlib
+import math
 import os
 import threading
 import time
@@ -13,6 +14,7 @@ from typing import Any
 
 from daq import Block, Event, HostClock, Item
 from daq.events import DeviceFailed, DeviceOpened, DeviceRecovered, EventPayload, ScansMissing
+from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.detection.alarm import State
 from monitor.results.events import event_result
 from monitor.results.service_events import (
@@ -23,13 +25,22 @@ from monitor.results.service_events import (
     DeviceReplaced,
     WindowsLeftOut,
 )
-from monitor.results.site_status import Counters, DeviceStatus, PartProblems, SiteStatus, WindowStatus, read_status
+from monitor.results.site_status import (
+    Counters,
+    DeviceStatus,
+    ModeStatus,
+    PartProblems,
+    SiteStatus,
+    WindowStatus,
+    read_status,
+)
 from monitor.results.windows import (
     TOPIC_ALARM,
     TOPIC_REFERENCE,
     TOPIC_SELF_TEST,
     TOPIC_WINDOW,
     AlarmResult,
+    ModeResult,
     Novelty,
     SelfTestResult,
     WindowResult,
@@ -82,6 +93,7 @@ class DeviceCounts:
     gaps: int = 0
     lost: bool = False
     last_block: float | None = None  #: when the last block came [s, monotonic]
+    temperature: float | None = None  #: last reading [degC]
     looks: deque[tuple[float, int]] = field(default_factory=lambda: deque(maxlen=_RATE_LOOKS + 1))  #: last block, scans
 
     def status(self, now: float) -> DeviceStatus:
@@ -95,6 +107,7 @@ class DeviceCounts:
             lost=self.lost,
             silent=None if self.last_block is None else now - self.last_block,
             rate=(self.scans - scans) / max(last_block - then, _EVERY),
+            temperature=self.temperature,
         )
 
 
@@ -139,6 +152,7 @@ class MonitorStatus:
         self._novelty: Novelty | None = None  # of the last window that was evaluated
         self._blind, self._missing = BlindWindows(), MissingChannels()
         self._overload = Overload()
+        self._temperature: float | None = None  # of the site's thermometer [degC]
         self._learnt = False  # whether there is a reference
         self._state: State = "normal"  # of the alarm
         before = read_status(path)
@@ -194,24 +208,25 @@ class MonitorStatus:
             devices = f"{len(self._devices) - len(lost)} of {len(self._devices)} devices"
             return f"{state}; {devices}" + (f", lost: {', '.join(lost)}" if lost else "")
 
-    def write(self, problems: PartProblems, counters: Counters) -> bool:
+    def write(self, problems: PartProblems, counters: Counters) -> SiteStatus | None:
         """Write the file once per second, with values of other parts; disk failures are reported elsewhere.
 
         Returns
         -------
-        bool
-            Whether a second was over.
+        SiteStatus or None
+            Content of the file; None while a second is not over.
         """
         now = time.monotonic()
         if now < self._due:
-            return False
+            return None
         self._due = now + _EVERY
+        content = self._content(problems, counters)
         unfinished = self._path.with_suffix(".part")
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_text(self._content(problems, counters).model_dump_json(), encoding="utf-8")
+            unfinished.write_text(content.model_dump_json(), encoding="utf-8")
             os.replace(unfinished, self._path)
-        return True
+        return content
 
     def _content(self, problems: PartProblems, counters: Counters) -> SiteStatus:
         with self._lock:
@@ -232,6 +247,7 @@ class MonitorStatus:
                 missing_channels=self._missing.texts,
                 overload=self._overload.problem,
                 windows_left_out=self._overload.total,
+                temperature=self._temperature,
                 latency=dict(self._latency),
                 self_test=self._self_test if self._pace.tests else None,
                 identities=dict(self._identities),
@@ -245,6 +261,7 @@ class MonitorStatus:
         if device is not None:
             device.scans += len(block.counts)
             device.last_block, device.lost = time.monotonic(), False
+            device.temperature = block.temperature if math.isfinite(block.temperature) else None
 
     def _take_self_test(self, event: Event) -> None:
         result = event_result(event)
@@ -254,6 +271,8 @@ class MonitorStatus:
     def _take_event(self, event: Event) -> None:
         if event.topic == AnalysisLagging.topic:
             self._note(self._overload.take(left_out=True))
+        if event.topic == TOPIC_TEMPERATURE:
+            self._temperature = float(event.payload["celsius"])
         device = self._devices.get(str(event.payload.get("device", "")))
         if device is not None:
             device.gaps += event.topic == ScansMissing.topic
@@ -297,7 +316,7 @@ class MonitorStatus:
                 novelty=result.novelty,
                 end=result.end,
                 n_modes=len(result.modes),
-                frequencies={mode.id: mode.frequency for mode in result.modes},
+                modes={mode.id: _mode_status(mode) for mode in result.modes},
             )
 
     def _check_channels(self, window: WindowResult) -> None:
@@ -309,3 +328,12 @@ class MonitorStatus:
             self._events.append(ChannelFailed(channels=", ".join(channels), why=why))
         if self._missing.back:
             self._events.append(ChannelRecovered(channels=", ".join(self._missing.back)))
+
+
+def _mode_status(mode: ModeResult) -> ModeStatus:
+    return ModeStatus(
+        frequency=mode.frequency,
+        frequency_std=mode.frequency_std,
+        damping=mode.damping,
+        damping_std=mode.damping_std,
+    )

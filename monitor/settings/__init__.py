@@ -2,6 +2,7 @@
 
 from monitor.settings.attached import attachable, parse_attached
 from monitor.settings.device import AXES, DeviceSettings
+from monitor.settings.home_assistant import HomeAssistantSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.overrides import Override, overridden, overrides
 from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
@@ -13,6 +14,7 @@ __all__ = [
     "EXAMPLE",
     "AnalysisSettings",
     "DeviceSettings",
+    "HomeAssistantSettings",
     "NotifySettings",
     "Override",
     "RecorderSettings",

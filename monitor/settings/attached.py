@@ -13,7 +13,7 @@ from monitor.settings.schema import Settings
 
 
 def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
-    """Read settings for an analysis: targets of notices and the history are neither read nor checked.
+    """Read settings for an analysis: targets of notices and states, and the history, are neither read nor checked.
 
     Settings attached to a log are whatever a stranger wrote; templates in them are programs.
 
@@ -30,7 +30,7 @@ def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
 
 
 def attachable(text: str) -> str:
-    """Return settings without targets of notices, address of the history, login and topic of MQTT, and comments.
+    """Return settings without targets of notices and states, history's address, login and topic of MQTT, and comments.
 
     A replay sends no notices and writes no history. Comments go because they may hold an earlier address. Text that is
     no TOML becomes empty. The function leaves its own result as it is.
@@ -44,6 +44,7 @@ def attachable(text: str) -> str:
     except ValueError:
         return ""
     content.pop("notify", None)
+    content.pop("home_assistant", None)
     _drop(content, "history", "url")
     temperature = content.get("temperature")
     if isinstance(temperature, dict) and "mqtt" in temperature:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator, model_va
 from daq import Channel
 from monitor.detection.alarm import AlarmRules
 from monitor.settings.device import AXES, DeviceSettings
+from monitor.settings.home_assistant import HomeAssistantSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.redaction import revealed
 from monitor.settings.section import Positive, Section, has_place
@@ -211,6 +212,7 @@ class Settings(Section):
     temperature: TemperatureSettings | None = None
     history: HistorySettings = HistorySettings()
     notify: Annotated[tuple[NotifySettings, ...], Field(max_length=20)] = ()
+    home_assistant: HomeAssistantSettings | None = None
     web: WebSettings | None = None
     viewer: ViewerSettings | None = None
     clock: ClockSettings | None = None

@@ -14,18 +14,17 @@ from email.utils import parsedate_to_datetime
 from http import HTTPStatus
 from itertools import chain
 from typing import Any
-from urllib.parse import unquote, urlsplit
 
 import httpx
 
 from monitor.errors import MonitorError
+from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
 from monitor.outputs.notices.deadline import Deadline, DeadlineRunner
 from monitor.settings import NotifySettings
 from monitor.settings.redaction import masked, revealed, secrets_of_address
 from monitor.text.notices import Message, Notice, message
 
 _LOOK_SECONDS = 0.05  # between looks at whether a broker has refused
-_MQTT_PORTS = {"mqtt": 1883, "mqtts": 8883}
 Sender = Callable[[list[Notice], int], None]  #: function that sends notices, with the number of others
 
 
@@ -158,33 +157,26 @@ def _watched_tls(deadline: Deadline, made: ExitStack) -> ssl.SSLContext:
 
 
 def _by_mqtt(target: NotifySettings, notice_message: Message, deadline: Deadline) -> None:
+    address, made = revealed(target.mqtt), ExitStack()
     try:
-        from paho.mqtt import MQTTException  # an extra
-        from paho.mqtt.client import Client
-        from paho.mqtt.enums import CallbackAPIVersion
-        from paho.mqtt.reasoncodes import ReasonCode
-    except ImportError as error:
-        raise NoticeError("mqtt: paho-mqtt is not installed: pip install 'modalwatch[fleet]'") from error
-    place = urlsplit(revealed(target.mqtt))
+        client = mqtt_client(address, _watched_tls(deadline, made) if address.startswith("mqtts:") else None)
+    except MqttMissingError as error:
+        raise NoticeError(f"mqtt: {error}") from error
+    from paho.mqtt import MQTTException  # an extra
+
     refused = ""
 
-    def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
+    def answered(reason: str) -> None:
         nonlocal refused
-        refused = f"the broker refuses: {reason}" if reason.is_failure else ""
+        refused = f"the broker refuses: {reason}" if reason else ""
 
-    client, made = Client(CallbackAPIVersion.VERSION2), ExitStack()
-    client.on_connect = connected
+    on_answer(client, answered)
     client.on_socket_open = lambda _client, _data, connection: deadline.watch(connection.fileno())
     client.connect_timeout = deadline.seconds
-    if place.username is not None:
-        client.username_pw_set(unquote(place.username), unquote(place.password or ""))
-    if place.scheme == "mqtts":
-        client.tls_set_context(_watched_tls(deadline, made))
     try:
-        client.connect(place.hostname or "", place.port or _MQTT_PORTS[place.scheme])
+        mqtt_connect(client, address)
         client.loop_start()
-        topic = unquote(place.path).strip("/") or "modalwatch"
-        sent = client.publish(topic, json.dumps(_content(notice_message)), qos=1)
+        sent = client.publish(mqtt_topic(address) or "modalwatch", json.dumps(_content(notice_message)), qos=1)
         while not (sent.is_published() or refused) and deadline.remaining:
             sent.wait_for_publish(min(_LOOK_SECONDS, deadline.remaining))
         if not sent.is_published():

@@ -7,21 +7,23 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
-from urllib.parse import unquote, urlsplit
+from typing import TYPE_CHECKING, Any, Self
 
 from daq import Event, HostClock, SystemClock
 from daq.bounded_text import parse_json
 from daq.supervision import SupervisedThread
 from monitor.analysis.temperature import reading
+from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
 from monitor.results.service_events import TemperatureFailed, TemperatureRecovered
 from monitor.settings import TemperatureSettings
 from monitor.settings.redaction import revealed, shown_address
 from monitor.text.quantities import utc
 
+if TYPE_CHECKING:
+    from paho.mqtt.client import MQTTMessage
+
 _POLL = 1.0  # s
 _TAIL = 65536  # bytes: of a file that is there already, the last reading is enough
-_PORTS = {"mqtt": 1883, "mqtts": 8883}
 _COLDEST, _HOTTEST = -90.0, 100.0  # degC: plausible temperatures of a structure
 
 
@@ -145,41 +147,34 @@ class MqttThermometer(Thermometer):
     """A topic with a number, or an object with one; its time is that of its arrival."""
 
     def _run(self) -> None:
-        try:
-            from paho.mqtt.client import Client, MQTTMessage  # an extra
-            from paho.mqtt.enums import CallbackAPIVersion
-            from paho.mqtt.reasoncodes import ReasonCode
-        except ImportError:
-            self.problem = "paho-mqtt is not installed: pip install 'modalwatch[fleet]'"
-            return
         address = revealed(self._settings.mqtt)
-        place, shown = urlsplit(address), shown_address(address)
-        topic = unquote(place.path).strip("/")
-        client = Client(CallbackAPIVersion.VERSION2)
-        if place.username is not None:
-            client.username_pw_set(unquote(place.username), unquote(place.password or ""))
-        if place.scheme == "mqtts":
-            client.tls_set()
+        shown = shown_address(address)
+        try:
+            client = mqtt_client(address)
+        except MqttMissingError as error:
+            self.problem = str(error)
+            return
 
-        def taken(_client: Client, _data: object, message: MQTTMessage) -> None:
+        def taken(_client: object, _data: object, message: "MQTTMessage") -> None:
             try:
                 self._put(self._clock.now(), _celsius(bytes(message.payload), self._settings.column), shown)
             except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
                 self.problem = f"{shown}: expected a number, or an object with {self._settings.column!r}: {error}"
 
-        def connected(_client: Client, _data: object, _flags: object, reason: ReasonCode, _more: object) -> None:
-            if reason.is_failure:
+        def answered(reason: str) -> None:
+            if reason:
                 self.problem = f"{shown}: {reason}"
             else:
-                client.subscribe(topic)
+                client.subscribe(mqtt_topic(address))
 
         def parted(*_: object) -> None:
             self.problem = self.problem or f"{shown}: the connection is lost"
 
-        client.on_message, client.on_connect, client.on_disconnect = taken, connected, parted
+        client.on_message, client.on_disconnect = taken, parted
+        on_answer(client, answered)
         while not self._stop.is_set():
             try:
-                client.connect(place.hostname or "", place.port or _PORTS[place.scheme])
+                mqtt_connect(client, address)
                 client.loop_start()
                 self._stop.wait()
             except (OSError, ValueError) as error:

@@ -38,6 +38,9 @@ def look_around(site: Site) -> Iterator[Finding]:
     yield _history(site)
     for number, target in enumerate(site.settings.notify, 1):
         yield _guarded(f"notify {number}", partial(_notify, target))
+    if site.settings.home_assistant:
+        broker = NotifySettings(mqtt=site.settings.home_assistant.mqtt)
+        yield _guarded("home assistant", partial(_notify, broker))
     if site.settings.temperature:
         yield _guarded("temperature", partial(_temperature, site.settings.temperature))
     web, viewer = site.settings.web, site.settings.viewer

@@ -4,6 +4,8 @@ import json
 import multiprocessing
 import os
 import socket
+import threading
+import time
 from pathlib import Path
 from typing import cast
 
@@ -11,7 +13,7 @@ import pytest
 
 from daq import Item
 from monitor.outputs.notices import NoticeSender
-from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
+from monitor.results.service_events import HomeAssistantFailed, ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
 from monitor.service.outputs import Outputs
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site, load_site
@@ -75,6 +77,25 @@ def test_live_view_without_a_viewer_section_is_not_reported_as_changed(site: Sit
     site.path.write_text(f"{SITE}[viewer]\n", encoding="utf-8")
     for _ in range(2):  # it is asked for; then it is to show another analysis
         assert list(outputs.renew(load_site(site.path), analysed_alike=False)) == ["viewer"]
+
+
+def test_reload_begins_and_ends_home_assistant(site: Site) -> None:
+    """A broker that refuses connections is a problem of the part, which is gone with its settings."""
+    home = f'{SITE}[home_assistant]\nmqtt = "mqtt://127.0.0.1:1"\n'
+    with Outputs(site, None) as outputs:
+        assert outputs.problems["home_assistant"] is None
+        site.path.write_text(home, encoding="utf-8")
+        assert list(outputs.renew(load_site(site.path), analysed_alike=True)) == ["home_assistant"]
+        end = time.monotonic() + 20.0
+        while not (events := list(outputs.events())):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        assert [type(event) for event in events] == [HomeAssistantFailed]
+        assert "mqtt://127.0.0.1:1: " in str(outputs.problems["home_assistant"])
+        site.path.write_text(SITE, encoding="utf-8")
+        assert list(outputs.renew(load_site(site.path), analysed_alike=True)) == ["home_assistant"]
+        assert outputs.problems["home_assistant"] is None
+    assert "home assistant" not in {thread.name for thread in threading.enumerate()}
 
 
 @pytest.mark.live

@@ -73,6 +73,14 @@ def test_notify_targets_are_contacted_without_sending_a_notice(
                 assert taken.recv(1) == b""
 
 
+@pytest.mark.parametrize("well", [True, False])
+def test_broker_of_home_assistant_is_contacted(tmp_path: Path, well: bool) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1] if well else 1
+        found = looked(tmp_path, f'[home_assistant]\nmqtt = "mqtt://u:secret@127.0.0.1:{port}/x"\n')["home assistant"]
+    assert (found.well, f"mqtt://127.0.0.1:{port}" in found.text, "secret" in found.text) == (well, True, False)
+
+
 def test_insufficient_disk_space_is_reported(tmp_path: Path) -> None:
     free = shutil.disk_usage(tmp_path).free / 1e9
     found = looked(tmp_path, file=SITE.replace("min_free_gb = 0", f"min_free_gb = {2 * free}"))["disk"]

@@ -1,12 +1,15 @@
 """Status of a running monitor: devices, rates, ages and latency, by clocks that nobody sets."""
 
 import json
+import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from daq import Event, SystemClock
+from monitor.analysis.temperature import reading
 from monitor.results.events import event_result, result_event
 from monitor.results.service_events import AnalysisCaughtUp, DeviceReplaced, WindowsLeftOut
 from monitor.results.site_status import FILE_NAME
@@ -27,6 +30,18 @@ def test_status_counts_gaps_losses_and_scans_per_device(tmp_path: Path) -> None:
     status.write(*WELL)
     device = json.loads((tmp_path / FILE_NAME).read_text())["devices"]["left"]
     assert (device["gaps"], device["lost"], device["scans"]) == (1, True, len(make_block("left", 0).counts))
+
+
+def test_status_has_the_last_temperature_of_devices_and_site(tmp_path: Path) -> None:
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left", "right"), PACE, SystemClock())
+    status.take(make_block("left", 0))
+    status.take(replace(make_block("right", 0), temperature=math.nan))
+    for celsius in (4.0, -3.5):
+        status.take(reading(1, celsius, "weather.csv"))
+    status.write(*WELL)
+    found = json.loads((tmp_path / FILE_NAME).read_text())
+    assert {name: device["temperature"] for name, device in found["devices"].items()} == {"left": 21.5, "right": None}
+    assert found["temperature"] == -3.5
 
 
 def test_wall_clock_change_does_not_affect_ages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,6 +50,8 @@ keep_events = 1000
 url = "postgresql://{MARK}user:{MARK}pw@127.0.0.1:1/db?application_name={MARK}query"
 [temperature]
 mqtt = "mqtt://{MARK}user:{MARK}pw@127.0.0.1:1/{MARK}topic"
+[home_assistant]
+mqtt = "mqtt://{MARK}user:{MARK}pw@127.0.0.1:1/{MARK}topic"
 [[notify]]
 webhook = "http://{MARK}user:{MARK}pw@127.0.0.1:%d/{MARK}path?token={MARK}query"
 headers = {{X-Api-Key = "{MARK}key"}}
@@ -67,6 +69,7 @@ FAILURES = (
     b"command: cannot be started: No such file or directory",
     b"mqtt: ",
     b"temperature: mqtt://127.0.0.1:1: ",
+    b"home_assistant: mqtt://127.0.0.1:1: ",
 )
 ENVIRONMENT = {"MODALWATCH_NOTIFY__0__HEADERS__AUTHORIZATION": f"Bearer {MARK}bearer"}
 
@@ -94,7 +97,7 @@ def test_no_secret_setting_is_attached_to_logs() -> None:
     assert MARK not in repr(parse_settings(text))
     assert attachable(once) == once
     kept = parse_settings(once)
-    assert (kept.history.keep_events, kept.notify) == (1000, ())
+    assert (kept.history.keep_events, kept.notify, kept.home_assistant) == (1000, (), None)
     assert kept.device == parse_settings(text).device
     assert attachable("no = [toml") == ""
 
@@ -110,6 +113,7 @@ def test_no_secret_setting_is_attached_to_logs() -> None:
         (f'[[notify]]\ncommand = "curl {MARK}"', "notify.0.command: expected a valid tuple"),
         (f'[[notify]]\nwebhook = "http://h/"\nheaders = {{a = "{MARK}\\n"}}', "notify.0.headers: a: expected ASCII"),
         (f'notify = "http://h/{MARK}"', "notify: expected a valid tuple"),
+        (f'[home_assistant]\nmqtt = "mqtt://h/{MARK}#"', "home_assistant.mqtt: expected mqtt://HOST/TOPIC"),
         (f'[history]\nurl = "mysql://{MARK}@h/x"', "history.url: expected postgresql://"),
         (f'history = "postgresql://{MARK}@h/x"', "history: expected a valid dictionary"),
         (f'[temperature]\nmqtt = "mqtt://{MARK}@h"', "temperature.mqtt: expected mqtt://HOST/TOPIC"),
@@ -232,7 +236,9 @@ def test_written_files_and_served_pages_contain_no_secrets(
                 process.send_signal(signal.SIGHUP)
                 until(lambda: b"reload_refused" in output.read_bytes(), process)
                 site.write_text(text, encoding="utf-8")
-                served = {path: page(path) for path in ("/", "/state", "/healthz", "/metrics", "/page.js", "/none")}
+                served = {
+                    path: page(path) for path in ("/", "/state", "/healthz", "/metrics", "/influx", "/page.js", "/none")
+                }
             finally:
                 process.terminate()
                 process.wait(60)

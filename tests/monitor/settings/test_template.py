@@ -42,7 +42,7 @@ def test_every_setting_is_printed() -> None:
     every_key(Settings, uncommented(), "SITE.toml")
 
 
-@pytest.mark.parametrize("section", ["recorder", "analysis", "history", "web", "viewer", "clock"])
+@pytest.mark.parametrize("section", ["recorder", "analysis", "history", "home_assistant", "web", "viewer", "clock"])
 def test_commented_examples_of_sections_are_valid(section: str) -> None:
     model = section_of(Settings.model_fields[section].annotation)
     assert model is not None

@@ -11,6 +11,7 @@ from starlette.types import ASGIApp
 
 from monitor.service.operator_commands import Acknowledgement, write_command
 from monitor.service.servers.web.auth import Guard, user_of
+from monitor.service.servers.web.influx import influx_lines
 from monitor.service.servers.web.metrics import metrics
 from monitor.service.servers.web.snapshot import Snapshot
 from monitor.service.servers.web.source import Source, problems
@@ -26,6 +27,7 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
     state = Snapshot(lambda: state_html(source))
     problem_list = Snapshot(lambda: problems(source.status()))
     figures = Snapshot(lambda: metrics(source.status()))
+    points = Snapshot(lambda: influx_lines(source.status(), source.name))
 
     async def page(_: Request) -> Response:
         return HTMLResponse(page_html(source.name, await state.get()))
@@ -40,6 +42,9 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
     async def prometheus(_: Request) -> Response:
         return Response(await figures.get(), media_type="text/plain; version=0.0.4")
 
+    async def influx(_: Request) -> Response:
+        return PlainTextResponse(await points.get())
+
     def acknowledge(request: Request) -> Response:
         by = (request.query_params.get("by") or user_of(request) or "status page")[:100]
         try:
@@ -53,6 +58,7 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
         Route("/state", changing),
         Route("/healthz", healthz),
         Route("/metrics", prometheus),
+        Route("/influx", influx),
         Route("/acknowledge", acknowledge, methods=["POST"]),
         Route("/page.css", _static("page.css")),
         Route("/page.js", _static("page.js")),

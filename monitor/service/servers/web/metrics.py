@@ -14,6 +14,12 @@ _MEMORY = {
     "heap_bytes": ("heap_used_bytes", "Bytes of the C library's heap in use by the monitor process."),
 }
 _STATES = ("learning", "normal", "watch", "alarm")
+_MODE = {
+    "frequency": ("frequency_hertz", "Frequency of a mode in the last window, in hertz."),
+    "frequency_std": ("frequency_std_hertz", "Standard deviation of the frequency of a mode, in hertz."),
+    "damping": ("damping_ratio", "Damping of a mode in the last window, as a ratio of the critical damping."),
+    "damping_std": ("damping_std_ratio", "Standard deviation of the damping of a mode, as a ratio."),
+}
 
 
 def metrics(status: SiteStatus | None) -> bytes:
@@ -49,6 +55,15 @@ def _of_monitor(registry: CollectorRegistry, status: SiteStatus) -> None:
         "Time since a window was last analysed, in seconds.",
         now - status.time + status.window_age,
     )
+    _gauge(
+        registry,
+        "window_overdue",
+        "1 while no window was analysed for its length and two steps, else 0.",
+        float(status.window_overdue),
+    )
+    if status.temperature is not None:
+        text = "Last reading of the thermometer of the site, in degrees Celsius."
+        _gauge(registry, "temperature_celsius", text, status.temperature)
     counters = status.counters
     _gauge(registry, "dropped_items", "Items dropped because the queue of the log was full.", counters.dropped)
     text = "Items that the history did not store or spool."
@@ -99,7 +114,15 @@ def _of_devices(registry: CollectorRegistry, devices: dict[str, DeviceStatus]) -
     scans = Gauge("modalwatch_scans", "Scans received since the start.", ["device"], registry=registry)
     gaps = Gauge("modalwatch_gaps", "Gaps in the scans since the start.", ["device"], registry=registry)
     lost = Gauge("modalwatch_device_lost", "1 while the device is lost, else 0.", ["device"], registry=registry)
+    temperature = Gauge(
+        "modalwatch_device_temperature_celsius",
+        "Last reading of the thermometer of the device, in degrees Celsius.",
+        ["device"],
+        registry=registry,
+    )
     for name, device in devices.items():
+        if device.temperature is not None:
+            temperature.labels(name).set(device.temperature)
         rate.labels(name).set(device.rate)
         scans.labels(name).set(device.scans)
         gaps.labels(name).set(device.gaps)
@@ -113,15 +136,11 @@ def _of_window(registry: CollectorRegistry, window: WindowStatus | None) -> None
     if window.novelty and math.isfinite(window.novelty.t2):
         _gauge(registry, "novelty", "Novelty of the last window.", window.novelty.t2)
         _gauge(registry, "novelty_limit", "Limit of the novelty of the last window.", window.novelty.limit)
-    frequency = Gauge(
-        "modalwatch_mode_frequency_hertz",
-        "Frequency of a mode in the last window, in hertz.",
-        ["mode"],
-        registry=registry,
-    )
-    if window.phase != "learning":
-        for mode, value in window.frequencies.items():
-            frequency.labels(mode).set(value)
+    for field, (name, text) in _MODE.items():
+        gauge = Gauge(f"modalwatch_mode_{name}", text, ["mode"], registry=registry)
+        for identity, mode in window.tracked.items():
+            if math.isfinite(value := getattr(mode, field)):
+                gauge.labels(identity).set(value)
 
 
 def _of_self_test(registry: CollectorRegistry, test: SelfTestResult | None) -> None:

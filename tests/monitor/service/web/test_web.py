@@ -220,6 +220,35 @@ def test_metrics_are_in_prometheus_format(source: Source) -> None:
     assert found['modalwatch_bad_bytes{device="left"}'] == "21.0"
     assert float(found["modalwatch_python_allocated_blocks"]) > 1e5
     assert {"modalwatch_window_latency_seconds", "modalwatch_alarm_latency_seconds"} <= found.keys()
+    assert found['modalwatch_device_temperature_celsius{device="left"}'] == "21.5"
+    assert "modalwatch_temperature_celsius" not in found  # the site has no thermometer
+    assert found["modalwatch_window_overdue"] == "0.0"
+
+
+def test_metrics_of_modes_have_standard_deviations(source: Source) -> None:
+    window = next(event for event in reversed(EVENTS) if event.topic == "/result/window")
+    mode = window.payload["modes"][1]
+
+    def figures(source: Source) -> dict[str, float]:
+        found = re.findall(
+            r'^modalwatch_mode_(\w+)\{mode="2"\} (\S+)$', Client(source).get("/metrics").text, re.MULTILINE
+        )
+        return {name: float(value) for name, value in found}
+
+    assert figures(source) == {
+        "frequency_hertz": mode["frequency"],
+        "frequency_std_hertz": mode["frequency_std"],
+        "damping_ratio": mode["damping"],
+        "damping_std_ratio": mode["damping_std"],
+    }
+    status = json.loads((source.state / FILE_NAME).read_text())["window"]
+    unknown = status["modes"] | {"2": status["modes"]["2"] | {"damping_std": None}}
+    assert figures(changed(source, window=status | {"modes": unknown})).keys() == {
+        "frequency_hertz",
+        "frequency_std_hertz",
+        "damping_ratio",
+    }
+    assert figures(changed(source, window=status | {"phase": "learning"})) == {}  # identities of one window
 
 
 def test_page_shows_the_alarm_and_escapes_foreign_text(source: Source) -> None:
@@ -266,7 +295,9 @@ def test_unwritable_state_folder_is_reported(source: Source) -> None:
 
 def test_remote_reading_requires_the_token(source: Source) -> None:
     looked = Client(source, open_to_look=False)
-    assert {looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/page.js")} == {401}
+    assert {
+        looked.get(path).status_code for path in ("/", "/state", "/healthz", "/metrics", "/influx", "/page.js")
+    } == {401}
     assert looked.get("/", headers=ACT).status_code == 200
 
 

@@ -12,7 +12,7 @@ from daq import export_recording, load_recordings, read_attachments
 from monitor.views.run import load_run
 from tests.support.snippets import code_blocks, code_cells, run_cells
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 NOTEBOOKS = ROOT / "examples" / "notebooks"
 MAX_CELLS = 12
 TRUTH = tomllib.loads((ROOT / "replay_data" / "manifest.toml").read_text(encoding="utf-8"))["log"][0]
