@@ -82,7 +82,7 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
     for cost, chain in _chains(len(baseline.channels)):
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
         whole = np.minimum(1 - assurance + _FREQUENCY_WEIGHT * distance, _NO_PAIR)
-        best = (whole == whole.min(0)) & (whole == whole.min(1, keepdims=True))
+        best = (whole == whole.min(0, initial=np.inf)) & (whole == whole.min(1, keepdims=True, initial=np.inf))
         row, column = linear_sum_assignment(whole - _NO_PAIR * (best & (assurance >= _SAME_MAC)))
         total = cost + float(whole[row, column].sum())
         if total < least:

@@ -90,3 +90,8 @@ def test_poorly_identified_close_mode_does_not_take_the_partner_of_the_other() -
     known = replace(baseline, shape=np.vstack([mixed[0], baseline.shape[1:]]))
     poor = replace(event, shape=np.vstack([mixed[1], event.shape[1:]]))
     np.testing.assert_array_equal(match_modes(known, poor)[1:], np.arange(1, 8))
+
+
+def test_event_without_modes_has_no_partners() -> None:
+    assert (match_modes(mean(23), mean(24).only(np.array([], int))) == -1).all()
+    assert not len(match_modes(mean(23).only(np.array([], int)), mean(24)))
