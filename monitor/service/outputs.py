@@ -9,11 +9,13 @@ from daq import Item
 from daq.events import EventPayload
 from daq.supervision import FAILURES, error_text
 from monitor.errors import StartError
-from monitor.outputs.history import HistoryRecorder
+from monitor.outputs.history import HistoryRecorder, SiteState
 from monitor.outputs.notices import NoticeSender
 from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
+from monitor.results.site_status import SiteStatus
 from monitor.service.servers.live_view import LiveView
 from monitor.service.servers.web import WebServer, web_process
+from monitor.service.servers.web.source import problems
 from monitor.service.site import Site
 
 _AGAIN_SECONDS = 60.0  # interval until a failed server is restarted
@@ -63,6 +65,20 @@ class Outputs:
             FAILURES.attempt("notices", sender.put, item)
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
+
+    def put_status(self, status: SiteStatus) -> None:
+        """Pass on the state of the run, for pages of many sites; never blocks."""
+        web, window = self._site.settings.web, status.window
+        self._history.put_state(
+            SiteState(
+                state=status.state,
+                window=window.end if window else None,
+                window_age=status.window_age if window else None,
+                overdue=status.window_overdue,
+                problems=tuple(problems(status)),
+                url=(web.url if web else None) or "",
+            )
+        )
 
     def events(self) -> Iterator[EventPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
@@ -189,8 +205,14 @@ def _stop(parts: Sequence[Part]) -> None:
 
 
 def _history(site: Site) -> HistoryRecorder:
-    spool, keep = site.state / "history_spool.jsonl", site.settings.history.keep_events
-    return HistoryRecorder(site.source.url, spool, keep_events=keep)
+    spool, settings = site.state / "history_spool.jsonl", site.settings.history
+    return HistoryRecorder(
+        site.source.url,
+        spool,
+        keep_events=settings.keep_events,
+        keep_days=settings.keep_days,
+        writer=site.writer,
+    )
 
 
 def _senders(site: Site) -> list[NoticeSender]:

@@ -194,24 +194,24 @@ class MonitorStatus:
             devices = f"{len(self._devices) - len(lost)} of {len(self._devices)} devices"
             return f"{state}; {devices}" + (f", lost: {', '.join(lost)}" if lost else "")
 
-    def write(self, problems: PartProblems, counters: Counters) -> bool:
+    def write(self, problems: PartProblems, counters: Counters) -> SiteStatus | None:
         """Write the file once per second, with values of other parts; disk failures are reported elsewhere.
 
         Returns
         -------
-        bool
-            Whether a second was over.
+        SiteStatus or None
+            The content; None before a second was over.
         """
         now = time.monotonic()
         if now < self._due:
-            return False
+            return None
         self._due = now + _EVERY
-        unfinished = self._path.with_suffix(".part")
+        unfinished, status = self._path.with_suffix(".part"), self._content(problems, counters)
         with contextlib.suppress(OSError):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            unfinished.write_text(self._content(problems, counters).model_dump_json(), encoding="utf-8")
+            unfinished.write_text(status.model_dump_json(), encoding="utf-8")
             os.replace(unfinished, self._path)
-        return True
+        return status
 
     def _content(self, problems: PartProblems, counters: Counters) -> SiteStatus:
         with self._lock:

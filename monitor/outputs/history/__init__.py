@@ -7,6 +7,7 @@ from monitor.outputs.history.engines import database_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
 from monitor.outputs.history.recorder import HistoryRecorder
+from monitor.outputs.history.sites import SiteState, Writer
 from monitor.outputs.history.store import HistoryStore
 
 __all__ = [
@@ -17,8 +18,10 @@ __all__ = [
     "HistoryRecorder",
     "HistoryStore",
     "Reader",
+    "SiteState",
     "Span",
     "TrendPoint",
     "WindowRow",
+    "Writer",
     "database_url",
 ]
