@@ -162,7 +162,14 @@ class HistorySettings(Section):
         return url
 
 
-def _address(host: str) -> str:
+def listening_address(host: str) -> str:
+    """Return an address that a server can be bound to.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
     try:
         ip_address(host)
     except ValueError:
@@ -173,7 +180,7 @@ def _address(host: str) -> str:
 class WebSettings(Section):
     """Server of status page, health and metrics. Leave the section out for none."""
 
-    bind: Annotated[str, AfterValidator(_address)] = "127.0.0.1"
+    bind: Annotated[str, AfterValidator(listening_address)] = "127.0.0.1"
     """Address of the server (service.md). Without a `[web]` section there is no server."""
     port: Annotated[int, Field(ge=1, le=65535)] = 8765
     """Port of the server."""

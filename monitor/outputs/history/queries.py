@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, literal, select
+from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, literal, select, true
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
@@ -181,6 +181,14 @@ class Reader:
             return [TrendPoint(**row._mapping) for row in self._rows(daily_trend_query(self._site, mode, span))]
         return [TrendPoint(**row._mapping) for row in self._rows(trend_query(self._site, mode, span))]
 
+    def trends(self, span: Span) -> dict[int, list[TrendPoint]]:
+        """Return all modes over a span of time, as `trend` does each; those that it does not show are empty."""
+        query = daily_trend_query if span.every == "day" else trend_query
+        found: dict[int, list[TrendPoint]] = {mode: [] for mode in self.modes()}
+        for row in self._rows(query(self._site, None, span)):
+            found.setdefault(row.mode, []).append(TrendPoint(**row._mapping))
+        return found
+
     def alarms(self, span: Span) -> list[AlarmRow]:
         """Return the alarms that were active at any time of a span."""
         table = schema.alarms
@@ -249,22 +257,22 @@ def windows_query(site: int, span: Span) -> Select[*tuple[Any, ...]]:
     return found.order_by(table.c.end.desc())
 
 
-def trend_query(site: int, mode: int, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return the query for a mode over time, per window."""
+def trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return the query for a mode, or all of them, over time, per window."""
     table = schema.modes
     frequency = table.c.frequency
     columns = (frequency.label("lowest"), frequency.label("highest"), table.c.damping, table.c.shift_percent)
     found = select(table.c.mode, table.c.end.label("time"), literal(1).label("n"), frequency, *columns)
-    own = found.where(table.c.site == site, table.c.mode == mode)
+    own = found.where(table.c.site == site, true() if mode is None else table.c.mode == mode)
     return own.where(table.c.end.between(span.start, span.end)).order_by(table.c.end)
 
 
-def daily_trend_query(site: int, mode: int, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return the query for a mode over time, per day."""
+def daily_trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return the query for a mode, or all of them, over time, per day."""
     table, (first, last) = schema.mode_days, span.days
     noon = (cast(table.c.day, BigInteger) * schema.DAY + schema.DAY // 2).label("time")
     columns = (c for c in _columns(table) if c.name != "day")
-    own = select(noon, *columns).where(table.c.site == site, table.c.mode == mode)
+    own = select(noon, *columns).where(table.c.site == site, true() if mode is None else table.c.mode == mode)
     return own.where(table.c.day.between(first, last)).order_by(table.c.day)
 
 

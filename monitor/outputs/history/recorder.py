@@ -26,7 +26,7 @@ _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
 _MUTE = 15.0  # s that a database may take over a batch: longer than it may be locked, or gone
 _FORGET = 3600.0  # s between looks at whether there are too many events or diagnoses
-_STATE = 30.0  # s between two writings of a state that has not changed
+_STATE = 45.0  # s between two writings of a state that has not changed
 _LAST = 5.0  # s that an end waits for it
 
 

@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.schema import sites, states
 
-STATE_SECONDS = 120.0  #: age of a state beyond which its monitor is not running; one is written every 30 s
+STATE_SECONDS = 120.0  #: age of a state beyond which its monitor is not running; one is written every 45 s
 NO_SITE = -1  #: number of a site that has no rows
 
 

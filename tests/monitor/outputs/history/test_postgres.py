@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import create_engine, text
@@ -140,8 +141,11 @@ def test_monitors_that_write_at_once_lose_nothing(database: str) -> None:
 @pytest.mark.live
 @NEEDED
 def test_older_database_is_migrated_by_the_first_of_its_writers(database: str) -> None:
-    window = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 1, "t2": 9.0}
-    content = {"windows": window | {"limit": 4.5}, "modes": {"mode": 3, "end": START + HOUR, "frequency": 7.0}}
+    window: dict[str, Any] = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 1}
+    content = {
+        "windows": window | {"t2": 9.0, "limit": 4.5},
+        "modes": {"mode": 3, "end": START + HOUR, "frequency": 7.0},
+    }
     make_old(database.replace("postgresql:", "postgresql+psycopg:"), 2, content)
     with HistoryStore(database, Writer(site="bridge", place="here")) as store:
         store.write(EVENTS)
