@@ -12,12 +12,15 @@ import argparse
 import os
 import random
 import statistics
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
+import httpx
 import numpy as np
 from sqlalchemy import create_engine
 
@@ -29,7 +32,7 @@ from tests.support.monitor.history import run_events
 from tests.support.postgres import Server, postgres_server
 
 SETTINGS = ("shared_buffers=1GB", "maintenance_work_mem=512MB", "max_wal_size=8GB", "checkpoint_timeout=30min")
-WRITERS, WRITES = 8, 200
+WRITERS, WRITES, PORT = 4, 200, 28_770
 SPANS = {"day": 1, "14 days": 14, "month": 30, "year": 365}
 Query = Callable[[Reader, Span], object]
 QUERIES: dict[str, Query] = {
@@ -93,6 +96,25 @@ def sizes(url: str) -> dict[str, tuple[int, int]]:
     return result
 
 
+def page_times(url: str, number: int) -> tuple[list[float], list[float]]:
+    """Return the time of the first answer of the server of the page, and of others, none younger than a second [ms]."""
+    command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "fleet", url, "--port", str(PORT)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process, httpx.Client(timeout=60.0) as client:
+        assert process.stdout is not None
+        process.stdout.readline()
+
+        def ask(query: str) -> object:
+            return client.get(f"http://127.0.0.1:{PORT}/{query}").raise_for_status()
+
+        first = milliseconds(partial(ask, ""))
+        found = []
+        for k in range(number):
+            time.sleep(1.1)  # states are read anew once per second at most
+            found.append(milliseconds(partial(ask, ("", "?page=5", "?state=stale", "?q=99")[k % 4])))
+        process.terminate()
+    return [first], found
+
+
 def written(url: str, sites: int, events: Sequence[Event], number: int) -> list[float]:
     """Write windows of many sites, as their monitors do, each with a state; return the time of each [ms]."""
     found = []
@@ -146,6 +168,7 @@ def main() -> None:
             cold = [milliseconds(lambda: reader.levels(shown))]
             warm = [milliseconds(lambda: reader.levels(shown)) for _ in range(given.asked)]
             print(row("novelty of the 50 sites of a page", cold, warm))
+        print(row("page of 48 sites through HTTP", *page_times(server.url, given.asked)), flush=True)
         windows = [e for e in run_events() if e.topic == "/result/window" and e.payload["novelty"]]
         begun = time.perf_counter()
         with ThreadPoolExecutor(WRITERS) as pool:

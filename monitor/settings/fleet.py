@@ -29,7 +29,7 @@ class FleetSettings(Section):
     """Port of the server."""
     token_file: str = "fleet_token"
     """File with the token, relative to FLEET.toml. It is made if it does not exist."""
-    pages: Annotated[dict[str, str], AfterValidator(_pages), Field(default_factory=dict)]
+    pages: Annotated[dict[str, str], AfterValidator(_pages)] = Field(default_factory=dict)
     """Address of the status page of a site, by name. Default: `web.url` of the site, or its page of the history."""
     hidden: tuple[str, ...] = ()
     """Names of sites that are not shown, such as dismantled ones."""

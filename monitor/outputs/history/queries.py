@@ -1,9 +1,10 @@
 """Questions to the history, each answered through an index."""
 
 import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, literal, select, true
 from sqlalchemy.exc import SQLAlchemyError
@@ -14,6 +15,7 @@ from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.sites import find_site
 
+T = TypeVar("T")
 Every = Literal["window", "day"]
 _NO_WRITING = "readonly database", "unable to open"  # messages of SQLite without write permission
 _FINE_DAYS = 14  # a longer trend is given by day
@@ -156,14 +158,14 @@ class Reader:
     def windows(self, span: Span, most: int = 1000) -> list[WindowRow]:
         """Return the last windows of a span, in the order of time."""
         found = windows_query(self._site, span).limit(most)
-        return [WindowRow(**row._mapping) for row in reversed(self._rows(found))]
+        return _made(WindowRow, self._rows(found))[::-1]
 
     def days(self, span: Span) -> list[DayRow]:
         """Return all windows of a span by the day."""
         table, (first, last) = schema.window_days, span.days
         own = select(*_columns(table)).where(table.c.site == self._site)
         found = own.where(table.c.day.between(first, last)).order_by(table.c.day)
-        return [DayRow(**row._mapping) for row in self._rows(found)]
+        return _made(DayRow, self._rows(found))
 
     def modes(self) -> list[int]:
         """Return the identities of all modes ever tracked."""
@@ -178,15 +180,15 @@ class Reader:
     def trend(self, mode: int, span: Span, every: Every | None = None) -> list[TrendPoint]:
         """Return a mode over a span of time; per day over more than two weeks by default."""
         if (every or span.every) == "day":
-            return [TrendPoint(**row._mapping) for row in self._rows(daily_trend_query(self._site, mode, span))]
-        return [TrendPoint(**row._mapping) for row in self._rows(trend_query(self._site, mode, span))]
+            return _made(TrendPoint, self._rows(daily_trend_query(self._site, mode, span)))
+        return _made(TrendPoint, self._rows(trend_query(self._site, mode, span)))
 
     def trends(self, span: Span) -> dict[int, list[TrendPoint]]:
         """Return all modes over a span of time, as `trend` does each; those that it does not show are empty."""
         query = daily_trend_query if span.every == "day" else trend_query
         found: dict[int, list[TrendPoint]] = {mode: [] for mode in self.modes()}
-        for row in self._rows(query(self._site, None, span)):
-            found.setdefault(row.mode, []).append(TrendPoint(**row._mapping))
+        for point in _made(TrendPoint, self._rows(query(self._site, None, span))):
+            found.setdefault(point.mode, []).append(point)
         return found
 
     def alarms(self, span: Span) -> list[AlarmRow]:
@@ -195,13 +197,11 @@ class Reader:
         open_still = table.c.cleared.is_(None) | (table.c.cleared >= span.start)
         own = select(*_columns(table)).where(table.c.site == self._site)
         found = own.where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
-        return [AlarmRow(**row._mapping) for row in self._rows(found)]
+        return _made(AlarmRow, self._rows(found))
 
     def events(self, span: Span, most: int = 1000, topic: str | None = None) -> list[EventRow]:
         """Return the last events of a span, or of one kind, in the order of time."""
-        return [
-            EventRow(**row._mapping) for row in reversed(self._rows(events_query(self._site, span, topic).limit(most)))
-        ]
+        return _made(EventRow, self._rows(events_query(self._site, span, topic).limit(most)))[::-1]
 
     def alarm_changes(self, span: Span, most: int) -> list[EventRow]:
         """Return the last reported changes of the alarm in a span as events, in the order of time."""
@@ -244,6 +244,12 @@ class Reader:
                 return list(connection.execute(query))
         except SQLAlchemyError as error:
             raise HistoryError(self.url, error_message(error, self._engine.url)) from error
+
+
+def _made(kind: Callable[..., T], rows: Sequence[Row[*tuple[Any, ...]]]) -> list[T]:
+    """Return an object for each row, whose columns are its fields."""
+    names = rows[0]._fields if rows else ()
+    return [kind(**dict(zip(names, row, strict=True))) for row in rows]
 
 
 def _columns(table: Table) -> list[Column[Any]]:

@@ -108,7 +108,9 @@ def _card(view: SiteView, levels: Sequence[float], pages: Mapping[str, str]) -> 
         "more_reasons": max(0, len(view.reasons) - _MAX_REASONS),
         "alarm": alarm.text if alarm and alarm.active else "",
         "last_alarm": f"{utc(alarm.raised)}: {alarm.text}" if alarm and not alarm.active else "",
-        "window": "no window yet" if view.window_age is None else f"last window {duration_text(view.window_age)} ago",
+        "window": f"last window {duration_text(view.window_age)} ago"
+        if view.window_age
+        else "no window since the start",
         "level": f"{levels[-1]:.2f}" if levels else "",
         "over": bool(levels) and levels[-1] > 1,
         "course": novelty_course(levels, _HEIGHT) if levels else "",
