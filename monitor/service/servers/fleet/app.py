@@ -39,8 +39,9 @@ class FleetSource:
 
     def content(self, rows: list[FleetRow], wanted: Wanted) -> str:
         """Return the changing part of the page."""
-        shown = [view.row.number for view in overview(rows, wanted).shown]
-        return sites_html(rows, wanted, self.reader.levels(shown), self.pages)
+        found = overview(rows, wanted)
+        levels = self.reader.levels([view.row.number for view in found.shown])
+        return sites_html(found, wanted, levels, self.pages)
 
     def site(self, row: FleetRow, span: str) -> str:
         """Return the page of a site."""

@@ -11,7 +11,7 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from monitor.outputs.history import FleetRow, Reader, Span
 from monitor.outputs.history.schema import DAY
 from monitor.outputs.history.summary import look
-from monitor.service.servers.fleet.overview import CONDITIONS, Overview, SiteView, Wanted, overview, view_of
+from monitor.service.servers.fleet.overview import CONDITIONS, Overview, SiteView, Wanted, view_of
 from monitor.service.servers.web.status_page import (
     alarm_content,
     event_content,
@@ -32,19 +32,16 @@ _MAX_REASONS, _MAX_EVENTS, _MAX_ALARMS = 3, 20, 10
 _HEIGHT = 40.0  # of a course on a card
 
 
-def sites_html(
-    rows: Sequence[FleetRow], wanted: Wanted, levels: Mapping[int, Sequence[float]], pages: Mapping[str, str]
-) -> str:
+def sites_html(found: Overview, wanted: Wanted, levels: Mapping[int, Sequence[float]], pages: Mapping[str, str]) -> str:
     """Return the part of the page that changes.
 
     Parameters
     ----------
-    rows : all sites
-    wanted : those to show
+    found : sites to show
+    wanted : what they were selected by
     levels : novelty over its limit of the last windows of a site, by its number
     pages : address of the status page of a site, by name
     """
-    found = overview(rows, wanted)
     return _ENVIRONMENT.get_template("sites.html").render(
         cards=[_card(view, levels.get(view.row.number, ()), pages) for view in found.shown],
         filters=_filters(found, wanted),
