@@ -34,6 +34,8 @@ def read_history(target: str, site: str, days: float | None) -> Found:
     """
     url, own = _place(target)
     with Reader(url, site or own) as reader:
+        if site and not reader.is_known:
+            raise ArgumentError("--site", f"expected a site of the database, found {site!r}")
         return look(reader, None if days is None else _last(days))
 
 

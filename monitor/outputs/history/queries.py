@@ -13,7 +13,7 @@ from monitor.outputs.history import schema
 from monitor.outputs.history.engines import error_message, reading_engines, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
-from monitor.outputs.history.sites import find_site
+from monitor.outputs.history.sites import NO_SITE, find_site
 
 T = TypeVar("T")
 Every = Literal["window", "day"]
@@ -144,6 +144,11 @@ class Reader:
     def __exit__(self, *_: object) -> None:
         """Let go of the database."""
         self._engine.dispose()
+
+    @property
+    def is_known(self) -> bool:
+        """True if the database has the site."""
+        return self._site != NO_SITE
 
     def span(self) -> Span | None:
         """Return the time span of the windows, including days of which only the figures are kept; None without any."""
