@@ -1,6 +1,7 @@
 """Questions to the history, each answered through an index."""
 
 import json
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -189,12 +190,12 @@ class Reader:
         return _made(TrendPoint, self._rows(trend_query(self._site, mode, span)))
 
     def trends(self, span: Span) -> dict[int, list[TrendPoint]]:
-        """Return all modes over a span of time, as `trend` does each; those that it does not show are empty."""
+        """Return all modes over a span of time, as `trend` does each; those without a point are left out."""
         query = daily_trend_query if span.every == "day" else trend_query
-        found: dict[int, list[TrendPoint]] = {mode: [] for mode in self.modes()}
+        found: dict[int, list[TrendPoint]] = defaultdict(list)
         for point in _made(TrendPoint, self._rows(query(self._site, None, span))):
-            found.setdefault(point.mode, []).append(point)
-        return found
+            found[point.mode].append(point)
+        return dict(sorted(found.items()))
 
     def alarms(self, span: Span) -> list[AlarmRow]:
         """Return the alarms that were active at any time of a span."""
