@@ -36,6 +36,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "prove": ("Site", "site.prove"),
     "health": ("Operation", "operation.health"),
     "history": ("Operation", "operation.history"),
+    "fleet": ("Operation", "operation.fleet"),
     "acknowledge": ("Operation", "operation.acknowledge"),
     "accept": ("Operation", "operation.accept"),
     "install-service": ("Operation", "operation.install_service"),

@@ -9,13 +9,14 @@ from daq import Item
 from daq.events import EventPayload
 from daq.supervision import FAILURES, error_text
 from monitor.errors import StartError
-from monitor.outputs.history import HistoryRecorder
+from monitor.outputs.history import HistoryRecorder, SiteState
 from monitor.outputs.home_assistant import HomeAssistant
 from monitor.outputs.notices import NoticeSender
 from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
 from monitor.results.site_status import SiteStatus
 from monitor.service.servers.live_view import LiveView
 from monitor.service.servers.web import WebServer, web_process
+from monitor.service.servers.web.source import problems
 from monitor.service.site import Site
 
 _AGAIN_SECONDS = 60.0  # interval until a failed server is restarted
@@ -66,10 +67,21 @@ class Outputs:
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 
-    def show_status(self, status: SiteStatus) -> None:
-        """Pass on the status of the monitor; never blocks."""
+    def put_status(self, status: SiteStatus) -> None:
+        """Pass on the state of the run, for Home Assistant and for pages of many sites; never blocks."""
         for home in self._home:
             home.show(status)
+        web, window = self._site.settings.web, status.window
+        self._history.put_state(
+            SiteState(
+                state=status.state,
+                window=window.end if window else None,
+                window_age=status.window_age if window else None,
+                overdue=status.window_overdue,
+                problems=tuple(problems(status)),
+                url=(web.url if web else None) or "",
+            )
+        )
 
     def events(self) -> Iterator[EventPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""
@@ -204,8 +216,14 @@ def _stop(parts: Sequence[Part]) -> None:
 
 
 def _history(site: Site) -> HistoryRecorder:
-    spool, keep = site.state / "history_spool.jsonl", site.settings.history.keep_events
-    return HistoryRecorder(site.source.url, spool, keep_events=keep)
+    spool, settings = site.state / "history_spool.jsonl", site.settings.history
+    return HistoryRecorder(
+        site.source.url,
+        spool,
+        keep_events=settings.keep_events,
+        keep_days=settings.keep_days,
+        writer=site.writer,
+    )
 
 
 def _senders(site: Site) -> list[NoticeSender]:

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from socket import gethostname
 
 from daq import driver_names, make_driver
 from monitor.errors import SettingsError
-from monitor.outputs.history import database_url
+from monitor.outputs.history import Writer, database_url
 from monitor.service.servers.web import Source
 from monitor.settings import Settings, attachable, nearest, overrides, read_settings
+from monitor.settings.redaction import revealed
 from updater import load_structure
 from updater.structure import portable_text
 
@@ -35,7 +37,16 @@ class Site:
     @property
     def source(self) -> Source:
         """Path of its state for other programs."""
-        return Source(name=self.name, state=self.state, url=database_url(self.settings.history.url, self.state))
+        url = database_url(self.settings.history.url, self.state)
+        return Source(name=self.name, state=self.state, url=url, history_site=self.writer.site)
+
+    @property
+    def writer(self) -> Writer:
+        """Site of its rows in the history. A SQLite file has one, so that its structure file may be renamed."""
+        history = self.settings.history
+        if revealed(history.url).partition(":")[0] in ("", "sqlite"):
+            return Writer(site=history.site or "")
+        return Writer(site=history.site or self.name, place=f"{gethostname()}:{self.state.absolute()}")
 
     @property
     def state(self) -> Path:

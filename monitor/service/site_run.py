@@ -119,10 +119,10 @@ class SiteRun:
             self.logs.put(reading)
 
     def _write_status(self) -> None:
-        written = self.status.write(self._problems, self._counters)
-        self._second_over = written is not None
-        if written:
-            self._outputs.show_status(written)
+        status = self.status.write(self._problems, self._counters)
+        self._second_over = status is not None
+        if status:
+            self._outputs.put_status(status)
 
     def _sweep(self) -> None:
         """Free circular references: with few objects Python does that once in hours.

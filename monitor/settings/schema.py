@@ -147,8 +147,12 @@ class HistorySettings(Section):
 
     url: Annotated[SecretStr | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
     """`postgresql://USER@HOST/NAME`. Default: a SQLite file in the state folder."""
+    site: Annotated[str | None, Field(min_length=1, max_length=200, examples=["bridge 7"])] = None
+    """Name of the site in a database of many sites, unique there. Default: that of the structure file."""
+    keep_days: Annotated[float | None, Field(ge=15, le=1e5, examples=[30.0])] = None
+    """Days of which single windows and modes are kept [d]; daily figures and alarms are all kept. Default: all."""
     keep_events: Annotated[int, Field(ge=1)] = 100_000
-    """Number of events kept per kind, such as gaps; alarms, windows and modes are all kept."""
+    """Number of events kept per kind, such as gaps."""
 
     @field_validator("url")
     @classmethod
@@ -159,7 +163,14 @@ class HistorySettings(Section):
         return url
 
 
-def _address(host: str) -> str:
+def listening_address(host: str) -> str:
+    """Return an address that a server can be bound to.
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
     try:
         ip_address(host)
     except ValueError:
@@ -170,12 +181,21 @@ def _address(host: str) -> str:
 class WebSettings(Section):
     """Server of status page, health and metrics. Leave the section out for none."""
 
-    bind: Annotated[str, AfterValidator(_address)] = "127.0.0.1"
+    bind: Annotated[str, AfterValidator(listening_address)] = "127.0.0.1"
     """Address of the server (service.md). Without a `[web]` section there is no server."""
     port: Annotated[int, Field(ge=1, le=65535)] = 8765
     """Port of the server."""
     token_file: Annotated[str | None, Field(examples=["web_token"])] = None
     """File with the token, relative to SITE.toml. Default: `web_token` in the state folder."""
+    url: Annotated[str | None, Field(max_length=1000, examples=["https://bridge7.example.org"])] = None
+    """Address of the status page for other machines: the link of the site on the page of the fleet."""
+
+    @field_validator("url")
+    @classmethod
+    def _page(cls, url: str | None) -> str | None:
+        if url is not None and not has_place(url, ("http", "https")):
+            raise ValueError("expected http://HOST or https://HOST")
+        return url
 
 
 class ViewerSettings(Section):

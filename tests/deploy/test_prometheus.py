@@ -12,7 +12,7 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.support.monitor.served import served_run
+from tests.support.monitor.status import served_run
 from tests.support.processes import free_port, server_process
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

@@ -4,8 +4,9 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 
 _PLACES = ("/usr/lib/postgresql", "/usr/local/lib/postgresql")
@@ -20,7 +21,32 @@ def postgres_programs() -> Path | None:
 
 
 @contextmanager
-def postgres_url() -> Iterator[str]:
+def postgres_url(settings: Sequence[str] = ("fsync=off",)) -> Iterator[str]:
+    """Run a server for as long as the context lasts; it takes no TCP port."""
+    with postgres_server(settings) as server:
+        yield server.url
+
+
+@dataclass(frozen=True, kw_only=True)
+class Server:
+    """A server that can be stopped and started again."""
+
+    url: str
+    data: Path  #: folder of the database
+    control: Callable[[list[str]], None]  #: runs pg_ctl
+    start_arguments: list[str]
+
+    def stop(self) -> None:
+        """End it and all connections at once."""
+        self.control(["-m", "fast", "stop"])
+
+    def start(self) -> None:
+        """Start it again."""
+        self.control(self.start_arguments)
+
+
+@contextmanager
+def postgres_server(settings: Sequence[str] = ("fsync=off",)) -> Iterator[Server]:
     """Run a server for as long as the context lasts; it takes no TCP port."""
     programs = postgres_programs()
     assert programs is not None
@@ -29,7 +55,9 @@ def postgres_url() -> Iterator[str]:
         folder, data = Path(name), Path(name) / "data"
         if user:
             shutil.chown(folder, user)
-        socket = f"-c listen_addresses= -c unix_socket_directories={folder} -c fsync=off"
+        socket = f"-c listen_addresses= -c unix_socket_directories={folder} " + "".join(
+            f" -c {setting}" for setting in settings
+        )
         start = ["start", "-w", "-l", str(folder / "server.log"), "-o", socket]
         made: list[Path | str] = [
             programs / "initdb",
@@ -43,11 +71,16 @@ def postgres_url() -> Iterator[str]:
             "UTF8",
         ]
         _run(made, user)
-        _run([programs / "pg_ctl", "-D", data, *start], user)
+
+        def control(arguments: list[str]) -> None:
+            _run([programs / "pg_ctl", "-D", data, *arguments], user)
+
+        control(start)
         try:
-            yield f"postgresql://tester@/postgres?host={folder}"
+            url = f"postgresql://tester@/postgres?host={folder}"
+            yield Server(url=url, data=data, control=control, start_arguments=start)
         finally:
-            _run([programs / "pg_ctl", "-D", data, "-m", "immediate", "stop"], user)
+            control(["-m", "immediate", "stop"])
 
 
 def _run(command: list[Path | str], user: str | None) -> None:

@@ -11,6 +11,7 @@ from monitor.cli.options import Json
 
 def history(
     target: Annotated[str, Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
+    site: Annotated[str, Option(metavar="NAME", help="Site in a database of many. Default: that of SITE.toml.")] = "",
     days: Annotated[float | None, Option(help="Number of days, counted back from now. Default: all.", min=0.0)] = None,
     csv: Annotated[Path | None, Option(metavar="FILE", help="CSV file to write: modes over time.")] = None,
     plot: Annotated[
@@ -26,7 +27,7 @@ def history(
     from monitor.cli.operation.history_output import as_json, print_history, read_history, write_csv
     from monitor.cli.output import write_json
 
-    found = read_history(target, days)
+    found = read_history(target, site, days)
     print_history(found)
     if csv:
         write_csv(csv, found)

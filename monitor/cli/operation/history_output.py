@@ -12,7 +12,7 @@ from rich.table import Table
 
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
-from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint, database_url
+from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
 from monitor.outputs.history.summary import Found, look
 from monitor.service.site import load_site
 from monitor.text.events import event_name, event_text
@@ -23,22 +23,33 @@ _MAX = 20  # lines of a table
 _EONS = 1e5  # days: more than any site has, of which ns fit into 64 bits
 
 
-def read_history(target: str, days: float | None) -> Found:
-    """Return the history of the last days, or of all time, of SITE.toml, a SQLite file or an address."""
-    with Reader(_url(target)) as reader:
+def read_history(target: str, site: str, days: float | None) -> Found:
+    """Return the history of the last days, or of all time, of SITE.toml, a SQLite file or an address.
+
+    Parameters
+    ----------
+    target : the site, file or address
+    site : name of the site in a database of many; empty for that of SITE.toml, or the only one
+    days : counted back from now; None for all
+    """
+    url, own = _place(target)
+    with Reader(url, site or own) as reader:
+        if site and not reader.is_known:
+            raise ArgumentError("--site", f"expected a site of the database, found {site!r}")
         return look(reader, None if days is None else _last(days))
 
 
-def _url(target: str) -> str:
+def _place(target: str) -> tuple[str, str]:
+    """Return the address of a history, and the name of the site in it if that is known."""
     if "://" in target:
-        return target
+        return target, ""
     path = Path(target)
     if path.suffix == ".toml":
-        site = load_site(path)
-        return database_url(site.settings.history.url, site.state)
+        source = load_site(path).source
+        return source.url, source.history_site
     if not path.is_file():
         raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}")
-    return f"sqlite:///{path}"
+    return f"sqlite:///{path}", ""
 
 
 def _last(days: float) -> Span:

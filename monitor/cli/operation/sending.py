@@ -74,6 +74,6 @@ def active_alarm_if_known(site: Site) -> AlarmRow | None:
 
 
 def _active_alarm(site: Site) -> AlarmRow | None:
-    with Reader(site.source.url) as reader:
+    with Reader(site.source.url, site.source.history_site) as reader:
         found = [row for row in reader.alarms(_EVER) if row.cleared is None]
     return found[-1] if found else None

@@ -5,20 +5,27 @@ The logs are the complete record; the database answers queries over long times, 
 
 from monitor.outputs.history.engines import database_url
 from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.fleet import FleetReader, FleetRow
 from monitor.outputs.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
 from monitor.outputs.history.recorder import HistoryRecorder
+from monitor.outputs.history.sites import STATE_SECONDS, SiteState, Writer
 from monitor.outputs.history.store import HistoryStore
 
 __all__ = [
+    "STATE_SECONDS",
     "AlarmRow",
     "DayRow",
     "EventRow",
+    "FleetReader",
+    "FleetRow",
     "HistoryError",
     "HistoryRecorder",
     "HistoryStore",
     "Reader",
+    "SiteState",
     "Span",
     "TrendPoint",
     "WindowRow",
+    "Writer",
     "database_url",
 ]

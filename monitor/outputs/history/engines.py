@@ -10,6 +10,7 @@ from pydantic import SecretStr
 from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError
+from sqlalchemy.pool import NullPool
 
 from monitor.outputs.history.errors import HistoryError
 from monitor.settings.redaction import masked, revealed
@@ -32,8 +33,14 @@ def database_url(url: SecretStr | None, state: Path) -> str:
     return revealed(url) or f"sqlite:///{state / 'history.sqlite'}"
 
 
-def open_engine(url: str) -> Engine:
+def open_engine(url: str, *, keep_connections: bool = True) -> Engine:
     """Return an engine without a connection.
+
+    Parameters
+    ----------
+    url : of the database
+    keep_connections : False to close a connection to a server after each use: a thousand monitors that write some
+        times a minute need a handful of the server's connections instead of a thousand
 
     Raises
     ------
@@ -44,7 +51,8 @@ def open_engine(url: str) -> Engine:
         parsed = make_url(url)
         parsed = parsed.set(drivername=_DRIVERS.get(parsed.drivername, parsed.drivername))
         options = {"timeout": _BUSY_SECONDS} if parsed.get_backend_name() == "sqlite" else _PATIENCE
-        engine = create_engine(parsed, connect_args=options, pool_pre_ping=True)
+        pool = {} if keep_connections or parsed.get_backend_name() == "sqlite" else {"poolclass": NullPool}
+        engine = create_engine(parsed, connect_args=options, pool_pre_ping=True, **pool)
     except (ArgumentError, NoSuchModuleError) as error:
         raise HistoryError(shown_url(url), "expected sqlite:///FILE or postgresql://USER@HOST/NAME") from error
     except ModuleNotFoundError as error:

@@ -1,18 +1,22 @@
 """Questions to the history, each answered through an index."""
 
 import json
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
-from sqlalchemy import BigInteger, Row, Select, cast, func, literal, select
+from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, literal, select, true
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
 from monitor.outputs.history.engines import error_message, reading_engines, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
+from monitor.outputs.history.sites import NO_SITE, find_site
 
+T = TypeVar("T")
 Every = Literal["window", "day"]
 _NO_WRITING = "readonly database", "unable to open"  # messages of SQLite without write permission
 _FINE_DAYS = 14  # a longer trend is given by day
@@ -98,15 +102,20 @@ class EventRow:
 
 
 class Reader:
-    """The history, opened for questions.
+    """The history of one site, opened for questions.
+
+    Parameters
+    ----------
+    url : of the database
+    site : name; empty for the only one
 
     Raises
     ------
     HistoryError
-        If there is none, or it cannot be read; so do all its methods.
+        If there is none, it cannot be read, or it has several sites and none is named; so do all its methods.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, site: str = "") -> None:
         self.url = shown_url(url)
         refused: SQLAlchemyError | None = None
         for engine in reading_engines(url):
@@ -116,6 +125,10 @@ class Reader:
             try:
                 with engine.begin() as connection:
                     migrate(connection, self.url)
+                    self._site = find_site(connection, site, self.url)
+            except HistoryError:
+                engine.dispose()
+                raise
             except SQLAlchemyError as error:
                 engine.dispose()
                 refused = refused or error
@@ -133,50 +146,75 @@ class Reader:
         """Let go of the database."""
         self._engine.dispose()
 
+    @property
+    def is_known(self) -> bool:
+        """True if the database has the site."""
+        return self._site != NO_SITE
+
     def span(self) -> Span | None:
-        """Return the time span of the windows; None if there are none."""
-        [(start, end)] = self._rows(select(func.min(schema.windows.c.end), func.max(schema.windows.c.end)))
-        return None if start is None else Span(start=start, end=end)
+        """Return the time span of the windows, including days of which only the figures are kept; None without any."""
+        windows, days = schema.windows.c, schema.window_days.c
+        ends = select(func.min(windows.end), func.max(windows.end)).where(windows.site == self._site)
+        [(start, end)] = self._rows(ends)
+        [(first_day,)] = self._rows(select(func.min(days.day)).where(days.site == self._site))
+        if start is None:
+            return None
+        return Span(start=start if first_day is None else min(start, (first_day + 1) * schema.DAY - 1), end=end)
 
     def windows(self, span: Span, most: int = 1000) -> list[WindowRow]:
         """Return the last windows of a span, in the order of time."""
-        found = windows_query(span).limit(most)
-        return [WindowRow(**row._mapping) for row in reversed(self._rows(found))]
+        found = windows_query(self._site, span).limit(most)
+        return _made(WindowRow, self._rows(found))[::-1]
 
     def days(self, span: Span) -> list[DayRow]:
         """Return all windows of a span by the day."""
         table, (first, last) = schema.window_days, span.days
-        found = select(table).where(table.c.day.between(first, last)).order_by(table.c.day)
-        return [DayRow(**row._mapping) for row in self._rows(found)]
+        own = select(*_columns(table)).where(table.c.site == self._site)
+        found = own.where(table.c.day.between(first, last)).order_by(table.c.day)
+        return _made(DayRow, self._rows(found))
 
     def modes(self) -> list[int]:
         """Return the identities of all modes ever tracked."""
         table = schema.mode_days
-        return [row[0] for row in self._rows(select(table.c.mode).distinct().order_by(table.c.mode))]
+        return [
+            row[0]
+            for row in self._rows(
+                select(table.c.mode).where(table.c.site == self._site).distinct().order_by(table.c.mode)
+            )
+        ]
 
     def trend(self, mode: int, span: Span, every: Every | None = None) -> list[TrendPoint]:
         """Return a mode over a span of time; per day over more than two weeks by default."""
         if (every or span.every) == "day":
-            return [TrendPoint(**row._mapping) for row in self._rows(daily_trend_query(mode, span))]
-        return [TrendPoint(**row._mapping) for row in self._rows(trend_query(mode, span))]
+            return _made(TrendPoint, self._rows(daily_trend_query(self._site, mode, span)))
+        return _made(TrendPoint, self._rows(trend_query(self._site, mode, span)))
+
+    def trends(self, span: Span) -> dict[int, list[TrendPoint]]:
+        """Return all modes over a span of time, as `trend` does each; those without a point are left out."""
+        query = daily_trend_query if span.every == "day" else trend_query
+        found: dict[int, list[TrendPoint]] = defaultdict(list)
+        for point in _made(TrendPoint, self._rows(query(self._site, None, span))):
+            found[point.mode].append(point)
+        return dict(sorted(found.items()))
 
     def alarms(self, span: Span) -> list[AlarmRow]:
         """Return the alarms that were active at any time of a span."""
         table = schema.alarms
         open_still = table.c.cleared.is_(None) | (table.c.cleared >= span.start)
-        found = select(table).where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
-        return [AlarmRow(**row._mapping) for row in self._rows(found)]
+        own = select(*_columns(table)).where(table.c.site == self._site)
+        found = own.where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
+        return _made(AlarmRow, self._rows(found))
 
     def events(self, span: Span, most: int = 1000, topic: str | None = None) -> list[EventRow]:
         """Return the last events of a span, or of one kind, in the order of time."""
-        return [EventRow(**row._mapping) for row in reversed(self._rows(events_query(span, topic).limit(most)))]
+        return _made(EventRow, self._rows(events_query(self._site, span, topic).limit(most)))[::-1]
 
     def alarm_changes(self, span: Span, most: int) -> list[EventRow]:
         """Return the last reported changes of the alarm in a span as events, in the order of time."""
         table = schema.changes
         query = (
             select(table.c.time, table.c.state, table.c.text)
-            .where(table.c.time.between(span.start, span.end), table.c.quiet.is_(False))
+            .where(table.c.site == self._site, table.c.time.between(span.start, span.end), table.c.quiet.is_(False))
             .order_by(table.c.time.desc())
             .limit(most)
         )
@@ -188,20 +226,22 @@ class Reader:
     def state(self) -> str:
         """Return the state of the alarm: learning, normal, watch or alarm."""
         table = schema.changes
-        last = self._rows(select(table.c.state).order_by(table.c.time.desc()).limit(1))
+        states = select(table.c.state).where(table.c.site == self._site)
+        last = self._rows(states.order_by(table.c.time.desc()).limit(1))
         return str(last[0][0]) if last else "learning"
 
     def diagnosis(self, since: int) -> str | None:
         """Return the newest diagnosis since a time [ns UTC] as JSON."""
         table = schema.diagnoses
-        query = select(table.c.json).where(table.c.end >= since).order_by(table.c.end.desc()).limit(1)
-        last = self._rows(query)
+        found = select(table.c.json).where(table.c.site == self._site, table.c.end >= since)
+        last = self._rows(found.order_by(table.c.end.desc()).limit(1))
         return str(last[0][0]) if last else None
 
     def reference(self) -> str | None:
         """Return the newest baseline as the JSON of a `ReferenceResult`."""
         table = schema.references
-        last = self._rows(select(table.c.json).order_by(table.c.time.desc()).limit(1))
+        found = select(table.c.json).where(table.c.site == self._site)
+        last = self._rows(found.order_by(table.c.time.desc()).limit(1))
         return str(last[0][0]) if last else None
 
     def _rows(self, query: Select[*tuple[Any, ...]]) -> list[Row[*tuple[Any, ...]]]:
@@ -212,31 +252,44 @@ class Reader:
             raise HistoryError(self.url, error_message(error, self._engine.url)) from error
 
 
-def windows_query(span: Span) -> Select[*tuple[Any, ...]]:
+def _made(kind: Callable[..., T], rows: Sequence[Row[*tuple[Any, ...]]]) -> list[T]:
+    """Return an object for each row, whose columns are its fields."""
+    names = rows[0]._fields if rows else ()
+    return [kind(**dict(zip(names, row, strict=True))) for row in rows]
+
+
+def _columns(table: Table) -> list[Column[Any]]:
+    return [column for column in table.columns if column.name != "site"]
+
+
+def windows_query(site: int, span: Span) -> Select[*tuple[Any, ...]]:
     """Return the query for windows, the newest first."""
     table = schema.windows
-    return select(table).where(table.c.end.between(span.start, span.end)).order_by(table.c.end.desc())
+    found = select(*_columns(table)).where(table.c.site == site, table.c.end.between(span.start, span.end))
+    return found.order_by(table.c.end.desc())
 
 
-def trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return the query for a mode over time, per window."""
+def trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return the query for a mode, or all of them, over time, per window."""
     table = schema.modes
     frequency = table.c.frequency
     columns = (frequency.label("lowest"), frequency.label("highest"), table.c.damping, table.c.shift_percent)
     found = select(table.c.mode, table.c.end.label("time"), literal(1).label("n"), frequency, *columns)
-    return found.where(table.c.mode == mode, table.c.end.between(span.start, span.end)).order_by(table.c.end)
+    own = found.where(table.c.site == site, true() if mode is None else table.c.mode == mode)
+    return own.where(table.c.end.between(span.start, span.end)).order_by(table.c.end)
 
 
-def daily_trend_query(mode: int, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return the query for a mode over time, per day."""
+def daily_trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return the query for a mode, or all of them, over time, per day."""
     table, (first, last) = schema.mode_days, span.days
     noon = (cast(table.c.day, BigInteger) * schema.DAY + schema.DAY // 2).label("time")
-    columns = (c for c in table.columns if c.name != "day")
-    return select(noon, *columns).where(table.c.mode == mode, table.c.day.between(first, last)).order_by(table.c.day)
+    columns = (c for c in _columns(table) if c.name != "day")
+    own = select(noon, *columns).where(table.c.site == site, true() if mode is None else table.c.mode == mode)
+    return own.where(table.c.day.between(first, last)).order_by(table.c.day)
 
 
-def events_query(span: Span, topic: str | None = None) -> Select[*tuple[Any, ...]]:
+def events_query(site: int, span: Span, topic: str | None = None) -> Select[*tuple[Any, ...]]:
     """Return the query for events, or those of one kind, the newest first."""
     table = schema.events
-    found = select(table).where(table.c.time.between(span.start, span.end)).order_by(table.c.time.desc())
-    return found if topic is None else found.where(table.c.topic == topic)
+    found = select(*_columns(table)).where(table.c.site == site, table.c.time.between(span.start, span.end))
+    return (found if topic is None else found.where(table.c.topic == topic)).order_by(table.c.time.desc())

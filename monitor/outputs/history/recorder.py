@@ -14,6 +14,7 @@ from daq.supervision import SupervisedThread
 from monitor.outputs.history.engines import file_of, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.renewal import Takeover, renew_file
+from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer
 from monitor.outputs.history.store import HistoryStore
 from monitor.outputs.spool import Spool
 from monitor.results.service_events import HistoryFailed, HistoryRecovered
@@ -25,6 +26,7 @@ _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
 _MUTE = 15.0  # s that a database may take over a batch: longer than it may be locked, or gone
 _FORGET = 3600.0  # s between looks at whether there are too many events or diagnoses
+_STATE = 45.0  # s between two writings of a state that has not changed
 _LAST = 5.0  # s that an end waits for it
 
 
@@ -36,12 +38,27 @@ class HistoryRecorder:
     url : of the database
     spool : file for items that the database cannot store; items of an earlier run go in first
     keep_events : newest events of each kind that stay
+    keep_days : newest days whose windows stay one by one; None for all
+    writer : site that the rows belong to
     retry_seconds : between looks at a database in trouble
     """
 
-    def __init__(self, url: str, spool: Path, *, keep_events: int, retry_seconds: float = 10.0) -> None:
+    def __init__(
+        self,
+        url: str,
+        spool: Path,
+        *,
+        keep_events: int,
+        keep_days: float | None = None,
+        writer: Writer = ONLY_SITE,
+        retry_seconds: float = 10.0,
+    ) -> None:
         self._url, self._spool, self._retry_seconds = url, Spool(spool), retry_seconds
-        self._keep_events, self._forget_due = keep_events, 0.0
+        self._keep_events, self._keep_days, self._forget_due = keep_events, keep_days, 0.0
+        self._writer = writer
+        self._state: SiteState | None = None  # the newest
+        self._written_state: SiteState | None = None
+        self._state_due = 0.0  # monotonic time at which an unchanged one is written again [s]
         self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
         self._events: queue.SimpleQueue[EventPayload] = queue.SimpleQueue()
         self._thread = SupervisedThread("history", self._run)
@@ -64,6 +81,10 @@ class HistoryRecorder:
                 self._queue.put(item)
             else:
                 self.dropped += 1
+
+    def put_state(self, state: SiteState) -> None:
+        """Replace the present state of the site, from any thread; only the newest one is written, none is spooled."""
+        self._state = state
 
     @property
     def problem(self) -> str | None:
@@ -111,6 +132,7 @@ class HistoryRecorder:
                 self._take_over()
             else:
                 self._bring(self._at_hand)
+                self._write_state()
             self._at_hand = []
         if self._store:
             self._store.__exit__()
@@ -193,17 +215,35 @@ class HistoryRecorder:
     def _write(self, items: list[Event]) -> None:
         self._asked = time.monotonic()
         try:
-            store = self._store = self._store or HistoryStore(self._url)
+            store = self._store = self._store or HistoryStore(self._url, self._writer)
             self.dropped += store.write(items)
             if file_of(self._url):  # no server's database is checked as a file: nothing would end its list
                 self._unproven.extend(items)
             if time.monotonic() >= self._forget_due:
-                store.forget(self._keep_events)
+                store.forget(self._keep_events, self._keep_days)
                 self._forget_due = time.monotonic() + _FORGET
         finally:
             self._asked = None
         if self._given_up:
             raise HistoryError(shown_url(self._url), "it arrived too late")  # so that the spool stays as it is
+
+    def _write_state(self) -> None:
+        """Write the state if it has changed, or after a while; not while the database is in trouble."""
+        state, before = self._state, self._written_state
+        if state is None or self._given_up or (self._failed and time.monotonic() < self._due):
+            return
+        if before and _content(before) == _content(state) and time.monotonic() < self._state_due:
+            return
+        self._asked = time.monotonic()
+        try:
+            self._store = self._store or HistoryStore(self._url, self._writer)
+            self._store.write_state(state)
+        except HistoryError as error:
+            self._fail(error)
+        else:
+            self._written_state, self._state_due = state, time.monotonic() + _STATE
+        finally:
+            self._asked = None
 
     def _opened(self) -> bool:
         """Open a database that must first copy rows of another one; return whether it must.
@@ -214,7 +254,7 @@ class HistoryRecorder:
             If it cannot be opened.
         """
         if self._takeover.pending:
-            self._store = self._store or HistoryStore(self._url)
+            self._store = self._store or HistoryStore(self._url, self._writer)
         return self._takeover.pending
 
     def _say_down(self, why: str) -> None:
@@ -234,6 +274,11 @@ class HistoryRecorder:
 
     def _keep(self, batch: list[Event]) -> None:
         self.dropped += self._spool.append(_to_line(item) for item in batch)
+
+
+def _content(state: SiteState) -> tuple[object, ...]:
+    """Return what is written at once if it changes; texts of problems may contain ages."""
+    return state.state, state.window, state.overdue, len(state.problems), state.url
 
 
 def _to_line(item: Event) -> str:

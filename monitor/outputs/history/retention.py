@@ -1,11 +1,11 @@
-"""Choice of diagnoses that are kept: an alarm that lasts for years is diagnosed with every window, mostly alike."""
+"""Deletion of old events and windows, and of repeated diagnoses: an alarm of years has one with every window."""
 
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, bindparam, delete, select
+from sqlalchemy import Connection, bindparam, delete, func, select
 
 from monitor.outputs.history import schema
 from monitor.results.comparison import DiagnosisAnswer
@@ -15,18 +15,49 @@ _BEYOND = 2.0  # standard deviations: a smaller difference is the same answer
 # largest number of changed answers per day: one that alternates between two verdicts changes with every window
 _MAX = 8
 _AT_ONCE = 500  # rows in memory
+_DAYS_AT_ONCE = 31  # days of windows that are deleted in one transaction
 
 
-def thin_diagnoses(connection: Connection) -> None:
-    """Delete the diagnoses found by `told_before`."""
+def forget_events(connection: Connection, site: int, keep: int) -> None:
+    """Delete the oldest events of a site, of kinds with more than `keep` entries."""
+    table = schema.events
+    own, topic, time = table.c.site == site, table.c.topic, table.c.time
+    many = select(topic).where(own).group_by(topic).having(func.count() > keep)
+    for kind in list(connection.scalars(many)):
+        newest = select(time).where(own, topic == kind).order_by(time.desc())
+        first = newest.limit(1).offset(keep - 1).scalar_subquery()
+        connection.execute(delete(table).where(own, topic == kind, time < first))
+
+
+def forget_windows(connection: Connection, site: int, keep_days: int) -> None:
+    """Delete the windows of a site, and their modes, before its newest days with windows; a month of them at a time.
+
+    Days are counted, not time: a clock that is set ahead by years costs one day.
+    """
+    days, ends = schema.window_days, schema.windows.c.end
+    last_day = select(days.c.day).where(days.c.site == site).order_by(days.c.day.desc()).limit(1).offset(keep_days - 1)
+    first_kept = connection.scalar(last_day)
+    oldest = connection.scalar(select(func.min(ends)).where(schema.windows.c.site == site))
+    if first_kept is None or oldest is None:
+        return
+    until = min(first_kept * schema.DAY, oldest + _DAYS_AT_ONCE * schema.DAY)
+    for table in (schema.windows, schema.modes):
+        connection.execute(delete(table).where(table.c.site == site, table.c.end < until))
+
+
+def thin_diagnoses(connection: Connection, site: int) -> None:
+    """Delete the diagnoses of a site found by `told_before`."""
     table, alarms = schema.diagnoses, schema.alarms.c
-    raised = sorted(connection.scalars(select(alarms.raised)))
-    cleared = sorted(connection.scalars(select(alarms.cleared).where(alarms.cleared.is_not(None))))
+    raised = sorted(connection.scalars(select(alarms.raised).where(alarms.site == site)))
+    cleared = sorted(connection.scalars(select(alarms.cleared).where(alarms.site == site, alarms.cleared.is_not(None))))
     rows = connection.execute(
-        select(table.c.end, table.c.json).order_by(table.c.end).execution_options(yield_per=_AT_ONCE)
+        select(table.c.end, table.c.json)
+        .where(table.c.site == site)
+        .order_by(table.c.end)
+        .execution_options(yield_per=_AT_ONCE)
     )
     if gone := told_before(((end, json) for end, json in rows), raised, cleared):
-        these = delete(table).where(table.c.end == bindparam("gone"))
+        these = delete(table).where(table.c.site == site, table.c.end == bindparam("gone"))
         connection.execute(these, [{"gone": end} for end in gone])
 
 

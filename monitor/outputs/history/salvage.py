@@ -17,15 +17,18 @@ _LAST_ROW = 2**62
 def salvage(source: Path, target: Path) -> Iterator[int]:
     """Take over rows that the target does not have; yield how many after each batch, so that others may work between.
 
-    A row that cannot be read, or makes no sense, is left out.
+    A row that cannot be read, or makes no sense, is left out. Rows of a site keep their site by its name; those of an
+    earlier version, without a site, belong to the first one of the target.
     """
     with _opened(source, "ro") as damaged, _opened(target, "rw") as whole:
         damaged.text_factory = lambda raw: raw.decode(errors="replace")
+        sites = _Sites(damaged, whole)
         for table in schema.metadata.sorted_tables:
-            if table is schema.versions:
+            if table in (schema.versions, schema.sites, schema.states):
                 continue
             names = [column.name for column in table.columns]
-            rows = (row for row in _readable(damaged, table.name, names) if _makes_sense(names, row))
+            found = _readable(damaged, table.name, names if sites.known else names[1:])
+            rows = (sites.moved(row) for row in found if _makes_sense(names[-len(row) :], row))
             marks, columns = ", ".join("?" * len(names)), ", ".join(f'"{name}"' for name in names)
             put = f'INSERT OR IGNORE INTO "{table.name}" ({columns}) VALUES ({marks})'
             while batch := list(islice(rows, _BATCH)):
@@ -33,6 +36,26 @@ def salvage(source: Path, target: Path) -> Iterator[int]:
                 with whole:
                     whole.executemany(put, batch)
                 yield whole.total_changes - before
+
+
+class _Sites:
+    """Numbers of the sites of a damaged file in the target."""
+
+    def __init__(self, damaged: sqlite3.Connection, whole: sqlite3.Connection) -> None:
+        columns = [row[1] for row in damaged.execute(f'PRAGMA table_info("{schema.windows.name}")')]
+        self.known = "site" in columns  #: whether the damaged file has sites
+        own = list(whole.execute("SELECT id, name FROM sites ORDER BY id"))
+        self._default, numbers = own[0][0], {name: number for number, name in own}
+        self._moved: dict[object, int] = {}
+        for number, name in _readable(damaged, "sites", ["id", "name"]) if self.known else ():
+            if name not in numbers and name and "" not in numbers:
+                with whole:
+                    numbers[name] = whole.execute("INSERT INTO sites (name) VALUES (?)", (name,)).lastrowid
+            self._moved[number] = numbers.get(name, self._default)
+
+    def moved(self, row: tuple[object, ...]) -> tuple[object, ...]:
+        """Return a row with the number of its site in the target."""
+        return (self._moved.get(row[0], self._default), *row[1:]) if self.known else (self._default, *row)
 
 
 class _opened:  # noqa: N801 - a context

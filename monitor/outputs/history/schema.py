@@ -1,15 +1,42 @@
-"""The tables; times are ns UTC, days are counted from 1970-01-01 UTC."""
+"""The tables; times are ns UTC, days are counted from 1970-01-01 UTC, every row belongs to a site."""
 
 from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text
+
+
+def _site() -> Column[int]:
+    return Column("site", Integer, primary_key=True, autoincrement=False)  # number in `sites`
+
 
 metadata = MetaData()
 DAY = 86_400 * 10**9  # ns
 
 versions = Table("schema_version", metadata, Column("version", Integer, primary_key=True, autoincrement=False))
 
+sites = Table(
+    "sites",
+    metadata,
+    Column("id", Integer, primary_key=True),
+    Column("name", String(200), nullable=False, unique=True),  # empty: the only site of a file
+)
+
+states = Table(
+    "site_states",  # the present state of each site, by its monitor
+    metadata,
+    _site(),
+    Column("time", BigInteger, nullable=False),  # of writing, by the clock of the database
+    Column("state", String(16), nullable=False),
+    Column("since", BigInteger, nullable=False),  # when it began, likewise
+    Column("window_age", Float),  # since the last window, at the time of writing [s]
+    Column("overdue", Boolean, nullable=False),  # whether a window is
+    Column("problems", Text, nullable=False),  # JSON: list of texts
+    Column("url", Text, nullable=False),  # address of its status page; empty if unknown
+    Column("place", Text, nullable=False),  # host and folder of its monitor
+)
+
 windows = Table(
     "windows",
     metadata,
+    _site(),
     Column("end", BigInteger, primary_key=True, autoincrement=False),
     Column("start", BigInteger, nullable=False),
     Column("number", Integer, nullable=False),  # counted from 0 since the monitor's start
@@ -23,6 +50,7 @@ windows = Table(
 modes = Table(
     "modes",
     metadata,
+    _site(),
     Column("mode", Integer, primary_key=True, autoincrement=False),
     Column("end", BigInteger, primary_key=True, autoincrement=False),  # of the window
     Column("frequency", Float, nullable=False),  # Hz
@@ -31,12 +59,13 @@ modes = Table(
     Column("damping_std", Float),
     Column("shift_percent", Float),
     Column("shift_std_percent", Float),
-    Index("modes_by_time", "end"),
+    Index("modes_by_time", "site", "end"),
 )
 
 diagnoses = Table(
     "diagnoses",
     metadata,
+    _site(),
     Column("end", BigInteger, primary_key=True, autoincrement=False),  # of the window
     Column("verdict", String(32), nullable=False),
     Column("text", Text, nullable=False),
@@ -46,6 +75,7 @@ diagnoses = Table(
 references = Table(
     "baselines",  # names reserved in SQL are avoided
     metadata,
+    _site(),
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("n_windows", Integer, nullable=False),
     Column("json", Text, nullable=False),
@@ -54,6 +84,7 @@ references = Table(
 alarms = Table(
     "alarms",
     metadata,
+    _site(),
     Column("raised", BigInteger, primary_key=True, autoincrement=False),
     Column("cleared", BigInteger),
     Column("lasted", Float),  # s
@@ -65,6 +96,7 @@ alarms = Table(
 changes = Table(
     "alarm_changes",
     metadata,
+    _site(),
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("kind", String(16), primary_key=True),
     Column("state", String(16), primary_key=True),
@@ -76,15 +108,18 @@ changes = Table(
 events = Table(
     "events",
     metadata,
+    _site(),
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("topic", String(64), primary_key=True),
     Column("device", String(64), primary_key=True),  # empty for events without a device
     Column("json", Text, nullable=False),
+    Index("events_by_topic", "site", "topic", "time"),
 )
 
 mode_days = Table(
     "mode_days",
     metadata,
+    _site(),
     Column("mode", Integer, primary_key=True, autoincrement=False),
     Column("day", Integer, primary_key=True, autoincrement=False),
     Column("n", Integer, nullable=False),  # windows that show the mode
@@ -98,6 +133,7 @@ mode_days = Table(
 window_days = Table(
     "window_days",
     metadata,
+    _site(),
     Column("day", Integer, primary_key=True, autoincrement=False),
     Column("n", Integer, nullable=False),  # windows
     Column("n_judged", Integer, nullable=False),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Self, cast
 
 from pydantic import ValidationError
-from sqlalchemy import Connection, ScalarSelect, Table, delete, func, select, update
+from sqlalchemy import Connection, ScalarSelect, Table, func, select, update
 from sqlalchemy.dialects.postgresql import insert as postgres_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
@@ -20,7 +20,8 @@ from monitor.outputs.history.daily import roll_up
 from monitor.outputs.history.engines import error_message, file_of, open_engine, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
-from monitor.outputs.history.retention import thin_diagnoses
+from monitor.outputs.history.retention import forget_events, forget_windows, thin_diagnoses
+from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer, check_single_writer, register_site, write_state
 from monitor.outputs.history.sqlite_file import SqliteFile, copy_open_file, is_damage
 from monitor.results.events import event_result
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
@@ -45,23 +46,29 @@ class HistoryStore:
     Parameters
     ----------
     url : of the database, as SQLAlchemy spells it
+    writer : site that the rows belong to
 
     Raises
     ------
     HistoryError
-        If it cannot be opened, or is of a later version.
+        If it cannot be opened, is of a later version, or another monitor writes the same site.
     """
 
-    def __init__(self, url: str) -> None:
-        self.url = shown_url(url)
-        self._engine = open_engine(url)
+    def __init__(self, url: str, writer: Writer = ONLY_SITE) -> None:
+        self.url, self._writer = shown_url(url), writer
+        self._engine = open_engine(url, keep_connections=False)
         try:
             if self._engine.url.database and self._engine.dialect.name == "sqlite":
                 Path(self._engine.url.database).parent.mkdir(parents=True, exist_ok=True)
             with self._engine.begin() as connection:
                 migrate(connection, self.url)
+                self._site = register_site(connection, writer.site)
+                check_single_writer(connection, self._site, writer, self.url)
             path = file_of(url)
             self._file = SqliteFile(path) if path else None
+        except HistoryError:
+            self._engine.dispose()
+            raise
         except (SQLAlchemyError, OSError) as error:
             self._engine.dispose()
             raise self._error(error) from error
@@ -126,20 +133,36 @@ class HistoryStore:
         """
         try:
             with self._engine.begin() as connection:
-                days = {_write(connection, item) for item in items}
+                days = {_write(connection, self._site, item) for item in items}
                 for day in sorted(day for day in days if day is not None):
-                    roll_up(connection, day)
+                    roll_up(connection, self._site, day)
         except _NEVER:  # one of them would keep out all that come after it, for good
             return 1 if len(items) == 1 else sum(self.write([item]) for item in items)
         except SQLAlchemyError as error:
             raise self._error(error) from error
         return 0
 
-    def forget(self, keep: int) -> None:
-        """Delete the oldest events of kinds with more than `keep` entries, and repeated diagnoses.
+    def write_state(self, state: SiteState) -> None:
+        """Replace the present state of the site.
+
+        Raises
+        ------
+        HistoryError
+            If the database is locked, damaged or gone, or another monitor writes the same site.
+        """
+        try:
+            with self._engine.begin() as connection:
+                check_single_writer(connection, self._site, self._writer, self.url)
+                write_state(connection, self._site, self._writer, state)
+        except SQLAlchemyError as error:
+            raise self._error(error) from error
+
+    def forget(self, keep: int, keep_days: float | None = None) -> None:
+        """Delete the oldest events of kinds with more than `keep` entries, repeated diagnoses, and old windows.
 
         Events by their number, not their age: a plug that is loose for a week fills no disk, and a clock that is set
-        ahead by years costs nothing.
+        ahead by years costs nothing. Windows and their modes stay for the newest `keep_days` days that have any; the
+        figures by the day stay for good.
 
         Raises
         ------
@@ -148,36 +171,28 @@ class HistoryStore:
         """
         try:
             with self._engine.begin() as connection:
-                _forget_events(connection, keep)
-                thin_diagnoses(connection)
+                forget_events(connection, self._site, keep)
+                thin_diagnoses(connection, self._site)
+                if keep_days is not None:
+                    forget_windows(connection, self._site, round(keep_days))
         except SQLAlchemyError as error:
             raise self._error(error) from error
 
 
-def _forget_events(connection: Connection, keep: int) -> None:
-    table = schema.events
-    topic, time = table.c.topic, table.c.time
-    many = select(topic).group_by(topic).having(func.count() > keep)
-    for kind in list(connection.scalars(many)):
-        newest = select(time).where(topic == kind).order_by(time.desc())
-        first = newest.limit(1).offset(keep - 1).scalar_subquery()
-        connection.execute(delete(table).where(topic == kind, time < first))
-
-
-def _write(connection: Connection, item: Event) -> int | None:
+def _write(connection: Connection, site: int, item: Event) -> int | None:
     """Add one item; return the day whose figures it changes."""
     result = _result(item)
     if result is None or isinstance(result, SelfTestResult):
         payload = item.payload if result is None else _test_row(result)
         row = {"time": item.time, "topic": item.topic[:64], "device": str(payload.get("device", ""))[:64]}
-        _put(connection, schema.events, [row | {"json": json.dumps(payload)}])
+        _put(connection, site, schema.events, [row | {"json": json.dumps(payload)}])
     elif isinstance(result, ReferenceResult):
         row = {"time": result.time, "n_windows": result.n_windows, "json": result.model_dump_json()}
-        _put(connection, schema.references, [row])
+        _put(connection, site, schema.references, [row])
     elif isinstance(result, AlarmResult):
-        _write_change(connection, result)
+        _write_change(connection, site, result)
     else:
-        return _write_window(connection, result)
+        return _write_window(connection, site, result)
     return None
 
 
@@ -188,7 +203,7 @@ def _result(item: Event) -> Result | None:
         return None  # left on disk by another version: kept as it is
 
 
-def _write_window(connection: Connection, window: WindowResult) -> int:
+def _write_window(connection: Connection, site: int, window: WindowResult) -> int:
     novelty = window.novelty
     row = {
         "end": window.end,
@@ -200,15 +215,15 @@ def _write_window(connection: Connection, window: WindowResult) -> int:
         "limit": _finite(novelty.limit) if novelty else None,
         "problem": window.problem,
     }
-    _put(connection, schema.windows, [row])
+    _put(connection, site, schema.windows, [row])
     if window.phase != "learning":  # before, modes are counted and have no identity
-        _put(connection, schema.modes, _mode_rows(window))
+        _put(connection, site, schema.modes, _mode_rows(window))
     if window.diagnosis:
         text = change_text(window.diagnosis)
         found = {"end": window.end, "verdict": window.diagnosis.verdict, "text": text}
-        _put(connection, schema.diagnoses, [found | {"json": window.diagnosis.model_dump_json()}])
+        _put(connection, site, schema.diagnoses, [found | {"json": window.diagnosis.model_dump_json()}])
         if window.phase == "alarm":
-            _update_standing(connection, window.end, text=text)
+            _update_standing(connection, site, window.end, text=text)
     return window.end // schema.DAY
 
 
@@ -225,44 +240,45 @@ def _test_row(test: SelfTestResult) -> dict[str, Any]:
     return {"passed": test.passed, "mass": round(test.mass, 4), "places": test.places, "detected": test.detected}
 
 
-def _write_change(connection: Connection, change: AlarmResult) -> None:
+def _write_change(connection: Connection, site: int, change: AlarmResult) -> None:
     row = {"time": change.time, "kind": change.kind, "state": change.state, "number": change.window}
-    _put(connection, schema.changes, [row | {"quiet": change.quiet, "text": change.text}])
+    _put(connection, site, schema.changes, [row | {"quiet": change.quiet, "text": change.text}])
     if change.raised:
-        _put(connection, schema.alarms, [{"raised": change.time, "text": change.text, "reopened": 0}])
+        _put(connection, site, schema.alarms, [{"raised": change.time, "text": change.text, "reopened": 0}])
     elif change.kind == "reopened":
-        _update_last(connection, change.time, cleared=None, lasted=None, reopened=_times_reopened())
+        _update_last(connection, site, change.time, cleared=None, lasted=None, reopened=_times_reopened(site))
     elif change.kind == "acknowledged":
-        _update_last(connection, change.time, acknowledged=change.time)
+        _update_last(connection, site, change.time, acknowledged=change.time)
     elif change.kind == "accepted":
-        _update_last(connection, change.time, cleared=change.time, lasted=change.lasted, text=change.text)
+        _update_last(connection, site, change.time, cleared=change.time, lasted=change.lasted, text=change.text)
     elif change.kind == "state" and change.lasted is not None:
-        _update_last(connection, change.time, cleared=change.time, lasted=change.lasted)
+        _update_last(connection, site, change.time, cleared=change.time, lasted=change.lasted)
 
 
-def _times_reopened() -> ScalarSelect[int]:
+def _times_reopened(site: int) -> ScalarSelect[int]:
     """Count the continuations of an alarm, from scratch each time: idempotent."""
-    found = select(func.count()).where(schema.changes.c.kind == "reopened")
+    found = select(func.count()).where(schema.changes.c.site == site, schema.changes.c.kind == "reopened")
     return found.where(schema.changes.c.time >= schema.alarms.c.raised).scalar_subquery()
 
 
-def _update_last(connection: Connection, time: int, **values: object) -> None:
+def _update_last(connection: Connection, site: int, time: int, **values: object) -> None:
     """Update the last alarm raised by then."""
     table = schema.alarms
-    last = select(table.c.raised).where(table.c.raised <= time).order_by(table.c.raised.desc()).limit(1)
-    connection.execute(update(table).where(table.c.raised == last.scalar_subquery()).values(**values))
+    own = table.c.site == site
+    last = select(table.c.raised).where(own, table.c.raised <= time).order_by(table.c.raised.desc()).limit(1)
+    connection.execute(update(table).where(own, table.c.raised == last.scalar_subquery()).values(**values))
 
 
-def _update_standing(connection: Connection, time: int, text: str) -> None:
+def _update_standing(connection: Connection, site: int, time: int, text: str) -> None:
     """Update the active alarm; a window that raises an alarm comes before it, and changes none."""
     table = schema.alarms
-    standing = table.c.raised <= time, table.c.cleared.is_(None) | (table.c.cleared > time)
+    standing = table.c.site == site, table.c.raised <= time, table.c.cleared.is_(None) | (table.c.cleared > time)
     connection.execute(update(table).where(*standing).values(text=text))
 
 
-def _put(connection: Connection, table: Table, rows: Iterable[dict[str, Any]]) -> None:
-    """Insert rows; one that is there already stays as it is."""
-    rows = list(rows)
+def _put(connection: Connection, site: int, table: Table, rows: Iterable[dict[str, Any]]) -> None:
+    """Insert rows of a site; one that is there already stays as it is."""
+    rows = [{"site": site} | row for row in rows]
     if not rows:
         return
     insert = sqlite_insert if connection.dialect.name == "sqlite" else postgres_insert

@@ -65,7 +65,7 @@ def _history(site: Site) -> Finding:
     if file != url and not Path(file).exists():
         return Finding(what="history", text=f"{file}, made at the start")
     try:
-        with Reader(url) as reader:
+        with Reader(url, site.source.history_site) as reader:
             span = reader.span()
     except HistoryError as error:
         return Finding(what="history", text=str(error), well=False)

@@ -11,14 +11,17 @@ from typing import cast
 
 import pytest
 
-from daq import Item
+from daq import Item, SystemClock
 from monitor.outputs.notices import NoticeSender
 from monitor.results.service_events import HomeAssistantFailed, ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
+from monitor.results.site_status import FILE_NAME, Counters, PartProblems
 from monitor.service.outputs import Outputs
 from monitor.service.servers.live_view import LiveView
 from monitor.service.site import Site, load_site
+from monitor.service.status import MonitorStatus
 from monitor.settings import NotifySettings
-from tests.support.monitor.history import change
+from tests.support.monitor.history import change, rows, run_events
+from tests.support.monitor.status import PACE
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -113,6 +116,24 @@ def test_web_server_is_restarted_after_its_process_ends(site: Site, monkeypatch:
         assert list(outputs.events()) == [WebRecovered()]
         assert outputs.problems["web"] is None
         socket.create_connection(("127.0.0.1", port), 5.0).close()
+
+
+@pytest.mark.live
+def test_status_of_a_run_is_written_to_the_history(site: Site) -> None:
+    """State, problems and the address of the page, for the page of many sites."""
+    port = 22_000 + (os.getpid() + 1) % 20_000
+    site.path.write_text(f'{SITE}[web]\nport = {port}\nurl = "https://bridge.example.org"\n', encoding="utf-8")
+    status = MonitorStatus(site.state / FILE_NAME, (), PACE, SystemClock())
+    for event in run_events():
+        status.take(event)
+    written = status.write(PartProblems(disk="No space left"), Counters())
+    assert written is not None
+    with Outputs(load_site(site.path), None) as outputs:
+        outputs.put_status(written)
+    [row] = rows(f"sqlite:///{site.state / 'history.sqlite'}", "site_states")
+    assert (row["state"], row["overdue"], row["url"]) == ("alarm", False, "https://bridge.example.org")
+    assert json.loads(row["problems"]) == ["disk: No space left"]
+    assert 0 <= row["window_age"] < 60
 
 
 def test_new_sender_continues_the_notices_of_the_previous_one(tmp_path: Path) -> None:

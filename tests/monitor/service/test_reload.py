@@ -10,6 +10,7 @@ import pytest
 
 from daq import Flag
 from monitor.service.daemon import reload_on_signal
+from tests.support.monitor.history import rows, sqlite_url
 from tests.support.monitor.runs import LawState, QuietWorker, blocks, watched_site
 from tests.support.monitor.service_manager import Listener
 from tests.support.processes import script_process
@@ -55,6 +56,8 @@ def test_reload_loses_no_scan_of_unchanged_devices(
             report = ended.result()
         assert notifications.received("STOPPING=1", 5.0)
     _assert_told(watched)
+    [state] = rows(sqlite_url(tmp_path / "state"), "site_states")
+    assert (state["state"], state["window_age"]) == ("learning", None)
     assert len(report.logs) == 4  # another rate takes another log, and so does another analysis
     steady = blocks(report.logs, "beam_left")
     assert [b.first_index for b in steady] == [0, *(b.end_index for b in steady[:-1])]  # every scan, once, in order

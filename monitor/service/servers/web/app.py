@@ -60,14 +60,15 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
         Route("/metrics", prometheus),
         Route("/influx", influx),
         Route("/acknowledge", acknowledge, methods=["POST"]),
-        Route("/page.css", _static("page.css")),
-        Route("/page.js", _static("page.js")),
+        Route("/page.css", static_file(_STATIC / "page.css")),
+        Route("/page.js", static_file(_STATIC / "page.js")),
     ]
     return Guard(Starlette(routes=routes), token=token, open_to_look=open_to_look)
 
 
-def _static(name: str) -> _Endpoint:
-    content, kind = (_STATIC / name).read_bytes(), _TYPES[Path(name).suffix]
+def static_file(path: Path) -> _Endpoint:
+    """Return the endpoint of a file of the package."""
+    content, kind = path.read_bytes(), _TYPES[path.suffix]
 
     async def static(_: Request) -> Response:
         return Response(content, media_type=kind)

@@ -13,9 +13,11 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _REPORT_SECONDS = 60.0
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; base-uri 'none'; "
+    "form-action {forms}; frame-ancestors 'none'"
+)
 _HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Opener-Policy": "same-origin",
@@ -45,10 +47,22 @@ class Guard:
     app : guarded application
     token : the password of any user, or a bearer token
     open_to_look : whether reading requires no token: only if the port is reachable from this machine only
+    token_place : place of the token, for the answer to a request without it
+    search : whether a page has a form to search
     """
 
-    def __init__(self, app: ASGIApp, *, token: str, open_to_look: bool) -> None:
-        self._app, self._token, self._open = app, token, open_to_look
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        token: str,
+        open_to_look: bool,
+        token_place: str = "web_token in the state folder, or web.token_file",
+        search: bool = False,
+    ) -> None:
+        self._app, self._token, self._open, self._token_place = app, token, open_to_look, token_place
+        policy = _POLICY.format(forms="'self'" if search else "'none'")
+        self._headers = {"Content-Security-Policy": policy} | _HEADERS
         self._report_due = 0.0  # [s, monotonic]
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -62,7 +76,7 @@ class Guard:
         async def send_guarded(message: Message) -> None:
             nonlocal begun
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(_HEADERS)
+                MutableHeaders(scope=message).update(self._headers)
                 begun = True
             await send(message)
 
@@ -90,9 +104,7 @@ class Guard:
             return PlainTextResponse("this is not the name of this machine\n", 421)  # a page elsewhere gave us its name
         if not (looks and self._open) and not secrets.compare_digest(_given(request).encode(), self._token.encode()):
             ask = {"WWW-Authenticate": 'Basic realm="modalwatch: any name, the token as password"'}
-            return PlainTextResponse(
-                "this requires the token: web_token in the state folder, or web.token_file\n", 401, headers=ask
-            )
+            return PlainTextResponse(f"this requires the token: {self._token_place}\n", 401, headers=ask)
         if not looks and "x-modalwatch" not in request.headers:  # which no page elsewhere can set
             return PlainTextResponse("expected the header X-Modalwatch\n", 403)
         return None

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 import uvicorn
+from starlette.types import ASGIApp
 
 from monitor.errors import StartError
 from monitor.service.processes import LastWords, deaf_to_stop_signals, report_end
@@ -46,7 +47,7 @@ def web_process(source: Source, host: str, port: int, token_file: str | None) ->
     """
     try:
         token = read_token(source.token_path(token_file))
-        listener = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+        listener = listen(host, port)
     except (OSError, ValueError) as error:
         raise StartError(f"web: {host}:{port}: {error}") from error
     with listener:
@@ -60,17 +61,37 @@ def web_process(source: Source, host: str, port: int, token_file: str | None) ->
             process.start()
         last_words.started()
     try:
-        yield WebServer(f"http://{f'[{host}]' if ':' in host else host}:{port}", process, last_words)
+        yield WebServer(page_url(host, port), process, last_words)
     finally:
         process.kill()
         process.join()
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a socket that accepts connections.
+
+    Raises
+    ------
+    OSError
+        If the port is taken.
+    """
+    return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+
+
+def page_url(host: str, port: int) -> str:
+    """Return the address of a server for browsers."""
+    return f"http://{f'[{host}]' if ':' in host else host}:{port}"
 
 
 def _serve(source: Source, listener: socket.socket, token: str, open_to_look: bool, parent: int) -> None:
     os.nice(10)  # whoever looks waits for those who measure
     sys.setswitchinterval(0.001)  # s: answers wait for the thread that computes the next one
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    app = make_app(source, token=token, open_to_look=open_to_look)
+    bounded_server(make_app(source, token=token, open_to_look=open_to_look)).run(sockets=[listener])
+
+
+def bounded_server(app: ASGIApp) -> uvicorn.Server:
+    """Return a server with the limits of `BoundedProtocol`."""
     config = uvicorn.Config(
         app,
         http=BoundedProtocol,
@@ -80,7 +101,7 @@ def _serve(source: Source, listener: socket.socket, token: str, open_to_look: bo
         server_header=False,
         lifespan="off",
     )
-    uvicorn.Server(config).run(sockets=[listener])
+    return uvicorn.Server(config)
 
 
 def _end_with(parent: int) -> None:

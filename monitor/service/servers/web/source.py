@@ -35,6 +35,7 @@ class Source:
     name: str
     state: Path  #: folder
     url: str = field(repr=False)  #: address of the history, with its password
+    history_site: str = ""  #: name of the site in the history; empty for the only one
 
     def token_path(self, file: str | None) -> Path:
         """Return the path of the token: a file next to the settings, by default in the state folder."""
@@ -52,7 +53,7 @@ class Source:
         status = self.status()
         last = status.window.end if status and status.window else None
         try:
-            with Reader(self.url) as reader:
+            with Reader(self.url, self.history_site) as reader:
                 whole = reader.span()
                 if whole is not None and last is not None:
                     whole = replace(whole, end=min(whole.end, last))

@@ -2,13 +2,14 @@
 
 import json
 import math
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from monitor.outputs.history import AlarmRow, EventRow
+from monitor.outputs.history import AlarmRow, EventRow, TrendPoint
 from monitor.results.site_status import SiteStatus
 from monitor.service.servers.web.source import Past, Source, problems, self_test_text
 from monitor.service.servers.web.svg import course_svg, structure_svg
@@ -56,13 +57,13 @@ def _content(source: Source) -> dict[str, Any]:
         "detectable": _detectable(status) if status else "",
         "so_far": _so_far(status) if status and state == "learning" else None,
         "problems": problems(status) + ([] if past or (status and status.problems.history) else [_NO_PAST]),
-        "alarm": _alarm(standing[-1]) if standing else None,
-        "alarms": [_alarm(alarm) for alarm in reversed(past.alarms)] if past else [],
+        "alarm": alarm_content(standing[-1]) if standing else None,
+        "alarms": [alarm_content(alarm) for alarm in reversed(past.alarms)] if past else [],
         "structure": structure_svg(past.reference, past.places) if past and past.reference else None,
-        "novelty": _novelty(past) if past else None,
-        "modes": _modes(past) if past else [],
+        "novelty": novelty_content(_levels(past)) if past else None,
+        "modes": modes_content(past.trends) if past else [],
         "devices": _devices(status) if status else [],
-        "events": [_event(event) for event in reversed(past.events)] if past else [],
+        "events": [event_content(event) for event in reversed(past.events)] if past else [],
         "window": utc(past.windows[-1].end) if past else None,
         "self_test": self_test_text(status.self_test) if status and status.self_test else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
@@ -92,7 +93,8 @@ def _trend(status: SiteStatus) -> str:
     return trend_text(status.trend) if status.trend else ""
 
 
-def _alarm(alarm: AlarmRow) -> dict[str, Any]:
+def alarm_content(alarm: AlarmRow) -> dict[str, Any]:
+    """Return the texts of an alarm."""
     lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
     return {
         "raised": utc(alarm.raised),
@@ -102,17 +104,30 @@ def _alarm(alarm: AlarmRow) -> dict[str, Any]:
     }
 
 
-def _novelty(past: Past) -> dict[str, Any] | None:
-    levels = [w.t2 / w.limit for w in past.windows if w.t2 is not None and w.limit]
+def _levels(past: Past) -> list[float]:
+    return [w.t2 / w.limit for w in past.windows if w.t2 is not None and w.limit]
+
+
+def novelty_content(levels: Sequence[float]) -> dict[str, Any] | None:
+    """Return text and course of the novelty over its limit, in the order of time; None without any."""
     if not levels:
         return None
-    shown = [math.log10(max(level, 1e-2)) for level in levels]
-    return {"text": f"{levels[-1]:.2f} times the limit", "over": levels[-1] > 1, "course": course_svg(shown, 0.0, 64.0)}
+    return {
+        "text": f"{levels[-1]:.2f} times the limit",
+        "over": levels[-1] > 1,
+        "course": novelty_course(levels, 64.0),
+    }
 
 
-def _modes(past: Past) -> list[dict[str, Any]]:
+def novelty_course(levels: Sequence[float], height: float) -> Markup:
+    """Return a picture of the novelty over its limit, on a logarithmic scale."""
+    return course_svg([math.log10(max(level, 1e-2)) for level in levels], 0.0, height)
+
+
+def modes_content(trends: Mapping[int, Sequence[TrendPoint]]) -> list[dict[str, Any]]:
+    """Return the last figures of each mode, and the course of its shift."""
     found = []
-    for mode, points in past.trends.items():
+    for mode, points in trends.items():
         shifts = [p.shift_percent for p in points if p.shift_percent is not None]
         if shifts:
             damping = points[-1].damping
@@ -140,7 +155,8 @@ def _age(silent: float | None) -> str:
     return "ok" if silent < _SILENT else f"silent {duration_text(silent)}"
 
 
-def _event(event: EventRow) -> dict[str, str]:
+def event_content(event: EventRow) -> dict[str, str]:
+    """Return the texts of an event, or of a change of the alarm."""
     if event.topic.startswith("/alarm/"):
         state = event.topic.removeprefix("/alarm/")
         return {"time": utc(event.time), "what": state, "text": str(json.loads(event.json)["text"])}

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.axes import Axes
 
 from daq import Event
-from monitor.outputs.history import HistoryStore
+from monitor.outputs.history import HistoryStore, Writer
 from monitor.outputs.history.schema import DAY
 from monitor.results.events import result_event
 from monitor.results.windows import SelfTestResult
@@ -138,3 +138,18 @@ def test_unreadable_history_is_a_one_line_error(modalwatch: Commands, tmp_path: 
     assert_refused(modalwatch("history", tmp_path / "empty"), "no window has been analysed yet")
     assert_refused(modalwatch("history", file, "--plot", tmp_path / "h.what"), "--plot", "h.what")
     assert_refused(modalwatch("history", file, "--csv", tmp_path / "no" / "h.csv"), "--csv", "h.csv")
+
+
+def test_site_of_many_is_chosen_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    url, modalwatch = sqlite_url(tmp_path), Commands(monkeypatch, capsys)
+    for site in ("bridge", "tower"):
+        with HistoryStore(url, Writer(site=site)) as store:
+            store.write(run_events() if site == "tower" else run_events()[:3])
+    assert_refused(modalwatch("history", url), "holds 2 sites (bridge, tower): expected --site NAME")
+    assert_refused(
+        modalwatch("history", url, "--site", "towr"), "--site: expected a site of the database, found 'towr'"
+    )
+    assert "20 windows" in modalwatch("history", url, "--site", "tower").out
+    assert "3 windows" in modalwatch("history", url, "--site", "bridge").out

@@ -13,9 +13,10 @@ from sqlalchemy.exc import OperationalError
 
 from daq import Event
 from daq.events import EventPayload
-from monitor.outputs.history import HistoryRecorder, HistoryStore, recorder, sqlite_file
+from monitor.outputs.history import HistoryRecorder, HistoryStore, Reader, Span, Writer, recorder, sqlite_file
+from monitor.outputs.history.salvage import salvage
 from monitor.results.service_events import HistoryFailed, HistoryRecovered, HistoryRenewed, HistoryRestored
-from tests.support.monitor.history import rows, run_events, sqlite_url
+from tests.support.monitor.history import make_old, rows, run_events, sqlite_url
 
 EVENTS = run_events()
 N_GAPS = 1000
@@ -202,3 +203,22 @@ def test_file_check_uses_at_most_two_percent_of_a_core(tmp_path: Path) -> None:
     file = sqlite_file.SqliteFile(tmp_path / "history.sqlite")
     assert (file.due, file.displacement(), file.damage()) == (False, None, None)
     assert 1 / sqlite_file._CHECK_SHARE <= 0.02
+
+
+def test_rows_of_another_file_keep_their_sites_by_name(tmp_path: Path) -> None:
+    """The numbers of the sites differ; rows of an earlier version belong to the site of the monitor."""
+    source, target, old = tmp_path / "source.sqlite", tmp_path / "target.sqlite", tmp_path / "old.sqlite"
+    gap = {
+        name: Event(topic="/event/gap", time=k, payload={"device": name}) for k, name in enumerate(("tower", "bridge"))
+    }
+    for name, event in gap.items():
+        with HistoryStore(f"sqlite:///{source}", Writer(site=name)) as store:
+            store.write([event])
+    HistoryStore(f"sqlite:///{target}", Writer(site="bridge")).__exit__()
+    row = {"time": 7, "topic": "/event/gap", "device": "old", "json": "{}"}
+    make_old(f"sqlite:///{old}", 2, {"events": row})
+    assert sum(salvage(source, target)) == 2
+    assert sum(salvage(old, target)) == 1
+    for name, times in {"tower": [0], "bridge": [1, 7]}.items():
+        with Reader(f"sqlite:///{target}", name) as reader:
+            assert [found.time for found in reader.events(Span(start=0, end=10))] == times

@@ -1,13 +1,28 @@
 """The same history on a real PostgreSQL server."""
 
+import hashlib
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 from sqlalchemy import create_engine, text
 
 from daq import Event
-from monitor.outputs.history import HistoryError, HistoryRecorder, HistoryStore, Reader, Span, engines, schema
-from tests.support.monitor.history import HOUR, START, run_events, write_years
+from monitor.outputs.history import (
+    HistoryError,
+    HistoryRecorder,
+    HistoryStore,
+    Reader,
+    SiteState,
+    Span,
+    Writer,
+    engines,
+    schema,
+    sites,
+)
+from tests.support.monitor.history import HOUR, START, make_old, run_events, write_years
 from tests.support.monitor.notices import until
 from tests.support.postgres import postgres_programs, postgres_url
 
@@ -70,3 +85,90 @@ def test_run_is_stored_in_postgres_as_in_sqlite() -> None:
     with pytest.raises(HistoryError):  # the server has gone
         store.write(EVENTS)
     store.__exit__()
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[str]:
+    with postgres_url() as url:
+        yield url
+
+
+@pytest.fixture
+def database(server: str, request: pytest.FixtureRequest) -> str:
+    """Return an empty database of the server."""
+    name = "t" + hashlib.sha1(request.node.name.encode()).hexdigest()[:12]
+    engine = create_engine(server.replace("postgresql:", "postgresql+psycopg:"), isolation_level="AUTOCOMMIT")
+    with engine.connect() as connection:
+        connection.execute(text(f"CREATE DATABASE {name}"))
+    engine.dispose()
+    return server.replace("/postgres?", f"/{name}?")
+
+
+def write_run(url: str, site: str, batch: int) -> None:
+    """Write a run in batches, as its monitor does, whatever the others do."""
+    with HistoryStore(url, Writer(site=site, place=site)) as store:
+        for first in range(0, len(EVENTS), batch):
+            store.write(EVENTS[first : first + batch])
+            store.write_state(STATE)
+
+
+STATE = SiteState(state="alarm", window=START, window_age=3.0, overdue=False, problems=(), url="")
+
+
+@pytest.mark.live
+@NEEDED
+def test_monitors_that_write_at_once_lose_nothing(database: str) -> None:
+    """All of them open an empty database at the same time, and write the same times."""
+    sites = [f"site {k}" for k in range(8)]
+    with ThreadPoolExecutor(len(sites)) as pool:
+        for done in [pool.submit(write_run, database, site, 1 + k) for k, site in enumerate(sites)]:
+            done.result()
+    for site in sites:
+        with Reader(database, site) as reader:
+            span = reader.span()
+            assert span is not None
+            assert (len(reader.windows(span)), reader.modes(), reader.state()) == (20, [1, 2, 3, 4, 5, 6], "alarm")
+            assert sum(point.n for mode in reader.modes() for point in reader.trend(mode, span, "day")) == 65
+            assert sum(day.n for day in reader.days(span)) == 20
+            [alarm] = reader.alarms(span)
+            assert alarm.cleared is None
+            assert reader.reference() is not None
+            assert len(reader.events(Span(start=0, end=2**62))) == 1
+    with pytest.raises(HistoryError, match=r"holds 8 sites \(site 0, .*\): expected --site NAME"):
+        Reader(database)
+
+
+@pytest.mark.live
+@NEEDED
+def test_older_database_is_migrated_by_the_first_of_its_writers(database: str) -> None:
+    window: dict[str, Any] = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 1}
+    content = {
+        "windows": window | {"t2": 9.0, "limit": 4.5},
+        "modes": {"mode": 3, "end": START + HOUR, "frequency": 7.0},
+    }
+    make_old(database.replace("postgresql:", "postgresql+psycopg:"), 2, content)
+    with HistoryStore(database, Writer(site="bridge", place="here")) as store:
+        store.write(EVENTS)
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda k: write_run(database, f"tower {k}", 5), range(4)))
+    with Reader(database, "bridge") as reader:
+        points = reader.trend(3, Span(start=START, end=START + HOUR), "window")
+        assert {point.time: point.frequency for point in points}[START + HOUR] == 7.0
+        [day] = reader.days(Span(start=START, end=START + HOUR))
+        assert (day.n, day.n_judged) == (21, 12)
+
+
+@pytest.mark.live
+@NEEDED
+def test_second_monitor_of_the_same_site_is_refused(database: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with HistoryStore(database, Writer(site="bridge", place="a:/state")) as store:
+        store.write_state(STATE)
+        with pytest.raises(HistoryError, match=r"site 'bridge' is written by the monitor a:/state: .*history\.site"):
+            HistoryStore(database, Writer(site="bridge", place="b:/state"))
+        HistoryStore(database, Writer(site="bridge", place="a:/state")).__exit__()  # a restart
+        monkeypatch.setattr(sites, "STATE_SECONDS", 0.0)  # later
+        with HistoryStore(database, Writer(site="bridge", place="b:/state")) as successor:
+            successor.write_state(STATE)
+        monkeypatch.undo()
+        with pytest.raises(HistoryError, match="is written by the monitor b:/state"):
+            store.write_state(STATE)

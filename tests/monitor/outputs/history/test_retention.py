@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from daq import Event
-from monitor.outputs.history import HistoryStore, Reader, schema
+from monitor.outputs.history import HistoryStore, Reader, Span, Writer, schema
 from monitor.outputs.history.retention import says_the_same, told_before
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.events import result_event
 from monitor.results.windows import WindowResult
 from tests.support.monitor import answers
-from tests.support.monitor.history import START, change, rows, sqlite_url
+from tests.support.monitor.history import HOUR, START, change, rows, run_events, sqlite_url, write_years
 
 STEP = 600 * 10**9
 FOUND = answers.diagnosis()
@@ -141,3 +142,39 @@ def test_repeated_thinning_keeps_the_same_rows_as_a_single_one(
         rows_now[:] = [row for row in rows_now if row[0] not in gone]
     assert by_and_by == reported
     assert reported[0][1] == texts[masses[0]]
+
+
+def test_old_windows_are_deleted_and_their_days_keep_their_figures(tmp_path: Path) -> None:
+    """Of one site, a month at a time; a late window of such a day changes nothing."""
+    url = sqlite_url(tmp_path)
+    n = write_years(url, years=0.25, step=HOUR, n_modes=2)  # of site 1, which has no name yet
+    whole = Span(start=START, end=START + n * HOUR)
+    with HistoryStore(url, Writer(site="bridge")) as store, HistoryStore(url, Writer(site="tower")) as other:
+        other.write([window_event(START + HOUR, 5.0)])
+        with Reader(url, "bridge") as reader:
+            days, trend = reader.days(whole), reader.trend(2, whole, "day")
+        for _ in range(4):
+            store.forget(10, keep_days=20)
+        store.write([window_event(START + HOUR, 9.0)])
+    with Reader(url, "bridge") as reader:
+        assert (reader.days(whole), reader.trend(2, whole, "day")) == (days, trend)
+        left = {window.end // schema.DAY for window in reader.windows(whole, n)} - {START // schema.DAY}
+        assert left == {day.day for day in days[-20:]}
+        assert {point.time // schema.DAY for point in reader.trend(2, whole, "window")} == left
+        span = reader.span()
+        assert span is not None
+        assert span.days == whole.days
+    with Reader(url, "tower") as reader:
+        assert [window.t2 for window in reader.windows(whole)] == [5.0]
+
+
+def window_event(end: int, t2: float) -> Event:
+    """Return an evaluated window without modes."""
+    event = next(e for e in run_events() if e.payload.get("novelty"))
+    return replace(
+        event,
+        time=end,
+        payload=event.payload
+        | {"end": end, "modes": [], "diagnosis": None}
+        | {"novelty": event.payload["novelty"] | {"t2": t2}},
+    )

@@ -9,10 +9,10 @@ from sqlalchemy import create_engine
 from sqlalchemy.dialects import sqlite
 
 from daq import Event
-from monitor.outputs.history import HistoryError, HistoryStore, Reader, Span, schema
-from monitor.outputs.history.migrations import NEWEST, STEPS
+from monitor.outputs.history import HistoryError, HistoryStore, Reader, Span, Writer, schema
+from monitor.outputs.history.migrations import NEWEST
 from monitor.outputs.history.queries import daily_trend_query, events_query, trend_query, windows_query
-from tests.support.monitor.history import HOUR, START, change, rows, run_events, sqlite_url, write_years
+from tests.support.monitor.history import HOUR, START, change, make_old, rows, run_events, sqlite_url, write_years
 
 EVENTS = run_events()
 
@@ -119,19 +119,37 @@ def test_unstorable_item_does_not_block_other_items(url: str) -> None:
     assert [row["time"] for row in rows(url, "events")] == [1, 3]
 
 
-def test_older_schema_is_migrated(url: str) -> None:
-    """A database of the first version, before there were figures by the day."""
-    engine = create_engine(url)
-    with engine.begin() as connection:
-        STEPS[0](connection)
-        connection.execute(schema.versions.insert().values(version=1))
-        row = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 0}
-        connection.execute(schema.windows.insert(), [row | {"t2": 9.0, "limit": 4.5, "problem": None}])
-    engine.dispose()
-    with Reader(url) as reader:
-        [day] = reader.days(Span(start=START, end=START + HOUR))
-    assert (day.day, day.n, day.n_over, day.level) == (START // schema.DAY, 1, 1, 2.0)
-    assert [row["version"] for row in rows(url, "schema_version")] == [1, NEWEST]
+@pytest.mark.parametrize("version", [1, 2])
+def test_older_schema_is_migrated_with_all_rows(url: str, version: int) -> None:
+    """A database before there were figures by the day, or sites; its site is named by the monitor that opens it."""
+    window = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 1}
+    window |= {"t2": 9.0, "limit": 4.5, "problem": None}
+    old_rows: dict[str, dict[str, object]] = {
+        "windows": window,
+        "modes": {"mode": 3, "end": START + HOUR, "frequency": 7.0},
+        "diagnoses": {"end": START + HOUR, "verdict": "no_change", "text": "so", "json": "{}"},
+        "baselines": {"time": START, "n_windows": 24, "json": "{}"},
+        "alarms": {"raised": START, "text": "so", "reopened": 2},
+        "alarm_changes": {"time": START, "kind": "state", "state": "alarm", "number": 1, "quiet": 0, "text": "so"},
+        "events": {"time": START, "topic": "/event/gap", "device": "left", "json": "{}"},
+    }
+    if version == 2:
+        day = {"day": START // schema.DAY}
+        old_rows |= {"window_days": day | {"n": 1, "n_judged": 1, "n_over": 1, "level": 2.0}}
+        old_rows |= {"mode_days": day | {"mode": 3, "n": 1, "frequency": 7.0, "lowest": 7.0, "highest": 7.0}}
+    make_old(url, version, old_rows)
+    with Reader(url) as reader:  # which may come before the monitor
+        [day_row] = reader.days(Span(start=START, end=START + HOUR))
+    assert (day_row.day, day_row.n, day_row.n_over, day_row.level) == (START // schema.DAY, 1, 1, 2.0)
+    HistoryStore(url, Writer(site="bridge")).__exit__()
+    assert [row["version"] for row in rows(url, "schema_version")] == list(range(1, NEWEST + 1))
+    [site] = rows(url, "sites")
+    assert site["name"] == "bridge"
+    for table, row in old_rows.items():
+        [kept] = rows(url, table)
+        assert {name: kept[name] for name in ("site", *row)} == {"site": site["id"]} | row
+    [mode_day] = rows(url, "mode_days")
+    assert (mode_day["mode"], mode_day["n"], mode_day["frequency"]) == (3, 1, 7.0)
 
 
 def test_newer_schema_version_is_refused(url: str) -> None:
@@ -187,7 +205,12 @@ def test_queries_over_a_year_use_an_index(url: str) -> None:
     span = Span(start=START, end=START + n * HOUR)
     engine = create_engine(url)
     with engine.connect() as connection:
-        for query in (windows_query(span), trend_query(2, span), daily_trend_query(2, span), events_query(span)):
+        for query in (
+            windows_query(1, span),
+            trend_query(1, 2, span),
+            daily_trend_query(1, 2, span),
+            events_query(1, span),
+        ):
             text = str(query.compile(dialect=sqlite.dialect(), compile_kwargs={"literal_binds": True}))
             plan = [str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}")]
             assert plan, text

@@ -1,0 +1,24 @@
+"""Command `fleet`."""
+
+from typing import Annotated
+
+from typer import Argument, Option
+
+from monitor.cli.exit_codes import DONE
+
+
+def fleet(
+    target: Annotated[str, Argument(metavar="DATABASE|FLEET.toml", help="Address of the database, or settings.")],
+    port: Annotated[int | None, Option(help="Port of the page. Default: that of FLEET.toml, or 8770.")] = None,
+) -> int:
+    """Serve a page of all sites of a PostgreSQL database.
+
+    Sites that need a person come first: changed structures, then monitors without data or with problems.
+
+    Example:
+    modalwatch fleet postgresql://modalwatch@localhost/modalwatch
+    """
+    from monitor.cli.operation.fleet_page import serve
+
+    serve(target, port)
+    return DONE

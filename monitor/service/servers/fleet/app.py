@@ -1,0 +1,106 @@
+"""The routes of the page of many sites."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp
+
+from monitor.outputs.history import FleetReader, FleetRow, HistoryError, Reader
+from monitor.service.servers import web
+from monitor.service.servers.fleet.overview import CONDITIONS, Wanted, overview
+from monitor.service.servers.fleet.pages import SPANS, failed_html, fleet_html, site_html, sites_html
+from monitor.service.servers.web.app import static_file
+from monitor.service.servers.web.auth import Guard
+from monitor.service.servers.web.snapshot import Snapshot
+
+_STATIC = Path(__file__).parent / "static"
+_PAGE_CSS = Path(web.__file__).parent / "static" / "page.css"
+_MAX_WORDS = 200  # characters
+
+
+@dataclass(frozen=True, kw_only=True)
+class FleetSource:
+    """Data of the pages: the database, and what the settings know of its sites."""
+
+    reader: FleetReader
+    url: str = field(repr=False)  #: address of the database, with its password
+    pages: Mapping[str, str] = field(default_factory=dict)  #: address of the status page of a site, by name
+    hidden: tuple[str, ...] = ()  #: names of sites that are not shown
+
+    def sites(self) -> list[FleetRow]:
+        """Return the sites that are shown."""
+        return [row for row in self.reader.sites() if row.name not in self.hidden]
+
+    def content(self, rows: list[FleetRow], wanted: Wanted) -> str:
+        """Return the changing part of the page."""
+        found = overview(rows, wanted)
+        levels = self.reader.levels([view.row.number for view in found.shown])
+        return sites_html(found, wanted, levels, self.pages)
+
+    def site(self, row: FleetRow, span: str) -> str:
+        """Return the page of a site."""
+        with Reader(self.url, row.name) as reader:
+            return site_html(reader, row, span)
+
+
+def make_fleet_app(source: FleetSource, *, token: str, open_to_look: bool, token_place: str = "") -> ASGIApp:
+    """Return the application: the states are read once per second at most, for any number of requests."""
+    rows = Snapshot(source.sites)
+
+    async def content(request: Request) -> tuple[str, int]:
+        try:
+            return await run_in_threadpool(source.content, await rows.get(), _wanted(request)), 200
+        except HistoryError as error:
+            return failed_html(str(error)), 503
+
+    async def page(request: Request) -> Response:
+        html, code = await content(request)
+        return HTMLResponse(fleet_html(_wanted(request), html), code)
+
+    async def changing(request: Request) -> Response:
+        return HTMLResponse(*(await content(request)))
+
+    async def site(request: Request) -> Response:
+        span = request.query_params.get("span", "day")
+        try:
+            number = int(request.path_params["number"])
+            found = [row for row in await rows.get() if row.number == number]
+            if not found or span not in SPANS:
+                return PlainTextResponse("there is no such page\n", 404)
+            return HTMLResponse(await run_in_threadpool(source.site, found[0], span))
+        except HistoryError as error:
+            return HTMLResponse(fleet_html(Wanted(), failed_html(str(error))), 503)
+
+    async def healthz(_: Request) -> Response:
+        try:
+            await rows.get()
+        except HistoryError as error:
+            return JSONResponse({"healthy": False, "problems": [str(error)]}, 503)
+        return JSONResponse({"healthy": True, "problems": []})
+
+    routes = [
+        Route("/", page),
+        Route("/sites", changing),
+        Route("/site/{number:int}", site),
+        Route("/healthz", healthz),
+        Route("/page.css", static_file(_PAGE_CSS)),
+        Route("/fleet.css", static_file(_STATIC / "fleet.css")),
+        Route("/fleet.js", static_file(_STATIC / "fleet.js")),
+    ]
+    app = Starlette(routes=routes)
+    return Guard(app, token=token, open_to_look=open_to_look, token_place=token_place, search=True)
+
+
+def _wanted(request: Request) -> Wanted:
+    condition, page = request.query_params.get("state", ""), request.query_params.get("page", "1")
+    return Wanted(
+        words=request.query_params.get("q", "")[:_MAX_WORDS],
+        condition=condition if condition in CONDITIONS else "",
+        page=int(page) if page.isascii() and page.isdigit() and len(page) < 6 else 1,
+    )

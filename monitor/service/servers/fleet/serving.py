@@ -1,0 +1,44 @@
+"""The server of the page of many sites, in this process."""
+
+from collections.abc import Callable
+from ipaddress import ip_address
+from pathlib import Path
+
+from monitor.errors import StartError
+from monitor.outputs.history import FleetReader
+from monitor.service.daemon import stop_on_signals
+from monitor.service.servers.fleet.app import FleetSource, make_fleet_app
+from monitor.service.servers.web.auth import read_token
+from monitor.service.servers.web.process import bounded_server, listen, page_url
+from monitor.settings.fleet import FleetSettings
+from monitor.settings.redaction import revealed
+
+
+def serve_fleet(settings: FleetSettings, folder: Path, ready: Callable[[str], None]) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    settings : of the page
+    folder : that the file of the token is relative to
+    ready : called with the address of the page
+
+    Raises
+    ------
+    HistoryError
+        If the database cannot be read, or is no PostgreSQL.
+    StartError
+        If the port is taken or the token cannot be used.
+    """
+    url, local = revealed(settings.url), ip_address(settings.bind).is_loopback
+    with FleetReader(url) as reader, stop_on_signals():
+        source = FleetSource(reader=reader, url=url, pages=settings.pages, hidden=settings.hidden)
+        try:
+            token = read_token(folder / settings.token_file)
+            listener = listen(settings.bind, settings.port)
+        except (OSError, ValueError) as error:
+            raise StartError(f"fleet: {settings.bind}:{settings.port}: {error}") from error
+        app = make_fleet_app(source, token=token, open_to_look=local, token_place=settings.token_file)
+        with listener:
+            ready(page_url(settings.bind, listener.getsockname()[1]))
+            bounded_server(app).run(sockets=[listener])
