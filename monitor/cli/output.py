@@ -9,7 +9,7 @@ import typer
 from monitor.errors import ArgumentError
 
 STDOUT = Path("-")  #: name of the standard output in place of a file
-VERSION = 1  #: of the JSON of all commands: larger if a key is removed or has another meaning
+VERSION = 1  #: of the JSON of all commands, on the standard output: larger if a key is removed or has another meaning
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
@@ -20,11 +20,10 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
     ArgumentError
         If it cannot be written.
     """
-    text = json.dumps({"version": VERSION} | content, indent=1)
     if path == STDOUT:
-        typer.echo(text)
+        typer.echo(json.dumps({"version": VERSION} | content, indent=1))
         return
     try:
-        path.write_text(text, encoding="utf-8")
+        path.write_text(json.dumps(content, indent=1), encoding="utf-8")
     except OSError as error:
         raise ArgumentError("--json", f"{path}: cannot be written: {error.strerror}") from error
