@@ -72,6 +72,7 @@ def test_archive_is_analysed_once_and_read_by_three_libraries(modalwatch: Comman
         pd.testing.assert_frame_equal(frame, found[name])
 
 
+@pytest.mark.thorough  # the S3 server's objects are in the default set
 @pytest.mark.timeout(200)
 def test_objects_of_a_url_give_the_same_tables(modalwatch: Commands, tmp_path: Path) -> None:
     logs = archive(tmp_path / "logs", 1)
