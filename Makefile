@@ -14,7 +14,7 @@ test: export OPENBLAS_NUM_THREADS = 1
 test: export PYTHONDONTWRITEBYTECODE =
 test: $(VENV)/.done
 	$(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m live --numprocesses 4 --dist loadgroup $$(grep -rlE 'mark\.live\b' tests --include='test_*.py')
+	$(BIN)/python -m pytest -m "live and not thorough" --numprocesses 4 --dist loadgroup $$(grep -rlE 'mark\.live\b' tests --include='test_*.py')
 
 # More draws of what the tests cover: other seeds, other structures, pairs of causes.
 thorough: export OPENBLAS_NUM_THREADS = 1

@@ -20,7 +20,7 @@ from monitor.archive.object_storage import stored_logs
 from tests.support.monitor.cli import Commands
 from updater import t_structure_toml
 
-pytestmark = [pytest.mark.live, pytest.mark.xdist_group("archive")]
+pytestmark = pytest.mark.timeout(300)
 
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 FIRST_WINDOWS = 1_000_000  # bytes of the recorded log, with three windows
@@ -55,7 +55,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[s3fs.S3FileSyst
                 fsspec.spec.AbstractFileSystem.clear_instance_cache()
 
 
-def until_open(port: int, process: subprocess.Popen[bytes], seconds: float = 60.0) -> None:
+def until_open(port: int, process: subprocess.Popen[bytes], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         assert process.poll() is None, "the server has ended"

@@ -17,7 +17,7 @@ import pytest
 
 from tests.support.monitor.cli import Commands
 
-pytestmark = [pytest.mark.live, pytest.mark.xdist_group("archive")]
+pytestmark = pytest.mark.timeout(300)
 
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 SITE = "T-shaped_steel_frame"
@@ -43,7 +43,7 @@ def tables(out: Path) -> dict[str, pd.DataFrame]:
     return found
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(300)
 def test_archive_is_analysed_once_and_read_by_three_libraries(modalwatch: Commands, tmp_path: Path) -> None:
     """A file that is no log is reported and stops nothing; a second run computes nothing."""
     logs, out = archive(tmp_path / "logs"), tmp_path / "out"
@@ -73,7 +73,7 @@ def test_archive_is_analysed_once_and_read_by_three_libraries(modalwatch: Comman
 
 
 @pytest.mark.thorough  # the S3 server's objects are in the default set
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(300)
 def test_objects_of_a_url_give_the_same_tables(modalwatch: Commands, tmp_path: Path) -> None:
     logs = archive(tmp_path / "logs", 1)
     (logs / "poisoned.mcap").unlink()
@@ -117,7 +117,7 @@ def cluster(folder: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]
             process.wait()
 
 
-def until(condition: Callable[[], object], process: subprocess.Popen[bytes], seconds: float = 60.0) -> None:
+def until(condition: Callable[[], object], process: subprocess.Popen[bytes], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert process.poll() is None, "it has ended"
@@ -125,7 +125,7 @@ def until(condition: Callable[[], object], process: subprocess.Popen[bytes], sec
         time.sleep(0.05)
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(300)
 def test_killed_worker_costs_no_log(tmp_path: Path) -> None:
     """The scheduler gives its logs to the other one; the tables are those of a run in processes of its own."""
     logs, out = archive(tmp_path / "logs", 6), tmp_path / "out"
