@@ -10,6 +10,8 @@ MonitorError
 StateError          modes of one state of the structure that cannot be compared; a ValueError, like its cause
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
@@ -55,6 +57,15 @@ class ResultsError(MonitorError):
     def __init__(self, path: Path | str, message: str) -> None:
         super().__init__(f"{path}: {message}")
         self.path = path
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Raise ResultsError for a file that cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
 
 
 class StartError(MonitorError):

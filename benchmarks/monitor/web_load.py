@@ -24,7 +24,7 @@ from monitor.results.site_status import FILE_NAME
 from monitor.service.servers.web import Source, WebServer, web_process
 from monitor.service.status import MonitorStatus
 from tests.support.monitor.history import HOUR, run_events, sqlite_url, write_years
-from tests.support.monitor.status import PACE, WELL
+from tests.support.monitor.service.status import PACE, WELL
 
 PORT = 28_765
 _HALF = b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: "

@@ -13,8 +13,8 @@ from daq.events import EventPayload
 from daq.supervision import SupervisedThread
 from monitor.outputs.history.engines import file_of, shown_url
 from monitor.outputs.history.errors import HistoryError
-from monitor.outputs.history.renewal import Takeover, renew_file
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer
+from monitor.outputs.history.sqlite.renewal import Takeover, renew_file
 from monitor.outputs.history.store import HistoryStore
 from monitor.outputs.spool import Spool
 from monitor.results.service_events import HistoryFailed, HistoryRecovered

@@ -22,7 +22,7 @@ from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.retention import forget_events, forget_windows, thin_diagnoses
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer, check_single_writer, register_site, write_state
-from monitor.outputs.history.sqlite_file import SqliteFile, copy_open_file, is_damage
+from monitor.outputs.history.sqlite.file import SqliteFile, copy_open_file, is_damage
 from monitor.results.events import event_result
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
 from monitor.text.causes import change_text

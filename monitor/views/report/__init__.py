@@ -2,15 +2,14 @@
 
 import errno
 import os
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from pydantic import ValidationError
 
-from monitor.errors import ResultsError
+from monitor.errors import ResultsError, writing
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.views.report.content import diagnosis_content, run_content, versions
@@ -97,26 +96,18 @@ def load_diagnosis(path: Path) -> DiagnosisAnswer:
 def _write(path: Path, template: str, values: Callable[[], dict[str, Any]]) -> None:
     """Write a page; where none can be written is refused before anything is drawn, which takes seconds."""
     part = path.with_name(path.name + ".part")
-    with _writing(path):
+    with writing(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         part.touch()
     try:
         with styled():
             text = _rendered(template, values())
-        with _writing(path):
+        with writing(path):
             part.write_text(text, encoding="utf-8")
             part.replace(path)
     finally:
         part.unlink(missing_ok=True)
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
 
 
 def _rendered(template: str, values: dict[str, Any]) -> str:

@@ -21,7 +21,7 @@ from monitor.results.service_events import HomeAssistantFailed, HomeAssistantRec
 from monitor.results.site_status import SiteStatus
 from monitor.settings import HomeAssistantSettings
 from tests.support.broker import PASSWORD, USER, Subscriber, broker, needs_broker
-from tests.support.monitor.status import site_status
+from tests.support.monitor.service.status import site_status
 from tests.support.processes import free_port
 
 ROOT = Path(__file__).parents[3]

@@ -20,7 +20,7 @@ from monitor.text.alarms import acknowledged_text
 from monitor.text.quantities import duration_text
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.cli import Commands, assert_refused
-from tests.support.monitor.status import WELL
+from tests.support.monitor.service.status import WELL
 from updater import parse_structure, t_structure_toml
 
 SITE = """

@@ -21,7 +21,7 @@ from monitor.service.site import Site, load_site
 from monitor.service.status import MonitorStatus
 from monitor.settings import NotifySettings
 from tests.support.monitor.history import change, rows, run_events
-from tests.support.monitor.status import PACE
+from tests.support.monitor.service.status import PACE
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"

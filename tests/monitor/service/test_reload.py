@@ -12,7 +12,7 @@ from daq import Flag
 from monitor.service.daemon import reload_on_signal
 from tests.support.monitor.history import rows, sqlite_url
 from tests.support.monitor.runs import LawState, QuietWorker, blocks, watched_site
-from tests.support.monitor.service_manager import Listener
+from tests.support.monitor.service.manager import Listener
 from tests.support.processes import script_process
 
 

@@ -17,7 +17,7 @@ from monitor.results.windows import WindowResult
 from monitor.service.status import MonitorStatus, Pace
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events
-from tests.support.monitor.status import PACE, WELL
+from tests.support.monitor.service.status import PACE, WELL
 
 EVENTS = run_events()
 

@@ -10,7 +10,7 @@ import pytest
 
 from monitor.service.systemd.notify import ServiceManager, SignsOfLife
 from tests.support.monitor.cli import Commands, assert_refused
-from tests.support.monitor.service_manager import Listener
+from tests.support.monitor.service.manager import Listener
 from updater import t_structure_toml
 
 WELL = SignsOfLife(data=0.1, disk=0.1, losing=False)

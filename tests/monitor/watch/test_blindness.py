@@ -13,7 +13,7 @@ from monitor.service.servers.web.source import problems
 from monitor.service.status import MonitorStatus, Pace
 from monitor.watch.blindness import MissingChannels
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
-from tests.support.monitor.status import WELL
+from tests.support.monitor.service.status import WELL
 
 DEAD = "beam_left_y"
 

@@ -20,7 +20,7 @@ from monitor.service.status import MonitorStatus, Pace
 from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.self_test import DRAWS, with_mass
 from tests.support.monitor.played_windows import BASELINE, STEP, Played, judged, run, site_settings, without_answers
-from tests.support.monitor.status import WELL
+from tests.support.monitor.service.status import WELL
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame
 from updater import Body, build_model, nominal_reference, stack_tracks

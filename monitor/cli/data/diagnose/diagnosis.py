@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,7 +21,7 @@ from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
 from monitor.cli.terminal import console, echo, warn
-from monitor.errors import ArgumentError, RecordLengthError, ResultsError, StateError
+from monitor.errors import ArgumentError, RecordLengthError, StateError, writing
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
@@ -58,12 +57,12 @@ def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None,
     from monitor.views.viewer import write_diagnosis  # loads rerun: not before there is something to draw
 
     for name in (REPORT, RECORDING, NUMBERS):  # of an earlier diagnosis
-        with _writing(out / name):
+        with writing(out / name):
             (out / name).unlink(missing_ok=True)
 
     def record() -> None:
         if found is not None:
-            with _writing(out / RECORDING):
+            with writing(out / RECORDING):
                 write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure))
 
     if found is not None:
@@ -73,14 +72,6 @@ def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None,
         lambda: diagnosis_report(diagnosis, out / REPORT, title=structure.name, structure=structure, found=found),
     )
     run_optional(RECORDING, record)
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
 
 
 def written(out: Path, diagnosis: DiagnosisAnswer) -> list[Path]:

@@ -15,7 +15,7 @@ from monitor.service.servers.web import Source, web_process
 from monitor.service.status import MonitorStatus
 from tests.support.browser import BROWSER, Tab, browser_tab
 from tests.support.monitor.history import run_events, sqlite_url
-from tests.support.monitor.status import PACE, WELL
+from tests.support.monitor.service.status import PACE, WELL
 
 pytestmark = [pytest.mark.live, pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")]
 PORT = 20_000 + (os.getpid() + 10_000) % 20_000

@@ -14,7 +14,7 @@ import pytest
 
 from monitor.results.site_status import SiteStatus
 from monitor.service.servers.web.influx import influx_lines
-from tests.support.monitor.status import served_run, site_status
+from tests.support.monitor.service.status import served_run, site_status
 from tests.support.processes import free_port, server_process
 
 DEPLOY = Path(__file__).parents[4] / "deploy"

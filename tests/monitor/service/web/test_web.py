@@ -24,7 +24,7 @@ from monitor.service.servers.web import Source, make_app, web_process
 from monitor.service.status import MonitorStatus
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events, sqlite_url
-from tests.support.monitor.status import PACE, WELL
+from tests.support.monitor.service.status import PACE, WELL
 
 PORT = 20_000 + os.getpid() % 20_000
 TOKEN = "0123456789abcdef"

@@ -13,7 +13,7 @@ import pytest
 
 from tests.support.processes import free_port
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TOKEN = "0123456789abcdef"
 N_DEVICES = 6
 

@@ -14,7 +14,7 @@ from monitor.settings.overrides import overridden
 from monitor.settings.reading import parse_settings
 from updater import parse_structure, t_structure_toml
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
+DEPLOY = Path(__file__).parents[3] / "deploy"
 TEXT = (DEPLOY / "compose.yaml").read_text(encoding="utf-8")
 COMPOSE = yaml.safe_load(TEXT)
 SERVICES: dict[str, Any] = COMPOSE["services"]

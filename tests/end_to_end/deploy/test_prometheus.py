@@ -12,10 +12,10 @@ from typing import Any
 import httpx
 import pytest
 
-from tests.support.monitor.status import served_run
+from tests.support.monitor.service.status import served_run
 from tests.support.processes import free_port, server_process
 
-DEPLOY = Path(__file__).parents[2] / "deploy"
+DEPLOY = Path(__file__).parents[3] / "deploy"
 DASHBOARD = json.loads((DEPLOY / "grafana" / "dashboards" / "modalwatch.json").read_text(encoding="utf-8"))
 QUERIES = [
     pytest.param(target["expr"], id=f"{panel['title']} {target['refId']}")

@@ -5,8 +5,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from monitor.outputs.history.salvage import salvage
-from monitor.outputs.history.sqlite_file import mark_read, remove_leftovers, set_aside, unread, unread_name
+from monitor.outputs.history.sqlite.file import mark_read, remove_leftovers, set_aside, unread, unread_name
+from monitor.outputs.history.sqlite.salvage import salvage
 from monitor.outputs.history.store import HistoryStore
 from monitor.results.service_events import HistoryRenewed, HistoryRestored
 
