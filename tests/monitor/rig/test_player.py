@@ -123,20 +123,20 @@ def test_devices_stream_at_tenfold_speed_without_dropped_scans(
     tmp_path: Path,
 ) -> None:
     scenario = draw_t_frame("t_structure", 31, duration=0, between=(6.0, 7.0))
-    for _ in range(3):  # a port holds 170 ms; neighbours on this machine may take it for longer, though not every time
+    # a port holds 170 ms, and a reader stops within 0.5 s: other programs may take the processors longer, not always
+    for _ in range(3):
         report, items, _ = played(tmp_path, scenario, 30_000)
-        if not report["dropped"]:
+        received = sum(len(block.counts) for device in scenario.device for block in scans(items, device.name))
+        if not report["dropped"] and report["sent"] - received < 6 * 5000:
             break
     assert report["dropped"] == 0
     assert report["dropped_by_device"] == {device.name: 0 for device in scenario.device}
-    received = 0
     for device in scenario.device:
         blocks = scans(items, device.name)
         assert n_missing(blocks) == 0
         data = np.concatenate([block.counts for block in blocks]) * EPSON_SCALE
         assert len(data) >= 30_000
         assert 0.002 < data.std(0).max() < 0.1
-        received += len(data)
     # what was under way when the readers stopped: in ports, in devices, in a block not full; 0.5 s of wall time or less
     assert 0 <= report["sent"] - received < 6 * 5000
     opened = [item.time for item in items if isinstance(item, Event) and item.topic == "/event/device_open"]
