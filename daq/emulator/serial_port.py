@@ -64,6 +64,11 @@ class SerialEmulator(ABC):
         """Time of the first scan [ns UTC], None while it is not sampling."""
         return self._started
 
+    @property
+    def fill(self) -> float:
+        """Share of the port's buffer that holds bytes not yet read."""
+        return len(self._pending) / PORT_BUFFER
+
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
         if not self._unplugged:

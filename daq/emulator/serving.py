@@ -83,6 +83,11 @@ class EmulatedPort(Protocol):
 
     port: str  #: path to open on the host's side
 
+    @property
+    def fill(self) -> float:
+        """Share of the port's buffer that holds bytes not yet read."""
+        ...
+
     def serve(self) -> None:
         """Answer commands and send data that are due, without blocking. No effect once unplugged."""
         ...

@@ -46,6 +46,11 @@ class EmulatedSlcan:
         self._pump = threading.Thread(target=self._hand_on, name=f"adapter {self.port}", daemon=True)
         self._pump.start()
 
+    @property
+    def fill(self) -> float:
+        """Share of the port's buffer that holds bytes not yet read."""
+        return len(self._pending) / PORT_BUFFER
+
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
         if not self._unplugged:

@@ -17,6 +17,8 @@ from updater import Structure
 _TICK = 0.004  # s of wall time between servings
 _LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may catch up: the capacity of a pty; a third of a FIFO
 _SMOOTHING = 0.1  # of the time between servings
+_FULL = 0.3  # fill of a port at which an accelerated world waits: what one serving adds still fits
+_PATIENCE = 1.0  # s of wall time that it waits for a reader: a port that nobody reads does not hold up the others
 
 Place = str | CanAddress  #: serial port or CAN node
 Emulated = EmulatedEpson | EmulatedEpsonCan
@@ -33,10 +35,11 @@ class PlayReport:
 
 
 class _LeashedClock:
-    """A clock that catches up in steps after this process was held up.
+    """A clock that catches up in steps after this process was held up, and waits for readers that were.
 
     Without it, data due after a delay would overflow the ports, although no real device would have been delayed; and
-    one device would run far ahead of the others.
+    one device would run far ahead of the others. Faster than real time, a port holds less time than a real one: a
+    reader on a busy machine would lose data that it does not lose from a device.
     """
 
     def __init__(self, clock: HostClock) -> None:
@@ -44,16 +47,25 @@ class _LeashedClock:
         self.speed = clock.speed
         self._limit = clock.now()
         self._interval, self._last = _TICK, time.monotonic()
+        self._waited = 0.0  # for a full port [s of wall time]
 
     def now(self) -> int:
         """Return the time [ns UTC]."""
         return min(self._clock.now(), self._limit)
 
-    def lengthen(self) -> None:
-        """Permit another step: twice the recent interval of servings, so that a busy machine keeps up."""
+    def lengthen(self, fill: float) -> None:
+        """Permit another step: twice the recent interval of servings, so that a busy machine keeps up.
+
+        Parameters
+        ----------
+        fill : of the fullest port
+        """
         wall = time.monotonic()
-        self._interval += _SMOOTHING * (wall - self._last - self._interval)
-        self._last = wall
+        elapsed, self._last = wall - self._last, wall
+        self._interval += _SMOOTHING * (elapsed - self._interval)
+        self._waited = self._waited + elapsed if fill > _FULL else 0.0
+        if self.speed > 1 and 0 < self._waited < _PATIENCE:
+            return
         self._limit = self.now() + round(min(max(2 * self._interval, _LEASH[0]), _LEASH[1]) * 1e9 * self.speed)
 
 
@@ -139,7 +151,7 @@ def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop:
     turn = 0
     while not stop.wait(_TICK):
         turn += 1
-        clock.lengthen()
+        clock.lengthen(max(port.fill for port in rig.ports))
         world.keep_up(clock.now())
         serve_all(rig.ports, turn)
         if begun is None:

@@ -2,14 +2,13 @@
 
 import json
 import os
-import signal
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
 from daq import ScaledClock
+from daq.signals import STOP_SIGNALS, signal_event
 from monitor.errors import SettingsError, StartError
 from monitor.rig.player import Place, PlayReport, play
 from monitor.rig.scenario import Scenario, Vector, load_scenario
@@ -21,7 +20,7 @@ _ORIGIN = 1_767_225_600_000_000_000  # 2026-01-01: where scaled time begins
 
 
 def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayReport:
-    """Run a rig as this process, including signal handlers, until it is over, SIGTERM or SIGINT.
+    """Run a rig in the main thread of this process until it is over, SIGTERM or SIGINT.
 
     Parameters
     ----------
@@ -48,9 +47,9 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
         old.unlink(missing_ok=True)  # an earlier rig's file must not be mistaken for this one's
     now = time.time_ns()
     clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
-    stop = _stopped_by_signals()
-    done = play(structure, scenario, clock, lambda found: _write(ports, _ready(clock, found)), stop)
-    _write(report, asdict(done))
+    with signal_event(*STOP_SIGNALS) as stop:
+        done = play(structure, scenario, clock, lambda found: _write(ports, _ready(clock, found)), stop)
+        _write(report, asdict(done))
     return done
 
 
@@ -82,14 +81,6 @@ def _points(scenario: Scenario) -> Iterator[tuple[str, Vector]]:
 def _ready(clock: ScaledClock, places: Mapping[str, Place]) -> dict[str, object]:
     ports = {name: place if isinstance(place, str) else asdict(place) for name, place in places.items()}
     return {"clock": asdict(clock), "ports": ports}
-
-
-def _stopped_by_signals() -> threading.Event:
-    """Return an event that SIGTERM and SIGINT set from now on; one that comes late cannot fail a finished rig."""
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
 
 
 def _write(path: Path, content: object) -> None:

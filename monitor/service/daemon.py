@@ -1,9 +1,7 @@
 """The monitoring service: start, loop, stop."""
 
-import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -33,31 +31,6 @@ class RunReport:
     def log(self) -> Path:
         """The log, or the folder of its files if there is more than one."""
         return self.logs[0] if len(self.logs) == 1 else self.logs[0].parent
-
-
-@contextmanager
-def stop_on_signals() -> Iterator[threading.Event]:
-    """Turn SIGINT and SIGTERM into an event, for as long as the context lasts."""
-    with _told_by(signal.SIGINT, signal.SIGTERM) as stop:
-        yield stop
-
-
-@contextmanager
-def reload_on_signal() -> Iterator[threading.Event]:
-    """Turn SIGHUP into an event, for as long as the context lasts."""
-    with _told_by(signal.SIGHUP) as reload:
-        yield reload
-
-
-@contextmanager
-def _told_by(*numbers: signal.Signals) -> Iterator[threading.Event]:
-    requested = threading.Event()
-    before = {number: signal.signal(number, lambda *_: requested.set()) for number in numbers}
-    try:
-        yield requested
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def run(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.demo.display import Display
 from monitor.cli.demo.rig_process import RigProcess
 from monitor.cli.demo.score import reveal
@@ -14,7 +15,7 @@ from monitor.cli.exit_codes import INTERRUPTED
 from monitor.cli.site.monitoring import tell_live
 from monitor.cli.terminal import console
 from monitor.rig import T_DEVICES, draw_t_frame, dump_scenario
-from monitor.service.daemon import run, stop_on_signals
+from monitor.service.daemon import run
 from monitor.service.servers.live_view import live_view
 from monitor.service.site import load_site
 from updater import t_structure_toml
@@ -53,7 +54,7 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int
     scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
     (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
-    with stop_on_signals() as stop, RigProcess(out, speed) as rig:
+    with signal_event(*STOP_SIGNALS) as stop, RigProcess(out, speed) as rig:
         (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), plan), encoding="utf-8")
         rig.stop_at_its_end(stop)
         display = Display(console, plan.windows, stop)

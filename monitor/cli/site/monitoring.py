@@ -4,13 +4,15 @@ import os
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
+from signal import SIGHUP
 from threading import Event
 
+from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.exit_codes import DONE
 from monitor.cli.site.console_log import journal
 from monitor.cli.terminal import console, echo
 from monitor.results.windows import Result
-from monitor.service.daemon import reload_on_signal, run, stop_on_signals
+from monitor.service.daemon import run
 from monitor.service.processes import give_back_memory, spare_what_is_loaded
 from monitor.service.servers.live_view import LiveView, live_view
 from monitor.service.site import Site, load_site
@@ -25,7 +27,7 @@ def monitor_site(path: Path, given: Sequence[str], *, as_json: bool) -> int:
     give_back_memory()
     os.umask(os.umask(0o077) | 0o027)  # logs and state: for the owner and the group
     site = load_site(path, given)
-    with only_one(site.state), stop_on_signals() as stop, reload_on_signal() as hangup:
+    with only_one(site.state), signal_event(*STOP_SIGNALS) as stop, signal_event(SIGHUP) as hangup:
         return _watch(site, stop, partial(_reread, hangup, partial(load_site, path, given)), as_json=as_json)
 
 

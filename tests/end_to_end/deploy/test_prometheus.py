@@ -46,7 +46,9 @@ class Api:
         self._url = f"http://127.0.0.1:{port}/api/v1"
 
     def get(self, path: str, **parameters: Any) -> Any:
-        answer = httpx.get(f"{self._url}/{path}", params=parameters).json()
+        response = httpx.get(f"{self._url}/{path}", params=parameters)
+        response.raise_for_status()
+        answer = response.json()
         assert answer["status"] == "success", answer
         return answer["data"]
 
@@ -69,12 +71,12 @@ def prometheus(settings: Path, tmp_path_factory: pytest.TempPathFactory) -> Iter
         (settings / "test.yml").write_text(text.replace(TARGET, f"127.0.0.1:{monitor}"), encoding="utf-8")
         command = ["prometheus", "--config.file=test.yml", "--storage.tsdb.path=data"]
         with server_process([*command, f"--web.listen-address=127.0.0.1:{port}"], settings) as output:
-            api, end = Api(port), time.monotonic() + 15.0
+            api, end = Api(port), time.monotonic() + 30.0
             while True:
                 try:
                     api.get("status/buildinfo")
                     break
-                except httpx.TransportError:
+                except httpx.HTTPError:  # no answer yet, or 503: it reads its storage
                     assert time.monotonic() < end, output.read_text()
                     time.sleep(0.1)
             twice = "increase(modalwatch_gaps[1h])"  # needs two values

@@ -1,7 +1,6 @@
 """Settings read again during a run: unchanged parts continue without a gap."""
 
 import json
-import signal
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -9,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from daq import Flag
-from monitor.service.daemon import reload_on_signal
 from tests.support.monitor.history import rows, sqlite_url
 from tests.support.monitor.runs import LawState, QuietWorker, blocks, watched_site
 from tests.support.monitor.service.manager import Listener
@@ -87,10 +85,3 @@ def _assert_told(watched: LawState) -> None:
     assert [event.payload["device"] for event in watched.events("gap")] == ["beam_right"]
     assert [event.payload["left_out_s"] for event in watched.events("analysis_lagging")] == [6000.1]
     assert [event.payload["again_in_s"] for event in watched.events("analysis_failed")] == [1.0]
-
-
-def test_sighup_requests_a_reload() -> None:
-    with reload_on_signal() as asked:
-        assert not asked.is_set()
-        signal.raise_signal(signal.SIGHUP)
-        assert asked.is_set()

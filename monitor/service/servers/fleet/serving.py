@@ -4,9 +4,9 @@ from collections.abc import Callable
 from ipaddress import ip_address
 from pathlib import Path
 
+from daq.signals import STOP_SIGNALS, signal_event
 from monitor.errors import StartError
 from monitor.outputs.history import FleetReader
-from monitor.service.daemon import stop_on_signals
 from monitor.service.servers.fleet.app import FleetSource, make_fleet_app
 from monitor.service.servers.web.auth import read_token
 from monitor.service.servers.web.process import bounded_server, listen, page_url
@@ -31,7 +31,7 @@ def serve_fleet(settings: FleetSettings, folder: Path, ready: Callable[[str], No
         If the port is taken or the token cannot be used.
     """
     url, local = revealed(settings.url), ip_address(settings.bind).is_loopback
-    with FleetReader(url) as reader, stop_on_signals():
+    with FleetReader(url) as reader, signal_event(*STOP_SIGNALS):
         source = FleetSource(reader=reader, url=url, pages=settings.pages, hidden=settings.hidden)
         try:
             token = read_token(folder / settings.token_file)
