@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 COMMANDS: dict[str, tuple[str, str]] = {
     "demo": ("Start", "demo.demo"),
     "rig": ("Start", "demo.rig"),
+    "new structure": ("Start", "new.structure"),
+    "new site": ("Start", "new.site"),
     "import": ("Data", "data.importing.import_"),
     "structure": ("Data", "data.structure.structure"),
     "identify": ("Data", "data.identify.identify"),
@@ -43,7 +45,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 }
 """Section of the help, and module in `monitor.cli`, of each command. Its function is named as the module."""
 
-GROUPS = {"log": "Inspect and export logs."}
+GROUPS = {"log": "Inspect and export logs.", "new": "Write commented files to begin with."}
 
 
 class CommandGroup(TyperGroup):

@@ -28,6 +28,7 @@ Json = Annotated[
         callback=_json,
     ),
 ]
+Force = Annotated[bool, Option("--force", help="Replace a file that exists.")]
 Person = Annotated[str, Option(help="Name of the person.")]
 Overrides = Annotated[
     list[str] | None,

@@ -277,7 +277,7 @@ def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path:
 
 
 def test_channels_of_a_recorded_log_are_read_from_its_settings() -> None:
-    path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+    path = Path(__file__).parents[4] / "replay_data" / "t_frame_added_mass.mcap"
     windows = list(log_recordings(path, 20.0))
     (whole,) = log_recordings(path)
     assert len(whole.channels) == 12

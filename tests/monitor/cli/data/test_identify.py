@@ -223,7 +223,7 @@ def test_invalid_identify_requests_are_refused(modalwatch: Commands, log: Path, 
 
 
 def test_modes_are_compared_with_the_structure(modalwatch: Commands, tmp_path: Path) -> None:
-    path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+    path = Path(__file__).parents[4] / "replay_data" / "t_frame_added_mass.mcap"
     done = modalwatch("identify", path, "--window", 30, "--json", tmp_path / "modes.json")
     assert done.code == 0, done.err
     modes = json.loads((tmp_path / "modes.json").read_text())["modes"]

@@ -1,0 +1,1 @@
+"""Commands `new structure` and `new site`: commented files to begin with."""

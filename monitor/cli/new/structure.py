@@ -1,0 +1,52 @@
+"""Command `new structure`."""
+
+from pathlib import Path
+from typing import Annotated
+
+from typer import Argument, Option
+
+from monitor.cli.new.kinds import KINDS, MATERIALS
+from monitor.cli.options import Force, one_of
+
+
+def structure(
+    kind: Annotated[str | None, Argument(metavar="|".join(KINDS), help="Kind of structure.")] = None,
+    out: Annotated[Path, Option("--out", "-o", metavar="FILE", help="File to write.")] = Path("structure.toml"),
+    height: Annotated[float | None, Option(metavar="M", help="Height of a column, post or storey [m].")] = None,
+    length: Annotated[float | None, Option(metavar="M", help="Length of a beam between its ends [m].")] = None,
+    storeys: Annotated[int | None, Option(metavar="N", help="Number of storeys.", min=1, max=50)] = None,
+    section: Annotated[
+        str | None,
+        Option(
+            metavar="SHAPE:DIMENSIONS",
+            help="Section of all members [m]: rectangle:WIDTH,HEIGHT; box:WIDTH,HEIGHT,THICKNESS; circle:DIAMETER; "
+            "tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE.",
+        ),
+    ] = None,
+    beam_section: Annotated[
+        str | None, Option(metavar="SHAPE:DIMENSIONS", help="Section of beams, if it is another.")
+    ] = None,
+    material: Annotated[str, one_of("--material", MATERIALS, "Material.")] = "steel",
+    sensors: Annotated[
+        int, Option(metavar="N", help="Measured places of a member, at equal distances.", min=1, max=20)
+    ] = 2,
+    pinned: Annotated[
+        bool, Option("--pinned", help="Feet that can turn in the plane of the frame. Default: fixed feet.")
+    ] = False,
+    force: Force = False,
+) -> int:
+    """Write a commented structure file to begin with.
+
+    A terminal prompts for what is not given. Then edit the file: sections, supports, sensors and their
+    channels.
+
+    Example:
+    modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003
+    modalwatch new structure cantilever --height 1.2 --section rectangle:0.05,0.005 --sensors 3 -o cantilever.toml
+    """
+    from monitor.cli.new import structure_file as work
+
+    given = {"height": height, "length": length, "storeys": storeys, "section": section}
+    return work.write_structure(
+        out, kind, given, beam_section=beam_section, material=material, sensors=sensors, pinned=pinned, force=force
+    )

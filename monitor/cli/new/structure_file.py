@@ -1,0 +1,254 @@
+"""Structure files of common kinds of frames, with comments."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from monitor.cli.exit_codes import DONE
+from monitor.cli.new.kinds import KINDS
+from monitor.cli.new.writing import asked, write_new
+from monitor.cli.terminal import echo
+from monitor.errors import ArgumentError
+from updater import StructureError, parse_structure
+
+Point = tuple[float, float, float]
+
+_MATERIALS = {
+    "steel": "youngs_modulus = 210e9\npoisson_ratio = 0.3\ndensity = 7850",
+    "aluminium": "youngs_modulus = 70e9\npoisson_ratio = 0.33\ndensity = 2700",
+    "concrete": "youngs_modulus = 33e9          # C30/37, uncracked\npoisson_ratio = 0.2\ndensity = 2500",
+    "timber": "youngs_modulus = 11e9          # C24, along the grain\nshear_modulus = 0.69e9\ndensity = 420",
+}
+_DIMENSIONS = {
+    "rectangle": ("width", "height"),
+    "box": ("width", "height", "thickness"),
+    "circle": ("diameter",),
+    "tube": ("diameter", "thickness"),
+    "i": ("width", "height", "web", "flange"),
+}
+_QUESTIONS = {
+    "height": "height of a column, post or storey [m]",
+    "length": "length of the beam [m]",
+    "storeys": "number of storeys",
+    "section": "section of the members, such as box:0.06,0.04,0.003 or rectangle:0.05,0.005 [m]",
+}
+_NEEDED = {
+    "cantilever": ("height",),
+    "beam": ("length",),
+    "portal": ("height", "length"),
+    "storeys": ("height", "length", "storeys"),
+    "t-frame": ("height", "length"),
+}
+_ELEMENTS = 20  # of the longest member: a static shape function each, exact at its nodes
+
+
+def _between_the_ends(n: int) -> tuple[float, ...]:
+    return tuple(k / (n + 1) for k in range(1, n + 1))
+
+
+def _up_to_the_end(n: int) -> tuple[float, ...]:
+    return tuple(k / n for k in range(1, n + 1))
+
+
+def _from_end_to_end(n: int) -> tuple[float, ...]:
+    return tuple(k / (n - 1) for k in range(n)) if n > 1 else (1.0,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Member:
+    name: str
+    start: Point
+    end: Point
+    directions: str  #: axes that its sensors measure
+    section: str = "main"
+    places: Callable[[int], tuple[float, ...]] = _between_the_ends  #: of n sensors, as shares of the length
+
+    def at(self, share: float) -> Point:
+        """Return a point, as a share of the length."""
+        x, y, z = (a + share * (b - a) for a, b in zip(self.start, self.end, strict=True))
+        return x, y, z
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frame:
+    members: tuple[_Member, ...]
+    feet: tuple[Point, ...]  #: fixed, or pinned if so wanted
+    supports: tuple[tuple[Point, str], ...] = ()  #: others, with their fixed axes
+
+
+def write_structure(
+    path: Path,
+    kind: str | None,
+    given: Mapping[str, float | str | None],
+    *,
+    beam_section: str | None,
+    material: str,
+    sensors: int,
+    pinned: bool,
+    force: bool,
+) -> int:
+    """Write the structure file of a kind of frame; what is needed and not given is asked for.
+
+    Raises
+    ------
+    ArgumentError
+        If something is missing, invalid or not used by this kind, or the file exists.
+    """
+    if kind is None:
+        kind = asked("KIND", "kind of structure", KINDS)
+    if kind not in KINDS:
+        raise ArgumentError("KIND", f"expected one of {', '.join(KINDS)}, found {kind!r}")
+    sizes = {name: _size(name, given[name]) for name in _NEEDED[kind]}
+    for name in _QUESTIONS.keys() - {"section"} - sizes.keys():
+        if given[name] is not None:
+            raise ArgumentError(f"--{name}", f"is no dimension of a {kind}")
+    frame = _FRAMES[kind](sizes)
+    if pinned and len(frame.feet) < 2:
+        raise ArgumentError("--pinned", f"a {kind} needs fixed feet, or it can move without deformation")
+    has_beams = any(member.section == "beam" for member in frame.members)
+    if beam_section is not None and not has_beams:
+        raise ArgumentError("--beam-section", f"a {kind} has one section: give it as --section")
+    sections = {"main": _section("--section", str(given["section"] or asked("--section", _QUESTIONS["section"])))}
+    if has_beams:
+        sections["beam"] = _section("--beam-section", beam_section) if beam_section else sections["main"]
+    text = "\n".join(_lines(kind, frame, sections, material, sensors, pinned=pinned))
+    try:
+        loaded = parse_structure(text)
+    except StructureError as error:
+        raise ArgumentError("--section", str(error)) from error
+    write_new(path, text, force=force)
+    echo(f"written: {path}: {len(loaded.member)} members, {len(loaded.sensor)} sensors")
+    echo(f"next: edit it, then draw and check it: modalwatch structure {path}")
+    return DONE
+
+
+def _size(name: str, value: float | str | None) -> float:
+    found = value if value is not None else asked(f"--{name}", _QUESTIONS[name])
+    try:
+        size = float(found)
+    except ValueError as error:
+        raise ArgumentError(f"--{name}", f"expected a number, found {found!r}") from error
+    if not 0 < size < float("inf") or (name == "storeys" and size % 1):
+        raise ArgumentError(f"--{name}", f"expected a {'whole ' * (name == 'storeys')}positive number, found {found}")
+    return size
+
+
+def _section(option: str, text: str) -> str:
+    """Return the entries of a section given as SHAPE:DIMENSION,.."""
+    shape, _, listed = text.partition(":")
+    if shape not in _DIMENSIONS:
+        raise ArgumentError(
+            option, f"expected SHAPE:DIMENSIONS with a shape of {', '.join(_DIMENSIONS)}, found {text!r}"
+        )
+    names, values = _DIMENSIONS[shape], listed.split(",")
+    try:
+        numbers = [float(value) for value in values]
+    except ValueError:
+        numbers = []
+    if len(numbers) != len(names):
+        raise ArgumentError(option, f"expected {shape}:{','.join(names).upper()} in m, found {text!r}")
+    dimensions = (f"{name} = {number:g}" for name, number in zip(names, numbers, strict=True))
+    return "\n".join([f'shape = "{shape}"', *dimensions])
+
+
+def _cantilever(size: Mapping[str, float]) -> _Frame:
+    return _Frame(members=(_column(size["height"]),), feet=((0, 0, 0),))
+
+
+def _column(height: float) -> _Member:
+    return _Member(name="column", start=(0, 0, 0), end=(0, 0, height), directions="xy", places=_up_to_the_end)
+
+
+def _beam(size: Mapping[str, float]) -> _Frame:
+    end = (size["length"], 0.0, 0.0)
+    beam = _Member(name="beam", start=(0, 0, 0), end=end, directions="yz")
+    return _Frame(members=(beam,), feet=(), supports=(((0, 0, 0), "x y z rx"), (end, "y z rx")))
+
+
+def _storeys(size: Mapping[str, float]) -> _Frame:
+    n, height, length = int(size.get("storeys", 1)), size["height"], size["length"]
+    top = n * height
+    posts = tuple(
+        _Member(name=f"{side} post", start=(x, 0, 0), end=(x, 0, top), directions="xy")
+        for side, x in (("left", 0.0), ("right", length))
+    )
+    beams = tuple(
+        _Member(
+            name=f"beam {level}" if n > 1 else "beam",
+            start=(0, 0, level * height),
+            end=(length, 0, level * height),
+            directions="yz",
+            section="beam",
+        )
+        for level in range(1, n + 1)
+    )
+    return _Frame(members=(*posts, *beams), feet=((0, 0, 0), (length, 0, 0)))
+
+
+def _t_frame(size: Mapping[str, float]) -> _Frame:
+    height, half = size["height"], size["length"] / 2
+    beam = _Member(
+        name="crossbeam",
+        start=(-half, 0, height),
+        end=(half, 0, height),
+        directions="yz",
+        section="beam",
+        places=_from_end_to_end,
+    )
+    return _Frame(members=(_column(height), beam), feet=((0, 0, 0),))
+
+
+_FRAMES: dict[str, Callable[[Mapping[str, float]], _Frame]] = {
+    "cantilever": _cantilever,
+    "beam": _beam,
+    "portal": _storeys,
+    "storeys": _storeys,
+    "t-frame": _t_frame,
+}
+
+
+def _lines(
+    kind: str, frame: _Frame, sections: Mapping[str, str], material: str, sensors: int, *, pinned: bool
+) -> Iterator[str]:
+    yield "# Structure file of modalwatch. Axes: x along the beam, y out of the plane of the frame, z up."
+    yield "# SI units throughout: m, kg, N, Pa. `modalwatch structure FILE` draws it and lists its modes."
+    yield f'name = "{kind}"\n'
+    yield "[mesh]"
+    longest = max(sum((b - a) ** 2 for a, b in zip(m.start, m.end, strict=True)) ** 0.5 for m in frame.members)
+    yield f"element_length = {longest / _ELEMENTS:.3g}          # longest element [m]\n"
+    yield f"[material.{material}]\n{_MATERIALS[material]}\n"
+    for name, text in sections.items():
+        yield f"[section.{name}]                # width along the local y axis (horizontal), height along z\n{text}\n"
+    yield "# Members are joined where one ends on another."
+    for member in frame.members:
+        yield f'[[member]]\nname = "{member.name}"\nfrom = {_point(member.start)}\nto = {_point(member.end)}'
+        yield f'material = "{material}"\nsection = "{member.section}"\n'
+    yield "# Supports: axes that are held. A yielding foot has springs: stiffness = {ry = 2e5} instead of a fixed axis;"
+    yield "# N/m for x y z, N m/rad for rx ry rz. Springs are calibrated, a value within a factor of two is sufficient."
+    feet = "x y z rx rz" if pinned else "x y z rx ry rz"
+    for at, fixed in (*((foot, feet) for foot in frame.feet), *frame.supports):
+        axes = ", ".join(f'"{axis}"' for axis in fixed.split())
+        yield f"[[support]]\nat = {_point(at)}\nfixed = [{axes}]\n"
+    yield "# Attached bodies whose mass is known, such as clamps and sensors:"
+    yield "# [[body]]\n# at = [0.0, 0.0, 1.0]\n# mass = 0.25\n"
+    yield "# Sensors: one entry per measured axis. `channel` is its name in the data; the direction is positive."
+    yield from _sensors(frame, sensors)
+
+
+def _sensors(frame: _Frame, n: int) -> Iterator[str]:
+    taken: set[tuple[Point, str]] = set()
+    held = {*frame.feet, *(at for at, _ in frame.supports)}
+    for member in frame.members:
+        for number, share in enumerate(member.places(n), 1):
+            at = member.at(share)
+            for axis in member.directions:
+                if at in held or (at, axis) in taken:
+                    continue
+                taken.add((at, axis))
+                direction = [int(axis == other) for other in "xyz"]
+                channel = f"{member.name.replace(' ', '_')}_{number}_{axis}"
+                yield f'[[sensor]]\nchannel = "{channel}"\nat = {_point(at)}\ndirection = {direction}\n'
+
+
+def _point(at: Point) -> str:
+    return f"[{', '.join(f'{round(c, 4) + 0.0:.10g}' if c % 1 else f'{c:.1f}' for c in at)}]"

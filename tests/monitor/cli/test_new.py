@@ -1,0 +1,87 @@
+"""New structure and site files can be used as they are written."""
+
+from pathlib import Path
+
+import pytest
+
+from monitor.settings import load_settings
+from tests.support.monitor.cli import Commands, assert_refused
+from updater import load_structure
+from updater.fe import build_model
+
+PORTAL = ("portal", "--height", 2, "--length", 3, "--section", "box:0.06,0.04,0.003")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "n_members", "n_sensors"),
+    [
+        (PORTAL, 3, 12),
+        ((*PORTAL, "--pinned", "--beam-section", "circle:0.02", "--sensors", 1), 3, 6),
+        (("cantilever", "--height", 1.2, "--section", "rectangle:0.05,0.005", "--sensors", 3), 1, 6),
+        (("beam", "--length", 4, "--section", "i:0.055,0.1,0.0041,0.0057", "--material", "concrete"), 1, 4),
+        (("storeys", "--storeys", 3, "--height", 0.5, "--length", 0.8, "--section", "tube:0.04,0.003"), 5, 20),
+        (("t-frame", "--height", 1.48, "--length", 0.8, "--section", "box:0.04,0.04,0.003"), 2, 8),
+    ],
+)
+def test_structure_of_each_kind_has_a_model(
+    modalwatch: Commands, tmp_path: Path, arguments: tuple[object, ...], n_members: int, n_sensors: int
+) -> None:
+    path = tmp_path / "frame.toml"
+    done = modalwatch("new", "structure", *arguments, "-o", path)
+    assert (done.code, done.err) == (0, "")
+    found = load_structure(path)
+    assert (len(found.member), len(found.sensor)) == (n_members, n_sensors)
+    assert len({sensor.channel for sensor in found.sensor}) == n_sensors
+    build_model(found)  # refuses a mechanism
+
+
+def test_site_has_a_device_per_place_and_its_channels(modalwatch: Commands, tmp_path: Path) -> None:
+    structure, path = tmp_path / "frame.toml", tmp_path / "sites" / "site.toml"
+    path.parent.mkdir()
+    assert modalwatch("new", "structure", *PORTAL, "-o", structure).code == 0
+    done = modalwatch("new", "site", structure, "-o", path, "--driver", "epson-can", "--can", "slcan:/dev/ttyACM0")
+    assert (done.code, done.err) == (0, "")
+    settings = load_settings(path)
+    assert [device.name for device in settings.device][:2] == ["left_post_1", "left_post_2"]
+    assert settings.structure == "../frame.toml"
+    assert [device.can.node for device in settings.device if device.can] == [1, 2, 3, 4, 5, 6]
+    channels = {(axis, channel) for device in settings.device for axis, channel in device.channels.items()}
+    sensors = load_structure(structure).sensor
+    assert channels == {("xyz"[[abs(d) for d in s.direction].index(1)], s.channel) for s in sensors}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("portal", "--height", 2, "--section", "circle:0.1"), "--length: needed: length of the beam [m]"),
+        (("arch",), "KIND: expected one of cantilever, beam, portal, storeys, t-frame, found 'arch'"),
+        ((*PORTAL, "--storeys", 2), "--storeys: is no dimension of a portal"),
+        ((*PORTAL[:-1], "box:0.1,0.1"), "--section: expected box:WIDTH,HEIGHT,THICKNESS in m, found 'box:0.1,0.1'"),
+        ((*PORTAL[:-1], "box:0.1,0.1,0.2"), "thickness"),
+        (("cantilever", "--height", -1, "--section", "circle:0.1"), "--height: expected a positive number, found -1"),
+        (("cantilever", "--height", 1, "--section", "circle:0.1", "--pinned"), "--pinned: a cantilever needs fixed"),
+    ],
+)
+def test_invalid_structures_are_refused(
+    modalwatch: Commands, tmp_path: Path, arguments: tuple[object, ...], expected: str
+) -> None:
+    path = tmp_path / "frame.toml"
+    assert_refused(modalwatch("new", "structure", *arguments, "-o", path), expected)
+    assert not path.exists()
+
+
+def test_existing_file_is_replaced_only_by_force(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "frame.toml"
+    path.write_text("mine")
+    assert_refused(modalwatch("new", "structure", *PORTAL, "-o", path), "frame.toml exists", "--force")
+    assert path.read_text() == "mine"
+    assert modalwatch("new", "structure", *PORTAL, "-o", path, "--force").code == 0
+    again = modalwatch("new", "site", path, "-o", path, "--driver", "epson-can", "--can", "slcan:/dev/ttyACM0")
+    assert_refused(again, "frame.toml exists")
+
+
+def test_missing_port_names_its_place(modalwatch: Commands, tmp_path: Path) -> None:
+    structure = tmp_path / "frame.toml"
+    assert modalwatch("new", "structure", *PORTAL, "-o", structure).code == 0
+    done = modalwatch("new", "site", structure, "-o", tmp_path / "s.toml", "--driver", "epson-uart", "--port", "a")
+    assert_refused(done, "--port: needed: serial port of device left_post_2 at [0, 0, 1.3333] m")
