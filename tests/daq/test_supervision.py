@@ -16,6 +16,7 @@ from tests.support.monitor.notices import until
 
 #: threads that end with what they wait for, and run nothing that could fail
 PLAIN = {
+    "daq/signals.py",
     "daq/supervision.py",
     "daq/emulator/slcan.py",
     "monitor/service/servers/web/process.py",

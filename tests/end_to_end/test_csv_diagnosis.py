@@ -124,6 +124,7 @@ def test_channels_present_in_only_one_record_are_reported(folder: Path, modalwat
     assert "note: misnamed.mcap: compared without col_111_x, which the reference has" in reported.out
 
 
+@pytest.mark.thorough
 def test_channels_with_identical_samples_are_reported_before_the_result(folder: Path, modalwatch: Commands) -> None:
     recording = Rig(seed=SEED).record(5, SECONDS, rate=RATE)
     names = [channel.name for channel in recording.channels]

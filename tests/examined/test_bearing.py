@@ -16,6 +16,7 @@ from updater import parse_structure
 _LOCKED = 100.0  # times as stiff about the axis that it turned about
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", few_of([1, 3]))
 def test_locked_bearing_is_diagnosed(seed: int) -> None:
     """As itself, or as its alias; a model's mode along the bridge is paired with none across it."""

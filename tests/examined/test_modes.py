@@ -1,6 +1,4 @@
-"""Sealed cases from modes: every cause of the catalogue, no change, changes that are too small or outside the
-catalogue.
-"""
+"""Sealed cases from modes: no change, changes outside the catalogue, some causes; every cause by `make thorough`."""
 
 import pytest
 
@@ -10,19 +8,19 @@ from tests.examiner.score import score
 from tests.support.thorough import few_of
 
 CASES = [
-    ("joint_stiffness", 305),
     ("support_stiffness", 304),
     ("attached_oscillator", 308),
-    ("sensor_gain", 315),
     ("sensor_swap", 317),
     ("nothing", 321),
-    ("added_mass + sensor_gain", 323),
     ("sliding", 324),
     ("file: nothing", 325),
-    ("one_sided", 148300051),  # as one factor, with a body of -4 g beside it, it is 11 cm off
-    ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
 ]
 THOROUGH = [
+    ("sensor_gain", 315),
+    ("added_mass + sensor_gain", 323),
+    ("one_sided", 148300051),  # as one factor, with a body of -4 g beside it, it is 11 cm off
+    ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
+    ("joint_stiffness", 305),
     ("bridge: distributed_mass", 2318511296001),  # mixes two modes 1 % apart, whose damping differs
     ("added_mass + support_stiffness", 1131743107009),  # two stretches, one at the foot, fit at p = 0.07
     ("added_mass + support_stiffness", 1131743107016),  # one stretch at the foot with a factor for each axis: p = 0.16

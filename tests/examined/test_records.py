@@ -72,6 +72,7 @@ def overdriven(state: State, recording: Recording, share: float) -> Recording:
     return replace(recording, data=data)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("cell", "seed"), few_of(CASES))
 def test_diagnosis_from_records_matches_the_applied_change(
     logs: Path, modalwatch: Commands, cell: str, seed: int

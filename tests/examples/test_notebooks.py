@@ -70,6 +70,7 @@ def test_watch() -> None:
     assert "added on the crossbeam" in Path("report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.thorough
 def test_page_on_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The code of other programs is left out; the rest is executed where the page has its files."""
     page = ROOT / "docs" / "python.md"

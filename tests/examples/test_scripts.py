@@ -57,6 +57,7 @@ def test_report_log() -> None:
     assert found["verdict"] in found["report"]
 
 
+@pytest.mark.thorough
 def test_paper_t_structure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Totals without noise to 10 % of the mass for this frame; with noise within 4 deviations of those.
 

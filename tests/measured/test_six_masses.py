@@ -47,6 +47,7 @@ def test_bending_modes_of_a_hypothesis_match_the_written_structure() -> None:
     np.testing.assert_allclose(np.log(modes.frequency[bending][:5]), expected, atol=3e-4)
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
 def test_clamp_fitted_to_measured_cantilever_predicts_held_out_layouts() -> None:
     measured = read_layouts(Path(REAL or "") / "beam-six-masses", slice(0, 24))

@@ -23,6 +23,7 @@ def test_simulation_matches_the_documented_shear_building() -> None:
     assert np.all((ratio > 0.976) & (ratio < 1.0))
 
 
+@pytest.mark.thorough
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
 def test_measured_modes_give_floor_masses_and_reject_the_simulation() -> None:
     frame = read_frame(Path(REAL or "") / "soton-3storey-frf")

@@ -90,6 +90,7 @@ def test_stated_deviations_cover_errors_near_the_uncertainty_law() -> None:
         assert np.all(bias < 0.5 + 4 * 1.25 / np.sqrt(len(SEEDS)))
 
 
+@pytest.mark.thorough
 def test_stated_shape_deviations_cover_the_errors() -> None:
     truth = frame().shapes
     inside = []
@@ -255,6 +256,7 @@ def test_close_modes_mixed_in_short_window_are_both_identified() -> None:
     assert np.sum([estimate.n_modes == 2 for estimate in found]) >= 8
 
 
+@pytest.mark.thorough
 def test_more_modes_than_default_model_orders_are_identified() -> None:
     """24 modes at 12 sensors: up to order 50 two of them were not found, and dampings erred by four deviations."""
     every = chain(24, 2.0, 0.005)

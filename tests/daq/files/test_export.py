@@ -257,6 +257,7 @@ def test_requested_temperature_column_is_used(tmp_path: Path) -> None:
         read_data(path, temperature="b")
 
 
+@pytest.mark.thorough
 def test_sparse_temperature_readings_are_interpolated_to_windows(tmp_path: Path) -> None:
     path, out = tmp_path / "data.csv", tmp_path / "log.mcap"
     rows = [f"{k},1,{'' if k % 600 else 10 + k / 600}" for k in range(6001)]

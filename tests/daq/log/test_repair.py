@@ -102,6 +102,7 @@ def test_damaged_log_loses_only_the_damaged_chunk(whole: Path, data: st.DataObje
     assert inspect_log(path).whole
 
 
+@pytest.mark.thorough
 def test_wrong_opcode_or_length_bit_loses_at_most_one_chunk(whole: Path) -> None:
     """Of each record after the attachments: at most its own chunk is lost, and the state has the loss."""
     content, every = whole.read_bytes(), contents(some_items())

@@ -63,6 +63,7 @@ def test_added_mass_is_found_from_two_tables_of_modes(tmp_path: Path, modalwatch
         assert abs(named["added_mass"]["where"]["position"][0] - 0.2) < 0.06
 
 
+@pytest.mark.thorough
 def test_structure_extended_by_an_earlier_diagnosis_is_noted(tmp_path: Path, modalwatch: Commands) -> None:
     path = structure(tmp_path)
     path.write_text(

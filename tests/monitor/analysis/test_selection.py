@@ -91,6 +91,7 @@ def test_only_the_chosen_causes_are_considered(modalwatch: Commands, measured: T
     assert considered.isdisjoint(left_out)
 
 
+@pytest.mark.thorough
 def test_excluded_mode_and_channel_are_ignored_in_both_states(modalwatch: Commands, measured: Tables) -> None:
     whole = _diagnosed(modalwatch, measured, *MASS_ONLY).diagnosis
     left_out = whole["modes"][2]["frequency"]["measured"]

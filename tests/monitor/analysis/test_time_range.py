@@ -121,6 +121,7 @@ def test_identify_with_a_range_equals_identify_of_a_cut_log(
         assert x["damping"]["value"] == pytest.approx(y["damping"]["value"], rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_reported_time_of_change_is_valid_as_range_limit(
     modalwatch: Commands, ambient: Recording, tmp_path: Path
 ) -> None:

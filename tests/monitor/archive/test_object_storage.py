@@ -75,7 +75,7 @@ def fill(storage: s3fs.S3FileSystem, folder: str, n: int) -> None:
 
 
 @pytest.mark.timeout(300)
-@pytest.mark.parametrize("n", [6, pytest.param(200, marks=[pytest.mark.thorough, pytest.mark.timeout(1200)])])
+@pytest.mark.parametrize("n", [2, pytest.param(200, marks=[pytest.mark.thorough, pytest.mark.timeout(1200)])])
 def test_bucket_is_analysed_as_local_files_and_only_once(
     n: int, server: s3fs.S3FileSystem, modalwatch: Commands, tmp_path: Path
 ) -> None:
@@ -83,15 +83,15 @@ def test_bucket_is_analysed_as_local_files_and_only_once(
     fill(server, f"of{n}", n)
     server.get(f"tower/of{n}", str(tmp_path / "local"), recursive=True)
     (tmp_path / "local" / "poisoned.mcap").unlink()
-    assert modalwatch("reanalyse", tmp_path / "local", "-o", tmp_path / "a", "--workers", 2).code == 0
-    found = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--workers", 2)
+    assert modalwatch("reanalyse", tmp_path / "local", "-o", tmp_path / "a", "--workers", 1).code == 0
+    found = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--workers", 1 if n < 10 else 2)
     assert found.code == 1, found.err  # one object is not a log
     assert f"s3://tower/of{n}/poisoned.mcap: is not an MCAP log" in found.out
     modes = [pd.read_parquet(tmp_path / out / "modes").sort_values(["start", "log", "mode"]) for out in "ab"]
     one, other = (frame.drop(columns=["log", "site"]).reset_index(drop=True) for frame in modes)
     assert len(one) >= 15 * n
     pd.testing.assert_frame_equal(one, other)
-    again = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--workers", 1)
+    again = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--dry-run")
     assert again.out.count("identified by an earlier run") == n
 
 

@@ -43,6 +43,7 @@ def test_results_from_steps_equal_results_from_blocks(log: Path) -> None:
     assert steps.problem is None
 
 
+@pytest.mark.thorough
 def test_next_log_continues_as_after_a_restart(log: Path) -> None:
     """A pipeline that goes on in another log gives what a new one gives from its saved state."""
     attached = read_attachments(log)

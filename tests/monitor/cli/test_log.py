@@ -149,6 +149,7 @@ def test_info_covers_all_files_of_one_run(modalwatch: Commands, tmp_path: Path) 
     assert_refused(done, "LOG: expected the files of one run, found those of 2", other.paths[0])
 
 
+@pytest.mark.thorough
 def test_modes_are_unchanged_by_export_and_import(modalwatch: Commands, tmp_path: Path) -> None:
     """Six devices with delays of up to 1.2 ms; with and without the comment that states the devices."""
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"

@@ -108,6 +108,7 @@ def test_temperature_effect_is_removed_or_widens_limits_if_not_learned() -> None
     assert after[-1] < 0.01 * size[-1]
 
 
+@pytest.mark.thorough
 def test_temperature_slopes_learned_in_12_hours_keep_the_false_alarm_rate() -> None:
     """Each mode by another slope, up to 2e-3 per kelvin, learnt in twelve hours; Poisson's bound at 1e-4."""
     random, n_sites, n_baseline = np.random.default_rng(10), 200, 24

@@ -60,6 +60,7 @@ def test_frost_absent_from_the_baseline_widens_limits_until_learned() -> None:
     assert learnt is None or learnt < unseen / 4
 
 
+@pytest.mark.thorough
 def test_frost_with_unknown_thermal_inertia_raises_few_alarms() -> None:
     """Air that cools by 0.4 K per day; structures follow it by 1.5 to 8 h and stiffen by 1 to 3 % while freezing.
 

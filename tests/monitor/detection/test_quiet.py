@@ -1,6 +1,7 @@
 """Quiet sites: limits approach the scatter that is seen, and small changes are found after two weeks."""
 
 import numpy as np
+import pytest
 
 from monitor.detection import CHUNK, DETECTORS, DetectionSettings, accept, detectable_change, judge, start
 from tests.examiner.sites import SimulatedSites, SiteKind
@@ -11,6 +12,7 @@ WATCHING = DetectionSettings(rate=STEP / 31.6e6 / len(DETECTORS), overlap=0.0, h
 KIND = SiteKind(name="quiet", stated=(5e-5, 1.5e-4), step=STEP)
 
 
+@pytest.mark.thorough
 def test_change_of_a_tenth_of_a_per_cent_is_found_after_two_weeks() -> None:
     """Deviations of about 1e-4, changes of 0.05 to 0.15 % after a day and two weeks, no false alarm before."""
     sites = SimulatedSites(KIND, SITES, SEED)

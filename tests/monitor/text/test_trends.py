@@ -23,6 +23,7 @@ def trend(n_modes: int) -> Trend:
     return Trend(rate=rate, std=np.full(n_modes, 1e-4), common_rate=-2e-3, common_std=5e-5, seconds=52 * 7 * 86400.0)
 
 
+@pytest.mark.thorough
 def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
     """The first estimate of a trend is made significant; the run continues with another setting after a restart."""
     without_answers(monkeypatch)

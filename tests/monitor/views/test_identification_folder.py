@@ -50,6 +50,7 @@ def test_folder_contains_mode_files_and_pictures(modalwatch: Commands, log: Path
         np.testing.assert_allclose(found["r1"], [complex(*mode["shape"][f"{i}_x"]) for i in (1, 2, 3, 4)], atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_log_with_a_structure_gives_sensor_positions_and_geometry(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     (tmp_path / "tracks.png").write_text("of an earlier run with more windows")

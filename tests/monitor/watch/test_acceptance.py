@@ -125,6 +125,7 @@ def test_next_change_after_an_accepted_one_is_detected(seed: int, monkeypatch: p
     assert [r.kind for r in reported if isinstance(r, AlarmResult) and r.raised] == ["state"]  # a new alarm
 
 
+@pytest.mark.thorough
 def test_modes_missing_after_an_acceptance_are_monitored_again_when_identified(monkeypatch: pytest.MonkeyPatch) -> None:
     played = Played(17, monkeypatch)
     pipeline = played.pipeline()

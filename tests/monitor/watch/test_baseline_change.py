@@ -47,6 +47,7 @@ def test_live_learning_restarts_at_a_change(seed: int, monkeypatch: pytest.Monke
     assert [r for r in back if isinstance(r, AlarmResult) and r.raised]
 
 
+@pytest.mark.thorough
 def test_baseline_of_a_repeatedly_changing_structure_is_finally_learnt(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played = Played(43, monkeypatch)

@@ -79,6 +79,7 @@ def test_self_test_detects_a_sufficient_mass_and_no_negligible_one(
     assert [w.payload() for w in judged(reported)][1:] == [w.payload() for w in after]
 
 
+@pytest.mark.thorough
 def test_self_tests_run_when_due_but_not_during_alarms(monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)
     played = Played(22, monkeypatch)

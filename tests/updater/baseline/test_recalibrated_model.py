@@ -86,5 +86,6 @@ def test_unexplained_change_still_gives_the_recalibrated_model() -> None:
     )
 
 
+@pytest.mark.thorough
 def test_nearly_correct_file_is_not_recalibrated() -> None:
     assert asked(draw("built frame: nothing", 964), FRAME).sought.nominal is None

@@ -192,6 +192,7 @@ def test_extended_model_with_oscillator_needs_no_further_cause(learnt: tuple[Ref
     assert diagnose(reference, matched(reference.baseline, fresh)).diagnosis.verdict == "nothing_to_explain"
 
 
+@pytest.mark.thorough
 def test_light_oscillator_is_found_by_its_own_mode(learnt: tuple[Reference, Model]) -> None:
     """A mode that the baseline lacks is no drift, and the advice states how to be surer of it."""
     found = explained(learnt, hung(learnt[1], (0.3, 0.0, 1.48), 2, 0.006, 120.0), 871)
@@ -200,6 +201,7 @@ def test_light_oscillator_is_found_by_its_own_mode(learnt: tuple[Reference, Mode
     assert found.next_measurement
 
 
+@pytest.mark.thorough
 def test_next_measurement_compares_oscillator_with_added_mass(learnt: tuple[Reference, Model]) -> None:
     """Hypotheses with and without motions of their own are set against each other."""
     reference, bare = learnt

@@ -65,6 +65,7 @@ def named(diagnosis: Diagnosis) -> set[str]:
     return {name for cause in diagnosis.causes for name in (cause.cause, *cause.cannot_be_told_from)}
 
 
+@pytest.mark.thorough
 def test_density_change_is_ambiguous_from_modes_alone(learnt: tuple[Reference, Model]) -> None:
     diagnosis = found(learnt, denser(learnt[1], 1.02), Circumstances(), 811).diagnosis
     assert diagnosis.verdict == "ambiguous"
@@ -82,6 +83,7 @@ def test_measured_warming_identifies_temperature_as_cause(learnt: tuple[Referenc
     assert abs(softening.value - (3.6e-4 - 3 * 1.2e-5)) < 4 * softening.std  # frequencies see stiffness over mass
 
 
+@pytest.mark.thorough
 def test_constant_measured_temperature_excludes_temperature_as_cause(learnt: tuple[Reference, Model]) -> None:
     still = Circumstances(warmer=0.1, warmer_std=0.5)
     diagnosis = found(learnt, denser(learnt[1], 1.02), still, 831).diagnosis

@@ -54,7 +54,7 @@ def named(diagnosis: Diagnosis) -> list[str]:
     return [cause.cause for cause in diagnosis.causes]
 
 
-@pytest.mark.parametrize(("modes", "factor"), few_of([(range(8), 1.7), ([2], 3.0), (range(8), 0.6)], 2))
+@pytest.mark.parametrize(("modes", "factor"), few_of([(range(8), 1.7), ([2], 3.0), (range(8), 0.6)]))
 def test_damping_change_is_diagnosed_with_its_factor(
     learnt: tuple[Reference, Model], modes: range | list[int], factor: float
 ) -> None:
@@ -117,6 +117,7 @@ def test_level_variation_without_softening_is_no_change(learnt: tuple[Reference,
     assert judged(reference, windows, known).verdict == "nothing_to_explain"
 
 
+@pytest.mark.thorough
 def test_amplitude_trend_already_in_the_baseline_is_no_change(learnt: tuple[Reference, Model]) -> None:
     """The same softening in the baseline's windows, at the same levels."""
     _, bare = learnt

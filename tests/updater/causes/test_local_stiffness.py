@@ -184,6 +184,7 @@ def test_refinement_keeps_all_indistinguishable_positions() -> None:
     assert not far.any()
 
 
+@pytest.mark.thorough
 def test_crack_next_to_the_foot_is_ambiguous_with_the_foot() -> None:
     """A hinge 1 cm above the foot turns the column as a spring under it does: both are named."""
     found = diagnose(*event(184, "column", 0.0, 0.02, 0.3)).diagnosis

@@ -143,6 +143,7 @@ def test_channel_without_signal_is_diagnosed_as_dead() -> None:
     assert set(CHANNELS) - set(found.extended.active_channels) == {"beam_right_y"}
 
 
+@pytest.mark.thorough
 def test_channel_left_out_as_constant_is_diagnosed_as_dead() -> None:
     rig = Rig(222)
     lost = ("col_037_x", "col_037_y")
@@ -160,6 +161,7 @@ def test_channel_left_out_for_another_reason_is_no_cause(kind: FaultKind) -> Non
     assert rig.explained(event, faults).diagnosis.verdict == "nothing_to_explain"
 
 
+@pytest.mark.thorough
 def test_small_errors_already_in_the_baseline_are_no_faults() -> None:
     """Half a per cent in gains and 0.02 ms in devices cancel against the baseline; two rigs."""
     verdicts = [rig.explained(rig.event()).diagnosis.verdict for rig in map(Rig, (231, 232))]

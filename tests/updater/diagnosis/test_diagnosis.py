@@ -45,6 +45,7 @@ def test_loosened_foot_is_diagnosed_by_axis(seed: int, axes: str) -> None:
             assert abs(quantity.value - true[axis]) < max(4 * quantity.std, 0.15 * true[axis])  # type: ignore[index]
 
 
+@pytest.mark.thorough
 def test_loosened_foot_is_found_when_modes_cross() -> None:
     """The first two modes change places; a fit begun from no change stays where they meet, 300 of chi-square worse."""
     reference, _, event = learnt(506)
@@ -58,6 +59,7 @@ def test_loosened_joint_is_not_diagnosed_as_a_foot() -> None:
     assert (found.verdict, names(found)) == ("explained", ["joint_stiffness"])
 
 
+@pytest.mark.thorough
 def test_foot_and_joint_are_indistinguishable_in_torsion() -> None:
     found = explained(122, Change(foot={"rz": 0.2})).diagnosis
     assert found.verdict == "ambiguous"
@@ -149,6 +151,7 @@ def test_change_outside_the_catalogue_is_unexplained() -> None:
     assert found.rejected
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("rigs", few_of([range(170, 171), range(170, 172)]), ids=["four", "eight"])
 def test_unchanged_structure_needs_no_cause(rigs: range) -> None:
     """Four events per rig: at a posterior of 0.8 against even odds one in 8 would be no surprise; two are under 1 in

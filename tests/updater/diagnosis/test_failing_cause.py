@@ -112,6 +112,7 @@ def girder() -> tuple[Observation, Observation]:
     return observed(random, 18), observed(random, 18, mass=1000.0)
 
 
+@pytest.mark.thorough
 def test_unobservable_flexibilities_stay_below_those_of_a_loose_connection(
     girder: tuple[Observation, Observation],
 ) -> None:

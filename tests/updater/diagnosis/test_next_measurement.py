@@ -70,6 +70,7 @@ def test_proposed_sensor_on_the_crossbeam_separates_left_from_right() -> None:
     assert all(abs(other[0] - there.at[0]) > 0.03 for other in others), reported
 
 
+@pytest.mark.thorough
 def test_thermometer_tone_and_known_mass_are_proposed_for_common_factor() -> None:
     reference, _, event = learnt(503)
     reported = diagnose(reference, event(Change(stiffness=0.96))).next_measurement

@@ -81,6 +81,7 @@ def begun(cause: Cause) -> SelectedCause:
     return SelectedCause(cause, 0, np.zeros(len(cause.prior_std)))
 
 
+@pytest.mark.thorough
 def test_adjacent_stretches_of_equal_loss_are_merged() -> None:
     state, _ = specimen("", 12)
     weighing = replace(

@@ -47,7 +47,7 @@ def place(change: MassChange) -> np.ndarray:
 @pytest.mark.parametrize(
     "bodies",
     [
-        pytest.param((), id="none"),
+        pytest.param((), id="none", marks=pytest.mark.thorough),
         pytest.param((Body(at=(0, 0, 0.92), mass=0.152, offset=(0.01, 0, 0)),), id="one", marks=pytest.mark.thorough),
         pytest.param((Body(at=(0.25, 0, 1.48), mass=0.304), Body(at=(0, 0, 0.92), mass=0.152)), id="two"),
         pytest.param(

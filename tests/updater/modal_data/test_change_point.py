@@ -6,6 +6,7 @@ from scipy.stats import binom
 
 from daq import FloatArray
 from tests.examiner.sites import KINDS, SimulatedSites, SiteWindows
+from tests.support.thorough import few_of
 from updater import TrackedModes
 from updater.modal_data import find_change, windows_of_one_state
 from updater.modal_data.change_point import FALSE_POSITIVE
@@ -29,7 +30,7 @@ def modes_of(windows: SiteWindows, site: int) -> TrackedModes:
     return tracked(np.log(windows.frequency[site]), windows.frequency_std[site] / windows.frequency[site])
 
 
-@pytest.mark.parametrize("n_windows", [8, 24])
+@pytest.mark.parametrize("n_windows", few_of([8, 24]))
 def test_false_change_points_are_no_more_frequent_than_stated(n_windows: int) -> None:
     """Eighteen kinds of site: frost, drift, wind, bursts of a wrong pole, thermometers late or absent, loads."""
     found, n = 0, 0

@@ -113,6 +113,7 @@ def test_longer_record_detects_smaller_masses_and_locates_better() -> None:
     assert (sharper < 4.01).all()
 
 
+@pytest.mark.thorough
 def test_simulated_localization_accuracy_holds_for_a_different_frame() -> None:
     """50 g at 0.20 m on the beam, a minute before and after."""
     foresight = LocalizationSimulation(t_outlook(), Target(mass=0.05))

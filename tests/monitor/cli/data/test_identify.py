@@ -222,6 +222,7 @@ def test_invalid_identify_requests_are_refused(modalwatch: Commands, log: Path, 
         assert_refused(modalwatch("identify", *arguments), *says)
 
 
+@pytest.mark.thorough
 def test_modes_are_compared_with_the_structure(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[4] / "replay_data" / "t_frame_added_mass.mcap"
     done = modalwatch("identify", path, "--window", 30, "--json", tmp_path / "modes.json")

@@ -178,6 +178,7 @@ def test_invalid_options_are_refused(
     assert not (tmp_path / "log.mcap").exists()
 
 
+@pytest.mark.thorough
 def test_errors_after_import_without_a_site_suggest_the_command(
     modalwatch: Commands, table: Path, tmp_path: Path
 ) -> None:

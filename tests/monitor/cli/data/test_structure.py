@@ -118,6 +118,7 @@ def test_member_without_modal_motion_has_no_detectable_mass(modalwatch: Commands
     assert path.with_suffix(".png").exists()
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("undrawn")
 def test_fewer_sensors_need_longer_records_for_the_same_target(modalwatch: Commands, tmp_path: Path) -> None:
     path, written = tmp_path / "bar.toml", tmp_path / "bar.json"

@@ -81,6 +81,7 @@ def test_only_the_clearly_better_interpretation_of_residual_forces_is_shown(
     assert all(f"+12.0 ± 0.2 % at ({x:.3f}, {y:.3f}, {z:.3f}) m" in text for text in found)
 
 
+@pytest.mark.thorough
 def test_failed_picture_does_not_affect_the_others(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """A spectrum whose curves differ in length, as they did where windows paired other modes with the causes."""
     whole = page_of(shown(), tmp_path).pictures
