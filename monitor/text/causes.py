@@ -145,7 +145,7 @@ def _place_text(place: MassAnswer | OtherPlace) -> str:
     x, y, z = place.position
     share = f" ({share_text(place.probability)})" if isinstance(place, OtherPlace) else ""
     return (
-        f"{1000 * abs(place.mass):.0f} ± {1000 * place.mass_std:.0f} g {what} on the {place.member} "
+        f"{number_text(1000 * abs(place.mass), 1000 * place.mass_std)} g {what} on the {place.member} "
         f"at ({x:.3f}, {y:.3f}, {z:.3f}) m ± {1000 * place.position_std:.0f} mm{share}"
     )
 

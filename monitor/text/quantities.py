@@ -1,6 +1,8 @@
 """Texts of quantities: numbers with deviations, times, durations, masses, stretches of members."""
 
-from daq.notebook import utc_text
+from collections.abc import Iterable, Sequence
+
+from daq.notebook import number_text, utc_text
 from updater.planning import Stretches
 
 _CERTAIN = 0.999
@@ -26,6 +28,19 @@ def mass_words(mass: float) -> str:
     if mass >= 1:
         return f"{mass:.2g} kg" if mass < 10 else f"{mass:.0f} kg"
     return f"{1000 * mass:.2g} g" if mass < 0.1 else f"{1000 * mass:.0f} g"
+
+
+def aligned_numbers(pairs: Iterable[tuple[float, float]]) -> list[str]:
+    """Return values with their standard deviations, with all decimal points and all `±` in one column."""
+    rows = [number_text(value, std).split(" ± ") for value, std in pairs]
+    columns = [_aligned([row[k] if k < len(row) else "" for row in rows]) for k in (0, 1)]
+    return [" ± ".join(cells) if cells[1].strip() else cells[0] for cells in zip(*columns, strict=True)]
+
+
+def _aligned(numbers: Sequence[str]) -> list[str]:
+    parts = [number.partition(".") for number in numbers]
+    left, right = (max((len(part[side]) for part in parts), default=0) for side in (0, 2))
+    return [f"{whole:>{left}}{point or ' ' * (right > 0)}{rest:<{right}}" for whole, point, rest in parts]
 
 
 def duration_words(seconds: float) -> str:

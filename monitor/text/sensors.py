@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from daq.notebook import number_text
 from monitor.results.comparison import ChannelHealth
 from updater.modal_data import Asynchrony
 from updater.validation import SensorHealth
@@ -78,7 +79,7 @@ def fault_text(own: ChannelHealth) -> str:
 
 def gain_text(own: ChannelHealth) -> str:
     """Return a gain with its deviation."""
-    return f"{own.gain:.3f} ± {own.gain_std:.3f}"
+    return number_text(own.gain, own.gain_std)
 
 
 def delay_text(own: ChannelHealth) -> str:

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from monitor.cli.site.console_log import line
 from monitor.results.windows import AlarmResult, Result, WindowResult
+from monitor.text.quantities import aligned_numbers
 
 
 class Display:
@@ -45,11 +46,12 @@ class Display:
         total = max(self._planned, self.n_windows)  # one may be in progress at the end
         self._bar.update(self._task, completed=self.n_windows, total=total, description=result.phase.ljust(9))
         latest = Table.grid(padding=(0, 2))
-        for mode in result.modes:
+        frequencies = aligned_numbers((mode.frequency, mode.frequency_std) for mode in result.modes)
+        for mode, frequency in zip(result.modes, frequencies, strict=True):
             shift = f"{mode.shift_percent:+.2f} %" if mode.shift_percent is not None else ""
             latest.add_row(
                 f"mode {mode.id}",
-                f"{mode.frequency:8.3f} ± {mode.frequency_std:.3f} Hz",
+                f"{frequency} Hz",
                 f"{100 * mode.damping:.2f} %",
                 shift,
             )

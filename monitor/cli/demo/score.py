@@ -8,6 +8,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from daq.notebook import number_text
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.results.windows import AlarmResult, MassAnswer, Result, WindowResult
 from monitor.rig import Scenario
@@ -78,7 +79,7 @@ def _table(summary: dict[str, Any], answer: MassAnswer | None, found: str) -> Ta
     table.add_row(
         r"how much \[g]",
         f"{1000 * truth['mass']:.0f}",
-        f"{1000 * answer.mass:.0f} ± {1000 * answer.mass_std:.0f}",
+        number_text(1000 * answer.mass, 1000 * answer.mass_std),
         f"{100 * summary['mass_error']:+.1f} %",
     )
     table.add_row("alarm", "", f"{summary['alarm_after_seconds']:.0f} s after it happened", "")

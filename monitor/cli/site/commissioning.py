@@ -17,7 +17,7 @@ from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
-from monitor.text.quantities import utc
+from monitor.text.quantities import aligned_numbers, utc
 from monitor.watch.commissioning import Proof, ProofError, gather, prove
 from monitor.watch.memory import parse_memory, recall
 from updater import parse_structure
@@ -85,10 +85,11 @@ def _scales(proof: Proof) -> Table:
     table = Table(box=SIMPLE_HEAD)
     for name in ("mode", "Hz", "modal mass, real over the model's"):
         table.add_column(name, justify="right")
-    for scale in proof.scales:
-        table.add_row(str(scale.mode), f"{scale.frequency:.3f}", f"{scale.modal_mass:.3f} ± {scale.modal_mass_std:.3f}")
-    if proof.modal_mass:
-        table.add_row("all", "", "{:.3f} ± {:.3f}".format(*proof.modal_mass))
+    overall = [proof.modal_mass] if proof.modal_mass else []
+    masses = aligned_numbers([*((scale.modal_mass, scale.modal_mass_std) for scale in proof.scales), *overall])
+    modes = [(str(scale.mode), f"{scale.frequency:.3f}") for scale in proof.scales]
+    for mode, mass in zip([*modes, *[("all", "")] * len(overall)], masses, strict=True):
+        table.add_row(*mode, mass)
     return table
 
 

@@ -46,4 +46,4 @@ def test_gain_tolerance_is_at_least_a_tenth_of_a_percent() -> None:
 def test_uncertain_gain_is_not_reported_as_a_fault() -> None:
     found = health_result(health([0.85, 1.0, 1.0], [np.nan] * 3, std=0.05))
     assert health_text(found) == "sensors: all gains within 25.0 %"
-    assert health_rows(found)[0] == {"channel": "left", "gain": "0.850 ± 0.050", "delay": "not known", "fault": ""}
+    assert health_rows(found)[0] == {"channel": "left", "gain": "0.85 ± 0.05", "delay": "not known", "fault": ""}

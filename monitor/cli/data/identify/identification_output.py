@@ -13,6 +13,7 @@ from rich.table import Table
 from daq import AnyLog
 from monitor.analysis.stationarity import FrequencyChange
 from monitor.cli.terminal import console
+from monitor.text.quantities import aligned_numbers
 from monitor.text.sensors import asynchrony_text
 from oma import mpc, mpd
 from oma.preparation import ALIAS_FREE
@@ -167,11 +168,13 @@ def _table(title: str, found: Findings) -> Table:
         *(("model", "MAC") * compared),
     ):
         table.add_column(name, justify="right", no_wrap=True)
+    frequencies = aligned_numbers(zip(estimate.frequency, estimate.frequency_std, strict=True))
+    dampings = aligned_numbers(zip(100 * estimate.damping, 100 * estimate.damping_std, strict=True))
     for i, partner in enumerate(partners):
         cells = [
             f"{'? ' if uncertain[i] else ''}{'~ ' if found.may_be_alias[i] else ''}{i + 1}",
-            f"{estimate.frequency[i]:.4f} ± {estimate.frequency_std[i]:.4f}",
-            f"{100 * estimate.damping[i]:.3f} ± {100 * estimate.damping_std[i]:.3f}",
+            frequencies[i],
+            dampings[i],
             f"{'! ' if complex_shape[i] else ''}{float(mpc(estimate.shape[i])):.3f}" if shaped else "-",
             *([] if compared else [f"{np.degrees(float(mpd(estimate.shape[i]))):.1f}" if shaped else "-"]),
             str(int(fused.n[i])),

@@ -27,7 +27,7 @@ def modes_table(sight: ModeVisibility) -> Table:
     """Return the modes and their visibility by the sensors."""
     structure = sight.model.structure
     table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
-    for name in ("mode", "frequency [Hz]", "measured by sensors", "best sensor", "looks to them like"):
+    for name in ("mode", "frequency\n[Hz]", "measured\nby sensors", "best sensor", "similar\nshapes"):
         table.add_column(name, justify="right", no_wrap=True)
     for k, frequency in enumerate(sight.modes.frequency):
         best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
