@@ -1,6 +1,9 @@
 """Files that commands write for other programs."""
 
 import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,3 +30,19 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
     except OSError as error:
         raise ArgumentError("--json", f"{path}: cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def replacing(path: Path | None, *, force: bool) -> Iterator[None]:
+    """With `force`, set an existing file aside while another is written in its place; restore it if that fails."""
+    if path is None or not force or not path.is_file():
+        yield
+        return
+    aside = path.with_name(f"{path.name}.replaced")
+    os.replace(path, aside)
+    try:
+        yield
+    except BaseException:
+        os.replace(aside, path)
+        raise
+    aside.unlink()

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.options import From, Run, To
+from monitor.cli.options import Force, From, Run, To
 
 
 def expand(
@@ -13,6 +13,7 @@ def expand(
     out: Annotated[Path, Option("--out", "-o", metavar="VIEW.mcap", help="MCAP file to write, with ROS 2 messages.")],
     start: From = None,
     stop: To = None,
+    force: Force = False,
 ) -> int:
     """Export a log as one message per scan.
 
@@ -23,5 +24,7 @@ def expand(
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.logs.conversion import expand_signals
+    from monitor.cli.output import replacing
 
-    return expand_signals(log, out, time_range(start, stop))
+    with replacing(out, force=force):
+        return expand_signals(log, out, time_range(start, stop))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.options import From, Run, To
+from monitor.cli.options import Force, From, Run, To
 
 
 def export(
@@ -13,6 +13,7 @@ def export(
     out: Annotated[Path, Option("--out", "-o", metavar="DATA", help="File to write: .csv, .npz, .mat or .uff.")],
     start: From = None,
     stop: To = None,
+    force: Force = False,
 ) -> int:
     """Export the signals of a log on one time grid.
 
@@ -23,5 +24,7 @@ def export(
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.logs.conversion import export_signals
+    from monitor.cli.output import replacing
 
-    return export_signals(log, out, time_range(start, stop))
+    with replacing(out, force=force):
+        return export_signals(log, out, time_range(start, stop))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.options import From, Json, Overrides, Run, To
+from monitor.cli.options import Force, From, Json, Overrides, Run, To
 
 
 def replay(
@@ -18,6 +18,7 @@ def replay(
     start: From = None,
     stop: To = None,
     given: Overrides = None,
+    force: Force = False,
 ) -> int:
     """Repeat the analysis of a log at full speed.
 
@@ -30,5 +31,7 @@ def replay(
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.logs.repetition import replay_log
+    from monitor.cli.output import replacing
 
-    return replay_log(log, site, given or (), time_range(start, stop), json_path=json, watched=out)
+    with replacing(out, force=force):
+        return replay_log(log, site, given or (), time_range(start, stop), json_path=json, watched=out)

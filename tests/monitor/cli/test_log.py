@@ -116,6 +116,18 @@ def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
     assert f"it starts at {expected.start} ns UTC" in done.out
     done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
     assert_refused(done, tmp_path / "data.npz", "cannot be written: File exists")
+    size = (tmp_path / "data.npz").stat().st_size
+    done = modalwatch("log", "export", path, "--force", "--to", 30, "-o", tmp_path / "data.npz")
+    assert done.code == 0, done.err
+    assert (tmp_path / "data.npz").stat().st_size < size / 3
+
+
+def test_replaced_file_is_restored_if_the_new_one_fails(modalwatch: Commands, tmp_path: Path) -> None:
+    log = tmp_path / "log.mcap"
+    log.write_text("precious")
+    assert_refused(modalwatch("log", "expand", log, "-o", log, "--force"), "log.mcap")
+    assert log.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [log]
 
 
 @pytest.mark.parametrize("command", [("repair",), ("log", "info"), ("replay",), ("identify",)])
