@@ -57,6 +57,11 @@ class RigProcess:
 
         threading.Thread(target=watch, name="rig watch", daemon=True).start()
 
+    @property
+    def over(self) -> bool:
+        """True once the rig has ended by itself."""
+        return self._process.poll() == 0
+
     def finish(self) -> dict[str, Any]:
         """End the rig and return its report."""
         self._process.terminate()
