@@ -46,6 +46,7 @@ def test_short_demo_finds_the_body_and_replay_is_identical(tmp_path: Path) -> No
     assert report.same
 
 
+@pytest.mark.thorough
 def test_ctrl_c_stops_cleanly_with_a_complete_log(tmp_path: Path) -> None:
     command = [*MODALWATCH, "demo", "--short", "--seed", "8", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

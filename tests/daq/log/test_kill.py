@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import time
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,8 @@ def test_killed_process_loses_only_the_last_fraction_of_a_second(tmp_path: Path,
         process.kill()
         killed = time.monotonic()
     blocks = [item for item in read_log(path) if isinstance(item, Block)]
-    safe = sum(when < killed - MAX_SECONDS for when in put)
+    held_up = max(later - earlier for earlier, later in pairwise(put))  # by other programs, in which no thread ran
+    safe = sum(when < killed - MAX_SECONDS - held_up for when in put)
     assert safe > 0 or seconds < 0.9
     assert len(blocks) >= safe
     for k, block in enumerate(blocks):

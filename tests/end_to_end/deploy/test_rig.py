@@ -32,6 +32,7 @@ def streaming(text: str) -> list[str]:
     return [device for device, scans in found if float(scans) > 500]
 
 
+@pytest.mark.thorough
 @pytest.mark.live
 def test_rig_script_starts_a_monitor_whose_devices_stream(tmp_path: Path) -> None:
     """Settings come from the environment, as in compose.yaml; without the token nothing is answered."""

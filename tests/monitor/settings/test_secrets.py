@@ -214,6 +214,7 @@ def written(folder: Path) -> Iterator[tuple[Path, bytes]]:
                         yield path, packed.decompress(record.data, record.uncompressed_size)
 
 
+@pytest.mark.thorough
 @pytest.mark.live
 def test_written_files_and_served_pages_contain_no_secrets(
     tmp_path: Path, modalwatch: Commands, monkeypatch: pytest.MonkeyPatch

@@ -113,6 +113,7 @@ def test_accepted_removal_of_a_body_is_saved_and_its_return_located(
     assert abs(last.answer.mass - 0.2) < 4 * last.answer.mass_std
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", few_of([12, 13]))
 def test_next_change_after_an_accepted_one_is_detected(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     without_answers(monkeypatch)

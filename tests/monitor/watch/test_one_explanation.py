@@ -11,6 +11,7 @@ from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("cell", "seed"), few_of([("sliding", 73), ("added_mass", 71), ("attached_oscillator", 72)]))
 def test_live_and_offline_explanations_of_the_same_windows_agree(cell: str, seed: int) -> None:
     """A body, a mode that the baseline has not, and windows that are not of one state."""

@@ -51,7 +51,11 @@ def broken(reference: Reference, comparison: Comparison) -> Cause:
     ("parts", "left"),
     [
         (("explain_windows",), {"increments"}),
-        (("compare_windows", "locate_mass_with_forecast", "increment_result"), {"diagnosis"}),
+        pytest.param(
+            ("compare_windows", "locate_mass_with_forecast", "increment_result"),
+            {"diagnosis"},
+            marks=pytest.mark.thorough,
+        ),
     ],
 )
 def test_failed_part_of_the_answer_does_not_affect_the_others(

@@ -141,6 +141,7 @@ def test_block_influences_are_derivatives_of_poles_and_shapes() -> None:
         assert np.linalg.norm(stated.real - slope.real) < 0.2 * np.linalg.norm(slope.real)
 
 
+@pytest.mark.thorough
 def test_stated_shape_deviations_cover_the_errors() -> None:
     inside = []
     for seed in SEEDS:

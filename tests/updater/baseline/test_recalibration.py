@@ -24,6 +24,7 @@ def learnt(before: Observation) -> Reference:
     return learn_reference(STRUCTURE, before.estimates, before.tracks, before.lateness.delays)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", few_of([1, 2]))
 def test_loosened_foot_stiffness_is_within_its_stated_deviations(seed: int) -> None:
     """The file has the second mode 35 % off and the feet clamped: 60 kN m/rad before, 15 after."""

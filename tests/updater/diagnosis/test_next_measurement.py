@@ -83,6 +83,7 @@ def test_thermometer_tone_and_known_mass_are_proposed_for_common_factor() -> Non
     assert re.match(r"A known mass of [\d.]+ kg at .* stiffness", next_text(reported)), reported
 
 
+@pytest.mark.thorough
 def test_inseparable_causes_are_reported_as_inseparable() -> None:
     """A foot and a joint that both give in torsion alone."""
     reference, _, event = learnt(122)

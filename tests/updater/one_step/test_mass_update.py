@@ -28,6 +28,7 @@ def test_unchanged_data_have_zero_increments(rig: Rig) -> None:
     assert found.flagged == ()
 
 
+@pytest.mark.thorough
 def test_literal_paper_method_has_equal_totals_but_more_scatter(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without noise within 5 % of the mass of ours; at 3 % on shapes clusters change in size: 66 g and 15."""
     monkeypatch.setattr("updater.one_step.significance._DRAWS", 500)  # the limit is not looked at

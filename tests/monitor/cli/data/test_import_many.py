@@ -71,6 +71,7 @@ def test_windows_span_consecutive_files(modalwatch: Commands, tables: list[Path]
     assert modalwatch("import", *tables[:3], "-o", tmp_path / "again.mcap", "--site", site).code == 0
 
 
+@pytest.mark.thorough
 def test_window_length_of_a_new_site_fits_intermittent_records(
     modalwatch: Commands, tables: list[Path], tmp_path: Path
 ) -> None:
