@@ -1,3 +1,5 @@
+from tests.support.thorough import few_of
+
 """Detectors keep their rate, find small lasting changes, and are robust against temperature and outliers."""
 
 from dataclasses import replace
@@ -30,7 +32,8 @@ def count(judged: list[ScoredWindows]) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    ("factor", "n_baseline", "n_sites", "rate", "fear"), [(0.7, 12, 60, 4e-4, True), (1.6, DAY, 60, 2e-3, False)]
+    ("factor", "n_baseline", "n_sites", "rate", "fear"),
+    few_of([(0.7, 12, 60, 4e-4, True), (1.6, DAY, 60, 2e-3, False)]),
 )
 def test_false_alarm_rate_is_kept_with_wrong_stated_deviations(
     factor: float, n_baseline: int, n_sites: int, rate: float, fear: bool

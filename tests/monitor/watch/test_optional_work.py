@@ -5,6 +5,7 @@ import pytest
 
 from monitor.results.windows import AlarmResult, SelfTestResult
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run
+from tests.support.thorough import few_of
 from updater import Body, Reference
 from updater.causes import CATALOGUE, CatalogueEntry, Cause
 from updater.inference import Comparison
@@ -49,14 +50,12 @@ def broken(reference: Reference, comparison: Comparison) -> Cause:
 
 @pytest.mark.parametrize(
     ("parts", "left"),
-    [
-        (("explain_windows",), {"increments"}),
-        pytest.param(
-            ("compare_windows", "locate_mass_with_forecast", "increment_result"),
-            {"diagnosis"},
-            marks=pytest.mark.thorough,
-        ),
-    ],
+    few_of(
+        [
+            (("explain_windows",), {"increments"}),
+            (("compare_windows", "locate_mass_with_forecast", "increment_result"), {"diagnosis"}),
+        ]
+    ),
 )
 def test_failed_part_of_the_answer_does_not_affect_the_others(
     parts: tuple[str, ...], left: set[str], monkeypatch: pytest.MonkeyPatch
