@@ -1,5 +1,3 @@
-from tests.support.thorough import few_of
-
 """Detectors keep their rate, find small lasting changes, and are robust against temperature and outliers."""
 
 from dataclasses import replace
@@ -10,6 +8,7 @@ from scipy.stats import poisson
 
 from daq import FloatArray
 from monitor.detection import CHUNK, DETECTORS, DetectionSettings, LawState, ScoredWindows, accept, judge, start
+from tests.support.thorough import few_of
 
 P, STD, STEP = 8, 5e-4, 600.0
 DAY = 144  # windows
