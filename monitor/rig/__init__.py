@@ -4,7 +4,7 @@ from monitor.rig.device_model import DeviceSource, make_sources
 from monitor.rig.player import Place, PlayReport, play
 from monitor.rig.process import run_rig
 from monitor.rig.random_scenario import T_DEVICES, T_NODES, draw_t_frame
-from monitor.rig.scenario import RigDevice, RigEvent, Scenario, Truth, dump_scenario, load_scenario
+from monitor.rig.scenario import RigDevice, RigEvent, Scenario, Truth, dump_scenario, load_scenario, shipped_scenarios
 from monitor.rig.world import World, true_structure
 
 __all__ = [
@@ -24,5 +24,6 @@ __all__ = [
     "make_sources",
     "play",
     "run_rig",
+    "shipped_scenarios",
     "true_structure",
 ]

@@ -3,14 +3,14 @@
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from daq import CanAddress, HostClock
 from daq.emulator import EmulatedEpson, EmulatedEpsonCan, EmulatedPort, EmulatedSlcan, serve_all, unplugging
 from monitor.rig.device_model import DeviceSource, make_sources, serial_number, serial_word
-from monitor.rig.scenario import RigDevice, Scenario
+from monitor.rig.scenario import RigDevice, RigEvent, Scenario
 from monitor.rig.world import World
 from updater import Structure
 
@@ -75,6 +75,7 @@ def play(
     clock: HostClock,
     ready: Callable[[dict[str, Place]], None],
     stop: threading.Event,
+    happened: Callable[[RigEvent, int], None] = lambda _, __: None,
 ) -> PlayReport:
     """Play a scenario until its duration is over or `stop` is set.
 
@@ -90,6 +91,7 @@ def play(
     clock : of the world
     ready : called once with device -> where it is connected
     stop : ends it early
+    happened : called with each event and its time [ns UTC]
     """
     world, sources = make_sources(structure, scenario)
     leashed = _LeashedClock(clock)
@@ -100,10 +102,14 @@ def play(
             rig.add(device, source, leashed)
         rig.plug_adapter()
         ready(rig.places)
-        events = _serve(rig, scenario.duration, world, leashed, stop)
+        events: list[int] = []
+        timeline = sorted(scenario.event, key=lambda event: event.at)
+        for moment in _serve(rig, scenario.duration, world, leashed, stop):
+            happened(timeline[len(events)], moment)
+            events.append(moment)
     dropped = {name: emulated.dropped for name, emulated in rig.devices.items()}
     sent = sum(emulated.sent for emulated in rig.devices.values())
-    return PlayReport(sent=sent, dropped=sum(dropped.values()), dropped_by_device=dropped, events=events)
+    return PlayReport(sent=sent, dropped=sum(dropped.values()), dropped_by_device=dropped, events=tuple(events))
 
 
 @dataclass(eq=False)
@@ -144,10 +150,10 @@ class _Rig:
         return str(link)
 
 
-def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop: threading.Event) -> tuple[int, ...]:
-    """Serve until the end; return the times of the events that happened [ns UTC]."""
+def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop: threading.Event) -> Iterator[int]:
+    """Serve until the end; yield the time of each event when it has happened [ns UTC]."""
     begun: int | None = None
-    planned: tuple[int, ...] = ()
+    coming: list[int] = []
     turn = 0
     while not stop.wait(_TICK):
         turn += 1
@@ -156,10 +162,12 @@ def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop:
         serve_all(rig.ports, turn)
         if begun is None:
             begun = _last_begun(list(rig.devices.values()))
-            planned = () if begun is None else world.begin(begun)
+            coming = [] if begun is None else list(world.begin(begun))
         elif duration and clock.now() - begun > duration * 1e9:
             break
-    return tuple(time for time in planned if time <= clock.now())
+        while coming and coming[0] <= clock.now():
+            yield coming.pop(0)
+    yield from (time for time in coming if time <= clock.now())
 
 
 def _last_begun(devices: list[Emulated]) -> int | None:

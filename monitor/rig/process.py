@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from daq import ScaledClock
 from daq.signals import STOP_SIGNALS, signal_event
 from monitor.errors import SettingsError, StartError
 from monitor.rig.player import Place, PlayReport, play
-from monitor.rig.scenario import Scenario, Vector, load_scenario
+from monitor.rig.scenario import RigEvent, Scenario, Vector, load_scenario
 from monitor.rig.world import passes
 from updater import Structure, load_structure, parse_structure, t_structure_toml
 
@@ -19,7 +19,15 @@ SHIPPED = "t_structure"  #: name of the structure that comes with the program
 _ORIGIN = 1_767_225_600_000_000_000  # 2026-01-01: where scaled time begins
 
 
-def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayReport:
+def run_rig(
+    path: Path,
+    *,
+    speed: float,
+    ports: Path,
+    report: Path,
+    ready: Callable[[dict[str, object]], None] = lambda _: None,
+    happened: Callable[[RigEvent, int], None] = lambda _, __: None,
+) -> PlayReport:
     """Run a rig in the main thread of this process until it is over, SIGTERM or SIGINT.
 
     Parameters
@@ -29,6 +37,8 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
     ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path of a serial port, or
         CanAddress's fields}}; the clock is ScaledClock's fields, by which rig and monitor share one time scale
     report : file that gets the report at the end
+    ready : called with the content of `ports` once it is written
+    happened : called with each event and its time [ns UTC]
 
     Raises
     ------
@@ -48,7 +58,13 @@ def run_rig(path: Path, *, speed: float, ports: Path, report: Path) -> PlayRepor
     now = time.time_ns()
     clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
     with signal_event(*STOP_SIGNALS) as stop:
-        done = play(structure, scenario, clock, lambda found: _write(ports, _ready(clock, found)), stop)
+
+        def start(places: Mapping[str, Place]) -> None:
+            found = _ready(clock, places)
+            _write(ports, found)
+            ready(found)
+
+        done = play(structure, scenario, clock, start, stop, happened)
         _write(report, asdict(done))
     return done
 

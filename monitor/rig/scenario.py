@@ -74,6 +74,12 @@ class Scenario(Table):
         return self
 
 
+def shipped_scenarios() -> dict[str, Path]:
+    """Return the scenarios that come with the program, by name."""
+    folder = Path(__file__).parent / "scenarios"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
 def load_scenario(path: Path) -> Scenario:
     """Read a scenario.
 

@@ -1,6 +1,5 @@
 """A virtual rig and its monitor; the answer is compared with the truth."""
 
-import json
 import secrets
 import shutil
 from dataclasses import dataclass
@@ -10,15 +9,16 @@ from typing import Any
 from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.demo.display import Display
 from monitor.cli.demo.rig_process import RigProcess
+from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.demo.score import reveal
 from monitor.cli.exit_codes import INTERRUPTED
 from monitor.cli.site.monitoring import tell_live
 from monitor.cli.terminal import console
-from monitor.rig import T_DEVICES, draw_t_frame, dump_scenario
+from monitor.rig import Scenario, draw_t_frame, dump_scenario
 from monitor.service.daemon import run
 from monitor.service.servers.live_view import live_view
 from monitor.service.site import load_site
-from updater import t_structure_toml
+from updater import parse_structure, t_structure_toml
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,7 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int
     (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
     with signal_event(*STOP_SIGNALS) as stop, RigProcess(out, speed) as rig:
-        (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), plan), encoding="utf-8")
+        (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), scenario, plan), encoding="utf-8")
         rig.stop_at_its_end(stop)
         display = Display(console, plan.windows, stop)
         site = load_site(out / "site.toml")
@@ -80,30 +80,8 @@ def _clear(out: Path) -> None:
         (out / name).unlink(missing_ok=True)
 
 
-def _site(ready: dict[str, Any], plan: Plan) -> str:
-    """Return the SITE.toml of this demo: that of a user, plus the rig's time scale."""
-    lines = [
-        'structure = "t_structure.toml"',
-        "",
-        "[analysis]",
-        f"window_seconds = {plan.window}",
-        f"baseline_windows = {plan.baseline_windows}",
-        "",
-        "[viewer]",
-        "",
-        "[clock]",
-        *(f"{key} = {value}" for key, value in ready["clock"].items()),
-    ]
-    for name, (_, axes) in T_DEVICES.items():
-        mapped = ", ".join(f'{axis} = "{name}_{axis}"' for axis in axes)
-        lines += ["", "[[device]]", f'name = "{name}"', *_place(ready["ports"][name])]
-        lines += [f"rate = {plan.rate}", f"channels = {{{mapped}}}"]
-    return "\n".join(lines) + "\n"
-
-
-def _place(place: str | dict[str, Any]) -> list[str]:
-    """Return driver and place of a device of the rig."""
-    if isinstance(place, str):
-        return ['driver = "epson-uart"', f'port = "{place}"']
-    fields = ", ".join(f"{key} = {json.dumps(value)}" for key, value in place.items() if value is not None)
-    return ['driver = "epson-can"', f"can = {{{fields}}}"]
+def _site(ready: dict[str, Any], scenario: Scenario, plan: Plan) -> str:
+    structure = parse_structure(t_structure_toml())
+    return rig_site(
+        "t_structure.toml", structure, scenario, ready, window=plan.window, baseline_windows=plan.baseline_windows
+    )

@@ -18,7 +18,7 @@ import pytest
 from daq import Block, CanAddress, DeviceReader, Driver, Event, HostClock, Item, ScaledClock, SystemClock, make_driver
 from daq.drivers import EPSON_SCALE
 from monitor.errors import SettingsError, StartError
-from monitor.rig import Place, PlayReport, Scenario, draw_t_frame, dump_scenario, play, run_rig
+from monitor.rig import Place, PlayReport, RigEvent, Scenario, draw_t_frame, dump_scenario, play, run_rig
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from updater import Body
 
@@ -217,6 +217,7 @@ class Playing:
     ports: dict[str, Place]
     stop: threading.Event
     done: list[PlayReport]
+    happened: list[tuple[RigEvent, int]]
     thread: threading.Thread
 
     def report(self) -> PlayReport:
@@ -229,20 +230,20 @@ class Playing:
 @contextmanager
 def playing(scenario: Scenario, speed: float = 1.0) -> Iterator[Playing]:
     clock, stop, asked = HandClock(speed), threading.Event(), threading.Event()
-    ports, done = dict[str, Place](), list[PlayReport]()
+    ports, done, happened = dict[str, Place](), list[PlayReport](), list[tuple[RigEvent, int]]()
 
     def ready(found: dict[str, Place]) -> None:
         ports.update(found)
         asked.set()
 
     def run() -> None:
-        done.append(play(t_frame(), scenario, clock, ready, stop))
+        done.append(play(t_frame(), scenario, clock, ready, stop, lambda *event: happened.append(event)))
 
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     assert asked.wait(_READY_SECONDS)
     try:
-        yield Playing(clock, ports, stop, done, thread)
+        yield Playing(clock, ports, stop, done, happened, thread)
     finally:
         stop.set()
         thread.join()
@@ -256,6 +257,7 @@ def test_stalled_rig_loses_no_scans() -> None:
         report = rig.report()
     assert report.dropped == 0
     assert report.events == (ORIGIN + 3_000_000_000,)
+    assert rig.happened == [(scenario.event[0], ORIGIN + 3_000_000_000)]
     assert 6 * (3900 - 64) <= report.sent <= 6 * 4001  # the filters still hold the last 64 ms
     assert all(n_missing(scans(items, name)) == 0 for name in rig.ports)
 
@@ -277,14 +279,14 @@ def test_unread_scans_are_dropped_and_counted() -> None:
 
 def test_a_bad_speed_or_scenario_is_refused_before_anything_starts(tmp_path: Path) -> None:
     path = tmp_path / "scenario.toml"
-    files = {"ports": tmp_path / "ports.json", "report": tmp_path / "rig.json"}
+    ports, report = tmp_path / "ports.json", tmp_path / "rig.json"
     path.write_text(dump_scenario(nominal()), encoding="utf-8")
     with pytest.raises(ValueError, match="speed: expected a positive number, found 0"):
-        run_rig(path, speed=0.0, **files)
+        run_rig(path, speed=0.0, ports=ports, report=report)
     path.write_text("seed = 'one'", encoding="utf-8")
     with pytest.raises(SettingsError, match="structure: Field required"):
-        run_rig(path, speed=1.0, **files)
-    assert not files["ports"].exists()
+        run_rig(path, speed=1.0, ports=ports, report=report)
+    assert not ports.exists()
 
 
 def test_missing_output_folder_is_reported(tmp_path: Path) -> None:

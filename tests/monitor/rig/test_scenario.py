@@ -3,8 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monitor.cli.demo.rig import SCENARIOS
 from monitor.errors import SettingsError
-from monitor.rig import Scenario, draw_t_frame, dump_scenario, load_scenario
+from monitor.rig import Scenario, draw_t_frame, dump_scenario, load_scenario, shipped_scenarios
 from monitor.rig.process import load_rig_structure
 from tests.support.monitor.rig import nominal
 from updater import Body
@@ -152,3 +153,11 @@ def test_points_off_the_structure_are_reported(tmp_path: Path, old: str, new: st
 
 def test_events_default_to_none() -> None:
     assert nominal().event == ()
+
+
+def test_shipped_scenarios_are_those_of_the_command_and_can_be_played() -> None:
+    assert tuple(shipped_scenarios()) == SCENARIOS
+    for path in shipped_scenarios().values():
+        scenario = load_scenario(path)
+        assert load_rig_structure(path, scenario).sensor
+    assert [len(load_scenario(shipped_scenarios()[name]).event) for name in SCENARIOS] == [1, 0, 2]

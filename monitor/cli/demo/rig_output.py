@@ -1,0 +1,81 @@
+"""A virtual rig on the terminal: its devices, its timeline, and what happens."""
+
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from daq.notebook import utc_text
+from monitor.cli.demo.rig_site import rig_site
+from monitor.cli.exit_codes import DONE
+from monitor.cli.new.writing import write_new
+from monitor.cli.terminal import console, echo
+from monitor.errors import ArgumentError
+from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios
+from monitor.rig.process import SHIPPED, load_rig_structure
+from updater import t_structure_toml
+
+_WINDOW, _BASELINE = 40.0, 12  # s; a baseline within 8 minutes
+
+
+def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Path | None, force: bool) -> int:
+    """Run a rig until it is over or stopped; print what it does.
+
+    Raises
+    ------
+    ArgumentError
+        If the scenario does not exist, or the site does already.
+    SettingsError, StructureError
+        If the scenario or its structure cannot be used.
+    """
+    shipped = shipped_scenarios()
+    path = shipped.get(scenario, Path(scenario))
+    if scenario not in shipped and not path.exists():
+        raise ArgumentError("SCENARIO.toml", f"{path} does not exist; shipped with the program: {', '.join(shipped)}")
+    loaded = load_scenario(path)
+    structure = load_rig_structure(path, loaded)
+    if site is not None and site.exists() and not force:
+        raise ArgumentError("--site", f"{site} exists: give another name, or --force to replace it")
+
+    def ready(found: dict[str, object]) -> None:
+        console.print(_devices(loaded, found))
+        for event in sorted(loaded.event, key=lambda event: event.at):
+            echo(f"{event.at:g} s after all devices sample: {_event_text(event)}")
+        if not loaded.event:
+            echo("nothing happens to the structure")
+        echo(f"ports: {ports}; stop with Ctrl-C")
+        if site is None:
+            return
+        file = str((path.parent / loaded.structure).resolve())
+        if loaded.structure == SHIPPED:
+            file = "t_structure.toml"
+            (site.parent / file).write_text(t_structure_toml(), encoding="utf-8")
+        text = rig_site(file, structure, loaded, found, window=_WINDOW, baseline_windows=_BASELINE)
+        write_new(site, text, force=force)
+        echo(f"monitor it in another terminal: modalwatch run {site}")
+
+    def happened(event: RigEvent, time: int) -> None:
+        echo(f"{utc_text(time)}: {_event_text(event)}")
+
+    done = run_rig(path, speed=speed, ports=ports, report=report, ready=ready, happened=happened)
+    echo(f"{done.sent} scans sent, {done.dropped} dropped; report: {report}")
+    return DONE
+
+
+def _devices(scenario: Scenario, found: dict[str, object]) -> Table:
+    table = Table(box=SIMPLE_HEAD, title=f"virtual rig: {escape(scenario.structure)}, {scenario.rate:g} Hz")
+    for name in ("device", r"at \[m]", "port"):
+        table.add_column(name, overflow="fold")
+    places = found["ports"]
+    assert isinstance(places, dict)
+    for device in scenario.device:
+        place = places[device.name]
+        port = place if isinstance(place, str) else f"{place['interface']} {place['channel']}, node {place['node']}"
+        table.add_row(escape(device.name), ", ".join(f"{x:g}" for x in device.at), escape(port))
+    return table
+
+
+def _event_text(event: RigEvent) -> str:
+    at = ", ".join(f"{x:g}" for x in event.body.at)
+    return f"a body of {1000 * event.body.mass:.0f} g is added at ({at}) m"
