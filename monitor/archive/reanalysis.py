@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from daq import LogError, read_attachments
+from daq import Event, LogError, McapWriter, read_attachments
 from daq.log import log_span
 from monitor.archive.catalog import ArchiveLog
 from monitor.archive.dataset import keep_parts, write_tables
@@ -31,6 +31,7 @@ from updater import UpdaterError, parse_structure
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+RESULTS_LOG = "results.mcap"  #: of a site: events and results of all its logs, without signals
 _NO_SITE = "unknown"  # in the tables, of logs that cannot be read
 _WAITING = 4  # logs per worker that are submitted before a result is there
 
@@ -116,13 +117,20 @@ def steps_key(log: ArchiveLog, texts: LogTexts) -> str:
 
 
 class _SiteRun:
-    """Evaluation of the logs of one site, in order."""
+    """Evaluation of the logs of one site, in order.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    folder : of the site's results: `results.mcap` with all events and results, a history, and the saved state
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._writer: McapWriter | None = None
+        self._events: list[Event] = []  # of the last log, with its results
         self.memory = ""
         self._pipeline: Pipeline | None = None  # of the last log
         self._texts = ("", "")  # that it was made from
-        self._stored = False  # whether anything is in the history
         self.waiting: deque[tuple[ArchiveLog, LogTexts, str]] = deque()
         self.steps: dict[str, tuple[LogSteps, bool]] = {}
 
@@ -131,7 +139,10 @@ class _SiteRun:
         pipeline = self._pipeline_of(texts)
         results: list[Result] = []
         for step in unpacked(steps.packed):
-            results += pipeline.resume(step) if isinstance(step, int) else pipeline.push_identified(step)
+            found = list(pipeline.resume(step) if isinstance(step, int) else pipeline.push_identified(step))
+            self._events += [step] if isinstance(step, Event) else []
+            self._events += map(result_event, found)
+            results += found
         self.memory = memory_text(pipeline.memory)
         return results
 
@@ -147,20 +158,30 @@ class _SiteRun:
         self._texts = (texts.site, texts.structure)
         return self._pipeline
 
-    def store(self, folder: Path, results: Sequence[Result]) -> None:
-        """Add results to the history of the site, which is begun anew, and replace its saved state."""
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / "history.sqlite"
-        if not self._stored:
-            self._stored = True
+    def store(self, texts: LogTexts, results: Sequence[Result]) -> None:
+        """Add a log to the results of the site, which are begun anew, and replace its saved state."""
+        path, log = self._folder / "history.sqlite", self._folder / RESULTS_LOG
+        if self._writer is None:
+            self._folder.mkdir(parents=True, exist_ok=True)
             path.unlink(missing_ok=True)
+            log.unlink(missing_ok=True)
+            attached = {"site.toml": texts.site, "structure.toml": texts.structure}
+            self._writer = McapWriter(log, {**attached, **({MEMORY: texts.memory} if texts.memory else {})})
+        for event in self._events:
+            self._writer.write(event)
+        self._events = []
         history = HistoryStore(f"sqlite:///{path}")
         try:
             history.write([result_event(result) for result in results])
         finally:
             history.__exit__()
         if self.memory:
-            (folder / MEMORY).write_text(self.memory, encoding="utf-8")
+            (self._folder / MEMORY).write_text(self.memory, encoding="utf-8")
+
+    def close(self) -> None:
+        """Finish the log of results."""
+        if self._writer is not None:
+            self._writer.close()
 
 
 def reanalyse(
@@ -175,7 +196,7 @@ def reanalyse(
     ----------
     client : of Dask
     logs : with their texts, or the reasons why they cannot be analysed
-    out : folder of the results: tables as Parquet, `steps`, one history and one saved state a site
+    out : folder of the results: tables as Parquet, `steps`, and per site a log of results, a history, a saved state
     on_log : called with each log once it is evaluated, and its results
     """
     sites: dict[str, _SiteRun] = {}
@@ -187,9 +208,13 @@ def reanalyse(
     readable = [(log, texts) for log, texts in logs if isinstance(texts, LogTexts)]
     for log, texts in sorted(readable, key=lambda entry: entry[1].start):
         site, key = site_name(texts), steps_key(log, texts)
-        sites.setdefault(site, _SiteRun()).waiting.append((log, texts, key))
+        if site not in sites:
+            sites[site] = _SiteRun(out / "sites" / site)
+        sites[site].waiting.append((log, texts, key))
         tasks.append((site, log, texts, key))
     with ExitStack() as stack:
+        for run in sites.values():
+            stack.callback(run.close)
         for site, key, steps, kept in _identified(client, tasks, out / "steps", stack):
             run = sites[site]
             run.steps[key] = (steps, kept)
@@ -201,7 +226,7 @@ def reanalyse(
                     log=log, site=site, n_windows=found.n_windows, seconds=found.seconds, problem=problem, kept=was_kept
                 )
                 _finish(out, about, results, on_log)
-                run.store(out / "sites" / site, results)
+                run.store(texts, results)
                 del run.steps[first]
     keep_parts(out, {log.key for log, _ in logs}, {*sites, _NO_SITE})
 

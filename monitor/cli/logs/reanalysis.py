@@ -60,7 +60,8 @@ def reanalyse_archive(
             _say(about, alarms)
 
         reanalyse(client, planned, out, finished)
-    console.print(f"results: {out} (Parquet: windows, modes, alarms, logs; sites/NAME/history.sqlite)", soft_wrap=True)
+    console.print(f"results: {out} (Parquet: windows, modes, alarms, logs)", soft_wrap=True)
+    console.print(f"per site: {out}/sites/NAME/results.mcap (for `report` and `view`), history.sqlite", soft_wrap=True)
     return NEEDS_A_PERSON if problems or "alarm" in states.values() else DONE
 
 

@@ -66,6 +66,9 @@ def test_archive_is_analysed_once_and_read_by_three_libraries(modalwatch: Comman
     assert len(by_polars) == counted[0] == len(found["modes"]) > 20
     assert counted[1] == pytest.approx(found["modes"].frequency.sum())
     assert by_polars["frequency"].sum() == pytest.approx(counted[1])
+    results = out / "sites" / SITE / "results.mcap"
+    assert "/result/window 6" in modalwatch("log", "info", results).out
+    assert modalwatch("report", results, "-o", tmp_path / "report.html").code == 0
     again = modalwatch("reanalyse", logs, "-o", out, "--dry-run")
     assert again.out.count("identified by an earlier run") == 2
     for name, frame in tables(out).items():
