@@ -7,6 +7,7 @@ the state at the end of the log before it, as a monitor does after a restart.
 
 import hashlib
 import json
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
@@ -81,10 +82,10 @@ def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
     return LogTexts(site=attached["site.toml"], structure=attached["structure.toml"], memory=memory, start=start)
 
 
-def identify_task(log: ArchiveLog, texts: LogTexts) -> LogSteps:
-    """Identify one log, in a worker; what is wrong with the log is part of the result."""
+def identify_task(log: ArchiveLog, texts: LogTexts, limit: float = math.inf) -> LogSteps:
+    """Identify one log, in a worker, within a time [s]; what is wrong with the log is part of the result."""
     try:
-        return identify_log(log.log, parse_attached(texts.site))
+        return identify_log(log.log, parse_attached(texts.site), limit)
     except LogError as error:
         return LogSteps(packed=identify_nothing(), n_windows=0, seconds=0.0, problem=str(error))
 
@@ -189,6 +190,7 @@ def reanalyse(
     logs: Sequence[tuple[ArchiveLog, LogTexts | str]],
     out: Path,
     on_log: OnLog,
+    limit: float = math.inf,
 ) -> None:
     """Reanalyse logs and write the results.
 
@@ -198,6 +200,7 @@ def reanalyse(
     logs : with their texts, or the reasons why they cannot be analysed
     out : folder of the results: tables as Parquet, `steps`, and per site a log of results, a history, a saved state
     on_log : called with each log once it is evaluated, and its results
+    limit : on the time for the identification of one log [s]; a repeated run begins such a log anew
     """
     sites: dict[str, _SiteRun] = {}
     tasks: deque[_Task] = deque()
@@ -215,7 +218,7 @@ def reanalyse(
     with ExitStack() as stack:
         for run in sites.values():
             stack.callback(run.close)
-        for site, key, steps, kept in _identified(client, tasks, out / "steps", stack):
+        for site, key, steps, kept in _identified(client, tasks, out / "steps", stack, limit):
             run = sites[site]
             run.steps[key] = (steps, kept)
             while run.waiting and run.waiting[0][2] in run.steps:
@@ -239,7 +242,7 @@ def _evaluated(run: _SiteRun, texts: LogTexts, steps: LogSteps) -> tuple[list[Re
 
 
 def _identified(
-    client: "Client", tasks: deque[_Task], folder: Path, stack: ExitStack
+    client: "Client", tasks: deque[_Task], folder: Path, stack: ExitStack, limit: float
 ) -> Iterator[tuple[str, str, LogSteps, bool]]:
     """Yield site and key of each log with its steps, as they are ready; new ones are kept in a folder."""
     from distributed import as_completed
@@ -256,7 +259,7 @@ def _identified(
             if known is not None:
                 yield site, key, known, True
                 continue
-            future = client.submit(identify_task, log, texts, key=f"identify-{key}", pure=False)
+            future = client.submit(identify_task, log, texts, limit, key=f"identify-{key}", pure=False)
             running[future] = (site, key)
             ready.add(future)
         if not running:
@@ -270,7 +273,8 @@ def _identified(
                 packed=identify_nothing(), n_windows=0, seconds=0.0, problem=f"{type(error).__name__}: {error}"
             )
         else:
-            _write_steps(folder / key, steps)
+            if not steps.late:
+                _write_steps(folder / key, steps)
         yield site, key, steps, False
 
 

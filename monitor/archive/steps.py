@@ -1,6 +1,8 @@
 """Steps of a log: its events and identified windows, in order, as compact bytes that any process can read."""
 
 import json
+import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,14 +32,26 @@ class LogSteps:
     n_windows: int
     seconds: float  #: of data in the windows
     problem: str | None  #: reason why the log was not read to its end
+    late: bool = False  #: whether this reason is the limit of time
 
 
-def identify_log(log: AnyLog, settings: Settings) -> LogSteps:
-    """Identify all windows of a log; of a damaged one those up to the damage."""
+def identify_log(log: AnyLog, settings: Settings, limit: float = math.inf) -> LogSteps:
+    """Identify all windows of a log; of a damaged one those up to the damage.
+
+    Parameters
+    ----------
+    log : its path, or an object in a storage
+    settings : of the site
+    limit : on the time that this may take [s]; what is identified by then is kept
+    """
     packer = zstandard.ZstdCompressor(level=_LEVEL).compressobj()
-    parts, n_windows, seconds, problem = [], 0, 0.0, None
+    parts, n_windows, seconds, problem, late = [], 0, 0.0, None, False
+    end = time.monotonic() + limit
     try:
         for step in _steps(log, settings):
+            late = time.monotonic() > end
+            if late:
+                raise LogError(str(log), f"was not analysed within {limit:g} s: the rest is left out")
             if isinstance(step, IdentifiedWindow):
                 n_windows += 1
                 seconds += (step.recorded.end - step.recorded.start) * 1e-9
@@ -45,7 +59,7 @@ def identify_log(log: AnyLog, settings: Settings) -> LogSteps:
     except LogError as error:
         problem = str(error)
     packed = b"".join([*parts, packer.flush()])
-    return LogSteps(packed=packed, n_windows=n_windows, seconds=seconds, problem=problem)
+    return LogSteps(packed=packed, n_windows=n_windows, seconds=seconds, problem=problem, late=late)
 
 
 def _steps(log: AnyLog, settings: Settings) -> Iterator[Step]:

@@ -20,6 +20,9 @@ def reanalyse(
         str | None, Option(metavar="ADDRESS", help="Scheduler of Dask. Default: processes of this machine.")
     ] = None,
     workers: Annotated[int | None, Option(help="Processes. Default: one per core.", min=1)] = None,
+    limit: Annotated[
+        float | None, Option(metavar="S", help="Longest time for one log [s]; the rest of it is left out.", min=0.1)
+    ] = None,
     dry_run: Annotated[bool, Option("--dry-run", help="List the logs and what would be computed.")] = False,
     given: Overrides = None,
 ) -> int:
@@ -33,4 +36,4 @@ def reanalyse(
     """
     from monitor.cli.logs.reanalysis import reanalyse_archive
 
-    return reanalyse_archive(archive, out, site, given or (), scheduler, workers, dry_run=dry_run)
+    return reanalyse_archive(archive, out, site, given or (), scheduler, workers, limit=limit, dry_run=dry_run)

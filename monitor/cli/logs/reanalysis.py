@@ -1,5 +1,6 @@
 """An archive analysed again, in parallel."""
 
+import math
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -32,6 +33,7 @@ def reanalyse_archive(
     scheduler: str | None,
     workers: int | None,
     *,
+    limit: float | None,
     dry_run: bool,
 ) -> int:
     """Analyse the logs of an archive again; 1 if a log could not be analysed to its end, or a site ends in an alarm."""
@@ -59,7 +61,7 @@ def reanalyse_archive(
             states[about.site] = alarms[-1].state if alarms else states.get(about.site, "normal")
             _say(about, alarms)
 
-        reanalyse(client, planned, out, finished)
+        reanalyse(client, planned, out, finished, math.inf if limit is None else limit)
     console.print(f"results: {out} (Parquet: windows, modes, alarms, logs)", soft_wrap=True)
     console.print(f"per site: {out}/sites/NAME/results.mcap (for `report` and `view`), history.sqlite", soft_wrap=True)
     return NEEDS_A_PERSON if problems or "alarm" in states.values() else DONE

@@ -43,6 +43,16 @@ def test_results_from_steps_equal_results_from_blocks(log: Path) -> None:
     assert steps.problem is None
 
 
+def test_log_beyond_the_time_limit_is_cut_and_not_kept(log: Path) -> None:
+    settings = parse_attached(read_attachments(log)["site.toml"])
+    steps = identify_log(log, settings, limit=0.02)
+    assert steps.late
+    assert steps.n_windows < 8
+    assert steps.problem is not None
+    assert "was not analysed within 0.02 s: the rest is left out" in steps.problem
+    assert len(list(unpacked(steps.packed))) >= steps.n_windows
+
+
 @pytest.mark.thorough
 def test_next_log_continues_as_after_a_restart(log: Path) -> None:
     """A pipeline that goes on in another log gives what a new one gives from its saved state."""
