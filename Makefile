@@ -2,7 +2,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test thorough check lock bench soak fuzz mutants clean
+.PHONY: demo test thorough check docs lock bench soak fuzz mutants clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
@@ -32,6 +32,10 @@ check: $(VENV)/.done
 	$(BIN)/vulture
 	$(BIN)/python .ci/audit
 
+# The documentation site, build/docs/index.html; a broken link or an undocumented name is an error.
+docs: $(VENV)/.done
+	$(BIN)/python -m sphinx --builder html --fail-on-warning --keep-going --quiet --doctree-dir build/doctrees docs build/docs
+
 # requirements.lock with hashes, and requirements-dev.lock, from what is installed in .venv; some minutes.
 lock:
 	$(BIN)/python .ci/lock
@@ -43,7 +47,7 @@ bench: $(VENV)/.done
 bench-%: $(VENV)/.done
 	$(BIN)/python -m benchmarks $* $(ARGUMENTS)
 
-# The service through every fault of a rig's life, ten minutes: docs/soak.md; `make soak ARGUMENTS="--minutes 120"`, `--devices 32`.
+# The service through every fault of a rig's life, ten minutes: docs/validation/soak.md; `make soak ARGUMENTS="--minutes 120"`, `--devices 32`.
 soak: bench-soak
 
 # Mutated files for every reader, 2000 each, in hours: `make fuzz ARGUMENTS="site log --first 500 --minutes 10"`.

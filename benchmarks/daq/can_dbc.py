@@ -1,4 +1,4 @@
-"""Cost of sensors described by a DBC file, compared with cantools' own decoding: tables in docs/daq.md.
+"""Cost of sensors described by a DBC file, compared with cantools' own decoding: tables in the documentation.
 
 Four sensors send a counter frame and an acceleration frame a scan, 1000 times a second: 8000 frames/s, a full bus of
 1 Mbit/s. First decoding alone, of the same frames in memory, median of five turns one after the other. Then from a

@@ -1,4 +1,4 @@
-"""Bytes per second of the decoder of burst frames, checksums included: the line in docs/daq.md.
+"""Bytes per second of the decoder of burst frames, checksums included: the line in the documentation.
 
 The stream comes in blocks of 4 kB that end amid frames, whole or with one byte in a thousand replaced. CPU time of the
 process counts, so that other work on the machine does not.

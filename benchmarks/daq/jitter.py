@@ -1,4 +1,4 @@
-"""Accuracy of the times of scans over an hour behind USB adapters: the table in docs/daq.md.
+"""Accuracy of the times of scans over an hour behind USB adapters: the table in the documentation.
 
 The device's clock has a constant error, or one that wanders over the hour. Its adapter passes bytes on every 1 or 16
 milliseconds; the host wakes up 0.1 ms later on average, exponentially distributed, and for one read in a hundred 5 to

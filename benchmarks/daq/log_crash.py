@@ -1,4 +1,4 @@
-"""Loss of a recording by a kill and by a power cut, and size and repair time of logs: tables in docs/daq.md.
+"""Loss of a recording by a kill and by a power cut, and size and repair time of logs: tables in the documentation.
 
 Kills: a process records four emulated devices (1000 scans/s, real time, ptys, emulated by another process) with the
 default settings and is killed (SIGKILL) at a random moment. The loss is the time from the last scan in the repaired log

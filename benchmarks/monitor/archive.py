@@ -27,7 +27,7 @@ def run(logs: Path, out: Path, workers: int) -> float:
 
 
 def main() -> None:
-    """Print the table of docs/archive.md."""
+    """Print the table of the documentation."""
     n = int(sys.argv[1]) if len(sys.argv) > 1 else 40
     with tempfile.TemporaryDirectory() as folder:
         logs, out = Path(folder) / "logs", Path(folder) / "out"

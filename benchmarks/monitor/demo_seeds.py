@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 SEEDS = (101, 102, 103, 104, 105)
-TABLE = Path(__file__).parents[2] / "docs" / "seeds.md"
+TABLE = Path(__file__).parents[2] / "docs" / "validation" / "seeds.md"
 COLUMNS = (
     "seed true_position true_mass estimated_position std estimated_mass std position_error mass_error alarm_after "
     "scans_dropped result"

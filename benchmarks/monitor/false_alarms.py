@@ -1,4 +1,4 @@
-"""False alarms over simulated years, and how late masses are found: the tables of docs/detection.md.
+"""False alarms over simulated years, and how late masses are found: the tables of the documentation.
 
 Sites are exposed to weather that the detectors' own model does not have: the structure follows the air with two
 inertias and is heated by a sun that no thermometer measures, it stiffens smoothly where it freezes, something slow

@@ -1,4 +1,4 @@
-"""False alarms per year and detection delays by kind of site: the table of docs/detection.md.
+"""False alarms per year and detection delays by kind of site: the table of the documentation.
 
 The sites are those of the tests' examiner (tests/examiner/sites.py), which shares nothing with the detectors.
 

@@ -1,4 +1,4 @@
-"""Rates of slow trends and their standard deviations by kind of site: the table of docs/detection.md.
+"""Rates of slow trends and their standard deviations by kind of site: the table of the documentation.
 
 The sites are those of the tests' examiner (tests/examiner/sites.py), with windows of three hours.
 

@@ -1,6 +1,6 @@
 """Channels with faults: the modes found nevertheless, and the coverage of stated standard deviations.
 
-Prints the table of docs/oma.md.
+Prints the table of the documentation.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/faults.py [WINDOWS], or make bench-oma-faults
 """

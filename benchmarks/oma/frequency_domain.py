@@ -3,7 +3,7 @@
 Every run is a child process with one BLAS thread, ours and theirs in turn on the same records (`oma_speed.record`; koma
 has none of these methods). Ours choose their modes themselves and state standard deviations; pyOMA2's FDD family is
 given the true frequencies, and of its pLSCF (order 30) a mode counts as found if a third of the orders have a pole
-within 1 %. Then the errors of ours over many windows, with the smallest possible ones: the tables of docs/oma.md.
+within 1 %. Then the errors of ours over many windows, with the smallest possible ones: the tables of the documentation.
 
 Usage: python benchmarks/oma/frequency_domain.py [SIZES, such as ab] [WINDOWS], or make bench-oma-frequency
 """

@@ -80,7 +80,7 @@ def timed(windows: Iterator[Recording]) -> tuple[float, float, float]:
 
 
 def main() -> None:
-    """Print the table of docs/archive.md."""
+    """Print the table of the documentation."""
     random = np.random.default_rng(1)
     counts = signals(random)
     print("| log | window | reading | identification | data over processor time |\n|:--|---:|---:|---:|---:|")

@@ -1,7 +1,7 @@
 """Stochastic subspace identification compared with pyOMA2's and koma's: CPU time, memory and error on the same records.
 
 Every run is a child process with one BLAS thread, ours and theirs in turn; 50 block rows, orders 2 to 60 in steps of 2,
-poles of all orders with hard criteria and stability, as each package does it. Prints the tables of docs/oma.md.
+poles of all orders with hard criteria and stability, as each package does it. Prints the tables of the documentation.
 
 Usage: python benchmarks/oma/speed.py [SIZES, such as ab], or make bench-oma-speed (an hour; ab: minutes)
 """

@@ -1,4 +1,4 @@
-"""Identities through simulated months: the table of docs/oma.md.
+"""Identities through simulated months: the table of the documentation.
 
 A label is right if the mode has the identity that most of its identifications have, and no other mode has that one more
 often. A false mode must not get the identity of a mode.

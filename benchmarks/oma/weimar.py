@@ -1,6 +1,6 @@
 """The steel frame of the Bauhaus-Universität Weimar: set-ups measured one after the other, identified and merged.
 
-Prints the tables of docs/weimar.md; FOLDER holds measurement_01.npz, channel_dofs_01.txt, ..., grid.txt, lines.txt.
+Prints the tables of the documentation; FOLDER holds measurement_01.npz, channel_dofs_01.txt, ..., grid.txt, lines.txt.
 
 Usage: python benchmarks/oma/weimar.py FOLDER [PICTURE.png], or make bench-weimar ARGUMENTS=FOLDER
 """

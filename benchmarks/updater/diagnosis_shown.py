@@ -1,8 +1,8 @@
 """Views of a diagnosis before its causes, on three records; and the accuracy of the places of residual forces.
 
-    python benchmarks/updater/diagnosis_shown.py docs
+    python benchmarks/updater/diagnosis_shown.py docs/pictures
 
-writes the pictures of docs/diagnosis_shown.md and prints its tables: two minutes.
+writes the pictures of the documentation and prints its tables: two minutes.
 """
 
 import sys
@@ -161,7 +161,7 @@ def main() -> None:
         quantiles = ", ".join(f"{1000 * np.quantile(far, q):.0f}" for q in (0.5, 0.9, 1.0))
         print(f"  {name}: peak off by median, nine in ten, all within {quantiles} mm")
     print(f"  read as the wrong one: {misread} of {2 * len(masses)}")
-    show(Path(sys.argv[1] if len(sys.argv) > 1 else "docs"))
+    show(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/pictures"))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Flags of the one-step update: false ones, those of added masses, and the places that it claims.
 
 Eight windows teach the reference, four make an event, as in a demo; noise by the uncertainty law. Prints the tables
-of docs/updater.md, and false flags of the stiffness twin.
+of the documentation, and false flags of the stiffness twin.
 
 Usage: python benchmarks/updater/false_flags.py [BASELINES], or make bench-flags
 """

@@ -2,7 +2,7 @@
 
 Each frame is made by another model than the reference's (10 mm Timoshenko elements, flexible foot and joint, E and
 density off, gains scattered). A body is put anywhere along the members; a record before teaches the reference, one
-after is searched. Prints the tables of docs/structure.md.
+after is searched. Prints the tables of the documentation.
 
 Usage: python benchmarks/updater/foresight.py [PLACES], or make bench-foresight
 """

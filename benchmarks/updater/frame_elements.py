@@ -1,4 +1,4 @@
-"""The frame element compared with published results: the table in docs/structure.md (`make bench-frames`)."""
+"""The frame element compared with published results: the table in the documentation (`make bench-frames`)."""
 
 import itertools
 

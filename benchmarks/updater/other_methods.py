@@ -1,6 +1,6 @@
 """One added mass and the same modes for every method: the paper's increments, its alternative, and methods of others.
 
-The cases are those of localization.py. Prints a table of docs/localization.md.
+The cases are those of localization.py. Prints a table of the documentation.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/other_methods.py [PLACES] [LINE], or make bench-rivals
 """

@@ -2,7 +2,7 @@
 
 The cases are those of the confusion matrix (tests/examiner, finite elements of their own, modes with noise by the
 law of identification), each on a fresh rig with gains off by half a per cent and clocks by 20 us. Prints the table of
-docs/sensors.md.
+the documentation.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/sensor_faults.py [--draws N] [--seed S]
 or make bench-sensors

@@ -15,7 +15,7 @@ def test_programs_and_pages_of_the_catalogue_exist() -> None:
 
 
 def test_documented_benchmarks_are_in_the_catalogue() -> None:
-    pages = [*ROOT.glob("docs/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+    pages = [*ROOT.glob("docs/**/*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
     named = {name for page in pages for name in re.findall(r"make bench-([\w-]+)", page.read_text(encoding="utf-8"))}
     assert len(named) > 20
     assert named <= catalogue().keys()

@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PATH = re.compile(r"\b(?:daq|oma|updater|monitor|tests|benchmarks|examples)/[\w/]+\.(?:py|toml)\b")
-PAGES = [*sorted(ROOT.glob("docs/*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "pyproject.toml"]
+PAGES = [*sorted(ROOT.glob("docs/**/*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "pyproject.toml"]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -1,4 +1,4 @@
-"""The table of settings in docs/monitor.md has the settings of the program, with the same meaning."""
+"""The table of settings in docs/reference/monitor.md has the settings of the program, with the same meaning."""
 
 import re
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 from monitor.settings import Settings
 from monitor.settings.reading import section_of
 
-DOCS = Path(__file__).parents[2] / "docs" / "monitor.md"
+DOCS = Path(__file__).parents[2] / "docs" / "reference" / "monitor.md"
 REQUIRED, NONE = "(required)", "none"
 
 
@@ -35,4 +35,4 @@ def test_settings_table_in_docs_matches_the_program() -> None:
     text = DOCS.read_text(encoding="utf-8").split("## Settings")[1].split("\n## ")[0]
     without_links = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text)
     rows = [line for line in without_links.splitlines() if line.startswith("| `")]
-    assert rows == list(rows_of(Settings)), "docs/monitor.md: the table of settings"
+    assert rows == list(rows_of(Settings)), "docs/reference/monitor.md: the table of settings"

@@ -1,4 +1,4 @@
-"""Texts for users are in plain technical English: words that docs/terms.md excludes are in none of them."""
+"""Texts for users are in plain technical English: words that docs/reference/terms.md excludes are in none of them."""
 
 import ast
 import re

@@ -58,6 +58,6 @@ def test_each_topic_has_one_class() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_topic_is_documented(kind: type[EventPayload]) -> None:
-    text = "".join(page.read_text(encoding="utf-8") for page in DOCS.glob("*.md"))
+    text = "".join(page.read_text(encoding="utf-8") for page in DOCS.rglob("*.md"))
     name = kind.topic.removeprefix("/event/")
     assert kind.topic in text or f"`{name}`" in text, f"{kind.topic} is in no page of docs"

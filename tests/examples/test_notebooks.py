@@ -1,4 +1,4 @@
-"""The notebooks and docs/python.md: each runs from its first to its last piece of code, with the expected result."""
+"""The notebooks and pages of Python: each runs from its first to its last piece of code, with the expected result."""
 
 import json
 import tomllib
@@ -73,7 +73,7 @@ def test_watch() -> None:
 @pytest.mark.thorough
 def test_page_on_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The code of other programs is left out; the rest is executed where the page has its files."""
-    page = ROOT / "docs" / "python.md"
+    page = ROOT / "docs" / "howto" / "python.md"
     log = ROOT / "replay_data" / TRUTH["file"]
     monkeypatch.chdir(tmp_path)
     Path("measured.mcap").symlink_to(log)

@@ -11,7 +11,7 @@ HOUR = 3600.0  # s: the last one of a soak, in which no process is ended, is the
 _SETTLED = CYCLE  # s of a process's life before that: everything is loaded and has run once, and rings are full
 # MB/h. The hour has 72 faults: with one a day, 2 MB/h are 10 MB a year. Less it cannot tell, as the lows scatter by
 # some tenths of a megabyte; those of analysis and view, which take and give back much with each window, by megabytes.
-# What grows with time or windows, and not with faults, is to be looked at faster than they come: docs/soak.md.
+# What grows with time or windows, and not with faults, is to be looked at faster than they come: the documentation.
 # What the monitor has in use, as it says itself, is known to a hundredth of that: a leak shows there first, and what
 # allocators keep between what is in use does not.
 MAX = {"monitor": 2.0, "pages": 2.0, "analysis": 10.0, "view": 10.0, BLOCKS: 5.0, HEAP: 0.5}

@@ -3,7 +3,7 @@
 Every draw is a separate specimen, by an independent finite element code (tests/examiner, which imports nothing of the
 code under test): another element, theory and mesh, weld, cables, sensors' masses, sensors off their positions and
 turned, gains scattered; or a solid bar by scikit-fem. Results are appended to a file as they are computed, and a run
-continues where the last one ended, unless the code under test has changed since. Prints tables of docs/diagnosis.md and
+continues where the last one ended, unless the code under test has changed since. Prints tables of the documentation and
 the misses.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/confusion/modes.py [--draws N] [--nulls N] [--minutes M]

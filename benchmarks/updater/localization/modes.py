@@ -1,7 +1,7 @@
 """Accuracy of position and mass of one added mass, from modes with known noise, at a thousand positions per line.
 
 Every place is on one of ten true frames that differ from the reference in kind, with a baseline of its own that is as
-noisy as the event. Prints tables of docs/localization.md.
+noisy as the event. Prints tables of the documentation.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/modes.py [PLACES] [LINES ...], or make
 localization

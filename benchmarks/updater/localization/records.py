@@ -2,7 +2,7 @@
 
 Ten true frames (10 mm Timoshenko elements, flexible foot and joint, E and density off, gains, damping and forces of
 their own, sensor noise, quantization) teach references by eight windows each; one window shows each of the bodies.
-Prints a table of docs/localization.md. The bound is that of places.py, with frequency noise by the uncertainty law and
+Prints a table of the documentation. The bound is that of places.py, with frequency noise by the uncertainty law and
 the deviations of shapes that identification stated.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/localization/records.py [PLACES] [SECONDS ...], or make

@@ -1,6 +1,6 @@
 """A measured cantilever with six masses, one or two removed: errors of a beam model, and the removed masses.
 
-Prints the tables of docs/beam_six_masses.md; FOLDER holds frf.npz and mass_positions_cm.csv.
+Prints the tables of the documentation; FOLDER holds frf.npz and mass_positions_cm.csv.
 
 Usage: python benchmarks/updater/measured/six_masses.py FOLDER [PICTURE.png], or make bench-six-masses
 """

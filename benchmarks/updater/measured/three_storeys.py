@@ -1,6 +1,6 @@
 """A measured frame of three floors with documented masses: masses from modes, and the errors of a simulation.
 
-Prints the tables of docs/soton.md; FOLDER holds acc_frf_force_floor1.csv ... 3.csv.
+Prints the tables of the documentation; FOLDER holds acc_frf_force_floor1.csv ... 3.csv.
 
 Usage: python benchmarks/updater/measured/three_storeys.py FOLDER [PICTURE.png], or make bench-three-storeys
 """

@@ -1,7 +1,7 @@
 """Accuracy with reference models: as in the file, one-step updated, calibrated by sensitivities, or both.
 
 One body of 4 % of the mass at random places of ten frames that differ from the reference in kind, located by the
-likelihood from the same data with each of the four references. Prints a table of docs/paper.md.
+likelihood from the same data with each of the four references. Prints a table of the documentation.
 
 Usage: python benchmarks/updater/paper/reference.py [PLACES A FRAME], or make bench-paper
 """

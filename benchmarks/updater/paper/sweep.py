@@ -2,7 +2,7 @@
 
 A body at the paper's two locations, the same body smeared over the structure, and 304 g smeared over ever longer
 stretches; ten frames that differ from the reference in kind, eight windows before, four after. Prints the tables of
-docs/paper.md and draws docs/paper_sweep.png.
+the documentation and draws docs/pictures/paper_sweep.png.
 
 Usage: python benchmarks/updater/paper/sweep.py [FOLDER for the picture], or make bench-paper
 """

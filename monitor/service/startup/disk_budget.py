@@ -2,7 +2,7 @@
 
 from monitor.settings import Settings
 
-BYTES_A_SCAN = 4.4, 9.2  # of three axes in a log: a sensor at rest, and 10 mg rms (docs/daq.md, `make bench-log-crash`)
+BYTES_A_SCAN = 4.4, 9.2  # of three axes in a log: a sensor at rest, and 10 mg rms (`make bench-log-crash`)
 
 
 def disk_plan(settings: Settings, free: float) -> str:

@@ -115,7 +115,7 @@ def test_witmotion_commands_match_data_sheet() -> None:
 
 
 def test_node_frames_match_documentation() -> None:
-    """Two frames written out by hand: COBS, and CRC-16/CCITT-FALSE by binascii's table and by hand, docs/node.md."""
+    """Two frames written out by hand: COBS, and CRC-16/CCITT-FALSE by binascii's table and by hand, docs/howto."""
     assert (node.WHO, node.START, node.STOP, node.SCAN, node.HELLO) == (0x81, 0x82, 0x83, 0x01, 0x02)
     assert node.NO_TEMPERATURE == -32768
     assert node.encode_command(node.WHO) == by_hand(bytes([0x81]))
@@ -135,7 +135,7 @@ def test_node_frames_match_documentation() -> None:
 
 
 def by_hand(content: bytes) -> bytes:
-    """Return a frame by the code of docs/node.md, a bit and a byte at a time."""
+    """Return a frame by the code of docs/howto/node.md, a bit and a byte at a time."""
     crc = 0xFFFF
     for byte in content:
         crc ^= byte << 8
