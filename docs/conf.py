@@ -5,7 +5,7 @@ from importlib.metadata import version as installed_version
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
+sys.path.insert(0, str(ROOT))
 
 project = "modalwatch"
 author = "The modalwatch authors"
@@ -15,11 +15,11 @@ version = release = installed_version("modalwatch")
 extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
-    "sphinx.ext.napoleon",
     "sphinx_copybutton",
     "sphinx_design",
-    "_site.mathml",
-    "_site.generated",
+    "docs._site.mathml",
+    "docs._site.docstrings",
+    "docs._site.generated",
 ]
 exclude_patterns = ["_site"]
 source_suffix = {".md": "markdown"}
@@ -54,5 +54,3 @@ copybutton_prompt_is_regexp = True
 autodoc_typehints = "signature"
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True}
-napoleon_google_docstring = False
-napoleon_use_rtype = False

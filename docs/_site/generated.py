@@ -1,21 +1,22 @@
 """Reference pages written from the program when the site is built.
 
-A line `<!-- generated: NAME -->` of a page is replaced by the Markdown that the function NAME of GENERATORS returns.
+A line `<!-- generated: NAME ARGUMENTS -->` of a page is replaced by the Markdown that the function NAME of `program`
+returns for these arguments.
 """
 
 import re
-from collections.abc import Callable
 
 from sphinx.application import Sphinx
 from sphinx.util.typing import ExtensionMetadata
 
-GENERATORS: dict[str, Callable[[], str]] = {}
-_MARK = re.compile(r"^<!-- generated: ([\w.]+) -->$", re.MULTILINE)
+from docs._site import program
+
+_MARK = re.compile(r"^<!-- generated: (\w+)((?: [\w.]+)*) -->$", re.MULTILINE)
 
 
 def filled(text: str) -> str:
     """Return the text of a page with what is generated in it."""
-    return _MARK.sub(lambda mark: GENERATORS[mark[1]](), text)
+    return _MARK.sub(lambda mark: getattr(program, mark[1])(*mark[2].split()), text)
 
 
 def _fill(_app: Sphinx, _page: str, source: list[str]) -> None:
