@@ -19,8 +19,22 @@ def code_cells(path: Path) -> list[str]:
 
 def code_blocks(page: Path) -> list[str]:
     """Return the blocks of Python in a page, without commands to IPython."""
-    found = re.findall(r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    return [_without_commands(source) for source in found]
+    return [_without_commands(source) for source in _fenced(page, "python")]
+
+
+def shell_lines(page: Path) -> list[str]:
+    """Return the lines of the blocks of shell commands in a page."""
+    return [line for block in _fenced(page, "sh") for line in block.splitlines() if line.strip()]
+
+
+def named_files(page: Path) -> dict[str, str]:
+    """Return the files that a page shows: blocks whose first line is a comment with the name of the file."""
+    blocks = {block.partition("\n")[0].removeprefix("# "): block for block in _fenced(page, "toml")}
+    return {name: text for name, text in blocks.items() if re.fullmatch(r"\w+\.toml", name)}
+
+
+def _fenced(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
 def _without_commands(source: str) -> str:
