@@ -47,7 +47,7 @@ bench: $(VENV)/.done
 bench-%: $(VENV)/.done
 	$(BIN)/python -m benchmarks $* $(ARGUMENTS)
 
-# The service through every fault of a rig's life, ten minutes: docs/validation/soak.md; `make soak ARGUMENTS="--minutes 120"`, `--devices 32`.
+# The service through every fault of a rig's life, ten minutes: docs/validation/service/soak.md; `make soak ARGUMENTS="--minutes 120"`, `--devices 32`.
 soak: bench-soak
 
 # Mutated files for every reader, 2000 each, in hours: `make fuzz ARGUMENTS="site log --first 500 --minutes 10"`.

@@ -1,4 +1,4 @@
-"""A cause of your own: ice along one whole member. See docs/explanation/updater.md, "Causes of your own"."""
+"""A cause of your own: ice along one whole member. See docs/howto/extend/cause.md."""
 
 from dataclasses import dataclass, replace
 

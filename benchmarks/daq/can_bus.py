@@ -1,4 +1,4 @@
-"""CAN frames per second that our SLCAN bus takes from a port, compared with python-can's own."""
+"""CAN frames per second that our SLCAN bus takes from a port, compared with python-can's own.
 
 A process writes scans of emulated nodes into a pty. In the first table it writes as fast as they are taken, so that the
 reader sets the pace; the ratio is of alternating turns, so that other load on the machine affects both, and the median

@@ -1,4 +1,4 @@
-"""Cost of recording: 32 serial devices of three axes at 1000 scans per second, to the disk: the table in the documentation.
+"""Cost of recording: 32 serial devices of three axes at 1000 scans per second, to the disk.
 
 Another process emulates the devices on ptys and hands their bytes on every ten milliseconds, between the one and the
 sixteen of USB adapters. This one records them as `modalwatch run` does (readers, writer, disk guard; no analysis) and

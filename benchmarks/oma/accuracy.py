@@ -1,6 +1,6 @@
 """Ratio of errors to the smallest possible ones, and coverage of the stated standard deviations.
 
-Prints the tables of the documentation: root mean square errors over the Cramér-Rao bound of Whittle's likelihood, and the
+Prints the documented tables: root mean square errors over the Cramér-Rao bound of Whittle's likelihood, and the
 share of the errors within two stated standard deviations.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/accuracy.py [WINDOWS], or make bench-oma-accuracy

@@ -1,6 +1,6 @@
 """Unattended selection on simulated windows, compared with pyOMA2's: all modes found, and no false ones.
 
-Prints the table of the documentation. pyOMA2's `hier_avg` is the best of its selections; it runs on the first windows only,
+Prints the documented table. pyOMA2's `hier_avg` is the best of its selections; it runs on the first windows only,
 in a child process with one BLAS thread as ours.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/selection.py [WINDOWS [THEIRS]]; make bench-oma-selection

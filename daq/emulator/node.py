@@ -13,7 +13,7 @@ ADXL355_SCALE = 9.80665 * 3.9e-6  #: m/s2 a count, in its range of 2 g
 
 
 class EmulatedNode(SerialEmulator):
-    """The device side of one node, as docs/howto/node.md describes it.
+    """The device side of one node, as docs/howto/rig/node.md describes it.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ A frame is stuffed by COBS, ended by a zero and guarded by CRC-16/CCITT (`daq.pr
     start  82 | rate u32 [mHz]   the host asks for scans; a node that has another rate says so in its hello
     stop   83
 
-docs/howto/node.md has the node's side.
+docs/howto/rig/node.md has the node's side.
 """
 
 from dataclasses import dataclass

@@ -112,8 +112,8 @@ def scenario() -> str:
 
 
 def structure() -> str:
-    """Return the entries of structure.toml, and the shapes of sections."""
-    return models.described([Structure, *SHAPES.values()])
+    """Return the entries of structure.toml."""
+    return models.described([Structure])
 
 
 def shapes() -> str:

@@ -1,7 +1,7 @@
 """File of records with bodies at known places: reading and evaluation.
 
 The file (TOML) names a structure file without the bodies, the bodies, and per record their places and the natural
-frequencies before and after the change. Example and keys: docs/explanation/updater.md, "Bodies at known places".
+frequencies before and after the change. Example and keys: docs/howto/data/bodies.md.
 """
 
 from dataclasses import dataclass

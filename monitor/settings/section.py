@@ -32,7 +32,7 @@ class Section(Table):
     """A table of SITE.toml: every setting is defined here once, with its default and its description.
 
     The text below a field is its description: in `modalwatch settings`, in the JSON Schema and, checked by a test, in
-    the table of docs/reference/monitor.md. A field without a default has an example.
+    the reference of the settings in the documentation. A field without a default has an example.
     """
 
     model_config = ConfigDict(

@@ -1,38 +1,37 @@
-"""The table of settings in docs/reference/monitor.md has the settings of the program, with the same meaning."""
+"""The reference of the settings has every setting of the program, with its default and its meaning."""
 
-import re
 from collections.abc import Iterator
-from pathlib import Path
 
+import pytest
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
+from docs._site.program import settings
 from monitor.settings import Settings
 from monitor.settings.reading import section_of
 
-DOCS = Path(__file__).parents[2] / "docs" / "reference" / "monitor.md"
-REQUIRED, NONE = "(required)", "none"
 
-
-def default_of(field: FieldInfo) -> str:
-    if field.is_required():
-        return REQUIRED
-    if field.default is None:
-        return NONE
-    return f'`"{field.default}"`' if isinstance(field.default, str) else f"`{field.default}`"
-
-
-def rows_of(model: type[BaseModel], prefix: str = "") -> Iterator[str]:
+def fields_of(model: type[BaseModel], prefix: str = "") -> Iterator[tuple[str, str, str]]:
+    """Yield section, key and meaning of all settings."""
     for name, field in model.model_fields.items():
         section = section_of(field.annotation)
         if section:
-            yield from rows_of(section, f"{prefix}{name}.")
+            yield from fields_of(section, f"{prefix}.{name}".lstrip("."))
         else:
-            yield f"| `{prefix}{name}` | {default_of(field)} | {field.description} |"
+            yield prefix, name, field.description or ""
 
 
-def test_settings_table_in_docs_matches_the_program() -> None:
-    text = DOCS.read_text(encoding="utf-8").split("## Settings")[1].split("\n## ")[0]
-    without_links = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", text)
-    rows = [line for line in without_links.splitlines() if line.startswith("| `")]
-    assert rows == list(rows_of(Settings)), "docs/reference/monitor.md: the table of settings"
+@pytest.fixture(scope="module")
+def sections() -> dict[str, str]:
+    """Return the text of the reference by section."""
+    parts = settings().split("\n## ")
+    return {part.partition("\n")[0].strip("`[]# "): part for part in parts}
+
+
+def test_reference_has_every_setting_with_its_meaning(sections: dict[str, str]) -> None:
+    found = list(fields_of(Settings))
+    assert len(found) > 60
+    for section, key, meaning in found:
+        rows = [line for line in sections[section or "Top level"].splitlines() if line.startswith(f"| `{key}` |")]
+        assert len(rows) == 1, (section, key)
+        assert meaning, (section, key)
+        assert rows[0].endswith(f"| {meaning} |"), (section, key)

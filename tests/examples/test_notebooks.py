@@ -73,7 +73,7 @@ def test_watch() -> None:
 @pytest.mark.thorough
 def test_page_on_python(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The code of other programs is left out; the rest is executed where the page has its files."""
-    page = ROOT / "docs" / "howto" / "python.md"
+    page = ROOT / "docs" / "get_started" / "python.md"
     log = ROOT / "replay_data" / TRUTH["file"]
     monkeypatch.chdir(tmp_path)
     Path("measured.mcap").symlink_to(log)

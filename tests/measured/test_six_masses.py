@@ -75,7 +75,7 @@ def test_clamp_fitted_to_measured_cantilever_predicts_held_out_layouts() -> None
 def test_bodies_command_identifies_masses_removed_from_measured_cantilever(
     tmp_path: Path, modalwatch: Commands, state: str, off: list[str]
 ) -> None:
-    """Four layouts, the clamp as docs/validation/beam_six_masses.md has it from the first state."""
+    """Four layouts, the clamp as docs/validation/measured/beam_model.md has it from the first state."""
     clamp = {"stiffness": -0.041, "mass": 0.0279, "clamp_shifts": 6.2e-5, "clamp_turns": 0.058, "accelerometer": 0.018}
     clamp |= {"near_clamp": 0.54, "near_clamp_at": 0.0}
     beam, measured = Cantilever(), read_layouts(Path(REAL or "") / "beam-six-masses", slice(0, 4), state=state)

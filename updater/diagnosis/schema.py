@@ -1,4 +1,4 @@
-"""Values of a diagnosis; `monitor` makes the JSON of `modalwatch diagnose` from them (docs/explanation/updater.md)."""
+"""Values of a diagnosis; `monitor` makes the JSON of `modalwatch diagnose` from them."""
 
 from typing import Literal
 

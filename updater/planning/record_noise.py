@@ -18,7 +18,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from oma.selection import uncertainty_law
 
-_OVER_THE_LAW = 1.1  # ratio reached by identification, as measured in docs/explanation/oma.md
+_OVER_THE_LAW = 1.1  # ratio reached by identification, as measured: docs/validation/identification
 _YEAR = 365.25 * 86400  # s
 
 

@@ -1,4 +1,4 @@
-"""A home-built node on a serial line: docs/howto/node.md is its side of the protocol."""
+"""A home-built node on a serial line: docs/howto/rig/node.md is its side of the protocol."""
 
 import time
 

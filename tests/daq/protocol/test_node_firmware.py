@@ -1,4 +1,4 @@
-"""The firmware of docs/howto/node.md: compiled, plugged into a pty, and read by the driver."""
+"""The firmware of docs/howto/rig/node.md: compiled, plugged into a pty, and read by the driver."""
 
 import os
 import shutil

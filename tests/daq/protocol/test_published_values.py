@@ -135,7 +135,7 @@ def test_node_frames_match_documentation() -> None:
 
 
 def by_hand(content: bytes) -> bytes:
-    """Return a frame by the code of docs/howto/node.md, a bit and a byte at a time."""
+    """Return a frame by the code of docs/howto/rig/node.md, a bit and a byte at a time."""
     crc = 0xFFFF
     for byte in content:
         crc ^= byte << 8

@@ -50,7 +50,7 @@ def test_frequency_step_is_found_with_its_time_and_size(shift: float, share: flo
 
 @pytest.mark.parametrize("n_windows", [1, 8])
 def test_stationary_record_has_no_frequency_change(n_windows: int) -> None:
-    """Uneven forces and taps included; docs/explanation/oma.md has the rate over many more records."""
+    """Uneven forces and taps included; docs/howto/data/identify.md has the rate over many more records."""
     for seed in range(4):
         recording = simulate(CHAIN, SECONDS, RATE, seed, taps=10 * (seed % 2))
         louder = np.linspace(0.2 if seed % 3 else 1.0, 1.0, len(recording.data))[:, None]

@@ -10,7 +10,7 @@ import numpy as np
 
 from daq.protocol.node import NodeScans
 
-DOCS = Path(__file__).parents[3] / "docs" / "howto" / "node.md"
+DOCS = Path(__file__).parents[3] / "docs" / "howto" / "rig" / "node.md"
 #: the node's main loop on a computer: a scan k every 1/rate s is (k, -k, 3 k), as that of `emulated_ports.Ramp`
 MAIN = """
 #include <poll.h>
@@ -53,7 +53,7 @@ int main(void) {
 
 
 def firmware() -> str:
-    """Return the C code that docs/howto/node.md shows."""
+    """Return the C code that docs/howto/rig/node.md shows."""
     (code,) = re.findall(r"^```c\n(.*?)^```", DOCS.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
     return str(code)
 
@@ -90,7 +90,7 @@ def values(*parts: NodeScans) -> list[tuple[int, ...]]:
 
 
 def read_byte_by_byte(stream: bytes) -> list[tuple[int, ...]]:
-    """Return the scans of a stream by the description of docs/howto/node.md, one byte after the other."""
+    """Return the scans of a stream by the description of docs/howto/rig/node.md, one byte after the other."""
     found = []
     for segment in stream.split(b"\0")[:-1]:
         content, at = bytearray(), 0

@@ -141,7 +141,7 @@ def test_dump_round_trip_is_lossless(tmp_path: Path) -> None:
 def test_example_and_its_page_contain_every_key() -> None:
     """The commented example uses, and the page names, each key that a file may have."""
     text = (ROOT / "examples" / "portal_frame.toml").read_text(encoding="utf-8")
-    page = (ROOT / "docs" / "reference" / "structure.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "howto" / "model" / "structure.md").read_text(encoding="utf-8")
     portal = load_structure(ROOT / "examples" / "portal_frame.toml")
     entries: dict[str, type[BaseModel]] = {
         "material": Material, "section": Section, "member": Member, "support": Support, "joint": Joint,
