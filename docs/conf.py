@@ -28,6 +28,8 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 myst_links_external_new_tab = False
 
+highlight_language = "text"  # of blocks that name none
+
 html_theme = "pydata_sphinx_theme"
 html_title = "modalwatch"
 html_static_path = ["_site/static"]

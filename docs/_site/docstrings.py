@@ -6,7 +6,7 @@ from itertools import pairwise
 
 from docutils import nodes
 from pydantic import BaseModel
-from sphinx.addnodes import pending_xref
+from sphinx.addnodes import desc_annotation, desc_returns, desc_sig_name, pending_xref
 from sphinx.application import Sphinx
 from sphinx.util.typing import ExtensionMetadata
 
@@ -19,8 +19,8 @@ _SECTIONS = (*_LISTS, "References", "Notes", "Examples")
 
 def converted(lines: Sequence[str]) -> list[str]:
     """Return a docstring as reStructuredText."""
-    text, sections = [], list(_sections(lines))
-    for title, body in sections:
+    text: list[str] = []
+    for title, body in _sections(lines):
         if not title:
             text += map(_escaped, body)
         elif title in _LISTS:
@@ -39,10 +39,11 @@ def _sections(lines: Sequence[str]) -> Iterator[tuple[str, Sequence[str]]]:
 
 def _entries(body: Sequence[str]) -> Iterator[str]:
     """Yield a list of the names with their texts, which follow a colon or are indented below."""
-    for line in body:
+    for line, following in pairwise([*body, ""]):
         if line and not line.startswith(" "):
             name, _, text = line.partition(" : ")
-            yield f"    - ``{name}``" + (f": {_escaped(text)}" if text else "")
+            stop = "." if text and following.strip()[:1].isupper() else ""  # a type, then a sentence
+            yield f"    - ``{name}``: {_escaped(text)}{stop}"
         else:
             yield f"      {_escaped(line.strip())}" if line.strip() else ""
 
@@ -61,6 +62,18 @@ def _plain(text: str) -> str:
 
 def _process(_app: Sphinx, _kind: str, _name: str, _thing: object, _options: object, lines: list[str]) -> None:
     lines[:] = converted(lines)
+
+
+_ARRAY = re.compile(r"(?:numpy\.)?ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
+_ARRAYS = {"float64": "FloatArray", "complex128": "ComplexArray", "int64": "IndexArray", "int32": "IntArray"}
+
+
+def _name_arrays(_app: Sphinx, page: nodes.document) -> None:
+    """Put the names of the types of arrays in the place of what they stand for."""
+    for node in list(page.findall(lambda n: isinstance(n, desc_annotation | desc_sig_name | desc_returns))):
+        text = node.astext().removeprefix("-> ")
+        if _ARRAY.search(text):
+            node.children = [nodes.Text(_ARRAY.sub(lambda found: _ARRAYS.get(found[1], "NDArray"), text))]
 
 
 def _without_fields(
@@ -86,5 +99,6 @@ def setup(app: Sphinx) -> ExtensionMetadata:
     """Process every docstring and every page."""
     app.connect("autodoc-process-docstring", _process)
     app.connect("autodoc-process-signature", _without_fields)
+    app.connect("doctree-read", _name_arrays)
     app.connect("doctree-read", _link_types)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -71,7 +71,7 @@ def _options(made: Any, context: Any) -> str:  # noqa: ANN401 - typer does not e
 
 
 def _without_type(name: str) -> str:
-    return re.sub(r" <(list\[)?\w+\]?>", "", name)
+    return re.sub(r" <[^>]+>", "", name)
 
 
 def settings() -> str:
@@ -155,7 +155,10 @@ def results() -> str:
     rows = [
         (f"`{t}`", f"[{m.__name__}](#{m.__name__.lower()})", (m.__doc__ or "").strip()) for t, m in _RESULTS.items()
     ]
-    elsewhere = {DiagnosisAnswer: "../json/diagnosis.md", DiscrepancyResult: "../json/discrepancy.md"}
+    elsewhere: dict[models.Model, str] = {
+        DiagnosisAnswer: "../json/diagnosis.md",
+        DiscrepancyResult: "../json/discrepancy.md",
+    }
     return (
         table(("topic", "message", "content"), rows)
         + "\n\n"

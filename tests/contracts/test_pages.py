@@ -66,7 +66,7 @@ def test_commands_of_a_page_are_accepted_by_their_parsers(page: Path) -> None:
 
 
 def test_pages_have_commands() -> None:
-    assert sum(len(commands_of(page)) for page in PAGES) > 80
+    assert sum(len(commands_of(page)) for page in PAGES) > 60
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)
@@ -109,6 +109,6 @@ def test_keys_of_json_are_documented(module: str) -> None:
     tree = ast.parse((ROOT / "monitor" / "cli" / module).read_text(encoding="utf-8"))
     functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
     dicts = [node for name in JSON[module] for node in ast.walk(functions[name]) if isinstance(node, ast.Dict)]
-    keys = {key.value for node in dicts for key in node.keys if isinstance(key, ast.Constant)}
+    keys = {str(key.value) for node in dicts for key in node.keys if isinstance(key, ast.Constant)}
     assert keys
     assert sorted(key for key in keys if f"`{key}`" not in page) == []
