@@ -112,3 +112,10 @@ def test_keys_of_json_are_documented(module: str) -> None:
     keys = {str(key.value) for node in dicts for key in node.keys if isinstance(key, ast.Constant)}
     assert keys
     assert sorted(key for key in keys if f"`{key}`" not in page) == []
+
+
+@pytest.mark.parametrize("name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])
+def test_links_into_the_documentation_exist(name: str) -> None:
+    """The site itself is built with broken links as errors."""
+    named = re.findall(r"\]\((docs/[^)#]+)", (ROOT / name).read_text(encoding="utf-8"))
+    assert [path for path in named if not (ROOT / path).is_file()] == []

@@ -26,11 +26,10 @@ pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture
-def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Change to a folder that has what the pages use of the repository."""
+def repository(tmp_path: Path) -> Path:
+    """Return a folder that has what the pages use of the repository."""
     for name in ("examples", "replay_data", "updater"):
         (tmp_path / name).symlink_to(ROOT / name)
-    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
@@ -54,6 +53,7 @@ def follow(repository: Path, modalwatch: Commands, monkeypatch: pytest.MonkeyPat
 
     def run(page: str) -> dict[str, Done]:
         done = {}
+        monkeypatch.chdir(repository)
         for line in shell_lines(PAGES / page):
             command, *arguments = shlex.split(line)
             if command == "cd":
