@@ -104,7 +104,7 @@ def rows(model: Model) -> Iterator[tuple[str, str, str, str]]:
     if issubclass(model, BaseModel):
         for name, field in model.model_fields.items():
             default = "required" if field.is_required() else default_text(_default(field))
-            meaning = field.description or meanings.get(name, "")
+            meaning = field.description or meanings.get(name, "") or _summary(field.annotation)
             yield f"`{field.alias or name}`", type_text(field.annotation, field.metadata), default, meaning
     else:
         hints = {name: kind for base in reversed(model.__mro__) for name, kind in _hints(base).items()}
@@ -116,6 +116,11 @@ def rows(model: Model) -> Iterator[tuple[str, str, str, str]]:
 
 def _hints(base: type) -> dict[str, Any]:
     return {name: kind for name, kind in vars(base).get("__annotations__", {}).items() if not isinstance(kind, str)}
+
+
+def _summary(annotation: Any) -> str:  # noqa: ANN401 - any annotation of a field
+    """Return the first line of the docstring of a model, for a field without a meaning of its own."""
+    return next(((inspect.getdoc(model) or "").partition("\n")[0] for model in models_in(annotation)), "")
 
 
 def _default(field: FieldInfo) -> object:
