@@ -35,7 +35,9 @@ html_title = "modalwatch"
 html_static_path = ["_site/static"]
 html_css_files = ["modalwatch.css"]
 html_math_renderer = "mathml"  # of the browser: nothing is loaded from a network
-html_show_sourcelink = False
+html_show_sourcelink = html_copy_source = False
+html_use_index = html_domain_indices = False  # the search has all names
+smartquotes = False
 html_theme_options = {
     "navbar_align": "left",
     "navbar_persistent": [],
