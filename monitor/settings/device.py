@@ -38,7 +38,7 @@ class DbcSettings(Section):
     """Signals of a device in a DBC file, in addition to `can`."""
 
     file: Annotated[str, Field(examples=["imu.dbc"])]
-    """DBC file that describes the frames of the device (daq.md)."""
+    """DBC file that describes the frames of the device."""
     signals: Annotated[dict[Literal["x", "y", "z"], str], Field(examples=[{"x": "accX", "y": "accY", "z": "accZ"}])]
     """`{x = "accX", ..}`: device axis -> SIGNAL or MESSAGE.SIGNAL."""
     counter: Annotated[str, Field(examples=["Counter"])]

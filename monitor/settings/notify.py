@@ -25,7 +25,7 @@ class NotifySettings(Section):
     headers: Mapping[str, SecretStr] = {}
     """Headers of the webhook's request."""
     events: tuple[NoticeKind, ...] = ("alarm", "update", "recovery", "flapping", "trouble", "trend")
-    """Events that are sent; `acknowledged` may be added (service.md)."""
+    """Events that are sent; `acknowledged` may be added."""
     template: Annotated[str | None, Field(examples=["{{ notice.site }}: {{ notice.text }}"])] = None
     """jinja2 template with `notices`. Default: the built-in text."""
     max_per_hour: Annotated[int, Field(ge=1)] = 12

@@ -113,7 +113,7 @@ class TemperatureSettings(Section):
     """Thermometer of the site, in addition to those of the devices. Leave the section out for none."""
 
     csv: Annotated[str | None, Field(examples=["weather.csv"])] = None
-    """CSV file, one reading per line, relative to SITE.toml. Give exactly one of `csv`, `mqtt` (service.md)."""
+    """CSV file, one reading per line, relative to SITE.toml. Give exactly one of `csv`, `mqtt`."""
     mqtt: Annotated[SecretStr | None, Field(examples=["mqtt://broker.example.org/site/air"])] = None
     """`mqtt://HOST:PORT/TOPIC`, or `mqtts://` with TLS. Requires `modalwatch[fleet]`."""
     column: str = "temperature"
@@ -182,7 +182,7 @@ class WebSettings(Section):
     """Server of status page, health and metrics. Leave the section out for none."""
 
     bind: Annotated[str, AfterValidator(listening_address)] = "127.0.0.1"
-    """Address of the server (service.md). Without a `[web]` section there is no server."""
+    """Address of the server. Without a `[web]` section there is no server."""
     port: Annotated[int, Field(ge=1, le=65535)] = 8765
     """Port of the server."""
     token_file: Annotated[str | None, Field(examples=["web_token"])] = None
