@@ -63,11 +63,7 @@ class Geometry:
         azimuth : away from facing the structure's broad side [degrees]
         elevation : above the horizon [degrees]
         """
-        turn, lift = np.radians([azimuth, elevation])
-        broad = np.array([0.0, -1.0, 0.0]) if self.extent[1] <= self.extent[0] else np.array([1.0, 0.0, 0.0])
-        across = np.cross([0.0, 0.0, 1.0], broad)
-        level = np.cos(turn) * broad + np.sin(turn) * across
-        return np.asarray(np.cos(lift) * level + [0.0, 0.0, np.sin(lift)])
+        return side(self.extent, azimuth, elevation)
 
     def eye(self, towards: FloatArray, points: FloatArray, aspect: float, fill: float) -> Eye:
         """Return the nearest eye that has all points in its picture.
@@ -87,6 +83,15 @@ class Geometry:
         slope = np.tan(FIELD_OF_VIEW / 2) * fill * np.array([aspect, 1.0])
         distance = np.abs(offset @ np.column_stack([right, up])) / slope + (offset @ towards)[:, None]
         return Eye(position=target + distance.max() * towards, target=target)
+
+
+def side(extent: FloatArray, azimuth: float, elevation: float) -> FloatArray:
+    """Return the unit vector (3,) towards the viewer of a structure of some extent (3,) [m]; angles as `Geometry`."""
+    turn, lift = np.radians([azimuth, elevation])
+    broad = np.array([0.0, -1.0, 0.0]) if extent[1] <= extent[0] else np.array([1.0, 0.0, 0.0])
+    across = np.cross([0.0, 0.0, 1.0], broad)
+    level = np.cos(turn) * broad + np.sin(turn) * across
+    return np.asarray(np.cos(lift) * level + [0.0, 0.0, np.sin(lift)])
 
 
 def flat_aspect(towards: FloatArray, points: FloatArray) -> float:

@@ -11,9 +11,11 @@ from updater.validation.modal_correlation import (
 )
 from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
 from updater.validation.residual_forces import ForceBalance, force_balance
+from updater.validation.shape_expansion import ExpandedShapes, expand_measured
 from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
 
 __all__ = [
+    "ExpandedShapes",
     "ForceBalance",
     "ModalCorrelation",
     "ModelModes",
@@ -22,6 +24,7 @@ __all__ = [
     "VirtualSensing",
     "as_written",
     "correlate_modes",
+    "expand_measured",
     "force_balance",
     "model_modes",
     "modes_before",

@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import ModalEstimate, comac, mac_matrix, pair_modes
-from updater.fe import build_model
+from updater.fe import Model, build_model
 from updater.modal_data import real_shape
 from updater.reference import channel_rows
 from updater.structure import Structure
@@ -28,8 +28,10 @@ class ModelModes:
     """A model's modes at the channels, compared with measured ones."""
 
     structure: Structure
+    model: Model
     frequency: FloatArray  #: (n,) of those that the channels see [Hz]
     shape: FloatArray  #: (n, n_channels)
+    dof_shape: FloatArray  #: (n_dofs, n) shapes at the degrees of freedom [1/sqrt(kg)]
     pairs: IndexArray  #: (n_modes,) partner of each measured one, or -1
     mac: FloatArray  #: (n_modes, n) of measured ones with the model's
     comac: FloatArray  #: (n_channels,) over the pairs; NaN where there are none
@@ -64,8 +66,10 @@ def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
     agreement = comac(estimate.shape[paired], shape[pairs[paired]]) if len(paired) else np.full(shape.shape[1], np.nan)
     return ModelModes(
         structure=structure,
+        model=model,
         frequency=frequency,
         shape=shape,
+        dof_shape=modes.shape[:, seen],
         pairs=pairs,
         mac=mac_matrix(estimate.shape, shape),
         comac=agreement,

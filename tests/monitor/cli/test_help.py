@@ -11,7 +11,8 @@ import pytest
 
 from daq.files import TIME_UNITS as UNITS_OF_TIMES
 from monitor.cli.commands import COMMANDS, command, command_function
-from monitor.cli.options import METHODS, TIME_UNITS
+from monitor.cli.options import ANIMATIONS, METHODS, TIME_UNITS
+from monitor.views.animation import SUFFIXES
 from oma import METHODS as METHODS_OF_OMA
 from tests.support.monitor.cli import Commands
 
@@ -76,6 +77,7 @@ def test_only_the_called_command_is_imported() -> None:
 def test_listed_values_of_options_are_those_of_the_packages(modalwatch: Commands) -> None:
     assert tuple(METHODS_OF_OMA) == METHODS
     assert tuple(UNITS_OF_TIMES) == TIME_UNITS
+    assert SUFFIXES == ANIMATIONS
     assert f"--method {'|'.join(METHODS)}" in modalwatch("identify", "--help").out
     assert f"--time-unit {'|'.join(TIME_UNITS)}" in modalwatch("import", "--help").out
 

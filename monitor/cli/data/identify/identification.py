@@ -59,6 +59,19 @@ def draw_window(path: Path, recording: Recording, found: Identification, estimat
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
+def animate_modes(path: Path, estimate: ModalEstimate, model: ModelModes | None) -> None:
+    """Write the mode shapes in motion; they move on the model's structure."""
+    if model is None:
+        raise ArgumentError("--animate", "expected a structure to draw the shapes on (--structure)")
+    from monitor.views.animation import write_animation  # matplotlib is loaded only if a picture is requested
+
+    try:
+        write_animation(path, estimate, model)
+    except OSError as error:
+        raise ArgumentError("--animate", f"{path}: cannot be written: {error.strerror or error}") from error
+    echo(f"mode shapes: {path}")
+
+
 def fill_folder(
     folder: Path,
     windows: Sequence[ModalEstimate],

@@ -8,7 +8,7 @@ from typing import Annotated
 from typer import Argument, Option
 
 from monitor.cli.exit_codes import DONE
-from monitor.cli.options import METHODS, From, Json, To, one_of
+from monitor.cli.options import ANIMATIONS, METHODS, From, Json, To, one_of
 
 
 def identify(
@@ -39,6 +39,10 @@ def identify(
         Path | None,
         Option(metavar="PICTURE.png", help="Picture to write: spectrum, stabilization diagram, mode shapes."),
     ] = None,
+    animate: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="Mode shapes in motion: an .html page that can be turned, or a .gif."),
+    ] = None,
     out: Annotated[
         Path | None, Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
     ] = None,
@@ -49,7 +53,7 @@ def identify(
     --from and --to; with --reference each log separately.
 
     Example:
-    modalwatch identify measured.mcap --band 1 20 --picture modes.png
+    modalwatch identify measured.mcap --band 1 20 --picture modes.png --animate modes.html
     modalwatch identify setup_1.mcap setup_2.mcap --reference top_x --out modes
     """
     from monitor.analysis.stationarity import frequency_change
@@ -62,6 +66,8 @@ def identify(
 
     if band is not None and not 0 < band[0] < band[1]:
         raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
+    if animate and animate.suffix.lower() not in ANIMATIONS:
+        raise ArgumentError("--animate", f"expected a name that ends with {' or '.join(ANIMATIONS)}, found {animate}")
     setups = bool(reference)
     found = work.logs_within(logs, time_range(start, stop), setups=setups)
     settings = work.attached_settings(found[0])
@@ -83,6 +89,8 @@ def identify(
     content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
     if json:
         write_json(json, content)
+    if animate:
+        work.animate_modes(animate, fused.estimate, model)
     if picture or out:
         recording, seen = work.first_window(recordings(), chosen, band)
         if picture:

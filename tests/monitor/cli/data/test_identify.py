@@ -217,6 +217,8 @@ def test_invalid_identify_requests_are_refused(modalwatch: Commands, log: Path, 
         ((log, "--band", 1, 30), (log, "band: expected 0 < low < high <= 20.0 Hz")),
         ((log, "--json", tmp_path / "none" / "x"), ("--json: ", tmp_path / "none" / "x", "cannot be written")),
         ((log, "--picture", tmp_path / "x.sketch"), ("--picture: ", tmp_path / "x.sketch", "cannot be written")),
+        ((log, "--animate", tmp_path / "x.mp4"), ("--animate: expected a name that ends with .html or .gif",)),
+        ((log, "--animate", tmp_path / "x.gif"), ("--animate: expected a structure", "(--structure)")),
         ((log, "--structure", frame), (frame, "the structure has no sensor for channel 'mass_1'")),
         ((log, "--structure", tmp_path / "none.toml"), (tmp_path / "none.toml", "cannot be read")),
     ):
@@ -226,9 +228,11 @@ def test_invalid_identify_requests_are_refused(modalwatch: Commands, log: Path, 
 @pytest.mark.thorough
 def test_modes_are_compared_with_the_structure(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[4] / "replay_data" / "t_frame_added_mass.mcap"
-    done = modalwatch("identify", path, "--window", 30, "--json", tmp_path / "modes.json")
+    files = ("--json", tmp_path / "modes.json", "--animate", tmp_path / "m.html")
+    done = modalwatch("identify", path, "--window", 30, *files)
     assert done.code == 0, done.err
     modes = json.loads((tmp_path / "modes.json").read_text())["modes"]
+    assert (tmp_path / "m.html").read_text(encoding="utf-8").count("<canvas role=") == len(modes)
     assert " model " in done.out
     paired = [m for m in modes if "model" in m["quality"]]
     assert len(paired) >= 4

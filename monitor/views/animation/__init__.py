@@ -1,0 +1,42 @@
+"""Animated mode shapes: a page that turns, or a GIF."""
+
+from pathlib import Path
+
+from monitor.views.animation.drawing import Drawing
+from monitor.views.animation.gif import write_gif
+from monitor.views.animation.page import write_page
+from oma import ModalEstimate
+from updater.validation import ModelModes, expand_measured
+
+__all__ = ["SUFFIXES", "write_animation"]
+
+_WRITERS = {".html": write_page, ".gif": write_gif}
+SUFFIXES = tuple(_WRITERS)  #: endings of the names of files that can be written
+
+
+def write_animation(path: Path, estimate: ModalEstimate, compared: ModelModes) -> None:
+    """Write all measured mode shapes in motion, on the structure of the model; an existing file is replaced.
+
+    Parameters
+    ----------
+    path : of an .html page, which needs no network, or of a .gif
+    estimate : measured modes
+    compared : modes of the model that were compared with them
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    ValueError
+        If its name ends otherwise.
+    """
+    writer = _WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise ValueError(f"expected a name that ends with {' or '.join(SUFFIXES)}")
+    drawing = Drawing(estimate, expand_measured(estimate, compared))
+    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    try:
+        writer(part, drawing)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
