@@ -72,3 +72,22 @@ def ticks(low: float, high: float, most: int) -> FloatArray:
     step = power * _TICK_STEPS[np.searchsorted(_TICK_STEPS, rough / power - 1e-9)]
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
     return np.asarray(np.arange(first, last + 1) * step + 0.0)  # no negative zero
+
+
+def side_by_side(places: FloatArray, apart: float, end: float) -> FloatArray:
+    """Return ascending places (n,) moved so that neighbours are `apart`, none over `end`.
+
+    Parameters
+    ----------
+    places : ascending
+    apart : least distance between neighbours
+    end : of the axis; moved if there are more places than fit
+    """
+    moved = places.copy()
+    for i in range(1, len(moved)):
+        moved[i] = max(moved[i], moved[i - 1] + apart)
+    if len(moved):
+        moved[-1] = max(min(moved[-1], end), places[0] + apart * (len(moved) - 1))
+    for i in range(len(moved) - 2, -1, -1):
+        moved[i] = min(moved[i], moved[i + 1] - apart)
+    return moved

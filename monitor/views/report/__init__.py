@@ -118,4 +118,10 @@ def _rendered(template: str, values: dict[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["tied"] = _tied
     return environment.get_template(template).render(values)
+
+
+def _tied(text: str) -> str:
+    """Return a text with deviations that stay on one line."""
+    return text.replace("± ", "±\u00a0")

@@ -16,9 +16,8 @@ from monitor.results.comparison import (
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import SIGNIFICANT
 from monitor.views.report.structure_figure import Frame
-from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, mode_colour, new_figure
+from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, WIDTH, mode_colour, new_figure
 
-WIDTH = 5.2  # inches: half of the page, all of a telephone's
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
 _MIN = 1e-5  # smallest value on a logarithmic scale
 
@@ -41,7 +40,7 @@ def mac_figure(found: DiscrepancyResult) -> Figure | None:
         for (i, k), value in np.ndenumerate(mac):
             if value >= 0.005:
                 text = f"{value:.3f}" if value >= 0.5 else f"{value:.2f}"
-                axes.text(k, i, text, ha="center", va="center", fontsize=6, color="white" if value > 0.6 else INK)
+                axes.text(k, i, text, ha="center", va="center", fontsize=6, color="white" if value > 0.6 else "black")
     bar = figure.colorbar(image, ax=axes, shrink=0.8, aspect=25, pad=0.02)
     bar.set_label("MAC", fontsize=7)
     bar.outline.set_visible(False)

@@ -5,6 +5,7 @@ from importlib.metadata import version
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from daq import LogExcerpt
 from daq.log import files_of
@@ -37,7 +38,7 @@ from monitor.views.report.evidence_figures import evidence_figure
 from monitor.views.report.figure import Picture, optional, picture
 from monitor.views.run import Run
 from oma import mac_matrix
-from updater import Gain
+from updater import Cause, Gain
 from updater.diagnosis import ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
@@ -55,11 +56,12 @@ def run_content(run: Run, diagnosis: DiagnosisAnswer | None) -> dict[str, Any]:
         else last_state(run_results),
         "headline": headline(run_results, diagnosis),
         "facts": _facts(run),
-        "pictures": _pictures(run_results),
+        "located": last_answer(run_results) is not None,
+        "pictures": _pictures(run_results, diagnosis),
         "increments": _increments(run_results),
         "modes": _modes(run_results),
         "sensors": _sensors(run_results),
-        "diagnosis": diagnosis_content(diagnosis, run_results.reference, found) if diagnosis else None,
+        "diagnosis": _diagnosis(diagnosis, run_results.reference, found) if diagnosis else None,
         "quality": _quality(run),
         "settings": run.site_text,
         "versions": versions(),
@@ -137,25 +139,32 @@ def _windows(run: Run) -> str:
     return f"{learning + watched} in the range, {learning} of them before the end of the baseline{baseline}"
 
 
-def _pictures(run_results: RunResults) -> dict[str, Picture | None]:
-    answer = last_answer(run_results)
+def _pictures(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> dict[str, Picture | None]:
+    reference, answer = run_results.reference, last_answer(run_results)
+    causes = diagnosis.causes if diagnosis else ()
     spectra = run_results.spectra
     return {
         "structure": picture(
-            lambda: places.structure_figure(run_results.reference, answer) if run_results.reference else None,
+            lambda: _structure(reference, answer, causes) if reference else None,
             "The structure with its sensors" + (f": {mass_text(answer)}" if answer else ""),
         ),
+        "overview": picture(lambda: trends.overview_figure(run_results), "Novelty and frequency shifts over time"),
         "profile": picture(
             lambda: places.profile_figure(answer, run_results.mass_unit) if answer else None,
             "Misfit of every other place compared with the best one, in standard deviations",
         ),
         "shifts": picture(lambda: trends.shifts_figure(run_results), "Frequency shift of every mode over time, ± 1σ"),
-        "novelty": picture(lambda: trends.novelty_figure(run_results), "Novelty over its limit, window by window"),
         "spectrum": picture(
             lambda: trends.spectrum_figure(*spectra[-1]) if spectra else None,
             "Singular values of the spectral matrix and the stabilisation diagram",
         ),
     }
+
+
+def _structure(reference: ReferenceResult, answer: MassAnswer | None, causes: tuple[Cause, ...]) -> Figure:
+    """Return the structure with what is known: the located mass, else the places of the causes, else the sensors."""
+    drawn = None if answer else fits.causes_figure(reference, causes)
+    return drawn or places.structure_figure(reference, answer)
 
 
 def _increments(run_results: RunResults) -> dict[str, Any] | None:
@@ -218,7 +227,7 @@ def _quality(run: Run) -> dict[str, Any]:
         {
             "device": d.device,
             "rate": f"{d.rate:g}",
-            "scans": f"{d.scans:,}".replace(",", " "),
+            "scans": f"{d.scans:,}".replace(",", "\u00a0"),
             "gaps": str(d.gaps),
             "missing": f"{'' if d.exact else 'about '}{d.missing}",
             "damaged": str(d.damaged),
@@ -240,11 +249,19 @@ def diagnosis_content(
     diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
 ) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
+    drawn = picture(
+        lambda: fits.causes_figure(reference, diagnosis.causes) if reference else None,
+        "The structure with the causes where they are",
+    )
+    return _diagnosis(diagnosis, reference, found) | {"places": drawn}
+
+
+def _diagnosis(
+    diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None
+) -> dict[str, Any]:
+    """Return the values without the picture of the places."""
     return {
-        "places": picture(
-            lambda: fits.causes_figure(reference, diagnosis.causes) if reference else None,
-            "The structure with the causes where they are",
-        ),
+        "places": None,
         "fits": picture(
             lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
         ),

@@ -7,9 +7,8 @@ from matplotlib.ticker import FuncFormatter, SymmetricalLogLocator
 from monitor.results.comparison import DiagnosisAnswer, PlaceDensity
 from monitor.results.windows import ReferenceResult
 from monitor.text.quantities import plain
-from monitor.views.report.comparison_figures import WIDTH
 from monitor.views.report.structure_figure import Frame
-from monitor.views.report.svg import ALARM, INK, OK, SOFT, new_figure
+from monitor.views.report.svg import ALARM, INK, OK, SOFT, WIDTH, new_figure
 
 _LINEAR = 5.0  # log evidence up to which the scale is linear: ratio of 150 to 1
 

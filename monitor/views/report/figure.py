@@ -6,15 +6,20 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from monitor.optional import run_optional
-from monitor.views.report.svg import data_uri
+from monitor.views.report.svg import data_uri, svg
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A figure of the page."""
 
-    address: str  #: inlined
+    svg: str
     text: str  #: description, for readers who cannot see it
+
+    @property
+    def address(self) -> str:
+        """Address of the picture, inlined."""
+        return data_uri(self.svg)
 
 
 def picture(draw: Callable[[], Figure | None], text: str) -> Picture | None:
@@ -28,7 +33,7 @@ def picture(draw: Callable[[], Figure | None], text: str) -> Picture | None:
 
     def inlined() -> Picture | None:
         figure = draw()
-        return None if figure is None else Picture(data_uri(figure), text)
+        return None if figure is None else Picture(svg(figure), text)
 
     return run_optional(f"picture ({text})", inlined)
 

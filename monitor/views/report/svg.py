@@ -15,6 +15,13 @@ INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
 OK, WARN, ALARM, REGION = "#2f9e62", "#d08a00", "#cc3340", "#e3b341"
 ADDED, REMOVED, SENSOR = "#cc3340", "#2f6fcc", "#1b86b8"
 _MODES = ("#2f6fcc", "#dd7a1c", "#239a68", "#8a55d6", "#d8457b", "#1f9fb4", "#a08d12", "#5e6875", "#d1492e", "#6a9a1f")
+_THEME = {
+    "ink": (INK, "#e8ecf1"),
+    "soft": (SOFT, "#9aa5b1"),
+    "faint": (FAINT, "#323b46"),
+    "paper": ("#ffffff", "#12161b"),
+}  # colours of a light and of a dark page
+WIDTH = 5.2  #: inches: half of the page, all of a telephone's
 _DPI = 220  # of PNG images
 _STYLE: Any = {
     "font.size": 8.5,
@@ -54,14 +61,24 @@ def styled() -> Iterator[None]:
         yield
 
 
-def data_uri(figure: Figure) -> str:
-    """Return a figure as the address of an inlined SVG picture.
+def svg(figure: Figure) -> str:
+    """Return a figure as an SVG picture.
 
     The canvas draws it once; `savefig` would once more before, to lay it out, which drawing does by itself.
     """
     buffer = io.BytesIO()
     FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})  # type: ignore[no-untyped-call]
-    return "data:image/svg+xml;base64," + base64.b64encode(buffer.getvalue()).decode()
+    return buffer.getvalue().decode()
+
+
+def data_uri(picture: str) -> str:
+    """Return an SVG picture as an address, with text, lines and paper in the colours of a dark page on a dark page."""
+    for name, (light, _) in _THEME.items():
+        picture = picture.replace(f": {light}", f": var(--{name})")
+    light, dark = ("".join(f"--{name}:{pair[i]};" for name, pair in _THEME.items()) for i in (0, 1))
+    style = f"<style>:root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}</style>"
+    picture = picture.replace("<defs>", f"{style}<defs>", 1)
+    return "data:image/svg+xml;base64," + base64.b64encode(picture.encode()).decode()
 
 
 def png(figure: Figure) -> bytes:

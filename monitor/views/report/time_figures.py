@@ -1,4 +1,4 @@
-"""Over time: shifts with their standard deviations, novelty against its limit, the spectrum of the last window."""
+"""Over time: novelty against its limit, shifts with their standard deviations, the spectrum of the last window."""
 
 import math
 
@@ -10,12 +10,15 @@ from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from daq import FloatArray
 from monitor.results.run_results import RunResults, find_mode
-from monitor.results.windows import Spectrum, WindowResult
-from monitor.views.report.svg import ALARM, INK, OK, SOFT, mode_colour, new_figure
+from monitor.results.windows import Novelty, Spectrum, WindowResult
+from monitor.views.member_axis import side_by_side
+from monitor.views.report.svg import ALARM, INK, OK, SOFT, WIDTH, mode_colour, new_figure
 
 _COLUMNS = 3
 _MIN_RATIO = 1e-2  # novelty over limit that is drawn at the least
 _ROOM = 0.4  # under the lowest novelty or the limit, for its name
+_SIGMAS = 3.0  # of the band of usual shifts
+_LINE_SHARE = 0.075  # of the axis: least distance of two names
 _ABOVE = 1.12  # of the highest mode: end of the frequency axis
 
 
@@ -52,37 +55,77 @@ def _shift(axes: Axes, run_results: RunResults, number: int) -> None:
     _time_axis(axes)
 
 
-def novelty_figure(run_results: RunResults) -> Figure | None:
-    """Return the novelty over its limit on a logarithmic scale; None if no window was judged."""
+def overview_figure(run_results: RunResults) -> Figure | None:
+    """Return novelty and shifts of all windows, one above the other; None if no window was judged."""
     judged = [(w, w.novelty) for w in run_results.watched if w.novelty]
     if not judged:
         return None
-    figure = new_figure(10.0, 2.1)
-    axes = figure.subplots()
+    figure = new_figure(WIDTH, 4.4)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.3])
+    _novelty(upper, judged)
+    _standardised_shifts(lower, run_results)
+    for axes in (upper, lower):
+        _mark_changes(axes, run_results)
+        _mark_learning(axes, run_results)
+    _time_axis(lower)
+    return figure
+
+
+def _novelty(axes: Axes, judged: list[tuple[WindowResult, Novelty]]) -> None:
     ratio = np.maximum([n.t2 / n.limit for _, n in judged], _MIN_RATIO)
     dates = _dates([w.end for w, _ in judged])
     axes.semilogy(dates, ratio, color=INK, linewidth=0.8, zorder=2)
     axes.scatter(dates, ratio, c=[ALARM if r > 1 else OK for r in ratio], s=18, zorder=3)
     axes.axhline(1.0, color=ALARM, linewidth=1.2, linestyle="--")
-    axes.annotate(
-        "alarm limit",
-        (1.0, 1.0),
-        (-3, -3),
-        ("axes fraction", "data"),
-        "offset points",
-        ha="right",
-        va="top",
-        color=ALARM,
-        fontsize=7.5,
-    )
+    axes.annotate("alarm limit", (0.0, 1.0), (3, 2), ("axes fraction", "data"), "offset points", color=ALARM)
     axes.set_ylim(bottom=_ROOM * min(1.0, float(ratio.min())))
-    _mark_changes(axes, run_results)
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_ylabel("novelty T² / limit")
-    _time_axis(axes)
-    return figure
+
+
+def _standardised_shifts(axes: Axes, run_results: RunResults) -> None:
+    """Draw the shift of each mode in its own standard deviations, with its number after the last window."""
+    last: dict[int, float] = {}
+    axes.axhspan(-_SIGMAS, _SIGMAS, color=OK, alpha=0.12, linewidth=0)
+    for number in run_results.tracks:
+        seen = [
+            (w.end, m.shift_percent / m.shift_std_percent)
+            for w in run_results.watched
+            if (m := find_mode(w, number)) and m.shift_percent is not None and m.shift_std_percent
+        ]
+        if seen:
+            times, shifts = zip(*seen, strict=True)
+            colour = mode_colour(number)
+            axes.plot(_dates(list(times)), shifts, "o-", markersize=2.5, linewidth=1.1, color=colour)
+            last[number] = shifts[-1]
+    low, high = axes.get_ylim()
+    apart = _LINE_SHARE * (high - low)
+    order = sorted(last, key=lambda number: last[number])
+    level = side_by_side(np.array([last[number] for number in order]), apart, high)
+    for number, y in zip(order, level.tolist(), strict=True):
+        axes.annotate(
+            f"mode {number}",
+            (1.0, y),
+            (4, 0),
+            ("axes fraction", "data"),
+            "offset points",
+            va="center",
+            color=mode_colour(number),
+            fontsize=7.5,
+        )
+    axes.set_ylabel("frequency shift [σ]")
+
+
+def _mark_learning(axes: Axes, run_results: RunResults) -> None:
+    """Mark the windows from which the baseline was learned."""
+    if run_results.learning:
+        start, end = _dates([run_results.learning[0].start, run_results.learning[-1].end])
+        axes.axvspan(start, end, color=SOFT, alpha=0.12, linewidth=0)
+        axes.annotate(
+            "learning", (start, 0.0), (3, 3), ("data", "axes fraction"), "offset points", color=SOFT, fontsize=7.5
+        )
 
 
 def spectrum_figure(window: WindowResult, spectrum: Spectrum) -> Figure:

@@ -6,7 +6,7 @@ import rerun as rr
 from daq import FloatArray
 from monitor.results.run_results import RunResults
 from monitor.results.windows import Spectrum, WindowResult
-from monitor.views.member_axis import ticks
+from monitor.views.member_axis import side_by_side, ticks
 from monitor.views.palette import GREY, OK, Colour, mode_colour
 from monitor.views.viewer.primitives import Axes, at, text
 
@@ -106,22 +106,3 @@ def _identified(recording: rr.RecordingStream, axes: Axes, window: WindowResult)
     if not tracked:
         places, labels = [], []
     text(recording, "/spectrum/modes/names", places, labels, colours[: len(labels)], static=False)
-
-
-def side_by_side(places: FloatArray, apart: float, end: float) -> FloatArray:
-    """Return ascending places (n,) moved so that neighbours are `apart`, none over `end`.
-
-    Parameters
-    ----------
-    places : ascending
-    apart : least distance between neighbours
-    end : of the axis; moved if there are more places than fit
-    """
-    moved = places.copy()
-    for i in range(1, len(moved)):
-        moved[i] = max(moved[i], moved[i - 1] + apart)
-    if len(moved):
-        moved[-1] = max(min(moved[-1], end), places[0] + apart * (len(moved) - 1))
-    for i in range(len(moved) - 2, -1, -1):
-        moved[i] = min(moved[i], moved[i + 1] - apart)
-    return moved

@@ -1,6 +1,7 @@
 """The page as a reader gets it: parsed as HTML, its words and its pictures."""
 
 import base64
+import html
 import re
 from html.parser import HTMLParser
 from pathlib import Path
@@ -77,7 +78,7 @@ def test_page_of_a_recorded_log_states_the_last_result(tmp_path: Path) -> None:
     first = next(w for w in run.results.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
     clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
     assert f"and {clock} UTC." in headline(page)
-    assert len(page.pictures) == 12
+    assert len(page.pictures) == 11
     assert all(device in page.words for device in ("col_037", "beam_right"))
 
 
@@ -87,13 +88,30 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 def test_page_is_self_contained_with_complete_pictures(page: Page) -> None:
-    assert len(page.pictures) == 8  # no profile of a mass: a sensor's gain is named beside it
+    assert len(page.pictures) == 7  # no profile of a mass: a sensor's gain is named beside it
     assert page.links
     for source in page.links:
         assert source.startswith(_SVG)
         root = ElementTree.fromstring(base64.b64decode(source.removeprefix(_SVG)))
         assert len(list(root.iter("{http://www.w3.org/2000/svg}path"))) > 5
     assert "script" not in page.tags
+
+
+def test_pictures_have_the_colours_of_a_dark_page(page: Page) -> None:
+    drawn = [base64.b64decode(source.removeprefix(_SVG)).decode() for source in page.links]
+    assert all("@media (prefers-color-scheme:dark){:root{--ink:" in text for text in drawn)
+    for light in ("#1d2733", "#66707c", "#ffffff"):  # nothing but the style itself has a fixed colour of text or paper
+        assert all(len(re.findall(f"[:;] ?{light}", text)) == 1 for text in drawn)
+
+
+def test_page_begins_with_place_and_time_and_folds_refused_causes(page: Page) -> None:
+    parts = ("The structure with its sensors", "Novelty and frequency shifts", '<table class="facts', "<h2>")
+    places = [page.text.index(part) for part in parts]
+    assert places == sorted(places)
+    refused = answers.diagnosis().rejected
+    folded = page.text[page.text.index("<details>") : page.text.index("</details>")]
+    assert all(cause.why in html.unescape(folded) for cause in refused)
+    assert "Why 1 cause was refused" in folded
 
 
 def test_page_shows_increments_and_diagnosis(page: Page) -> None:

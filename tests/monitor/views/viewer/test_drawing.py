@@ -13,12 +13,12 @@ from daq import FloatArray
 from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import ProfilePoint, ReferenceResult
 from monitor.views.geometry import FIELD_OF_VIEW, Geometry, screen
-from monitor.views.member_axis import Unrolled, places, sigmas, ticks
+from monitor.views.member_axis import Unrolled, places, side_by_side, sigmas, ticks
 from monitor.views.palette import heat, mode_colour
 from monitor.views.viewer.layout.view_specs import best_grid
 from monitor.views.viewer.primitives import Axes
 from monitor.views.viewer.scene import common_name
-from monitor.views.viewer.spectrum import side_by_side, spectrum_axes
+from monitor.views.viewer.spectrum import spectrum_axes
 from tests.support.monitor import results as made
 
 SITE = made.Site()
