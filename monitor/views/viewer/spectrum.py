@@ -3,7 +3,6 @@
 import numpy as np
 import rerun as rr
 
-from daq import FloatArray
 from monitor.results.run_results import RunResults
 from monitor.results.windows import Spectrum, WindowResult
 from monitor.views.member_axis import side_by_side, ticks
