@@ -20,14 +20,23 @@ from monitor.views.run import load_run
 _CONNECT_SECONDS = 2.0
 
 
-def write_report(path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange) -> int:
+def write_report(
+    path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange, pdf: Path | None = None
+) -> int:
     """Write the report of a log, or of the newest one in a folder; by default next to it, one page per range."""
     found = load_diagnosis(diagnosis) if diagnosis else None
     run = load_run(path, within, echo)
     page = out or _default_page(path, run.log)
     _spare(run.log, page)
-    run_report(run, page, found)
-    echo(f"report: {page}")
+    if pdf:
+        _spare(run.log, pdf, "--pdf")
+        if pdf.resolve() == page.resolve():
+            raise ArgumentError("--pdf", f"{pdf} is the page itself")
+    try:
+        run_report(run, page, found, pdf=pdf)
+    except ImportError as error:
+        raise ArgumentError("--pdf", str(error)) from error
+    echo(f"report: {page}{f', {pdf}' if pdf else ''}")
     return DONE
 
 
@@ -68,10 +77,10 @@ def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None
         raise ResultsError(file, f"cannot be written: {error.strerror}") from error
 
 
-def _spare(log: AnyLog, out: Path) -> None:
+def _spare(log: AnyLog, out: Path, option: str = "--out") -> None:
     """Refuse to write over the log."""
     if out.exists() and any(out.samefile(path) for path in files_of(log)):
-        raise ArgumentError("--out", f"{out} is the log itself")
+        raise ArgumentError(option, f"{out} is the log itself")
 
 
 def _cache(path: Path) -> Path:

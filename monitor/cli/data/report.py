@@ -11,21 +11,25 @@ from monitor.cli.options import From, To
 def report(
     path: Annotated[Path, Argument(metavar="DIR|LOG.mcap")],
     out: Annotated[Path | None, Option("-o", "--out", help="Page to write. Default: next to the log.")] = None,
+    pdf: Annotated[
+        Path | None, Option(metavar="FILE", help="PDF to write too. Needs `pip install 'modalwatch[pdf]'`.")
+    ] = None,
     diagnosis: Annotated[
         Path | None, Option(help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
     ] = None,
     start: From = None,
     stop: To = None,
 ) -> int:
-    """Write a report of a log as one HTML page.
+    """Write a report of a log as one HTML page, and as a PDF if requested.
 
     With a range, only windows entirely inside it are shown. The baseline and an alarm that is active at --from are
     taken from earlier.
 
     Example:
     modalwatch report run.mcap -o page.html --from 1h --to 2h
+    modalwatch report run.mcap --pdf report.pdf
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.log_views import write_report
 
-    return write_report(path, out, diagnosis, time_range(start, stop))
+    return write_report(path, out, diagnosis, time_range(start, stop), pdf)

@@ -1,8 +1,9 @@
-"""The report: one HTML page that needs no network, the verdict first, the evidence below it."""
+"""The report: one HTML page that needs no network, the verdict first, the evidence below it; a PDF of the same."""
 
 import errno
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from monitor.errors import ResultsError, writing
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.views.report.content import diagnosis_content, run_content, versions
+from monitor.views.report.pdf import load_typst, pdf_of
 from monitor.views.report.svg import styled
 from monitor.views.run import Run
 from updater import Structure
@@ -20,7 +22,7 @@ from updater import Structure
 __all__ = ["diagnosis_report", "load_diagnosis", "run_report"]
 
 
-def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None) -> None:
+def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None, *, pdf: Path | None = None) -> None:
     """Write the report of a run.
 
     Parameters
@@ -28,13 +30,18 @@ def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None) -
     run : as read from its log
     path : of the page; an existing one is replaced
     diagnosis : to show instead of the one in the log
+    pdf : of a PDF with the content of the page; an existing one is replaced
 
     Raises
     ------
     ResultsError
-        If the page cannot be written.
+        If a file cannot be written.
+    ImportError
+        Naming the extra, if the package for PDFs is not installed.
     """
-    _write(path, "run.html", lambda: run_content(run, diagnosis))
+    if pdf:
+        load_typst()
+    _write(path, "run.html", lambda: run_content(run, diagnosis), pdf)
 
 
 def diagnosis_report(
@@ -93,19 +100,29 @@ def load_diagnosis(path: Path) -> DiagnosisAnswer:
         raise ResultsError(path, f"is no diagnosis: {place + ': ' if place else ''}{first['msg']}") from error
 
 
-def _write(path: Path, template: str, values: Callable[[], dict[str, Any]]) -> None:
+def _write(path: Path, template: str, values: Callable[[], dict[str, Any]], pdf: Path | None = None) -> None:
     """Write a page; where none can be written is refused before anything is drawn, which takes seconds."""
+    with ExitStack() as stack:
+        parts = {file: stack.enter_context(_part_of(file)) for file in (path, pdf) if file}
+        with styled():
+            text = _rendered(template, values())
+        for file, part in parts.items():
+            content = pdf_of(text) if file == pdf else text.encode()
+            with writing(file):
+                part.write_bytes(content)
+                part.replace(file)
+
+
+@contextmanager
+def _part_of(path: Path) -> Iterator[Path]:
+    """Create the file that will take a name once it is whole; remove it if it does not."""
     part = path.with_name(path.name + ".part")
     with writing(path):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         part.touch()
     try:
-        with styled():
-            text = _rendered(template, values())
-        with writing(path):
-            part.write_text(text, encoding="utf-8")
-            part.replace(path)
+        yield part
     finally:
         part.unlink(missing_ok=True)
 

@@ -22,6 +22,9 @@ _THEME = {
     "paper": ("#ffffff", "#12161b"),
 }  # colours of a light and of a dark page
 WIDTH = 5.2  #: inches: half of the page, all of a telephone's
+_LIGHT, _DARK = ("".join(f"--{name}:{pair[i]};" for name, pair in _THEME.items()) for i in (0, 1))
+_STYLE_ELEMENT = f"<style>:root{{{_LIGHT}}}@media (prefers-color-scheme:dark){{:root{{{_DARK}}}}}</style>"
+_ADDRESS = "data:image/svg+xml;base64,"
 _DPI = 220  # of PNG images
 _STYLE: Any = {
     "font.size": 8.5,
@@ -75,10 +78,16 @@ def data_uri(picture: str) -> str:
     """Return an SVG picture as an address, with text, lines and paper in the colours of a dark page on a dark page."""
     for name, (light, _) in _THEME.items():
         picture = picture.replace(f": {light}", f": var(--{name})")
-    light, dark = ("".join(f"--{name}:{pair[i]};" for name, pair in _THEME.items()) for i in (0, 1))
-    style = f"<style>:root{{{light}}}@media (prefers-color-scheme:dark){{:root{{{dark}}}}}</style>"
-    picture = picture.replace("<defs>", f"{style}<defs>", 1)
-    return "data:image/svg+xml;base64," + base64.b64encode(picture.encode()).decode()
+    picture = picture.replace("<defs>", f"{_STYLE_ELEMENT}<defs>", 1)
+    return _ADDRESS + base64.b64encode(picture.encode()).decode()
+
+
+def svg_of(address: str) -> str:
+    """Return the SVG picture of an address by `data_uri`, in the colours of paper."""
+    picture = base64.b64decode(address.removeprefix(_ADDRESS)).decode().replace(_STYLE_ELEMENT, "", 1)
+    for name, (light, _) in _THEME.items():
+        picture = picture.replace(f"var(--{name})", light)
+    return picture
 
 
 def png(figure: Figure) -> bytes:

@@ -3,8 +3,10 @@
 import base64
 import html
 import re
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +17,7 @@ from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, AlarmResult, OtherPlace
 from monitor.text.quantities import utc
 from monitor.text.verdicts import headline as verdict
-from monitor.views.report import diagnosis_report, load_diagnosis, run_report
+from monitor.views.report import diagnosis_report, load_diagnosis, pdf, run_report
 from monitor.views.run import DeviceQuality, Run, load_run
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
@@ -131,6 +133,49 @@ def test_page_shows_increments_and_diagnosis(page: Page) -> None:
         "-41.3",
     ):
         assert words in page.words, words
+
+
+def test_pdf_has_the_texts_and_pictures_of_the_page(page: Page) -> None:
+    made_of = pdf.tree_of(page.text)
+    words, pictures = content_of(made_of)
+    for text in (
+        headline(page),
+        "consistent with one mass at (0.25, 0.00, 1.48) m",
+        "a = '<b>'",
+        "channel mid is flat",
+    ):
+        assert html.unescape(text) in words
+    assert len(pictures) == len(page.pictures)
+    for drawn in pictures:
+        assert "var(" not in drawn
+        ElementTree.fromstring(drawn)
+    written = pdf.pdf_of(page.text)
+    assert written.startswith(b"%PDF-")
+    assert f'<rdf:li xml:lang="x-default">{made_of["title"]}</rdf:li>'.encode() in written
+    assert pdf.pdf_of(page.text) == written
+
+
+def content_of(node: dict[str, Any] | str) -> tuple[str, list[str]]:
+    """Return the texts and the pictures of a tree."""
+    if isinstance(node, str):
+        return node, []
+    parts = [content_of(child) for child in node["children"]]
+    pictures = [node["svg"]] if node.get("tag") == "img" else []
+    return "".join(text for text, _ in parts), pictures + [p for _, found in parts for p in found]
+
+
+def test_pdf_is_written_beside_the_page_or_refused_before_anything_is_drawn(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = run_of(made.run_results(made.learning_run(SITE)), tmp_path / "run.mcap")
+    run_report(run, tmp_path / "page.html", pdf=tmp_path / "page.pdf")
+    assert (tmp_path / "page.pdf").read_bytes().startswith(b"%PDF-")
+    with pytest.raises(ResultsError, match=r"none/page\.pdf: cannot be written: No such file"):
+        run_report(run, tmp_path / "other.html", pdf=tmp_path / "none" / "page.pdf")
+    monkeypatch.setitem(sys.modules, "typst", None)
+    with pytest.raises(ImportError, match=r"typst is not installed: pip install 'modalwatch\[pdf\]'"):
+        run_report(run, tmp_path / "other.html", pdf=tmp_path / "other.pdf")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["page.html", "page.pdf", "run.mcap"]
 
 
 def test_texts_from_outside_are_escaped(page: Page) -> None:
