@@ -7,7 +7,15 @@ from pydantic import BaseModel, ConfigDict
 
 from daq.bounded_text import parse_json
 from monitor.detection.alarm import State
-from monitor.results.windows import DetectableChange, Novelty, Number, Phase, SelfTestResult, TrendResult
+from monitor.results.windows import (
+    DetectableChange,
+    LearningProgress,
+    Novelty,
+    Number,
+    Phase,
+    SelfTestResult,
+    TrendResult,
+)
 
 FILE_NAME = "status.json"  #: in the state folder
 
@@ -94,6 +102,7 @@ class SiteStatus(_Status):
     pid: int
     memory_use: dict[str, int] = {}  #: of the process
     state: State | Literal["learning"]
+    learning: LearningProgress | None = None  #: of the baseline, from its first usable window on
     step_seconds: float  #: interval of windows in wall time [s]
     window_age: float  #: time since the last window [s]
     window_overdue: bool
@@ -111,6 +120,14 @@ class SiteStatus(_Status):
     devices: dict[str, DeviceStatus] = {}
     problems: PartProblems = PartProblems()
     counters: Counters = Counters()
+
+    @property
+    def learning_left(self) -> float | None:
+        """Wall time until the baseline is learned if all windows are usable and they suffice [s]; None if unknown."""
+        if self.learning is None:
+            return None
+        windows = self.learning.target - self.learning.windows
+        return max(0.0, windows * self.step_seconds - self.window_age) if windows > 0 else 0.0
 
 
 def read_status(path: Path) -> SiteStatus | None:

@@ -219,6 +219,13 @@ class Spectrum(_Result):
     pole_stable: list[bool]
 
 
+class LearningProgress(_Result):
+    """Progress of the baseline that is being learned."""
+
+    windows: int  #: usable windows so far, this one included
+    target: int  #: windows from which the baseline is learned; it grows if they do not suffice
+
+
 class WindowResult(_Result):
     """One analysed window."""
 
@@ -238,6 +245,7 @@ class WindowResult(_Result):
     sensors: dict[str, ChannelHealth] = {}  #: at intervals, over the windows since the last time
     rms: dict[str, float] = {}  #: rms of each channel [m/s2]
     problem: str | None = None  #: why the window gave no modes
+    learning: LearningProgress | None = None  #: of a usable window, before the baseline is learned
     skipped: bool = False  #: whether it was left out because the analysis was behind; a replay leaves it out too
 
 

@@ -40,6 +40,7 @@ from monitor.results.windows import (
     TOPIC_SELF_TEST,
     TOPIC_WINDOW,
     AlarmResult,
+    LearningProgress,
     ModeResult,
     Novelty,
     SelfTestResult,
@@ -154,6 +155,7 @@ class MonitorStatus:
         self._overload = Overload()
         self._temperature: float | None = None  # of the site's thermometer [degC]
         self._learnt = False  # whether there is a reference
+        self._learning: LearningProgress | None = None
         self._state: State = "normal"  # of the alarm
         before = read_status(path)
         self._self_test = before.self_test if before else None
@@ -171,7 +173,7 @@ class MonitorStatus:
             elif item.topic == TOPIC_SELF_TEST:
                 self._take_self_test(item)
             elif item.topic == TOPIC_REFERENCE:
-                self._learnt = True
+                self._learnt, self._learning = True, None
             else:
                 self._take_event(item)
 
@@ -237,6 +239,7 @@ class MonitorStatus:
                 pid=os.getpid(),
                 memory_use=held_memory(),
                 state=self._state if self._learnt else "learning",
+                learning=self._learning,
                 step_seconds=self._pace.step,
                 window_age=now - self._windowed,
                 window_overdue=now - self._windowed > self._pace.window + 2 * self._pace.step,
@@ -308,6 +311,7 @@ class MonitorStatus:
             self._learnt = result.phase != "learning"
             if not self._learnt:
                 self._self_test, self._novelty = None, None  # they belong to an obsolete baseline
+            self._learning = None if self._learnt else result.learning or self._learning
             self._novelty = result.novelty or self._novelty
             self._window = WindowStatus(
                 index=result.index,

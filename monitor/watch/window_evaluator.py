@@ -135,7 +135,7 @@ class WindowEvaluator:
         return np.arange(window.synchronized.n_modes), np.arange(window.synchronized.n_modes)
 
     def _learn(self, window: Window, result: WindowResult) -> Iterator[Result]:
-        yield result
+        yield result.model_copy(update={"learning": self._learning.progress})
         self._learned, text = self._learning.add(window)
         if self._learned:
             yield self._reference(self._learned, window.end)

@@ -230,10 +230,12 @@ class Reader:
         last = self._rows(states.order_by(table.c.time.desc()).limit(1))
         return str(last[0][0]) if last else "learning"
 
-    def diagnosis(self, since: int) -> str | None:
-        """Return the newest diagnosis since a time [ns UTC] as JSON."""
+    def diagnosis(self, since: int, until: int | None = None) -> str | None:
+        """Return the newest diagnosis since a time [ns UTC], and until another if one is given, as JSON."""
         table = schema.diagnoses
         found = select(table.c.json).where(table.c.site == self._site, table.c.end >= since)
+        if until is not None:
+            found = found.where(table.c.end <= until)
         last = self._rows(found.order_by(table.c.end.desc()).limit(1))
         return str(last[0][0]) if last else None
 

@@ -13,13 +13,14 @@ from pydantic import ValidationError
 from monitor.errors import ResultsError, writing
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
+from monitor.results.windows import ReferenceResult
 from monitor.views.report.content import diagnosis_content, run_content, versions
 from monitor.views.report.pdf import load_typst, pdf_of
 from monitor.views.report.svg import styled
 from monitor.views.run import Run
 from updater import Structure
 
-__all__ = ["diagnosis_report", "load_diagnosis", "run_report"]
+__all__ = ["alarm_report", "diagnosis_report", "load_diagnosis", "run_report"]
 
 
 def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None, *, pdf: Path | None = None) -> None:
@@ -62,19 +63,45 @@ def diagnosis_report(
     structure : to draw the causes on
     found : comparison of measured and simulated modes, of the same structure
     """
-    state = {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch")
 
     def values() -> dict[str, Any]:
-        content = diagnosis_content(diagnosis, bare_reference(structure) if structure else None, found)
-        return {
-            "title": title,
-            "state": state,
-            "headline": content["text"],
-            "diagnosis": content,
-            "versions": versions(),
-        }
+        return _diagnosis_values(diagnosis, bare_reference(structure) if structure else None, found, title, [])
 
     _write(path, "diagnosis.html", values)
+
+
+def alarm_report(
+    diagnosis: DiagnosisAnswer, *, title: str, facts: list[tuple[str, str]], reference: ReferenceResult | None
+) -> str:
+    """Return the page of an alarm.
+
+    Parameters
+    ----------
+    diagnosis : its last one
+    title : name of the site
+    facts : names and values, shown before the diagnosis
+    reference : to draw the causes on
+    """
+    with styled():
+        return _rendered("diagnosis.html", _diagnosis_values(diagnosis, reference, None, title, facts))
+
+
+def _diagnosis_values(
+    diagnosis: DiagnosisAnswer,
+    reference: ReferenceResult | None,
+    found: DiscrepancyResult | None,
+    title: str,
+    facts: list[tuple[str, str]],
+) -> dict[str, Any]:
+    content = diagnosis_content(diagnosis, reference, found)
+    return {
+        "title": title,
+        "state": {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch"),
+        "headline": content["text"],
+        "facts": facts,
+        "diagnosis": content,
+        "versions": versions(),
+    }
 
 
 class _DiagnosisFile(DiagnosisAnswer):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from monitor.analysis.window import Window
+from monitor.results.windows import LearningProgress
 from monitor.settings import Settings
 from monitor.text.detectability import NO_THERMOMETER
 from monitor.watch.baseline.checks import (
@@ -36,6 +37,11 @@ class BaselineLearning:
         if memory is not None and memory.detector is None:
             self.windows, self.restarts = list(memory.baseline), memory.restarts
             self.target = max(self.target, min(memory.target, settings.analysis.most_windows))
+
+    @property
+    def progress(self) -> LearningProgress:
+        """Progress with the next window."""
+        return LearningProgress(windows=len(self.windows) + 1, target=self.target)
 
     def add(self, window: Window) -> tuple[LearnedBaseline | None, str]:
         """Take a window; return the baseline once it is learned, and a message, empty if there is none."""

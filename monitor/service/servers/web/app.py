@@ -10,7 +10,8 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from monitor.service.operator_commands import Acknowledgement, write_command
-from monitor.service.servers.web.auth import Guard, user_of
+from monitor.service.servers.web.alarm_reports import AlarmReports
+from monitor.service.servers.web.auth import REPORT_POLICY, Guard, user_of
 from monitor.service.servers.web.influx import influx_lines
 from monitor.service.servers.web.metrics import metrics
 from monitor.service.servers.web.snapshot import Snapshot
@@ -27,6 +28,7 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
     state = Snapshot(lambda: state_html(source))
     problem_list = Snapshot(lambda: problems(source.status()))
     figures = Snapshot(lambda: metrics(source.status()))
+    reports = AlarmReports(source)
     points = Snapshot(lambda: influx_lines(source.status(), source.name))
 
     async def page(_: Request) -> Response:
@@ -53,12 +55,19 @@ def make_app(source: Source, *, token: str, open_to_look: bool) -> ASGIApp:
             return PlainTextResponse(f"the state folder is not writable: {error.strerror}\n", 503)
         return JSONResponse({"acknowledged": True}, 202)
 
+    async def report(request: Request) -> Response:
+        page = await reports.get(request.path_params["raised"])
+        if page is None:
+            return PlainTextResponse("the history has no diagnosis of this alarm\n", 404)
+        return HTMLResponse(page, headers={"Content-Security-Policy": REPORT_POLICY})
+
     routes = [
         Route("/", page),
         Route("/state", changing),
         Route("/healthz", healthz),
         Route("/metrics", prometheus),
         Route("/influx", influx),
+        Route("/report/{raised:int}", report),
         Route("/acknowledge", acknowledge, methods=["POST"]),
         Route("/page.css", static_file(_STATIC / "page.css")),
         Route("/page.js", static_file(_STATIC / "page.js")),

@@ -25,6 +25,7 @@ class Past:
     alarms: list[AlarmRow]
     events: list[EventRow]
     reference: ReferenceResult | None
+    reported: frozenset[int]  #: alarms with a diagnosis, by their beginning [ns UTC]
     places: list[tuple[float, float, float]]  #: positions of the active alarm's causes [m]
 
 
@@ -70,6 +71,7 @@ class Source:
                     trends={mode: reader.trend(mode, late, "window") for mode in reader.modes()},
                     alarms=alarms,
                     events=_newest(reader),
+                    reported=frozenset(a.raised for a in alarms if reader.diagnosis(a.raised, a.cleared) is not None),
                     reference=ReferenceResult.model_validate_json(reference) if reference else None,
                     places=_places(DiagnosisAnswer.model_validate_json(found)) if found else [],
                 )

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,7 +14,7 @@ from monitor.results.site_status import SiteStatus
 from monitor.service.servers.web.source import Past, Source, problems, self_test_text
 from monitor.service.servers.web.svg import course_svg, structure_svg
 from monitor.text.detectability import detectable_text
-from monitor.text.events import event_name, event_text
+from monitor.text.events import event_sentence
 from monitor.text.quantities import duration_text, utc
 from monitor.text.trends import trend_text
 from monitor.text.uncertainty import single_mode_text, unsure_text
@@ -55,10 +55,11 @@ def _content(source: Source) -> dict[str, Any]:
         "unsure": unsure,
         "trend": _trend(status) if status else "",
         "detectable": _detectable(status) if status else "",
-        "so_far": _so_far(status) if status and state == "learning" else None,
+        "learning": _learning(status) if status and state == "learning" else None,
+        "left_out": _left_out(status, past),
         "problems": problems(status) + ([] if past or (status and status.problems.history) else [_NO_PAST]),
-        "alarm": alarm_content(standing[-1]) if standing else None,
-        "alarms": [alarm_content(alarm) for alarm in reversed(past.alarms)] if past else [],
+        "alarm": alarm_content(standing[-1], past.reported) if past and standing else None,
+        "alarms": [alarm_content(alarm, past.reported) for alarm in reversed(past.alarms)] if past else [],
         "structure": structure_svg(past.reference, past.places) if past and past.reference else None,
         "novelty": novelty_content(_levels(past)) if past else None,
         "modes": modes_content(past.trends) if past else [],
@@ -70,9 +71,33 @@ def _content(source: Source) -> dict[str, Any]:
     }
 
 
-def _so_far(status: SiteStatus) -> str:
-    n = status.window.index + 1 if status.window else 0
-    return f"{n} window{'s' * (n != 1)} so far, nothing is judged yet"
+def _learning(status: SiteStatus) -> dict[str, Any]:
+    """Return the progress of the baseline and a text on it."""
+    progress, left = status.learning, status.learning_left
+    if progress is None or left is None:
+        return {"progress": None, "text": "No usable window yet. Nothing is judged before the baseline is learned."}
+    text = f"{progress.windows} of {progress.target} windows"
+    text += f", about {duration_text(left)} left" if left else ""
+    return {"progress": progress, "text": f"{text}. Nothing is judged before the baseline is learned."}
+
+
+def _left_out(status: SiteStatus | None, past: Past | None) -> str:
+    """Return how many windows gave no result and why the last one did not; empty if all did."""
+    parts = []
+    if status and status.windows_left_out:
+        parts.append(f"{_windows(status.windows_left_out)} left out since the start, because the analysis was behind")
+    bare = [window for window in past.windows if window.problem] if past else []
+    if past and bare:
+        last = bare[-1]
+        parts.append(
+            f"{len(bare)} of the last {_windows(len(past.windows))} without modes, the last one at "
+            f"{utc(last.end)}: {last.problem}"
+        )
+    return "; ".join(parts)
+
+
+def _windows(n: int) -> str:
+    return f"{n} window{'s' * (n != 1)}"
 
 
 def _unsure(status: SiteStatus) -> str:
@@ -93,35 +118,40 @@ def _trend(status: SiteStatus) -> str:
     return trend_text(status.trend) if status.trend else ""
 
 
-def alarm_content(alarm: AlarmRow) -> dict[str, Any]:
-    """Return the texts of an alarm."""
+def alarm_content(alarm: AlarmRow, reported: Collection[int] = ()) -> dict[str, Any]:
+    """Return the texts of an alarm, and the address of its report if it is among the reported ones."""
     lasted = "active" if alarm.cleared is None else f"lasted {duration_text(alarm.lasted or 0.0)}"
     return {
         "raised": utc(alarm.raised),
         "lasted": lasted,
         "text": alarm.text,
+        "report": f"/report/{alarm.raised}" if alarm.raised in reported else None,
         "acknowledged": utc(alarm.acknowledged) if alarm.acknowledged else None,
     }
 
 
-def _levels(past: Past) -> list[float]:
-    return [w.t2 / w.limit for w in past.windows if w.t2 is not None and w.limit]
+def _levels(past: Past) -> list[float | None]:
+    """Return the novelty of the windows over its limit; None for windows without modes."""
+    judged = (w for w in past.windows if w.problem or (w.t2 is not None and w.limit))
+    return [None if w.problem or w.t2 is None or not w.limit else w.t2 / w.limit for w in judged]
 
 
-def novelty_content(levels: Sequence[float]) -> dict[str, Any] | None:
+def novelty_content(levels: Sequence[float | None]) -> dict[str, Any] | None:
     """Return text and course of the novelty over its limit, in the order of time; None without any."""
-    if not levels:
+    known = [level for level in levels if level is not None]
+    if not known:
         return None
     return {
-        "text": f"{levels[-1]:.2f} times the limit",
-        "over": levels[-1] > 1,
+        "text": f"{known[-1]:.2f} times the limit",
+        "over": known[-1] > 1,
+        "missing": len(levels) > len(known),
         "course": novelty_course(levels, 64.0),
     }
 
 
-def novelty_course(levels: Sequence[float], height: float) -> Markup:
+def novelty_course(levels: Sequence[float | None], height: float) -> Markup:
     """Return a picture of the novelty over its limit, on a logarithmic scale."""
-    return course_svg([math.log10(max(level, 1e-2)) for level in levels], 0.0, height)
+    return course_svg([None if level is None else math.log10(max(level, 1e-2)) for level in levels], 0.0, height)
 
 
 def modes_content(trends: Mapping[int, Sequence[TrendPoint]]) -> list[dict[str, Any]]:
@@ -158,6 +188,7 @@ def _age(silent: float | None) -> str:
 def event_content(event: EventRow) -> dict[str, str]:
     """Return the texts of an event, or of a change of the alarm."""
     if event.topic.startswith("/alarm/"):
-        state = event.topic.removeprefix("/alarm/")
-        return {"time": utc(event.time), "what": state, "text": str(json.loads(event.json)["text"])}
-    return {"time": utc(event.time), "what": event_name(event.topic), "text": event_text(json.loads(event.json))}
+        state, text = event.topic.removeprefix("/alarm/"), str(json.loads(event.json)["text"])
+        named = text.lower().startswith(state)
+        return {"time": utc(event.time), "what": "" if named else state, "text": text}
+    return {"time": utc(event.time), "what": "", "text": event_sentence(event.topic, json.loads(event.json))}

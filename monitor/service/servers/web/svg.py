@@ -1,6 +1,7 @@
 """Small pictures of the status page, as SVG: the structure with its sensors, and courses over the last windows."""
 
 from collections.abc import Sequence
+from itertools import groupby
 
 import numpy as np
 from markupsafe import Markup
@@ -32,20 +33,36 @@ def structure_svg(reference: ReferenceResult, places: Sequence[tuple[float, floa
     return _svg(parts, _WIDTH, _HEIGHT, "the structure, its sensors, and where it has changed")
 
 
-def course_svg(values: Sequence[float], limit: float | None = None, height: float = 44.0) -> Markup:
-    """Return a course of values, oldest first, with a limit if there is one, or else with zero."""
+def course_svg(values: Sequence[float | None], limit: float | None = None, height: float = 44.0) -> Markup:
+    """Return a course of values, oldest first, with a limit if there is one, or else with zero.
+
+    Parameters
+    ----------
+    values : at least one that is not None; None where there is no value, which is marked
+    limit : level of the dashed line
+    height : of the picture
+    """
     level = 0.0 if limit is None else limit
-    low, high = min(*values, level), max(*values, level)
+    known = [value for value in values if value is not None]
+    low, high = min(*known, level), max(*known, level)
     span = max(high - low, 1e-12)
-    x = np.linspace(3, _WIDTH - 3, len(values)) if len(values) > 1 else np.array([_WIDTH / 2])
-    y = height - 4 - (np.array(values) - low) / span * (height - 8)
+    places = np.linspace(3, _WIDTH - 3, len(values)) if len(values) > 1 else np.array([_WIDTH / 2])
     base = height - 4 - (level - low) / span * (height - 8)
     parts = [_line(np.array([[0, base], [_WIDTH, base]]), "zero" if limit is None else "limit")]
-    parts += [
-        _line(np.column_stack([x, y]), "course"),
-        f'<circle class="now" cx="{x[-1]:.1f}" cy="{y[-1]:.1f}" r="3"/>',
-    ]
+    pairs = list(zip(places.tolist(), values, strict=True))
+    for is_known, run in groupby(pairs, key=lambda pair: pair[1] is not None):
+        points = np.array([[x, height - 4 - ((value or 0.0) - low) / span * (height - 8)] for x, value in run])
+        if is_known:
+            parts.append(_line(points, "course") if len(points) > 1 else _dot(points[0], 1.5))
+            last = points[-1]
+        else:
+            parts += [_line(np.array([[x, height], [x, height - 7]]), "missing") for x, _ in points]
+    parts.append(_dot(last, 3))
     return _svg(parts, _WIDTH, height, "last windows")
+
+
+def _dot(place: FloatArray, radius: float) -> str:
+    return f'<circle class="now" cx="{place[0]:.1f}" cy="{place[1]:.1f}" r="{radius:g}"/>'
 
 
 def _line(points: FloatArray, kind: str) -> str:

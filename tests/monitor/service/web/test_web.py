@@ -20,9 +20,12 @@ from monitor.errors import StartError
 from monitor.outputs.history import HistoryStore
 from monitor.results.site_status import FILE_NAME
 from monitor.service.operator_commands import Inbox
-from monitor.service.servers.web import Source, make_app, web_process
+from monitor.service.servers.web import Source, alarm_reports, make_app, web_process
+from monitor.service.servers.web.alarm_page import alarm_page
 from monitor.service.status import MonitorStatus
+from monitor.text.quantities import utc
 from tests.support.daq.blocks import make_block
+from tests.support.monitor.answers import diagnosis
 from tests.support.monitor.history import run_events, sqlite_url
 from tests.support.monitor.service.status import PACE, WELL
 
@@ -93,8 +96,8 @@ def test_events_on_the_page_include_alarm_and_skipped_windows(source: Source) ->
     with HistoryStore(source.url) as store:
         store.write([Event(topic="/event/windows_left_out", time=EVENTS[-1].time - 1, payload={"why": "behind"})])
     events = Client(source).get("/state").text.partition("<h2>Events</h2>")[2]
-    assert "<b>alarm</b> ALARM" in events
-    assert "<b>windows left out</b> why behind" in events
+    assert "<p>ALARM" in events
+    assert "Windows are left out: behind" in events
 
 
 @pytest.mark.parametrize(
@@ -174,9 +177,82 @@ def test_smallest_detectable_change_is_kept_over_a_window_without_modes(source: 
 
 
 def test_page_shows_the_progress_of_learning(source: Source) -> None:
-    learning = changed(source, state="learning", window={"index": 6, "phase": "learning"})
-    assert "7 windows so far, nothing is judged yet" in Client(learning).get("/").text
-    assert "so far" not in Client(changed(source, state="normal")).get("/").text
+    first = next(event for event in EVENTS if event.topic == "/result/window")
+    status = MonitorStatus(source.state / FILE_NAME, (), PACE, SystemClock())
+
+    def page(**fields: Any) -> str:
+        status.take(replace(first, payload=first.payload | fields))
+        status._due = 0.0
+        status.write(*WELL)
+        return Client(source).get("/").text
+
+    assert "No usable window yet" in page(modes=[], problem="no resonance")
+    found = page(index=6, learning={"windows": 6, "target": 8})
+    assert '<progress value="6" max="8">' in found
+    assert re.search(r"6 of 8 windows, about (20|19) min", found)  # two steps of 600 s
+    assert "6 of 8 windows" in page(modes=[], problem="no resonance")
+    assert "8 of 8 windows. Nothing is judged" in page(index=8, learning={"windows": 8, "target": 8})
+    assert "<progress" not in page(phase="watching", learning=None)
+
+
+def test_windows_without_modes_are_counted_and_marked(source: Source) -> None:
+    before = Client(source).get("/").text
+    assert "1 of the last 20 windows without modes" in before
+    assert "left out since the start" not in before
+    window = next(event for event in reversed(EVENTS) if event.topic == "/result/window")
+    end = window.payload["end"]
+    bare: dict[str, Any] = {"modes": [], "novelty": None, "answer": None, "diagnosis": None, "problem": "no <b> resonance"}
+    with HistoryStore(source.url) as store:
+        store.write([replace(window, payload=window.payload | bare)])
+    page = Client(changed(source, windows_left_out=3)).get("/").text
+    assert "3 windows left out since the start, because the analysis was behind" in page
+    assert re.search(rf"2 of the last 20 windows without modes, the last one at {utc(end)}: no &lt;b&gt; res", page)
+    assert (before.count('class="missing"'), page.count('class="missing"')) == (1, 2)
+
+
+REPORT = re.compile(r'href="(/report/\d+)"')
+
+
+def test_alarm_has_a_report(source: Source, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not REPORT.findall(Client(source).get("/").text)  # there is no diagnosis
+    code = "import sys; sys.stdout.write('<style></style>' + sys.stdin.read())"
+    monkeypatch.setattr(alarm_reports, "_CODE", code)
+    with HistoryStore(source.url) as store:
+        store.write(with_diagnosis(EVENTS))
+    client = Client(source)
+    found = REPORT.findall(client.get("/").text)
+    assert len(found) == 2  # of the verdict, and in the list of alarms
+    assert found[0] == found[1]
+    answer = client.get(found[0])
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "text/html; charset=utf-8")
+    assert json.loads(answer.text.removeprefix("<style></style>"))["url"] == source.url
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'; style-src 'unsafe-inline'; img-src data:" in policy
+    assert "script" not in policy
+    monkeypatch.setattr(alarm_reports, "_CODE", "pass")
+    assert Client(source).get(found[0]).status_code == 404
+    monkeypatch.setattr(alarm_reports, "_CODE", "raise SystemExit(3)")
+    assert Client(source).get(found[0]).status_code == 500
+    assert Client(source, open_to_look=False).get(found[0]).status_code == 401
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_report_of_an_alarm_is_made_from_the_history(source: Source) -> None:
+    with HistoryStore(source.url) as store:
+        store.write(with_diagnosis(EVENTS))
+    raised = next(e.time for e in EVENTS if e.topic == "/result/alarm" and e.payload["state"] == "alarm")
+    page = alarm_page("bridge <b>", source.url, "", raised)
+    assert page is not None
+    assert "bridge &lt;b&gt;" in page
+    assert f"<td>Alarm raised</td><td>{utc(raised)}</td>" in page
+    assert "302 ± 5 g added on the crossbeam" in page
+    assert alarm_page("bridge", source.url, "", raised + 1) is None
+
+
+def with_diagnosis(events: list[Event]) -> list[Event]:
+    """Return the last window with a diagnosis."""
+    last = next(event for event in reversed(events) if event.topic == "/result/window")
+    return [replace(last, payload=last.payload | {"diagnosis": diagnosis().model_dump(mode="json")})]
 
 
 def test_unavailable_history_is_not_shown_as_empty(source: Source) -> None:

@@ -7,9 +7,9 @@ async function refresh() {
   try {
     const answer = await fetch("/sites" + location.search, { cache: "no-store" });
     sites.innerHTML = await answer.text();  // rendered and escaped by the server
-    link.textContent = "live, renewed " + new Date().toLocaleTimeString();
+    link.textContent = "live, renewed " + new Date().toISOString().slice(11, 19) + " UTC";
   } catch (error) {
-    if (!link.textContent.startsWith("NO")) link.textContent = "NO CONNECTION since " + new Date().toLocaleTimeString();
+    if (!link.textContent.startsWith("NO")) link.textContent = "NO CONNECTION since " + new Date().toISOString().slice(11, 19) + " UTC";
   }
 }
 

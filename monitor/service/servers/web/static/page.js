@@ -3,6 +3,7 @@ const state = document.getElementById("state");
 const link = document.getElementById("link");
 
 const patience = 60000;  // ms in which an acknowledgement is not sent again
+const clock = () => new Date().toISOString().slice(11, 19) + " UTC";  // as all times of the page
 let outcome = { text: "", done: false, until: 0 };  // of the last click, kept while the page is renewed
 
 async function refresh() {
@@ -11,9 +12,9 @@ async function refresh() {
     if (!answer.ok) throw new Error(answer.status);
     state.innerHTML = await answer.text();  // rendered and escaped by the server
     showOutcome();
-    link.textContent = "live, renewed " + new Date().toLocaleTimeString();
+    link.textContent = "live, renewed " + clock();
   } catch (error) {
-    if (!link.textContent.startsWith("NO")) link.textContent = "NO CONNECTION since " + new Date().toLocaleTimeString();
+    if (!link.textContent.startsWith("NO")) link.textContent = "NO CONNECTION since " + clock();
   }
 }
 
