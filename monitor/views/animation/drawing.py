@@ -1,4 +1,4 @@
-"""What moves in an animation: members, ribs that show torsion, sensors."""
+"""Drawing of an animation: members, ribs that show torsion, sensors, and their motion."""
 
 import numpy as np
 

@@ -200,13 +200,14 @@ def test_windows_without_modes_are_counted_and_marked(source: Source) -> None:
     assert "1 of the last 20 windows without modes" in before
     assert "left out since the start" not in before
     window = next(event for event in reversed(EVENTS) if event.topic == "/result/window")
-    end = window.payload["end"]
-    bare: dict[str, Any] = {"modes": [], "novelty": None, "answer": None, "diagnosis": None, "problem": "no <b> resonance"}
+    end = window.payload["end"] + 600 * 10**9
+    bare: dict[str, Any] = {"modes": [], "novelty": None, "problem": "no <b> resonance", "end": end}
     with HistoryStore(source.url) as store:
-        store.write([replace(window, payload=window.payload | bare)])
-    page = Client(changed(source, windows_left_out=3)).get("/").text
+        store.write([replace(window, time=end, payload=window.payload | bare)])
+    last = {"index": 30, "phase": "watching", "end": end}
+    page = Client(changed(source, windows_left_out=3, window=last)).get("/").text
     assert "3 windows left out since the start, because the analysis was behind" in page
-    assert re.search(rf"2 of the last 20 windows without modes, the last one at {utc(end)}: no &lt;b&gt; res", page)
+    assert re.search(rf"2 of the last 21 windows without modes, the last one at {utc(end)}: no &lt;b&gt; res", page)
     assert (before.count('class="missing"'), page.count('class="missing"')) == (1, 2)
 
 
