@@ -95,8 +95,8 @@ def reference_result(
     """
     calibration, model = reference.calibration, reference.model
     padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
-    motion = padded[model.dofs[:, :3]][:, :, calibration.paired]
-    motion = motion / np.abs(motion).max(axis=(0, 1))
+    motion = padded[model.dofs][:, :, calibration.paired]
+    motion = motion / np.abs(motion[:, :3]).max(axis=(0, 1))
     base = reference.baseline
     return ReferenceResult(
         time=time,
@@ -110,7 +110,8 @@ def reference_result(
                 damping=float(base.damping[i]),
                 model_frequency=float(calibration.nominal_frequency[i]),
                 mac=float(calibration.nominal_mac[i]),
-                displacement=[vector(u) for u in motion[:, :, i]],
+                displacement=[vector(u) for u in motion[:, :3, i]],
+                rotation=[vector(u) for u in motion[:, 3:, i]],
             )
             for i, track in enumerate(tracks)
         ],

@@ -259,6 +259,7 @@ class ReferenceMode(_Result):
     model_frequency: float  #: frequency of the structure file before calibration [Hz]
     mac: float  #: measured against model before the update [-]
     displacement: list[Vector]  #: displacement of each node, largest 1 [-]
+    rotation: list[Vector] = []  #: rotation of each node in the same scale [rad/m]; none in older logs
 
 
 class AcceptedShift(_Result):

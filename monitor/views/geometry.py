@@ -1,5 +1,6 @@
 """Positions in space, and viewpoints on them."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +9,8 @@ from daq import FloatArray, IndexArray
 from monitor.results.windows import ReferenceResult
 
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of the viewer's eye
+RIB = 0.035  #: of the structure's size: half the length of a line across a member, which shows its torsion
+RIBS_APART = 0.05  #: of the structure's size: least distance of two of them
 _LEVEL = 1e-6  # m: ends no higher than the lowest
 _HELD = 1e-9  # largest displacement in any mode of a node that a support holds, as a share of the mode's largest
 
@@ -116,3 +119,19 @@ def _held(reference: ReferenceResult) -> IndexArray:
     ends = np.unique([node for nodes in reference.lines.values() for node in (nodes[0], nodes[-1])])
     height = np.array(reference.nodes)[ends, 2]
     return np.asarray(ends[height <= height.min() + _LEVEL], np.intp)
+
+
+def ribs(
+    nodes: FloatArray, spans: Iterable[tuple[int, int]], towards: FloatArray, apart: float
+) -> tuple[list[int], FloatArray]:
+    """Return nodes some distance apart, and a direction (n, 3) across their member, as seen from a side the longest."""
+    at: list[int] = []
+    ways: list[FloatArray] = []
+    for a, b in spans:
+        near = [i for i in at if np.linalg.norm(nodes[i] - nodes[b]) < apart]
+        across = np.cross(nodes[b] - nodes[a], towards)
+        length = float(np.linalg.norm(across))
+        if not near and length > 0:
+            at.append(b)
+            ways.append(across / length)
+    return at, np.array(ways).reshape(-1, 3)

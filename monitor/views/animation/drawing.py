@@ -4,14 +4,12 @@ import numpy as np
 
 from daq import FloatArray
 from daq.notebook import number_text
-from monitor.views.geometry import side
+from monitor.views.geometry import RIB, RIBS_APART, ribs, side
 from oma import ComplexArray, ModalEstimate
 from updater.validation import ExpandedShapes
 
 SWAY = 0.12  #: largest displacement drawn, of the structure's size
 _SIDE = (32.0, 22.0)  # degrees: azimuth and elevation of the viewer
-_RIB = 0.035  # of the structure's size: half the length of a rib
-_APART = 0.05  # of the structure's size: least distance of two ribs
 
 
 class Drawing:
@@ -31,8 +29,8 @@ class Drawing:
         self.centre: FloatArray = (nodes.min(0) + nodes.max(0)) / 2
         self.towards: FloatArray = side(extent, *_SIDE)  #: (3,) towards the viewer
         self.labels = [_label(estimate, k) for k in range(estimate.n_modes)]
-        at, way = _ribs(nodes, model.spans, self.towards, _APART * self.size)
-        arms = _RIB * self.size * np.concatenate([way, -way])
+        at, way = ribs(nodes, model.spans, self.towards, RIBS_APART * self.size)
+        arms = RIB * self.size * np.concatenate([way, -way])
         owner = np.concatenate([at, at])
         turned = np.cross(shapes.rotation[:, owner], arms)
         self.points: FloatArray = np.concatenate([nodes, nodes[owner] + arms])  #: (n, 3) at rest [m]
@@ -54,19 +52,3 @@ def _label(estimate: ModalEstimate, k: int) -> str:
     frequency = number_text(float(estimate.frequency[k]), float(estimate.frequency_std[k]))
     damping = number_text(100 * float(estimate.damping[k]), 100 * float(estimate.damping_std[k]))
     return f"Mode {k + 1}\n{frequency} Hz, {damping} %"
-
-
-def _ribs(
-    nodes: FloatArray, spans: list[tuple[int, int]], towards: FloatArray, apart: float
-) -> tuple[list[int], FloatArray]:
-    """Return nodes some distance apart, and a direction (n, 3) across their member, as seen from a side the longest."""
-    at: list[int] = []
-    ways: list[FloatArray] = []
-    for a, b in spans:
-        near = [i for i in at if np.linalg.norm(nodes[i] - nodes[b]) < apart]
-        across = np.cross(nodes[b] - nodes[a], towards)
-        length = float(np.linalg.norm(across))
-        if not near and length > 0:
-            at.append(b)
-            ways.append(across / length)
-    return at, np.array(ways).reshape(-1, 3)

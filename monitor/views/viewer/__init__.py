@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from monitor.results.run_results import RunResults
+from monitor.results.run_results import RunResults, thin
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import layout
-from monitor.views.viewer.mode_shapes import draw_mode_shapes
+from monitor.views.viewer.mode_shapes import draw_measured_shapes, draw_mode_shapes
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import recording_file
 from monitor.views.viewer.scene import draw_structure
@@ -47,5 +47,6 @@ def write_recording(path: Path, run_results: RunResults) -> None:
         if run_results.reference:
             write_reference(recording, run_results.reference)
             draw_mode_shapes(recording, run_results.reference, run_results.start)
+            draw_measured_shapes(recording, run_results.reference, thin(run_results.watched))
         if run_results.signals:
             draw_signals(recording, run_results.signals)

@@ -16,13 +16,20 @@ from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
-from monitor.views.viewer.mode_shapes import draw_mode_shapes
+from monitor.views.viewer.mode_shapes import draw_measured_shapes, draw_mode_shapes
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
 from monitor.views.viewer.signals import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
-from monitor.views.viewer.state_lanes import events, log_state, name_states, state_changes, write_event
+from monitor.views.viewer.state_lanes import (
+    events,
+    log_state,
+    name_states,
+    state_changes,
+    write_event,
+    write_event_list,
+)
 from monitor.views.viewer.trends import draw_trends
 from updater import parse_structure
 
@@ -130,6 +137,7 @@ class LiveResults:
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
         if self._reference:
             draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, self._answered)
+            draw_measured_shapes(self._recording, self._reference, run_results.watched)
         draw_spectra(self._recording, run_results, static=False)
         draw_trends(self._recording, run_results)
         draw_answers(self._recording, run_results, static=False)
@@ -145,10 +153,12 @@ class LiveResults:
             if last is None or (time > last[0] and state != last[1]):
                 self._states[lane] = time, state
                 log_state(self._recording, lane, time, state)
-        happened = list(events(run_results))
-        for event in happened:
-            if event not in self._told:
-                write_event(self._recording, *event)
+        happened = sorted(events(run_results), key=lambda event: event[0])
+        new = [event for event in happened if event not in self._told]
+        for event in new:
+            write_event(self._recording, *event)
+        if new:
+            write_event_list(self._recording, happened)
         self._told = set(happened)
 
     def _lay_out(self) -> None:

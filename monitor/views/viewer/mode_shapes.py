@@ -1,30 +1,38 @@
 """Mode shapes: a still picture on the timeline of the run, a moving one on a timeline of its own."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import rerun as rr
 
 from daq import FloatArray
-from monitor.results.windows import ReferenceMode, ReferenceResult
-from monitor.views.geometry import Geometry, screen
+from monitor.results.run_results import find_mode
+from monitor.results.windows import ModeResult, ReferenceMode, ReferenceResult, WindowResult
+from monitor.views.geometry import RIB, RIBS_APART, Geometry, ribs, screen
 from monitor.views.palette import GREY, TEXT, mode_colour
-from monitor.views.viewer.primitives import PHASE, at
+from monitor.views.viewer.primitives import PHASE, at, once
 from monitor.views.viewer.scene import TUBE, plates
 
 SIDE = (32.0, 28.0)  # degrees: azimuth and elevation of the viewer
 _SWING = 0.12  # of the structure's size, largest displacement: more, and a beam that bends towards the eye folds
-_LABEL_ROOM = 0.12  # of its size, under all shapes
+_LABEL_ROOM = 0.2  # of its size, under all shapes
+_HINT = (
+    "Thick line: baseline, with ribs across members that show torsion. White points: sensors in the last window, "
+    "scaled to the baseline; away from the line, the shape has changed. **Motion:** choose the timeline `phase` at the "
+    "bottom left, then play."
+)
 _FRAMES = 48
 _SECONDS = 2.0  # of one cycle
+_RIB_RADIUS = -1.0  # below zero: in points of the screen
 _GHOSTS = (-1.0, -0.5, 0.5)
 
 
 def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
     """Draw each mode of the reference: rest, both extremes from a time on [ns UTC], and the motion."""
     geometry = Geometry(reference)
-    sensors = _nearest(geometry, np.array([place for place, _ in reference.sensors.values()]))
-    under = _below(geometry, seen(geometry, reference.modes), -_LABEL_ROOM / 2)
+    once(recording, "/modes/hint", rr.TextDocument(_HINT, media_type="text/markdown"))
+    under = _below(geometry, seen(geometry, reference.modes), -0.7 * _LABEL_ROOM)
     for mode in reference.modes:
         base = f"/modes/mode_{mode.id}"
         recording.log(base, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -36,10 +44,60 @@ def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, 
         at(recording, time)
         swing = _swing(geometry, mode)
         recording.log(f"{base}/shape", _shape(geometry, mode, swing))
-        places = (geometry.nodes + swing)[sensors]
-        points = rr.Points3D(places, radii=1.4 * TUBE * geometry.size, colors=[TEXT])
-        recording.log(f"{base}/sensors", points)
+        colour = (*mode_colour(mode.id), 140)
+        recording.log(f"{base}/ribs", rr.LineStrips3D(ribs_of(geometry, mode, 1.0), colors=[colour], radii=_RIB_RADIUS))
         _motion(recording, base, geometry, mode)
+
+
+def draw_measured_shapes(
+    recording: rr.RecordingStream, reference: ReferenceResult, windows: Sequence[WindowResult]
+) -> None:
+    """Draw the shapes of windows at the sensors, scaled to those of the baseline."""
+    geometry = Geometry(reference)
+    under = _below(geometry, seen(geometry, reference.modes), -0.25 * _LABEL_ROOM)
+    for window in windows:
+        at(recording, window.end)
+        for mode in reference.modes:
+            found = find_mode(window, mode.id)
+            places, mac = _measured(geometry, reference, mode, window, found) if found else ([], 0.0)
+            points = rr.Points3D(places, radii=1.4 * TUBE * geometry.size, colors=[TEXT])
+            recording.log(f"/modes/mode_{mode.id}/sensors", points)
+            text = "now: not identified"
+            if found:
+                text = f"now: {found.frequency:.2f} Hz, {100 * found.damping:.2f} %, MAC {mac:.3f}"
+            label = rr.Points3D([under], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
+            recording.log(f"/modes/mode_{mode.id}/now", label)
+
+
+def _measured(
+    geometry: Geometry, reference: ReferenceResult, mode: ReferenceMode, window: WindowResult, found: ModeResult
+) -> tuple[list[FloatArray], float]:
+    """Return the places of the sensors, and the MAC with the baseline; directions that are not measured follow it."""
+    values = {c: v for c, v in zip(window.channels, found.shape, strict=True) if c in reference.sensors}
+    if not values:
+        return [], 0.0
+    nodes = _nearest(geometry, np.array([reference.sensors[c][0] for c in values]))
+    ways = np.array([np.array(reference.sensors[c][1]) / np.linalg.norm(reference.sensors[c][1]) for c in values])
+    displacement = np.array(mode.displacement, float)
+    base, now = np.sum(displacement[nodes] * ways, axis=1), np.array(list(values.values()))
+    product, length = float(now @ base), max(float(now @ now), 1e-300)
+    changed = {node: displacement[node].copy() for node in nodes}
+    for node, way, change in zip(nodes, ways, product / length * now - base, strict=True):
+        changed[node] += change * way
+    places = [geometry.nodes[node] + _SWING * geometry.size * moved for node, moved in changed.items()]
+    return places, product**2 / (length * max(float(base @ base), 1e-300))
+
+
+def ribs_of(geometry: Geometry, mode: ReferenceMode, share: float) -> list[FloatArray]:
+    """Return lines across the members at a share of the motion; none without rotations."""
+    if not mode.rotation:
+        return []
+    spans = [(int(a), int(b)) for nodes in geometry.lines.values() for a, b in pairwise(nodes)]
+    nodes, ways = ribs(geometry.nodes, spans, geometry.side(*SIDE), RIBS_APART * geometry.size)
+    centre = (geometry.nodes + share * _swing(geometry, mode))[nodes]
+    turn = share * _SWING * geometry.size * np.array(mode.rotation, float)[nodes]
+    arms = RIB * geometry.size * (ways + np.cross(turn, ways))
+    return list(np.stack([centre - arms, centre + arms], axis=1))
 
 
 def seen(geometry: Geometry, modes: Sequence[ReferenceMode]) -> FloatArray:
@@ -61,7 +119,7 @@ def _below(geometry: Geometry, points: FloatArray, share: float) -> FloatArray:
 
 def mode_label(mode: ReferenceMode) -> str:
     """Return number, natural frequency and damping ratio."""
-    return f"Mode {mode.id}   {mode.frequency:.2f} Hz   {100 * mode.damping:.2f} %"
+    return f"mode {mode.id}: {mode.frequency:.2f} Hz, {100 * mode.damping:.2f} %"
 
 
 def _swing(geometry: Geometry, mode: ReferenceMode) -> FloatArray:
@@ -88,17 +146,35 @@ def _still(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: R
 
 def _motion(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: ReferenceMode) -> None:
     cycle = np.arange(_FRAMES) / _FRAMES
-    swing, n = _swing(geometry, mode), len(geometry.lines)
-    frames = [strip for c in cycle for strip in geometry.strips(np.cos(2 * np.pi * c) * swing)]
+    swing, shares = _swing(geometry, mode), np.cos(2 * np.pi * cycle)
     red, green, blue = mode_colour(mode.id)
-    colour = (red << 24) | (green << 16) | (blue << 8) | 0xFF
-    columns = rr.LineStrips3D.columns(
-        strips=frames, colors=[colour] * n * _FRAMES, radii=[0.9 * TUBE * geometry.size] * n * _FRAMES
-    ).partition([n] * _FRAMES)
-    recording.send_columns(f"{base}/shape", [rr.TimeColumn(PHASE, duration=_SECONDS * cycle)], columns)
+    colour = (red << 24) | (green << 16) | (blue << 8)
+    radius = float(0.9 * TUBE * geometry.size)
+    frames = [geometry.strips(share * swing) for share in shares]
+    _cycle(recording, f"{base}/shape", frames, cycle, colour | 0xFF, radius)
+    turned = [ribs_of(geometry, mode, share) for share in shares]
+    if turned[0]:
+        _cycle(recording, f"{base}/ribs", turned, cycle, colour | 140, _RIB_RADIUS)
+
+
+def _cycle(
+    recording: rr.RecordingStream,
+    path: str,
+    frames: list[list[FloatArray]],
+    cycle: FloatArray,
+    colour: int,
+    radius: float,
+) -> None:
+    """Draw frames, which have equally many strips, on the timeline of the motion."""
+    n = len(frames[0])
+    strips = [strip for frame in frames for strip in frame]
+    columns = rr.LineStrips3D.columns(strips=strips, colors=[colour] * len(strips), radii=[radius] * len(strips))
+    column = rr.TimeColumn(PHASE, duration=_SECONDS * cycle)
+    recording.send_columns(path, [column], columns.partition([n] * _FRAMES))
 
 
 def _nearest(geometry: Geometry, places: FloatArray) -> list[int]:
-    """Return the nodes nearest to places (n, 3), each once."""
+    """Return the node nearest to each of some places (n, 3)."""
     distance = np.linalg.norm(geometry.nodes[None] - places.reshape(-1, 1, 3), axis=2)
-    return sorted(set(np.argmin(distance, axis=1).tolist()))
+    nearest: list[int] = np.argmin(distance, axis=1).tolist()
+    return nearest

@@ -1,7 +1,6 @@
 """Lanes of states, and the texts of events."""
 
-import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import rerun as rr
 
@@ -9,7 +8,7 @@ from monitor.results.run_results import RunResults
 from monitor.views.palette import ALARM, GREY, LEARN, OK, WARN, Colour
 from monitor.views.viewer.primitives import at, clock
 
-_LINE = 78  # characters that the view of events holds
+_LISTED = 30  # events
 _Lane = dict[str, tuple[str, Colour]]
 _DAEMON: _Lane = {"learning": ("learning", LEARN), "watching": ("watching", OK), "problem": ("no modes", WARN)}
 _STRUCTURE: _Lane = {
@@ -83,17 +82,28 @@ def structure_states(run_results: RunResults) -> Iterator[tuple[int, str]]:
 
 
 def write_events(recording: rr.RecordingStream, run_results: RunResults) -> None:
-    """Write events in the order of time; a long event is split into several entries, because the view does not wrap."""
-    for event in sorted(events(run_results), key=lambda event: event[0]):
+    """Write events in the order of time."""
+    happened = sorted(events(run_results), key=lambda event: event[0])
+    for number, event in enumerate(happened, 1):
         write_event(recording, *event)
+        write_event_list(recording, happened[:number])
 
 
 def write_event(recording: rr.RecordingStream, time: int, level: str, words: str) -> None:
     """Write one event at its time [ns UTC]."""
     at(recording, time)
-    tied = words.replace(" ± ", "\u00a0±\u00a0")  # stays together
-    for body in textwrap.wrap(f"{clock(time)}  {tied}", _LINE, subsequent_indent=" " * 6):
-        recording.log("/events", rr.TextLog(body, level=level))
+    recording.log("/events", rr.TextLog(f"{clock(time)}  {words}", level=level))
+
+
+def write_event_list(recording: rr.RecordingStream, happened: Sequence[tuple[int, str, str]]) -> None:
+    """Write the last of some events as a text, at the time of the last one; the newest first.
+
+    The viewer's list of events has one line for each and does not wrap it.
+    """
+    at(recording, happened[-1][0])
+    tied = [(clock(time), words.replace(" ± ", "\u00a0±\u00a0")) for time, _, words in happened[-_LISTED:]]
+    text = "\n\n".join(f"**{time}** {words}" for time, words in reversed(tied))
+    recording.log("/event_list", rr.TextDocument(text, media_type="text/markdown"))
 
 
 def events(run_results: RunResults) -> Iterator[tuple[int, str, str]]:

@@ -70,7 +70,7 @@ def _overview(run_results: RunResults, trends: views.Trends) -> rrb.Horizontal:
     left = _structure(run_results, 4.4, aspect=1.25)
     left.append((views.card("Now", "/now"), 5.0))
     right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if run_results.spectra else []
-    right.append((views.events(), 4.0))
+    right.append((views.card("Events", "/event_list"), 4.0))
     return _beside("Overview", (_stack(*left), 3.3), (_trends(run_results, trends), 4.0), (_stack(*right), 4.2))
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from rerun.blueprint.encodings import TimelineColumn
 
 from daq import FloatArray, Recording
 from monitor.results.run_results import RunResults
@@ -24,7 +23,7 @@ _LEGEND_ROOM = 0.2  # of the time axis, left free of data for the legend
 _MARGIN = 0.01  # of the time axis, after the last window
 _ROOM = 0.06  # of a plot's values, above and below them
 _FILL = 0.92  # of a picture
-_SCREEN = 1.9  # width over height of all views together
+_SCREEN = 2.1  # width over height of all views together
 _PLOT = rrb.archetypes.PlotBackground(color=BACKGROUND, show_grid=True)
 
 
@@ -35,18 +34,14 @@ def structure(reference: ReferenceResult, answers: Sequence[MassAnswer], aspect:
     return scene_view("Structure", "/structure", geometry, geometry.side(*scene.SIDE), points, aspect)
 
 
-def mode_shapes(reference: ReferenceResult) -> rrb.Grid:
+def mode_shapes(reference: ReferenceResult) -> rrb.Vertical:
     """Return the views of all mode shapes, seen from the same place, in the grid that shows them largest."""
     geometry, modes = Geometry(reference), reference.modes
     side, points = geometry.side(*shapes.SIDE), shapes.seen(geometry, reference.modes)
     columns, aspect = best_grid(len(modes), flat_aspect(side, points))
-    pictures = [
-        scene_view(
-            f"Mode {m.id}, MAC {m.mac:.4f} with the model", f"/modes/mode_{m.id}", geometry, side, points, aspect
-        )
-        for m in modes
-    ]
-    return rrb.Grid(*pictures, grid_columns=columns, name="Mode shapes")
+    pictures = [scene_view(f"Mode {m.id}", f"/modes/mode_{m.id}", geometry, side, points, aspect) for m in modes]
+    grid = rrb.Grid(*pictures, grid_columns=columns)
+    return rrb.Vertical(grid, card("Explanation", "/modes/hint"), row_shares=[8.0, 1.0], name="Mode shapes")
 
 
 def best_grid(n: int, aspect: float) -> tuple[int, float]:
@@ -112,13 +107,6 @@ def drawing_view(name: str, origin: str, bounds: tuple[tuple[float, float], tupl
 def image_view(name: str, origin: str) -> rrb.Spatial2DView:
     """Return the view of an image."""
     return rrb.Spatial2DView(name=name, origin=origin, background=BACKGROUND)
-
-
-def events() -> rrb.TextLogView:
-    """Return the list of events with their times in the text."""
-    hidden = TimelineColumn(TIME, visible=False)
-    columns = rrb.TextLogColumns(timeline_columns=[hidden], text_log_columns=["loglevel", "body"])
-    return rrb.TextLogView(name="Events", origin="/events", columns=columns)
 
 
 def card(name: str, origin: str) -> rrb.TextDocumentView:

@@ -184,15 +184,17 @@ def test_reference_of_an_earlier_run_leaves_no_unknown_state(tmp_path: Path) -> 
     assert (times.tolist(), [s[0] for s in states]) == ([WATCHED[0].start], ["normal"])
 
 
-def test_events_are_in_order_and_long_texts_are_wrapped(rrd: Rrd) -> None:
-    times, bodies = rrd.rows("/events", "TextLog:text")
+def test_each_event_is_one_row_and_all_are_listed_newest_first(rrd: Rrd) -> None:
+    _, bodies = rrd.rows("/events", "TextLog:text")
     texts = [body[0] for body in bodies]
     assert texts[0] == "00:00:00  started: 12 channels"
     assert any("window 11 gave no modes: channel mid is flat" in t for t in texts)
     alarm = RUN["alarms"][-1]
-    reported = " ".join(t.strip() for t, at in zip(texts, times, strict=True) if at == alarm.time)
-    assert reported == f"00:09:20  {alarm.text.strip()}"
-    assert max(map(len, texts)) <= 78
+    assert texts.count(f"00:09:20  {alarm.text}") == 1
+    times, lists = rrd.rows("/event_list", "TextDocument:text")
+    assert times[-1] == alarm.time
+    listed = lists[-1][0].replace("\u00a0", " ").split("\n\n")
+    assert [entry.replace("**", "") for entry in listed] == [t.replace("  ", " ", 1) for t in reversed(texts)]
 
 
 def test_mass_is_drawn_with_position_and_value_of_the_answer(rrd: Rrd) -> None:
