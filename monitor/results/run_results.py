@@ -1,7 +1,7 @@
 """Results of one run, with queries for views."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeVar
 
@@ -18,6 +18,7 @@ from monitor.results.windows import (
 
 T = TypeVar("T")
 _LARGE = 10.0  # kg: from here on masses are given in kg
+_NEAR = 0.03  # relative
 _MAX_DRAWN = 300  # windows whose spectrum and posterior are kept in the file
 
 
@@ -30,6 +31,9 @@ class RunResults:
     windows: tuple[WindowResult, ...]
     alarms: tuple[AlarmResult, ...]
     signals: Recording | None = None
+    device_events: tuple[tuple[int, str], ...] = ()  #: time [ns UTC] and sentence of gaps and of lost devices
+    #: times [ns UTC] and readings [degC] of each thermometer
+    temperatures: Mapping[str, tuple[list[int], list[float]]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse a run of which nothing can be drawn."""
@@ -55,6 +59,20 @@ class RunResults:
     def learning(self) -> list[WindowResult]:
         """Windows whose modes are only counted, without identities."""
         return [w for w in self.windows if w.phase == "learning"]
+
+    def learned_near(self, number: int) -> list[tuple[WindowResult, ModeResult]]:
+        """Return the modes of the learning windows that are nearest to a mode of the reference, within 3 %."""
+        modes = self.reference.modes if self.reference else []
+        own = next((m.frequency for m in modes if m.id == number), None)
+        if own is None:
+            return []
+        near = []
+        for window in self.learning:
+            mode = min(window.modes, key=lambda m: abs(m.frequency - own), default=None)
+            if mode and abs(mode.frequency / own - 1) < _NEAR:
+                nearest = min(modes, key=lambda m: abs(m.frequency - mode.frequency))
+                near += [(window, mode)] if nearest.id == number else []
+        return near
 
     @cached_property
     def tracks(self) -> list[int]:

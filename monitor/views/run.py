@@ -1,5 +1,6 @@
 """Run read from its log for views: results, last signals, completeness of the data."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -23,8 +24,9 @@ from daq import (
     read_events,
     read_log,
 )
-from daq.events import DeviceFailed, ScansMissing
+from daq.events import DeviceFailed, DeviceRecovered, DeviceWarning, ScansMissing, WrongDevice, WrongRate
 from daq.log import BEGINNING, END, PartedLog, files_of, newest_log
+from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.errors import ResultsError, SettingsError
 from monitor.results.events import event_result
@@ -32,11 +34,17 @@ from monitor.results.run_results import RunResults
 from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.settings import Settings, attachable, parse_attached
+from monitor.text.events import event_sentence
 from oma import aligned
 from updater import StructureError, parse_structure
 
 _TAIL_SECONDS = 14.0  # of blocks kept: ten to draw, the rest for the clocks to settle and for filters
 _SIGNAL_SECONDS = 11.0
+_SHOWN_EVENTS = frozenset(
+    kind.topic for kind in (DeviceFailed, DeviceRecovered, DeviceWarning, ScansMissing, WrongDevice, WrongRate)
+)
+_MAX_EVENTS = 1000  # that are kept, the newest
+_TEMPERATURE_SECONDS = 10.0  # between readings that are kept
 _TAPS = 10  # of the low-pass on each side, at the lower rate: that much is cut off at both ends
 _VIEW_RATE = 500.0  # Hz: signals that are faster are drawn at this rate at the most
 
@@ -132,6 +140,8 @@ def load_run(path: Path, within: TimeRange = WHOLE, say: Callable[[str], object]
         reference=reference,
         windows=windows,
         alarms=tuple(r for r in found.results if isinstance(r, AlarmResult)),
+        device_events=tuple(found.happened),
+        temperatures=found.temperatures,
         signals=last_signals(found.tail, site_text, reference.late if reference else {}),
     )
     return Run(
@@ -166,6 +176,8 @@ class _Reading:
     results: list[Result] = field(default_factory=list)
     devices: dict[str, DeviceQuality] = field(default_factory=dict)
     tail: deque[Block] = field(default_factory=deque)
+    happened: deque[tuple[int, str]] = field(default_factory=lambda: deque(maxlen=_MAX_EVENTS))
+    temperatures: dict[str, tuple[list[int], list[float]]] = field(default_factory=dict)
     dropped: int | None = None
     ended: bool = False
 
@@ -178,6 +190,8 @@ class _Reading:
             self.results.append(result)
         elif item.topic == Stopped.topic:
             self.dropped, self.ended = Stopped.read(item).dropped, True
+        elif item.topic == TOPIC_TEMPERATURE:
+            self._temperature("site", item.time, float(item.payload["celsius"]))
         elif "device" in item.payload:
             self._event(item, self._quality(item.payload["device"]))
 
@@ -189,11 +203,22 @@ class _Reading:
         quality.rate = block.rate
         quality.scans += block.n_scans
         quality.damaged += bool(block.flags & Flag.BAD_FRAMES)
+        self._temperature(block.device, block.arrival_time, block.temperature)
         self.tail.append(block)
         while self.tail[0].arrival_time < block.arrival_time - _TAIL_SECONDS * 1e9:
             self.tail.popleft()
 
+    def _temperature(self, name: str, time: int, celsius: float) -> None:
+        """Keep a reading, unless the last one is too recent."""
+        if math.isfinite(celsius):
+            times, values = self.temperatures.setdefault(name, ([], []))
+            if not times or time - times[-1] >= _TEMPERATURE_SECONDS * 1e9:
+                times.append(time)
+                values.append(celsius)
+
     def _event(self, event: Event, quality: DeviceQuality) -> None:
+        if event.topic in _SHOWN_EVENTS:
+            self.happened.append((event.time, event_sentence(event.topic, event.payload)))
         if event.topic == ScansMissing.topic:
             gap = ScansMissing.read(event)
             quality.gaps += 1

@@ -163,7 +163,7 @@ def _free(port: int) -> bool:
 def _serve(structure: str, site: str, inbox: "Queue[Item | None]") -> None:
     """Serve until the last item."""
     from monitor.views.viewer.live import serve  # loads rerun, in this process only
-    from monitor.views.viewer.signals import ServerEndedError
+    from monitor.views.viewer.signals.traces import ServerEndedError
 
     try:
         serve(structure, site, _until_none(received(inbox)))

@@ -7,14 +7,18 @@ from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import layout
-from monitor.views.viewer.mode_shapes import draw_measured_shapes, draw_mode_shapes
+from monitor.views.viewer.modes.auto_mac import draw_auto_mac
+from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_shapes
+from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import recording_file
 from monitor.views.viewer.scene import draw_structure
-from monitor.views.viewer.signals import draw_signals
+from monitor.views.viewer.signals.channels import draw_rms, draw_temperatures, write_channels
+from monitor.views.viewer.signals.spectra import draw_channel_spectra
+from monitor.views.viewer.signals.spectrogram import draw_spectrogram
+from monitor.views.viewer.signals.traces import draw_signals
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import draw_states, write_events
-from monitor.views.viewer.trends import draw_trends
 
 __all__ = ["write_diagnosis", "write_recording"]
 
@@ -39,6 +43,11 @@ def write_recording(path: Path, run_results: RunResults) -> None:
         draw_structure(recording, run_results)
         draw_spectra(recording, run_results)
         draw_trends(recording, run_results)
+        draw_legend(recording, run_results)
+        draw_rms(recording, run_results)
+        draw_temperatures(recording, run_results)
+        if run_results.spectra:
+            draw_spectrogram(recording, run_results)
         draw_states(recording, run_results)
         write_events(recording, run_results)
         draw_answers(recording, run_results)
@@ -46,7 +55,10 @@ def write_recording(path: Path, run_results: RunResults) -> None:
         write_cards(recording, run_results)
         if run_results.reference:
             write_reference(recording, run_results.reference)
+            draw_auto_mac(recording, run_results.reference)
             draw_mode_shapes(recording, run_results.reference, run_results.start)
             draw_measured_shapes(recording, run_results.reference, thin(run_results.watched))
         if run_results.signals:
             draw_signals(recording, run_results.signals)
+            draw_channel_spectra(recording, run_results.signals, run_results.reference)
+            write_channels(recording, run_results.signals)

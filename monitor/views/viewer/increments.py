@@ -1,6 +1,7 @@
 """The one-step update's increments: on the structure and along the members, a picture a direction."""
 
 import itertools
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,9 +19,12 @@ from monitor.views.viewer.primitives import Axes, at, once, text
 from monitor.views.viewer.scene import SIDE, TUBE, supports
 
 DIRECTIONS = ("x", "y", "z")
-BOUNDS = ((-24.0, 208.0), (-14.0, 142.0))  # of the drawing, x and y
+BOUNDS = ((-24.0, 236.0), (-14.0, 142.0))  # of the drawing, x and y
 _WIDTH, _HEIGHT, _BETWEEN = 200.0, 34.0, 12.0
-LABEL = 0.1  # of the structure's size, from a flagged node up to its label
+LABEL = 0.2  # of the structure's size, from a flagged node up to its label
+_PALE = 0.25  # share of the level whose colour a member has where its increment is not significant
+_LABEL_WIDTH = 28  # characters
+_BAR, _BAR_STEPS = 212.0, 24  # place of the colour bar, and number of its colours
 _ROOM = 1.15  # of the largest increment: half the height of a panel
 Row = tuple[float | None, float | None, float | None]
 
@@ -36,6 +40,7 @@ def draw_increments(recording: rr.RecordingStream, run_results: RunResults, *, s
     largest = scale * max(float(np.nanmax(np.abs(numbers(i.normalised)), initial=0.0)) for _, i in found) or 1.0
     panels = [_panel(unrolled, row, largest) for row in range(len(DIRECTIONS))]
     _frames(recording, unrolled, panels, unit, static=static)
+    _colour_bar(recording, panels, largest, unit, static=static)
     for direction in DIRECTIONS:
         once(recording, f"/increments/{direction}", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         supports(recording, f"/increments/{direction}", geometry)
@@ -63,18 +68,22 @@ def _scene(
     """Draw the members, red where mass was added, blue where removed, flagged nodes, and the place of the change."""
     base, values = f"/increments/{DIRECTIONS[column]}", scale * numbers(increments.normalised)[:, column]
     pairs = [pair for nodes in geometry.lines.values() for pair in itertools.pairwise(nodes)]
+    flagged = [f for f in increments.flagged if f.direction == DIRECTIONS[column]]
+    is_flagged = np.isin(np.arange(len(values)), [f.node for f in flagged])
     level = np.array([np.mean(values[list(pair)]) for pair in pairs]) / largest
+    sharp = np.array([is_flagged[list(pair)].any() for pair in pairs])
+    colours = signed_heat(np.where(sharp, level, _PALE * level))
     segments = [geometry.nodes[list(pair)] for pair in pairs]
     tube = TUBE * geometry.size
-    recording.log(f"{base}/members", rr.LineStrips3D(segments, colors=signed_heat(level), radii=1.4 * tube))
-    flagged = [f for f in increments.flagged if f.direction == DIRECTIONS[column]]
+    members = rr.LineStrips3D(segments, colors=colours, radii=np.where(sharp, 1.6, 0.8) * tube)
+    recording.log(f"{base}/members", members)
     places = geometry.nodes[[f.node for f in flagged]].reshape(-1, 3) + 2.2 * tube * geometry.side(*SIDE)
     recording.log(f"{base}/flagged", rr.Points3D(places, radii=0.7 * tube, colors=[REGION]))
     named = increments.place if flagged else None
     top = geometry.nodes[np.argmax(geometry.nodes[:, 2])]
     under = np.array(named.position if named and named.located else top)
     above = (under + np.array([0, 0, LABEL * geometry.size]))[None] if named else np.empty((0, 3))
-    labels = [place_text(named)] if named else []
+    labels = [textwrap.fill(place_text(named), _LABEL_WIDTH)] if named else []
     label = rr.Points3D(above, radii=0.0, colors=[TEXT], labels=labels, show_labels=True)
     recording.log(f"{base}/flagged/names", label)
     region = [[part.start, part.end] for part in named.region] if named and named.fits else []
@@ -96,6 +105,19 @@ def _frames(recording: rr.RecordingStream, unrolled: Unrolled, panels: list[Axes
         text(recording, f"/increment_curves/{direction}/name", [[6.0, panel.top + 1.0]], [direction], [TEXT])
     middle = [float(panels[0].x(unrolled.offset[m] + length / 2)) for m, length in unrolled.length.items()]
     text(recording, "/increment_curves/members", [[x, -9.0] for x in middle], [*unrolled.length], [GREY])
+
+
+def _colour_bar(recording: rr.RecordingStream, panels: list[Axes], largest: float, unit: str, *, static: bool) -> None:
+    """Draw the colours of the members, from the largest removed to the largest added mass."""
+    top, bottom = panels[0].top, panels[-1].top + panels[-1].height
+    edge = np.linspace(bottom, top, _BAR_STEPS + 1)
+    strips = [[[_BAR, low], [_BAR, high]] for low, high in itertools.pairwise(edge.tolist())]
+    colours = signed_heat(np.linspace(-1.0, 1.0, _BAR_STEPS))
+    bar = rr.LineStrips2D(strips, colors=colours, radii=2.5, draw_order=10.0)
+    recording.log("/increment_curves/colours", bar, static=static)
+    levels = {top: f"+{largest:.3g} {unit}", (top + bottom) / 2: "0", bottom: f"-{largest:.3g} {unit}"}
+    places = [[_BAR + 12.0, y - 4.0] for y in levels]
+    text(recording, "/increment_curves/colours/ticks", places, [*levels.values()], [GREY], static=static)
 
 
 def _curves(

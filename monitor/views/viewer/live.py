@@ -16,11 +16,13 @@ from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
-from monitor.views.viewer.mode_shapes import draw_measured_shapes, draw_mode_shapes
+from monitor.views.viewer.modes.auto_mac import draw_auto_mac
+from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_shapes
+from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
-from monitor.views.viewer.signals import SignalStream
+from monitor.views.viewer.signals.traces import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import (
     events,
@@ -30,7 +32,6 @@ from monitor.views.viewer.state_lanes import (
     write_event,
     write_event_list,
 )
-from monitor.views.viewer.trends import draw_trends
 from updater import parse_structure
 
 _HOST = "127.0.0.1"
@@ -114,6 +115,7 @@ class LiveResults:
             self._reference = result
             draw_bare_structure(self._recording, result, result.time)
             write_reference(self._recording, result)
+            draw_auto_mac(self._recording, result, static=False)
             draw_mode_shapes(self._recording, result, result.time)
         elif isinstance(result, AlarmResult):
             self._alarms.append(result)
@@ -140,6 +142,7 @@ class LiveResults:
             draw_measured_shapes(self._recording, self._reference, run_results.watched)
         draw_spectra(self._recording, run_results, static=False)
         draw_trends(self._recording, run_results)
+        draw_legend(self._recording, run_results, static=False)
         draw_answers(self._recording, run_results, static=False)
         draw_increments(self._recording, run_results, static=False)
         write_cards(self._recording, run_results, self._answered)

@@ -113,5 +113,8 @@ def events(run_results: RunResults) -> Iterator[tuple[int, str, str]]:
     for window in run_results.windows:
         if window.problem:
             yield window.end, "WARN", f"window {window.index} gave no modes: {window.problem}"
+    for time, sentence in run_results.device_events:
+        if time >= run_results.start:
+            yield time, "WARN", sentence
     for alarm in run_results.alarms:
         yield max(alarm.time, run_results.start), _LEVEL[alarm.state], alarm.text

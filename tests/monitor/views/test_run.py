@@ -179,3 +179,14 @@ def test_missing_or_empty_log_is_refused(tmp_path: Path) -> None:
         load_run(tmp_path)
     with pytest.raises(ResultsError, match=r"bare\.mcap: holds no results"):
         load_run(log(tmp_path / "bare.mcap", block("a", 0)))
+
+
+def test_temperatures_and_events_of_devices_are_kept(tmp_path: Path) -> None:
+    gap = Event(topic="/event/gap", time=START + 10**9, payload={"device": "a", "missing": 7, "exact": True})
+    site = Event(topic="/measured/temperature", time=START + 2 * 10**9, payload={"celsius": -3.5})
+    found = load_run(log(tmp_path / "run.mcap", *(block("a", s) for s in range(25)), gap, site, window(3))).results
+    assert found.device_events == ((START + 10**9, "7 scans of device a are missing"),)
+    times, values = found.temperatures["a"]
+    assert values == [20.0] * 3  # one reading per ten seconds
+    assert np.diff(times).min() >= 10 * 10**9
+    assert found.temperatures["site"] == ([START + 2 * 10**9], [-3.5])

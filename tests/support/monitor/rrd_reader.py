@@ -16,6 +16,8 @@ _CONTENT = {
     "StateChange:state",
     "LineStrips2D:strips",
     "LineStrips3D:strips",
+    "Image:buffer",
+    "Points2D:labels",
 }
 
 

@@ -10,10 +10,10 @@ import rerun.blueprint as rrb
 from monitor.results.run_results import RunResults
 from monitor.views.member_axis import has_profile
 from monitor.views.viewer.layout import view_specs as views
+from monitor.views.viewer.modes.trends import damping_span, frequency_span, shift_span
 from monitor.views.viewer.posterior import mass_span
 from monitor.views.viewer.primitives import TIME
-from monitor.views.viewer.signals import SECONDS
-from monitor.views.viewer.trends import frequency_span, shift_span
+from monitor.views.viewer.signals.traces import SECONDS, signal_span
 
 _Part = rrb.View | rrb.Container
 _PLOTS_A_COLUMN = 6
@@ -35,7 +35,7 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     run_results : content to show
     live : how a running monitor is followed; None for a run that has ended
     """
-    trends = views.Trends(run_results, live.seconds if live else None)
+    trends = views.TrendViews(run_results, live.seconds if live else None)
     tabs: list[rrb.Container] = [_overview(run_results, trends)]
     if run_results.reference:
         tabs.append(views.mode_shapes(run_results.reference))
@@ -46,7 +46,11 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     if live:
         tabs.append(_signals(live.channels, views.following(SECONDS)))
     elif run_results.signals:
-        tabs.append(_signals([c.name for c in run_results.signals.channels], views.last_seconds(run_results.signals)))
+        signals = run_results.signals
+        span, values = views.last_seconds(signals), signal_span(signals)
+        tabs.append(_signals([c.name for c in signals.channels], span, values))
+    if not live and (run_results.signals or run_results.spectra or run_results.temperatures):
+        tabs.append(_channels(run_results, trends))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.TopPanel(state="expanded"),
@@ -66,7 +70,7 @@ def _beside(name: str, *parts: tuple[_Part, float]) -> rrb.Horizontal:
     return rrb.Horizontal(*[part for part, _ in parts], column_shares=[share for _, share in parts], name=name)
 
 
-def _overview(run_results: RunResults, trends: views.Trends) -> rrb.Horizontal:
+def _overview(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:
     left = _structure(run_results, 4.4, aspect=1.25)
     left.append((views.card("Now", "/now"), 5.0))
     right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if run_results.spectra else []
@@ -81,7 +85,7 @@ def _structure(run_results: RunResults, share: float, *, aspect: float) -> list[
     return [(views.structure(run_results.reference, [answer for _, answer in run_results.answers], aspect), share)]
 
 
-def _trends(run_results: RunResults, trends: views.Trends) -> rrb.Vertical:
+def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
     parts: list[tuple[_Part, float]] = []
     if any(m.shift_percent is not None for w in run_results.watched for m in w.modes):
         parts.append(
@@ -90,7 +94,6 @@ def _trends(run_results: RunResults, trends: views.Trends) -> rrb.Vertical:
                     "Frequency shift from the baseline [its standard deviation]",
                     "/trend/shift",
                     values=shift_span(run_results),
-                    legend=True,
                 ),
                 4.0,
             )
@@ -99,29 +102,37 @@ def _trends(run_results: RunResults, trends: views.Trends) -> rrb.Vertical:
         parts.append((trends.series("Frequencies found while learning [Hz]", "/trend/found"), 4.0))
     if any(w.novelty for w in run_results.watched):
         parts.append((trends.series("Novelty, log10(T² / limit): over 0 is out", "/novelty"), 2.4))
-    return _stack(*parts, (trends.lanes(), 1.7))
+    stack = _stack(*parts, (trends.lanes(), 1.7))
+    if not run_results.tracks:
+        return stack
+    return _beside("Trends", (stack, 7.0), (views.legend(len(run_results.tracks)), 1.0))
 
 
-def _identification(run_results: RunResults, trends: views.Trends) -> rrb.Horizontal:
+def _identification(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:
     left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if run_results.spectra else []
     if run_results.reference:
         modes, model = (
             views.card("Baseline and model", "/reference/modes"),
             views.card("Calibration", "/reference/model"),
         )
-        left.append((_beside("Reference", (modes, 5.0), (model, 4.0)), 3.7))
-    return _beside("Identification", (_stack(*left), 5.0), (_frequencies(run_results, trends), 4.0))
+        left.append((_beside("Reference", (modes, 5.0), (model, 4.4), (views.auto_mac(), 3.6)), 4.0))
+    return _beside("Identification", (_stack(*left), 5.0), (_over_time(run_results, trends), 4.0))
 
 
-def _frequencies(run_results: RunResults, trends: views.Trends) -> rrb.Grid:
+def _over_time(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
     """One small plot a mode, each with an axis of its own, so that a shift far smaller than the whole band is seen."""
-    plots = [
+    numbers = run_results.tracks
+    if not numbers:
+        return rrb.Vertical(trends.series("Frequencies found while learning [Hz]", "/trend/found"))
+    frequency = [
         trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(run_results, n))
-        for n in run_results.tracks
+        for n in numbers
     ]
-    if not plots:
-        plots = [trends.series("Frequencies found while learning [Hz]", "/trend/found")]
-    return _grid(plots, name="Natural frequencies")
+    damping = [
+        trends.series(f"Mode {n}, damping [%], ± 2σ", f"/trend/damping/mode_{n}", values=damping_span(run_results, n))
+        for n in numbers
+    ]
+    return rrb.Tabs(_grid(frequency, name="Natural frequencies"), _grid(damping, name="Damping"), active_tab=0)
 
 
 def _has_increments(run_results: RunResults) -> bool:
@@ -132,7 +143,7 @@ def _has_diagnosis(run_results: RunResults) -> bool:
     return any(w.diagnosis for w in run_results.windows)
 
 
-def _change(run_results: RunResults, trends: views.Trends) -> rrb.Container:
+def _change(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
     """Return the likelihood's pictures, with the one-step update's and the diagnosis, if there are any."""
     evidence = _posterior(run_results, trends)
     if not _has_increments(run_results) or run_results.reference is None:
@@ -145,7 +156,7 @@ def _change(run_results: RunResults, trends: views.Trends) -> rrb.Container:
     return rrb.Vertical(above, below, row_shares=[1.0, 1.05], name="Change")
 
 
-def _posterior(run_results: RunResults, trends: views.Trends) -> list[tuple[_Part, float]]:
+def _posterior(run_results: RunResults, trends: views.TrendViews) -> list[tuple[_Part, float]]:
     """Return the profile of the likelihood with the answer's sharpening under it; nothing without an answer."""
     if not run_results.answers:
         return []
@@ -157,8 +168,24 @@ def _posterior(run_results: RunResults, trends: views.Trends) -> list[tuple[_Par
     return [(_stack(*parts), 4.2)]
 
 
-def _signals(channels: Sequence[str], span: rr.TimeRange) -> rrb.Grid:
-    return _grid([views.signal(channel, span) for channel in channels], name="Signals")
+def _signals(channels: Sequence[str], span: rr.TimeRange, values: tuple[float, float] | None = None) -> rrb.Grid:
+    return _grid([views.signal(channel, span, values) for channel in channels], name="Signals")
+
+
+def _channels(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:
+    """Return spectra and figures of the channels."""
+    right: list[tuple[_Part, float]] = []
+    if run_results.spectra:
+        right.append((views.spectrogram(), 3.0))
+    if any(window.rms for window in run_results.windows):
+        right.append((trends.series("RMS of each channel [m/s²]", "/channels/rms"), 2.0))
+    if run_results.temperatures:
+        right.append((trends.series("Temperature [°C]", "/channels/temperature"), 1.6))
+    parts: list[tuple[_Part, float]] = []
+    if run_results.signals:
+        right.insert(0, (views.card("Last seconds", "/channels/table"), 4.4))
+        parts.append((views.channel_spectra(len(run_results.signals.channels)), 1.2))
+    return _beside("Channels", *parts, *([(_stack(*right), 1.0)] if right else []))
 
 
 def _grid(plots: Sequence[rrb.View], name: str) -> rrb.Grid:

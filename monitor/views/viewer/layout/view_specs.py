@@ -13,14 +13,17 @@ from monitor.results.windows import MassAnswer, ReferenceResult
 from monitor.views.geometry import Geometry, flat_aspect
 from monitor.views.palette import BACKGROUND
 from monitor.views.viewer import increments as steps
-from monitor.views.viewer import mode_shapes as shapes
 from monitor.views.viewer import posterior as change
 from monitor.views.viewer import scene, spectrum
+from monitor.views.viewer.modes import auto_mac as matrix
+from monitor.views.viewer.modes import shapes, trends
 from monitor.views.viewer.primitives import TIME
-from monitor.views.viewer.signals import SECONDS, signal_path
+from monitor.views.viewer.signals import spectra
+from monitor.views.viewer.signals import spectrogram as waterfall
+from monitor.views.viewer.signals.traces import SECONDS, signal_path
 
-_LEGEND_ROOM = 0.2  # of the time axis, left free of data for the legend
-_MARGIN = 0.01  # of the time axis, after the last window
+_MARGINS = (0.09, 0.02)  # of the time axis: before the first window, where a date needs room, and after the last one
+_LEGEND_HEIGHT = 700.0  # of its drawing
 _ROOM = 0.06  # of a plot's values, above and below them
 _FILL = 0.92  # of a picture
 _SCREEN = 2.1  # width over height of all views together
@@ -83,14 +86,16 @@ def increments(reference: ReferenceResult) -> list[rrb.Spatial3DView]:
     side, points = geometry.side(*scene.SIDE), scene.seen(geometry, [])
     points = np.concatenate([points, geometry.nodes + np.array([0, 0, 1.3 * steps.LABEL * geometry.size])])
     return [
-        scene_view(f"One-step update, {d}: added mass (normalised)", f"/increments/{d}", geometry, side, points, 0.8)
+        scene_view(
+            f"One-step update, {d}; thin and pale: not significant", f"/increments/{d}", geometry, side, points, 0.8
+        )
         for d in steps.DIRECTIONS
     ]
 
 
 def increment_curves() -> rrb.Spatial2DView:
     """Return the view of the increments along the members."""
-    name = "One-step update: normalised (blue) and raw (grey) increments a node, limits, flagged nodes"
+    name = "Mass increment per node: normalised (blue), limits (dark), flagged (red), raw (grey); colours above"
     return drawing_view(name, "/increment_curves", steps.BOUNDS)
 
 
@@ -114,9 +119,31 @@ def card(name: str, origin: str) -> rrb.TextDocumentView:
     return rrb.TextDocumentView(name=name, origin=origin)
 
 
-def signal(channel: str, span: rr.TimeRange) -> rrb.TimeSeriesView:
+def signal(channel: str, span: rr.TimeRange, values: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
     """Return the view of a channel."""
-    return _series(f"{channel} [m/s²]", signal_path(channel), span)
+    return _series(f"{channel} [m/s²]", signal_path(channel), span, values=values)
+
+
+def auto_mac() -> rrb.Spatial2DView:
+    """Return the view of the auto-MAC."""
+    return drawing_view("Auto-MAC of the baseline at the sensors", "/auto_mac", matrix.BOUNDS)
+
+
+def channel_spectra(n_channels: int) -> rrb.Spatial2DView:
+    """Return the view of the spectra of the channels."""
+    name = "Spectra of the last seconds [dB re (m/s²)²/Hz]; lines: modes of the baseline"
+    return drawing_view(name, "/channel_spectra", spectra.spectra_bounds(n_channels))
+
+
+def spectrogram() -> rrb.Spatial2DView:
+    """Return the view of the spectrogram."""
+    return drawing_view("Spectrogram: first singular value of each window", "/spectrogram", waterfall.BOUNDS)
+
+
+def legend(n_names: int) -> rrb.Spatial2DView:
+    """Return the view of the names and colours of the trends, at the top of a tall column."""
+    bottom = max(_LEGEND_HEIGHT, trends.LEGEND_STEP * (n_names + 2))
+    return drawing_view("Key", "/legend", ((-36.0, 36.0), (-10.0, bottom)))
 
 
 def plot_view(name: str, origin: str) -> rrb.TimeSeriesView:
@@ -136,12 +163,12 @@ def following(seconds: float) -> rr.TimeRange:
     return rr.TimeRange(start=boundary(seconds=-seconds), end=boundary(seconds=0))
 
 
-class Trends:
+class TrendViews:
     """Views over the whole run, all with the same time axis.
 
     Parameters
     ----------
-    run_results : gives the axis, with room for a legend where no mode is watched yet
+    run_results : gives the axis
     follow : seconds up to now that a live view shows; None for all of a run that has ended
     """
 
@@ -151,15 +178,12 @@ class Trends:
             self._span = following(follow)
             return
         length = run_results.end - run_results.start
-        watched = run_results.watched[0].start if run_results.watched else run_results.end
-        room = max(0.0, _LEGEND_ROOM * length - (watched - run_results.start))
-        self._span = _span(run_results.start - round(room), run_results.end + round(_MARGIN * length))
+        before, after = (round(share * length) for share in _MARGINS)
+        self._span = _span(run_results.start - before, run_results.end + after)
 
-    def series(
-        self, name: str, origin: str, *, values: tuple[float, float] | None = None, legend: bool = False
-    ) -> rrb.TimeSeriesView:
+    def series(self, name: str, origin: str, *, values: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
         """Return a plot of all that is under an entity, from the lowest to the highest of `values` if given."""
-        return _series(name, origin, self._span, values=None if self._live else values, legend=legend)
+        return _series(name, origin, self._span, values=None if self._live else values)
 
     def lanes(self) -> rrb.StateTimelineView:
         """Return the lanes of states."""
@@ -177,7 +201,7 @@ def _span(start: int, end: int) -> rr.TimeRange:
 
 
 def _series(
-    name: str, origin: str, span: rr.TimeRange, *, values: tuple[float, float] | None = None, legend: bool = False
+    name: str, origin: str, span: rr.TimeRange, *, values: tuple[float, float] | None = None
 ) -> rrb.TimeSeriesView:
     low, high = values or (0.0, 0.0)
     room = _ROOM * (high - low)
@@ -187,7 +211,7 @@ def _series(
         axis_x=rrb.TimeAxis(view_range=span),
         axis_y=rrb.ScalarAxis(range=(low - room, high + room)) if high > low else None,
         time_ranges=rrb.VisibleTimeRange(TIME, range=span),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftBottom) if legend else rrb.PlotLegend(visible=False),
+        plot_legend=rrb.PlotLegend(visible=False),
         background=_PLOT,
         interaction=rrb.PlotInteraction(tooltip_mode="All"),
     )

@@ -195,11 +195,11 @@ def test_thinned_items_are_limited_evenly_spaced_and_include_the_last(n: int, mo
 @given(n=st.integers(1, 40), aspect=st.floats(0.2, 8))
 def test_best_grid_gives_the_largest_pictures(n: int, aspect: float) -> None:
     def size(columns: int) -> float:
-        return min(1.9 / columns / aspect, 1 / -(-n // columns))
+        return min(2.1 / columns / aspect, 1 / -(-n // columns))
 
     columns, cell = best_grid(n, aspect)
     assert size(columns) == max(size(c) for c in range(1, n + 1))
-    assert cell == pytest.approx(1.9 / columns * -(-n // columns), rel=1e-12)
+    assert cell == pytest.approx(2.1 / columns * -(-n // columns), rel=1e-12)
 
 
 def test_command_line_does_not_import_rerun() -> None:

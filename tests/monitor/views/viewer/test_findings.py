@@ -33,13 +33,24 @@ def test_members_are_red_at_the_added_mass_and_steel_without_data(rrd: Rrd) -> N
     assert set(green[middle[:, 2] < 0.98]) == {118}  # steel: z says nothing there
 
 
+def test_members_without_a_significant_increment_are_thin(rrd: Rrd) -> None:
+    _, radii = rrd.rows("/increments/y/members", "LineStrips3D:radii")
+    _, strips = rrd.rows("/increments/y/members", "LineStrips3D:strips")
+    flagged = {f.node for f in INCREMENTS.flagged if f.direction == "y"}
+    places = np.array([RUN["reference"].nodes[node] for node in flagged])
+    thick = np.array(radii[-1]) > 1.5 * min(radii[-1])
+    ends_flagged = np.linalg.norm(np.array(strips[-1])[:, :, None] - places, axis=3).min(axis=2) < 1e-6
+    np.testing.assert_array_equal(thick, ends_flagged.any(axis=1))
+    assert 0 < thick.sum() < len(thick)
+
+
 def test_flagged_nodes_are_marked_with_the_location_text(rrd: Rrd) -> None:
     for direction in DIRECTIONS:
         flagged = [f for f in INCREMENTS.flagged if f.direction == direction]
         _, places = rrd.rows(f"/increments/{direction}/flagged", "Points3D:positions")
         assert len(places[-1]) == len(flagged)
         _, labels = rrd.rows(f"/increments/{direction}/flagged/names", "Points3D:labels")
-        assert labels[-1] == (
+        assert [label.replace("\n", " ") for label in labels[-1]] == (
             ["consistent with one mass at (0.25, 0.00, 1.48) m, 95 % within 0.03 m"] if flagged else []
         )
 

@@ -90,8 +90,8 @@ def test_every_view_has_data(name: str, tmp_path: Path) -> None:
     ("name", "there", "not_there"),
     [
         ("whole", {"/structure", "/modes/mode_1", "/posterior", "/answer/mass", "/novelty"}, {"/signal/col_037_x"}),
-        ("learning", {"/now", "/state", "/events", "/trend/found", "/spectrum"}, {"/structure", "/novelty"}),
-        ("learning, nothing identified", {"/now", "/state", "/events"}, {"/spectrum", "/trend/found"}),
+        ("learning", {"/now", "/state", "/event_list", "/trend/found", "/spectrum"}, {"/structure", "/novelty"}),
+        ("learning, nothing identified", {"/now", "/state", "/event_list"}, {"/spectrum", "/trend/found"}),
         ("no answers", {"/structure"}, {"/posterior", "/answer/mass"}),
         ("one place in the profile", {"/answer/mass"}, {"/posterior"}),
         ("two places in the profile", {"/answer/mass"}, {"/posterior"}),
@@ -281,7 +281,7 @@ def test_mode_shape_is_static_over_time_and_animated_over_phase(rrd: Rrd) -> Non
 def test_mode_shape_is_labelled_with_frequency_and_damping(rrd: Rrd) -> None:
     mode = RUN["reference"].modes[2]
     label = rrd.static("/modes/mode_3/name", "Points3D:labels")
-    assert label == [f"Mode 3   {mode.frequency:.2f} Hz   {100 * mode.damping:.2f} %"]
+    assert label == [f"mode 3: {mode.frequency:.2f} Hz, {100 * mode.damping:.2f} %"]
 
 
 def test_signals_are_the_last_ten_seconds_with_their_gap(rrd: Rrd) -> None:

@@ -9,7 +9,7 @@ import rerun as rr
 
 from daq import Block, Channel
 from daq.timing import ScanClocks
-from monitor.views.viewer.signals import SignalStream
+from monitor.views.viewer.signals.traces import SignalStream
 from tests.support.daq.blocks import START, make_block
 
 CHANNELS = (Channel(name="left_y", device="left", axis=1),)

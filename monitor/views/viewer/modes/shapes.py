@@ -76,8 +76,7 @@ def _measured(
     values = {c: v for c, v in zip(window.channels, found.shape, strict=True) if c in reference.sensors}
     if not values:
         return [], 0.0
-    nodes = _nearest(geometry, np.array([reference.sensors[c][0] for c in values]))
-    ways = np.array([np.array(reference.sensors[c][1]) / np.linalg.norm(reference.sensors[c][1]) for c in values])
+    nodes, ways = _at_sensors(geometry, reference, list(values))
     displacement = np.array(mode.displacement, float)
     base, now = np.sum(displacement[nodes] * ways, axis=1), np.array(list(values.values()))
     product, length = float(now @ base), max(float(now @ now), 1e-300)
@@ -86,6 +85,20 @@ def _measured(
         changed[node] += change * way
     places = [geometry.nodes[node] + _SWING * geometry.size * moved for node, moved in changed.items()]
     return places, product**2 / (length * max(float(base @ base), 1e-300))
+
+
+def _at_sensors(geometry: Geometry, reference: ReferenceResult, channels: list[str]) -> tuple[list[int], FloatArray]:
+    """Return the node nearest to each channel's sensor, and its direction (n, 3)."""
+    nodes = _nearest(geometry, np.array([reference.sensors[c][0] for c in channels]))
+    ways = np.array([reference.sensors[c][1] for c in channels], float)
+    return nodes, ways / np.linalg.norm(ways, axis=1, keepdims=True)
+
+
+def shapes_at_sensors(geometry: Geometry, reference: ReferenceResult, channels: list[str]) -> FloatArray:
+    """Return the baseline's shapes (n_modes, n_channels) at channels of sensors."""
+    nodes, ways = _at_sensors(geometry, reference, channels)
+    displacement = np.array([mode.displacement for mode in reference.modes], float).reshape(-1, len(geometry.nodes), 3)
+    return np.asarray(np.sum(displacement[:, nodes] * ways, axis=2))
 
 
 def ribs_of(geometry: Geometry, mode: ReferenceMode, share: float) -> list[FloatArray]:

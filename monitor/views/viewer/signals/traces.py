@@ -24,6 +24,13 @@ def draw_signals(recording: rr.RecordingStream, signals: Recording) -> None:
         recording.send_columns(path, [column], rr.Scalars.columns(scalars=signals.data[first:, number]))
 
 
+def signal_span(signals: Recording) -> tuple[float, float]:
+    """Return the lowest and the highest value [m/s2] of the drawn seconds of all channels, symmetric about zero."""
+    last = signals.data[-round(SECONDS * signals.rate) :]
+    largest = float(np.nanmax(np.abs(last), initial=0.0)) if np.isfinite(last).any() else 0.0
+    return -largest, largest
+
+
 def _style(recording: rr.RecordingStream, channel: str) -> None:
     style = rr.SeriesLines(colors=[SENSOR], names=[channel], widths=[0.9], aggregation_policy="MinMax")
     once(recording, signal_path(channel), style)

@@ -1,0 +1,1 @@
+"""Modes in the viewer: shapes, auto-MAC, trends."""

@@ -1,0 +1,46 @@
+"""Figures of channels and devices: RMS and temperature over time, and a table of the last seconds."""
+
+import numpy as np
+import rerun as rr
+
+from daq import Recording
+from monitor.results.run_results import RunResults
+from monitor.views.palette import WARN, mode_colour
+from monitor.views.viewer.primitives import ends, line, times
+
+
+def draw_rms(recording: rr.RecordingStream, run_results: RunResults) -> None:
+    """Draw the RMS of each channel, window by window [m/s2]."""
+    names = dict.fromkeys(name for window in run_results.windows for name in window.rms)
+    for number, name in enumerate(names, 1):
+        values = [window.rms.get(name, np.nan) for window in run_results.windows]
+        path = rr.new_entity_path(["channels", "rms", name])
+        line(recording, path, name, mode_colour(number), ends(run_results.windows), values)
+
+
+def draw_temperatures(recording: rr.RecordingStream, run_results: RunResults) -> None:
+    """Draw the temperatures of the site and of devices [degC]."""
+    for number, (name, (at, values)) in enumerate(run_results.temperatures.items()):
+        colour = mode_colour(number) if number else WARN
+        path = rr.new_entity_path(["channels", "temperature", name])
+        line(recording, path, name, colour, times(at), values)
+
+
+def write_channels(recording: rr.RecordingStream, signals: Recording) -> None:
+    """Write the table of offset, RMS, peak and gaps of the last seconds."""
+    recording.log("/channels/table", rr.TextDocument(channels_card(signals), media_type="text/markdown"), static=True)
+
+
+def channels_card(signals: Recording) -> str:
+    """Return offset, RMS and peak about the offset [mm/s2], and the share of missing scans, of each channel."""
+    lines = ["| channel | offset mm/s² | RMS | peak | missing % |", "|:--|---:|---:|---:|---:|"]
+    for number, channel in enumerate(signals.channels):
+        data = 1000 * signals.data[:, number]
+        missing = float(np.mean(np.isnan(data)))
+        if missing == 1:
+            lines.append(f"| {channel.name} | | | | 100.0 |")
+            continue
+        offset = float(np.nanmean(data))
+        rms, peak = float(np.nanstd(data)), float(np.nanmax(np.abs(data - offset)))
+        lines.append(f"| {channel.name} | {offset:+.3g} | {rms:.3g} | {peak:.3g} | {100 * missing:.1f} |")
+    return "\n".join(lines)
