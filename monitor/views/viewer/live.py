@@ -16,7 +16,7 @@ from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
-from monitor.views.viewer.modes.auto_mac import draw_auto_mac
+from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
 from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers

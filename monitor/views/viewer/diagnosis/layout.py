@@ -3,18 +3,18 @@
 import numpy as np
 import rerun.blueprint as rrb
 
-from monitor.results.comparison import BalanceResult, DiscrepancyResult
+from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
 from monitor.results.windows import ReferenceResult
 from monitor.views.geometry import Geometry
 from monitor.views.viewer import scene
+from monitor.views.viewer.diagnosis.evidence import evidence_bounds
 from monitor.views.viewer.layout import view_specs as views
-from updater import Diagnosis
 
 SECONDS_TIMELINE = "seconds"
 _ASPECT = 0.8  # of the structure's view, width over height
 
 
-def diagnosis_layout(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Blueprint:
+def diagnosis_layout(diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Blueprint:
     """Return the blueprint: where and why in front, then modes, then sensors."""
     tabs = [_where(diagnosis, found, reference), _modes(found)]
     if found.sensors:
@@ -30,7 +30,7 @@ def diagnosis_layout(diagnosis: Diagnosis, found: DiscrepancyResult, reference: 
     )
 
 
-def _where(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Horizontal:
+def _where(diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult) -> rrb.Horizontal:
     geometry = Geometry(reference)
     right = np.array([0.0, 0.0, 0.2 * geometry.size])
     places = [c.where.position for c in diagnosis.causes if c.where and c.where.position]
@@ -39,8 +39,10 @@ def _where(diagnosis: Diagnosis, found: DiscrepancyResult, reference: ReferenceR
     view = views.scene_view(
         reading_name(found.balance), "/structure", geometry, geometry.side(*scene.SIDE), points, _ASPECT
     )
-    evidence = views.image_view("Log evidence against the best explanation", "/evidence")
-    beside = rrb.Vertical(views.card("Diagnosis", "/diagnosis"), evidence, row_shares=[1.0, 1.0])
+    name = "Log evidence against the best explanation; logarithmic beyond -5"
+    evidence = views.drawing_view(name, "/evidence", evidence_bounds(diagnosis))
+    parts = [views.card("Diagnosis", "/diagnosis"), *([evidence] if diagnosis.rejected or diagnosis.causes else [])]
+    beside = rrb.Vertical(*parts)
     return rrb.Horizontal(view, beside, column_shares=[1.0, 1.0], name="Diagnosis")
 
 
@@ -55,7 +57,7 @@ def reading_name(balance: BalanceResult | None) -> str:
 
 def _modes(found: DiscrepancyResult) -> rrb.Horizontal:
     offsets = views.image_view("Measured off the model [%], red without, green with the causes", "/offsets")
-    mac = views.image_view("MAC: simulated (down) with measured (across) modes", "/mac")
+    mac = views.mac("MAC: simulated (down) with measured (across) modes [Hz]", "/mac")
     left = rrb.Vertical(views.card(f"{len(found.modes)} modes", "/modes"), offsets, row_shares=[1.0, 1.2])
     return rrb.Horizontal(left, mac, column_shares=[1.0, 1.15], name="Modes")
 

@@ -15,11 +15,12 @@ from monitor.text.causes import cause_text
 from monitor.text.quantities import plain
 from monitor.views.geometry import Geometry
 from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, signed_heat
-from monitor.views.report.comparison_figures import mac_figure, offsets_figure, sensors_figure
-from monitor.views.report.evidence_figures import evidence_figure
+from monitor.views.report.comparison_figures import offsets_figure, sensors_figure
 from monitor.views.report.svg import png, styled
 from monitor.views.viewer.cards import diagnosis_card
+from monitor.views.viewer.diagnosis.evidence import draw_evidence
 from monitor.views.viewer.diagnosis.layout import SECONDS_TIMELINE, diagnosis_layout
+from monitor.views.viewer.modes.mac_matrix import draw_mac
 from monitor.views.viewer.primitives import once, recording_file
 from monitor.views.viewer.scene import TUBE, sensors, supports
 
@@ -48,12 +49,19 @@ def write_diagnosis(
         recording.send_recording_name("diagnosis")
         _card(recording, "/diagnosis", diagnosis_card(diagnosis))
         _card(recording, "/modes", modes_card(found))
-        _figure(recording, "/evidence", lambda: evidence_figure(diagnosis))
-        _figure(recording, "/mac", lambda: mac_figure(found))
+        draw_evidence(recording, diagnosis)
+        _mac(recording, found)
         _figure(recording, "/offsets", lambda: offsets_figure(found))
         _figure(recording, "/sensors", lambda: sensors_figure(found))
         _structure(recording, diagnosis, found, reference)
         _signals(recording, found)
+
+
+def _mac(recording: rr.RecordingStream, found: DiscrepancyResult) -> None:
+    """Draw the MAC of simulated (rows) with measured modes (columns)."""
+    mac = np.array([[np.nan if value is None else value for value in row] for row in found.mac], float)
+    names = ([f"{frequency:.4g}" for frequency in frequencies] for frequencies in (found.rows, found.columns))
+    draw_mac(recording, "/mac", mac, *names)
 
 
 def _card(recording: rr.RecordingStream, path: str, words: str) -> None:

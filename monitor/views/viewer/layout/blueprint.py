@@ -115,7 +115,14 @@ def _identification(run_results: RunResults, trends: views.TrendViews) -> rrb.Ho
             views.card("Baseline and model", "/reference/modes"),
             views.card("Calibration", "/reference/model"),
         )
-        left.append((_beside("Reference", (modes, 5.0), (model, 4.4), (views.auto_mac(), 3.6)), 4.0))
+        left.append(
+            (
+                _beside(
+                    "Reference", (modes, 5.0), (model, 4.4), (views.mac("Auto-MAC of the baseline", "/auto_mac"), 3.6)
+                ),
+                4.0,
+            )
+        )
     return _beside("Identification", (_stack(*left), 5.0), (_over_time(run_results, trends), 4.0))
 
 

@@ -15,7 +15,7 @@ from monitor.views.palette import BACKGROUND
 from monitor.views.viewer import increments as steps
 from monitor.views.viewer import posterior as change
 from monitor.views.viewer import scene, spectrum
-from monitor.views.viewer.modes import auto_mac as matrix
+from monitor.views.viewer.modes import mac_matrix as matrix
 from monitor.views.viewer.modes import shapes, trends
 from monitor.views.viewer.primitives import TIME
 from monitor.views.viewer.signals import spectra
@@ -124,9 +124,9 @@ def signal(channel: str, span: rr.TimeRange, values: tuple[float, float] | None 
     return _series(f"{channel} [m/s²]", signal_path(channel), span, values=values)
 
 
-def auto_mac() -> rrb.Spatial2DView:
-    """Return the view of the auto-MAC."""
-    return drawing_view("Auto-MAC of the baseline at the sensors", "/auto_mac", matrix.BOUNDS)
+def mac(name: str, origin: str) -> rrb.Spatial2DView:
+    """Return the view of a matrix of MAC values."""
+    return drawing_view(name, origin, matrix.BOUNDS)
 
 
 def channel_spectra(n_channels: int) -> rrb.Spatial2DView:

@@ -11,7 +11,7 @@ from monitor.results.run_results import find_mode
 from monitor.results.windows import ReferenceMode
 from monitor.views.geometry import RIB, Geometry
 from monitor.views.viewer import write_recording
-from monitor.views.viewer.modes.auto_mac import auto_mac
+from monitor.views.viewer.modes.mac_matrix import auto_mac
 from monitor.views.viewer.modes.shapes import ribs_of
 from monitor.views.viewer.signals.channels import channels_card
 from monitor.views.viewer.signals.spectra import channel_spectra

@@ -5,6 +5,7 @@ import pytest
 
 from monitor.results.convert import bare_reference
 from monitor.views.viewer import write_diagnosis
+from monitor.views.viewer.diagnosis.evidence import bar_lengths
 from tests.support.monitor import answers
 from tests.support.monitor.comparison import NODES, STRUCTURE, shown
 from tests.support.monitor.rrd_reader import Rrd
@@ -48,3 +49,23 @@ def test_causes_are_drawn_at_their_positions(rrd: Rrd) -> None:
     np.testing.assert_allclose(place, (0.25, 0.0, 1.48), atol=1e-6)
     names = rrd.static("/structure/causes/names", "Points3D:labels")
     assert names == ["302 ± 5 g added", "sensor gain: col_037_x"]
+
+
+def test_bars_are_linear_up_to_five_and_logarithmic_beyond() -> None:
+    lengths = bar_lengths(np.array([0.0, -2.5, -5.0, -50.0, -500.0, 5.0]))
+    np.testing.assert_allclose(lengths / lengths[4], [0, 1 / 6, 1 / 3, 2 / 3, 1, -1 / 3])
+
+
+def test_evidence_has_a_bar_per_cause_and_the_accepted_one_first(rrd: Rrd) -> None:
+    names = rrd.static("/evidence/names", "Points2D:labels")
+    values = rrd.static("/evidence/values", "Points2D:labels")
+    found = answers.diagnosis()
+    assert len(names) == len(values) == 1 + len(found.rejected)
+    assert values[0] == "accepted"
+    assert values[1:] == [f"{cause.log_evidence:+.1f}" for cause in found.rejected]
+
+
+def test_mac_has_the_frequencies_of_both_sides(rrd: Rrd) -> None:
+    found = shown(peak=PEAK)
+    names = rrd.static("/mac/names", "Points2D:labels")
+    assert names == [f"{frequency:.4g}" for frequency in (*found.columns, *found.rows)]
