@@ -22,10 +22,11 @@ from monitor.views.viewer.signals import spectra
 from monitor.views.viewer.signals import spectrogram as waterfall
 from monitor.views.viewer.signals.traces import SECONDS, signal_path
 
-_MARGINS = (0.09, 0.02)  # of the time axis: before the first window, where a date needs room, and after the last one
+_MARGINS = (0.09, 0.05)  # of the time axis: before the first window, where a date needs room, and after the last
 _LEGEND_HEIGHT = 700.0  # of its drawing
 _ROOM = 0.06  # of a plot's values, above and below them
 _FILL = 0.92  # of a picture
+_MAX_COLUMNS = 6  # of pictures, so that their labels have room
 _SCREEN = 2.1  # width over height of all views together
 _PLOT = rrb.archetypes.PlotBackground(color=BACKGROUND, show_grid=True)
 
@@ -48,8 +49,8 @@ def mode_shapes(reference: ReferenceResult) -> rrb.Vertical:
 
 
 def best_grid(n: int, aspect: float) -> tuple[int, float]:
-    """Return the number of columns that shows n pictures largest, and the aspect (width over height) of its cells."""
-    cells = {c: (_SCREEN / c, 1 / math.ceil(n / c)) for c in range(1, n + 1)}
+    """Return the number of columns, six at most, that shows n pictures largest, and width over height of its cells."""
+    cells = {c: (_SCREEN / c, 1 / math.ceil(n / c)) for c in range(1, min(n, _MAX_COLUMNS) + 1)}
     columns = max(cells, key=lambda c: min(cells[c][0] / aspect, cells[c][1]))
     width, height = cells[columns]
     return columns, width / height

@@ -16,7 +16,7 @@ from oma import mac_matrix
 BOUNDS = ((-40.0, 250.0), (-34.0, 250.0))  # of the drawing, x and y
 _PIXELS = 240
 _WRITTEN = 12  # rows or columns up to which each value is written
-_MIN_WRITTEN = 0.01
+_MIN_WRITTEN = 0.05
 
 
 def draw_auto_mac(recording: rr.RecordingStream, reference: ReferenceResult, *, static: bool = True) -> None:

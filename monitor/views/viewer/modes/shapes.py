@@ -64,7 +64,7 @@ def draw_measured_shapes(
             recording.log(f"/modes/mode_{mode.id}/sensors", points)
             text = "now: not identified"
             if found:
-                text = f"now: {found.frequency:.2f} Hz, {100 * found.damping:.2f} %, MAC {mac:.3f}"
+                text = f"now: {found.frequency:.2f} Hz, {100 * found.damping:.2f} %\nMAC {mac:.3f}"
             label = rr.Points3D([under], radii=0.0, colors=[TEXT], labels=[text], show_labels=True)
             recording.log(f"/modes/mode_{mode.id}/now", label)
 

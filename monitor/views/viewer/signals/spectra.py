@@ -32,6 +32,7 @@ def draw_channel_spectra(recording: rr.RecordingStream, signals: Recording, refe
     frequency, level = channel_spectra(signals)
     modes = reference.modes if reference else []
     end = min(frequency[-1], _ABOVE * max((m.frequency for m in modes), default=frequency[-1]))
+    modes = [m for m in modes if m.frequency <= end]
     inside = (frequency > 0) & (frequency <= end)
     frequency, level = frequency[inside], level[inside][:, :_MAX_CHANNELS]
     high = 10 * np.ceil(level.max() / 10)

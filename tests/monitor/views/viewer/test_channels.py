@@ -96,7 +96,7 @@ def test_shape_of_a_window_is_drawn_at_the_sensors_whatever_its_sign_and_scale(r
     found = find_mode(RUN["windows"][-1], 2)
     label = rrd.rows("/modes/mode_2/now", "Points3D:labels")[1][-1]
     assert found is not None
-    assert label[0].startswith(f"now: {found.frequency:.2f} Hz, {100 * found.damping:.2f} %, MAC ")
+    assert label[0].startswith(f"now: {found.frequency:.2f} Hz, {100 * found.damping:.2f} %\nMAC ")
 
 
 def test_ribs_turn_with_the_torsion_of_their_member() -> None:

@@ -198,7 +198,7 @@ def test_best_grid_gives_the_largest_pictures(n: int, aspect: float) -> None:
         return min(2.1 / columns / aspect, 1 / -(-n // columns))
 
     columns, cell = best_grid(n, aspect)
-    assert size(columns) == max(size(c) for c in range(1, n + 1))
+    assert size(columns) == max(size(c) for c in range(1, min(n, 6) + 1))
     assert cell == pytest.approx(2.1 / columns * -(-n // columns), rel=1e-12)
 
 
