@@ -20,7 +20,7 @@ def report(
     start: From = None,
     stop: To = None,
 ) -> int:
-    """Write a report of a log as one HTML page, and as a PDF if requested.
+    """Write a report of a log as one HTML page, or also as a PDF.
 
     With a range, only windows entirely inside it are shown. The baseline and an alarm that is active at --from are
     taken from earlier.

@@ -169,7 +169,7 @@ def test_commands_accept_a_range(
     modalwatch: Commands, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[RunResults] = []
-    monkeypatch.setattr("monitor.cli.data.log_views.run_report", lambda run, *_: drawn.append(run.results))
+    monkeypatch.setattr("monitor.cli.data.log_views.run_report", lambda run, *_, **__: drawn.append(run.results))
     monkeypatch.setattr("monitor.views.viewer.write_recording", lambda _, run_results: drawn.append(run_results))
     for command, *options in (("report",), ("view", "--no-open")):
         done = modalwatch(command, run, "--from", 35, "--to", 50, "--out", tmp_path / command, *options)
