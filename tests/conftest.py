@@ -26,6 +26,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: not item.path.as_posix().endswith(_LONG))
 
 
+_EMPTY_PICTURE = '<svg xmlns="http://www.w3.org/2000/svg" width="9" height="9"><defs></defs></svg>'
+
+
 @pytest.fixture
 def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Commands:
     return Commands(monkeypatch, capsys)
@@ -34,5 +37,5 @@ def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave pictures empty, each of which takes a tenth of a second: for tests of other outputs."""
-    monkeypatch.setattr("monitor.views.report.figure.data_uri", lambda _: "data:,")
+    monkeypatch.setattr("monitor.views.report.figure.svg", lambda _: _EMPTY_PICTURE)
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())

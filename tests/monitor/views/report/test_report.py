@@ -164,6 +164,7 @@ def content_of(node: dict[str, Any] | str) -> tuple[str, list[str]]:
     return "".join(text for text, _ in parts), pictures + [p for _, found in parts for p in found]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_pdf_is_written_beside_the_page_or_refused_before_anything_is_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
