@@ -72,10 +72,20 @@ def check_archive(path: Path) -> None:
         check_unpacked(path, "arrays", sum(member.file_size for member in members))
         for member in (member for member in members if member.filename.endswith(".npy")):
             with archive.open(member) as file:
-                version = np.lib.format.read_magic(file)
-                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-                shape, _, dtype = read(file)
-                held = member.file_size - file.tell()
-            stated = math.prod(shape) * dtype.itemsize
-            if stated > held:
-                raise DataError(path, f"{member.filename}: {shape} of {dtype} are {stated} bytes, found {held}")
+                _check_header(path, member.filename, file, member.file_size)
+
+
+def check_array(path: Path) -> None:
+    """Refuse an npy file whose array is larger than its content; errors as of `check_archive`."""
+    with path.open("rb") as file:
+        _check_header(path, "array", file, path.stat().st_size)
+
+
+def _check_header(path: Path, what: str, file: IO[bytes], size: int) -> None:
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(file)
+    held = size - file.tell()
+    stated = math.prod(shape) * dtype.itemsize
+    if stated > held:
+        raise DataError(path, f"{what}: {shape} of {dtype} are {stated} bytes, found {held}")

@@ -10,13 +10,13 @@ from typing import IO
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.arrays import ORIGIN as ORIGIN_ARRAY
 from daq.files.columns.temperatures import known_mean
-from daq.files.csv import ORIGIN as ORIGIN_COMMENT
-from daq.files.mat import write_mat
+from daq.files.formats.arrays import ORIGIN as ORIGIN_ARRAY
+from daq.files.formats.mat import write_mat
+from daq.files.formats.uff import write_universal
 from daq.files.measurement_file import UNIVERSAL
 from daq.files.origin import Origin
-from daq.files.uff import write_universal
+from daq.files.tables.text_table import ORIGIN as ORIGIN_COMMENT
 from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.mcap_log import McapWriter
 from daq.types import Block, Channel, FloatArray, Recording, find_gaps

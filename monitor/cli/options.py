@@ -7,6 +7,7 @@ from typer import Argument, Option
 from typer.models import OptionInfo
 
 METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
+DATE_ORDERS = ("dmy", "mdy")  #: those of `DataOptions.date_order`
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")  #: those of `daq.files.TIME_UNITS`
 
 

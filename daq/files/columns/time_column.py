@@ -24,7 +24,12 @@ _SPELT = {
     "d": ("day", "days"),
 }
 _WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
-_BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
+_BARE = re.compile(
+    r"t|time|time[ _]?stamp|date[ _/]?time|(measurement|elapsed|relative)[ _]time|x[ _]value|zeit|messzeit|temps|tiempo"
+    r"|(time|zeit) +\d+( +- .*)?",  # those of Catman are numbered
+    re.IGNORECASE,
+)
+_CLOCKED = re.compile(r"\s*[\[(]h+:m+[^\])]*[\])]$", re.IGNORECASE)  # form of times of day, as DASYLab writes it
 _DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
 _DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
@@ -46,7 +51,7 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     """
     if asked is not None:
         return asked if asked in names else None
-    bare = [name for name in names if _BARE.fullmatch(name)]
+    bare = [name for name in names if _BARE.fullmatch(_CLOCKED.sub("", name))]
     united = (name for name in names if _BARE.fullmatch(_parted(name)[0]) and header_unit(name))
     surely = (name for name in bare if name != _DOUBTFUL)
     return next(itertools.chain(surely, united, bare), None)

@@ -15,15 +15,14 @@ import numpy as np
 import pyuff
 
 from daq.errors import DataError
-from daq.files.arrays import Arrays
-from daq.files.differentiation import derivative
+from daq.files.formats.arrays import Arrays
 from daq.files.origin import Origin
 from daq.types import Channel, FloatArray, Recording
 
 _TIME_RESPONSE = 1
-_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION = 0, 1, 11, 12
-_READ = {_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION}
-_KINDS = {8: "displacement", 9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
+_UNKNOWN, _ACCELERATION = 0, 12
+_UNITS = {_UNKNOWN: "", 1: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data types, once in metres; "" is m/s2
+_KINDS = {9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
 _AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
 _TIME = 17  # of an abscissa [s]
 _BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
@@ -38,7 +37,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
 
     A channel is named after its node and direction, ``12_x`` or ``12_-y``, preceded by the entity if the file has one
     (``tower_12_x``); if nodes are not unique, after the first ID line. Lengths are converted to metres according to
-    dataset 164; velocities become accelerations.
+    dataset 164.
 
     Parameters
     ----------
@@ -70,6 +69,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
         rate=rate,
         t=None,
         origin=_origin([(names[i], series[i][1]) for i in chosen]),
+        units=tuple(_UNITS.get(int(series[i][1]["ordinate_spec_data_type"]), "") for i in chosen or range(len(names))),
     )
 
 
@@ -164,18 +164,19 @@ def _node_name(series: Dataset) -> str:
 
 
 def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:
-    """Return one channel [acceleration, lengths as in the file], checked."""
+    """Return one channel [lengths as in the file], checked."""
     kind = int(series["ordinate_spec_data_type"])
-    if kind not in _READ:
+    if kind not in _UNITS:
         held = _KINDS.get(kind, f"data of type {kind}")
-        raise DataError(path, f"dataset {number} ({name}): expected acceleration or velocity, found {held}")
+        raise DataError(
+            path, f"dataset {number} ({name}): expected acceleration, velocity or displacement, found {held}"
+        )
     if int(series["abscissa_spacing"]) != 1 or not series["abscissa_inc"] > 0:
         raise DataError(path, f"dataset {number} ({name}): expected even steps of time, found uneven ones")
     values = np.asarray(series["data"])
     if np.iscomplexobj(values) or not len(values) or np.isinf(values).any():
         raise DataError(path, f"dataset {number} ({name}): expected finite real numbers")
-    column = values.astype(np.float64)
-    return derivative(column, 1 / series["abscissa_inc"]) if kind == _VELOCITY else column
+    return values.astype(np.float64)
 
 
 def _check_same(path: Path, series: Sequence[tuple[int, Dataset]]) -> None:
