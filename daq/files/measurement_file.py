@@ -108,7 +108,8 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
             raise ValueError(f"channels: expected some of {', '.join(names)}, found {name!r}")
     scales = scalings(path, found.signals, options)
     channels = _channels(found)
-    data = (found.values - [scale.offset for scale in scales]) * [scale.factor for scale in scales]
+    data = found.values - np.array([scale.offset for scale in scales])
+    data *= [scale.factor for scale in scales]
     _check_magnitude(path, found.signals, data)
     _check_rates(path, found.rate, options)
     temperature = mean_temperature(path, found.warm, found.warmth, found.rate)

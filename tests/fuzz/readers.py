@@ -1,5 +1,6 @@
 """Readers of files from elsewhere, each with sound files to mutate and the command that reads them."""
 
+import gzip
 import json
 import shutil
 import sys
@@ -201,6 +202,16 @@ _DATED = b"time,a,b\n" + b"".join(
     b"2026-01-31T00:00:%02d.%02d,%.4f,%.4f\n" % (k // 100, k % 100, np.sin(0.7 * k), np.cos(0.3 * k))
     for k in range(200)
 )
+_LABVIEW = (
+    b"LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\nY_Unit_Label\tg\tmm\n"
+    b"X0\t0,0\t0,0\nDelta_X\t0,010000\t0,010000\n***End_of_Header***\nX_Value\ta\tb\tComment\n"
+) + b"".join(b"\t%.4f\t%.4f\n" % (np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200)).replace(b".", b",")
+_DASYLAB = b"DASYLab - V 11.00.00\nDelta: 1.0 sec.\nDate;Measurement time[hh:mm:ss];a [g];b [lb];\n" + b"".join(
+    b"02/13/2026;4:%02d:%02d PM;%.4f;0,5;\n" % (k // 60, k % 60, np.sin(0.7 * k)) for k in range(200)
+)
+_NUMBERS = b"".join(b"%.2f %.4f %.4f\n" % (k / 100, np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200))
+_NUMBERS_NAMED = b"t a b\n" + _NUMBERS
+_CALIBRATION = b'[a]\nunit = "mV"\nsensitivity = "100 mV/g"\noffset = 0.1\n[b]\nunit = "mm/s"\nscale = -1.5\n'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,6 +291,13 @@ def _import(path: Path, random: Random, *options: object) -> int:
     out = path.parent / "out.mcap"
     code = command("import", path, "-o", out, *options)
     return command("log", "info", out) if code == 0 and random.random() < 0.2 else code
+
+
+def _table(path: Path, random: Random) -> int:
+    if path.suffix == ".toml":
+        return _import(path.with_name("data.csv"), random, "--calibration", path)
+    more = ((), (), ("--columns", "t,a,b"), ("--rate", "100"), ("--high-pass", "1", "--resample", "40"))
+    return _import(path, random, *random.choice(more))
 
 
 def _arrays(path: Path, random: Random) -> int:
@@ -369,6 +387,15 @@ def _scratch() -> Path:
     folder = Path(tempfile.mkdtemp(prefix="fuzz-"))
     atexit.register(partial(shutil.rmtree, folder, ignore_errors=True))
     return folder
+
+
+def _table_seeds() -> tuple[Seed, ...]:
+    packed = gzip.compress(_NUMBERS, mtime=0)
+    return (
+        *_texts(_LABVIEW, _DASYLAB, _NUMBERS),
+        Seed(content=packed, mutate=mutated_bytes, suffix=".gz"),
+        Seed(content=_CALIBRATION, mutate=mutated_text, suffix=".toml"),
+    )
 
 
 def _array_seeds() -> tuple[Seed, ...]:
@@ -483,6 +510,7 @@ READERS = {
         beside={},
     ),
     "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_import, beside={}),
+    "table": Reader(suffix=".txt", seeds=_table_seeds, read=_table, beside={"data.csv": _NUMBERS_NAMED}),
     "arrays": Reader(suffix=".npz", seeds=_array_seeds, read=_arrays, beside=_TOML),
     "universal": Reader(suffix=".uff", seeds=_uff_seeds, read=_import, beside={}),
     "can-log": Reader(suffix=".log", seeds=_can_seeds, read=_can_log, beside={"imu.dbc": _DBC}),

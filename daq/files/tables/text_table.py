@@ -81,7 +81,7 @@ def is_table(path: Path) -> bool:
         layout, _ = table_layout(path)
     except DataError:
         return False
-    return layout.delimiter is not None and layout.named and len(layout.head) > 1
+    return layout.delimiter is not None and layout.named and min(len(layout.head), len(layout.names)) > 1
 
 
 def read_rows(

@@ -95,7 +95,6 @@ def import_(
     One column per channel, named as its sensor.
 
     Example:
-    modalwatch import before.csv -o before.mcap --unit g
     modalwatch import numbers.txt -o before.mcap --columns t,top_x,top_y --unit mV --sensitivity '100 mV/g'
     modalwatch import logger/*.csv -o days.mcap --structure structure.toml --new-site site.toml
     """
