@@ -8,6 +8,7 @@ from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, pa
 from daq.files.dataframe import read_dataframe
 from daq.files.differentiation import differentiated
 from daq.files.export import export_recording, with_channels, write_recording, write_recordings
+from daq.files.formats.registry import FORMATS, Format, format_of
 from daq.files.measured import Measured
 from daq.files.measurement_file import read_data, read_measured
 from daq.files.message_export import expand_log
@@ -19,9 +20,11 @@ __all__ = [
     "ACCELERATIONS",
     "CAN_LOGS",
     "DAMAGED_FILE",
+    "FORMATS",
     "TIME_UNITS",
     "Calibration",
     "DataOptions",
+    "Format",
     "ImportedSensor",
     "LoggedSensor",
     "Measured",
@@ -31,6 +34,7 @@ __all__ = [
     "differentiated",
     "expand_log",
     "export_recording",
+    "format_of",
     "import_can_log",
     "in_order",
     "is_table",

@@ -5,6 +5,8 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -55,6 +57,31 @@ def inflated_size(file: IO[bytes], n: int, most: int) -> int:
             size += len(stream.decompress(piece, _PIECE))
             piece = stream.unconsumed_tail
     return size
+
+
+@contextmanager
+def damage_named(path: Path, form: str, *errors: type[Exception]) -> Iterator[None]:
+    """Turn exceptions of libraries for a damaged file, or one of another format, into an error that names the file.
+
+    Parameters
+    ----------
+    path : of the file
+    form : name of its format
+    *errors : exceptions in addition to OSError and `DAMAGED_FILE`
+
+    Raises
+    ------
+    DataError
+        Naming the file.
+    """
+    caught: tuple[type[Exception], ...] = (OSError, *DAMAGED_FILE, *errors)
+    try:
+        yield
+    except DataError:
+        raise
+    except caught as error:
+        reason = f"{error}".strip().splitlines() or [type(error).__name__]
+        raise DataError(path, f"is no {form} file, or damaged: {reason[0]}") from error
 
 
 def check_archive(path: Path) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from daq.errors import DataError
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, reads
-from daq.files.columns.headings import Signal, signals_of, temperatures_of
+from daq.files.columns.headings import Signal, parted, signals_of, temperatures_of
 from daq.files.columns.scaling import calibration_remark, differentiation_remark, foreign, scalings, unit_remark
 from daq.files.columns.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.files.columns.time_column import (
@@ -23,8 +23,7 @@ from daq.files.columns.time_column import (
     time_remark,
 )
 from daq.files.columns.time_grid import UnevenError, even_grid
-from daq.files.formats.arrays import read_arrays
-from daq.files.formats.uff import read_universal
+from daq.files.formats.registry import Format, format_of, read_format
 from daq.files.measured import Measured, processed
 from daq.files.options import DataOptions
 from daq.files.origin import Origin
@@ -32,7 +31,6 @@ from daq.files.tables.layout import Layout
 from daq.files.tables.text_table import read_rows, table_layout
 from daq.types import Channel, FloatArray, Recording, find_gaps
 
-UNIVERSAL = {".uff", ".unv"}  #: endings of universal files
 _MAX_VALUE = 1e20  # m/s2
 _MAX_TIME = 4.6e18  # ns since 1970
 _MIN_RATE, _MAX_RATE = 1e-6, 1e6  # Hz
@@ -71,11 +69,11 @@ def read_data(
 
 
 def read_measured(path: Path, options: DataOptions) -> Measured:
-    """Read a file of measurements: .npz, .mat, universal (.uff, .unv), anything else as a table of text.
+    """Read a file of measurements: one of `FORMATS` by its ending, anything else as a table of text.
 
     Parameters
     ----------
-    path : see `read_csv`, `read_arrays` and `read_universal` for the formats
+    path : see `table_layout`, `read_rows` and the modules of `daq.files.formats`
     options : DataOptions
 
     Returns
@@ -96,8 +94,9 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
 
 def read_unprocessed(path: Path, options: DataOptions) -> Measured:
     """Read a file as `read_measured` does, but do not differentiate, filter or resample."""
-    read = _arrays if path.suffix.lower() in {".npz", ".npy", ".mat", *UNIVERSAL} else _table
-    return as_measured(path, read(path, options), options)
+    known = format_of(path)
+    found = _table(path, options) if known is None else _of_format(path, known, options)
+    return as_measured(path, found, options)
 
 
 def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
@@ -126,7 +125,7 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
         gaps=find_gaps(channels, data),
     )
     texts = [
-        date_remark(found.time, found.began) if found.time and found.began is not None else None,
+        date_remark(found.time, found.began) if found.began is not None else None,
         time_remark(found.time, options.time_unit) if found.time and found.began is None else None,
         unit_remark(found.signals, options),
         calibration_remark(found.signals, options),
@@ -266,30 +265,31 @@ def _place(path: Path, layout: Layout, name: str) -> int:
     return layout.names.index(name)
 
 
-def _arrays(path: Path, options: DataOptions) -> Columns:
-    universal = path.suffix.lower() in UNIVERSAL  # units are in the file itself
-    arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time, options.transposed)
-    left: tuple[str, ...] = ()
+def _of_format(path: Path, known: Format, options: DataOptions) -> Columns:
+    arrays = read_format(known, path, options)
+    left = arrays.left
     if arrays.units is not None:
         units = dict(zip(arrays.names, arrays.units, strict=True))
         named = signals_of(path, arrays.names, options.columns, united=False)
         signals, warm = tuple(replace(s, unit=units.get(s.column, "")) for s in named), tuple[str, ...]()
     else:
-        signals, warm, left = columns_to_read(path, arrays.names, options)
+        signals, warm, foreign_units = columns_to_read(path, arrays.names, options)
+        left = (*left, *foreign_units)
     columns = [*(signal.column for signal in signals), *warm]
     for name in columns:
         if name not in arrays.names:
             raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
     values = arrays.values[:, [arrays.names.index(name) for name in columns]]
+    texts: dict[str, Any] = {"began": arrays.began, "origin": arrays.origin, "left": left, "remarks": arrays.remarks}
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
-        known = known_rate(path, options.rate, arrays.rate, otherwise)
-        return Columns(signals, warm, values, known, origin=arrays.origin, left=left)
+        rate = known_rate(path, options.rate, arrays.rate, otherwise)
+        return Columns(signals, warm, values, rate, **texts)
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
-        return Columns(signals, warm, *on_grid(t, values), arrays.t_name, origin=arrays.origin, left=left)
+        return Columns(signals, warm, *on_grid(t, values), arrays.t_name, **texts)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 
@@ -314,7 +314,11 @@ def on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
 
 def _channels(found: Columns) -> tuple[Channel, ...]:
     """Return the channels on the devices that the file states, else on one; see `devices_of`."""
-    places = [found.origin.channel(signal.column) if found.origin else None for signal in found.signals]
+    origin = found.origin
+    places = [
+        None if origin is None else origin.channel(signal.column) or origin.channel(parted(signal.column)[0])
+        for signal in found.signals
+    ]
     taken = {place.axis for place in places if place and place.device == _DEVICE}
     free = (axis for axis in itertools.count() if axis not in taken)
     stated = [

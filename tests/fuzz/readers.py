@@ -13,7 +13,10 @@ from random import Random
 
 import can
 import numpy as np
-from scipy.io import mmwrite
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, RootObject, TdmsWriter
+from pymseed import MS3TraceList
+from scipy.io import mmwrite, wavfile
 
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
 from monitor.analysis.modal_table.table import read_table
@@ -300,6 +303,10 @@ def _table(path: Path, random: Random) -> int:
     return _import(path, random, *random.choice(more))
 
 
+def _format(path: Path, random: Random) -> int:
+    return _import(path, random, *(("--unit", "g") if path.suffix in (".mseed", ".wav") else ()))
+
+
 def _arrays(path: Path, random: Random) -> int:
     return _import(
         path, random, *random.choice(((), (), ("--rate", "100"), ("--structure", path.with_name("structure.toml"))))
@@ -403,6 +410,37 @@ def _array_seeds() -> tuple[Seed, ...]:
         Seed(content=b"", mutate=crafted_npz),
         *(Seed(content=_exported(s), mutate=mutated_bytes, suffix=s) for s in (".npz", ".mat")),
     )
+
+
+@cache
+def _foreign(suffix: str) -> bytes:
+    """Return a file as the library of its format writes it."""
+    path, data = _scratch() / f"foreign{suffix}", _recording().data[:300]
+    if suffix == ".tdms":
+        waveform = {"wf_increment": 0.01, "wf_start_time": np.datetime64(_recording().start, "ns"), "unit_string": "g"}
+        with TdmsWriter(path) as writer:
+            channels = [ChannelObject("group", n, data[:, k], properties=waveform) for k, n in enumerate("abc")]
+            writer.write_segment([RootObject(), *channels])
+    elif suffix == ".wav":
+        wavfile.write(path, 100, (1000 * data).astype(np.int16))
+    elif suffix == ".mseed":
+        traces = MS3TraceList()
+        for axis, column in zip("ENZ", (1000 * data).astype(np.int32).T, strict=True):
+            traces.add_data(f"FDSN:AM_R7FA5_00_E_N_{axis}", column.copy(), "i", 100.0, starttime=_recording().start)
+        traces.to_file(path, max_record_length=512)
+    elif suffix == ".mf4":
+        with MDF() as mdf:
+            t = np.arange(300) / 100
+            mdf.append([Signal(data[:, k], t, name=name, unit="g") for k, name in enumerate("abc")])
+            mdf.save(path)
+    else:
+        return _exported(suffix)
+    return path.read_bytes()
+
+
+def _format_seeds() -> tuple[Seed, ...]:
+    endings = (".tdms", ".wav", ".mseed", ".mf4", ".h5", ".parquet", ".arrow")
+    return tuple(Seed(content=_foreign(ending), mutate=mutated_bytes, suffix=ending) for ending in endings)
 
 
 def _matrix_seeds() -> tuple[Seed, ...]:
@@ -512,6 +550,7 @@ READERS = {
     "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_import, beside={}),
     "table": Reader(suffix=".txt", seeds=_table_seeds, read=_table, beside={"data.csv": _NUMBERS_NAMED}),
     "arrays": Reader(suffix=".npz", seeds=_array_seeds, read=_arrays, beside=_TOML),
+    "formats": Reader(suffix=".tdms", seeds=_format_seeds, read=_format, beside={}),
     "universal": Reader(suffix=".uff", seeds=_uff_seeds, read=_import, beside={}),
     "can-log": Reader(suffix=".log", seeds=_can_seeds, read=_can_log, beside={"imu.dbc": _DBC}),
     "dbc": Reader(suffix=".dbc", seeds=lambda: _texts(_DBC), read=_dbc, beside={}),

@@ -9,9 +9,10 @@ import numpy as np
 from daq.errors import DataError
 from daq.files.archive_size import DAMAGED_FILE, check_archive, check_array
 from daq.files.columns.time_column import time_column
-from daq.files.formats.mat import read_mat
+from daq.files.formats.mat import read_mat, write_mat
+from daq.files.options import DataOptions
 from daq.files.origin import Origin, parse_origin
-from daq.types import FloatArray
+from daq.types import FloatArray, Recording
 
 _MAX_CHANNELS = 10_000
 ORIGIN = "origin"  #: array of one text
@@ -29,6 +30,26 @@ class Arrays:
     t_name: str = "t"  #: name of the array of times, found or requested
     origin: Origin | None = None  #: origin of an exported file
     units: tuple[str, ...] | None = None  #: of all signals, "" for none. Default: those that names state
+    began: int | None = None  #: time of the first sample [ns UTC]; None if not in the file
+    left: tuple[str, ...] = ()  #: descriptions of signals that are left out
+    remarks: tuple[str, ...] = ()  #: on the content
+
+
+def read(path: Path, options: DataOptions) -> Arrays:
+    """Read signals as `read_arrays` does."""
+    return read_arrays(path, options.time, options.transposed)
+
+
+def write(path: Path, recording: Recording) -> None:
+    """Write ``data``, ``rate``, ``channels``, ``start`` and the origin to a file that exists and is empty."""
+    names = [channel.name for channel in recording.channels]
+    arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
+    origin = Origin(start=recording.start, channels=recording.channels).text
+    with path.open("wb") as file:
+        if path.suffix.lower() == ".npz":
+            np.savez_compressed(file, **arrays, **{ORIGIN: np.array(origin)})  # type: ignore[arg-type]
+        else:
+            write_mat(file, arrays | {"channels": np.array(names, object), ORIGIN: origin})
 
 
 def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:

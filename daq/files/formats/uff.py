@@ -16,6 +16,7 @@ import pyuff
 
 from daq.errors import DataError
 from daq.files.formats.arrays import Arrays
+from daq.files.options import DataOptions
 from daq.files.origin import Origin
 from daq.types import Channel, FloatArray, Recording
 
@@ -30,6 +31,24 @@ _SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 
 _SAME = 1e-6  # relative: sampling intervals are printed with six digits
 
 Dataset = dict[str, Any]  # as pyuff returns it
+
+
+def read(path: Path, options: DataOptions) -> Arrays:
+    """Read time responses as `read_universal` does."""
+    return read_universal(path, options.columns)
+
+
+def write(path: Path, recording: Recording) -> None:
+    """Write time responses as `write_universal` does.
+
+    Raises
+    ------
+    DataError
+        If samples are missing.
+    """
+    if missing := np.count_nonzero(np.isnan(recording.data)):
+        raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
+    write_universal(path, recording)
 
 
 def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
