@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import h5py
 import numpy as np
@@ -91,9 +90,11 @@ def _series(
             continue
         rate, start = _rate(file, sets, name), _start(_stated(file, sets, name, _STARTS))
         called = f"{prefix}{name}" if by_path or last.count(base) > 1 else base
-        for one, unit, column in _columns(path, file, sets, name, item, options.transposed):
+        columns = list(_columns(path, file, sets, name, item, options.transposed))
+        whole = np.asarray(item[()], np.float64)
+        for one, unit, column in columns:
             title = one or (called if column is None else f"{called}_{column + 1}")
-            values = np.asarray(_values(item, column, options.transposed), np.float64)
+            values = whole if column is None else whole[column] if options.transposed else whole[:, column]
             if axis is not None and len(values) == len(axis.index):
                 yield Series(name=title, values=axis.placed(values), rate=axis.rate, start=axis.start, unit=unit)
             else:
@@ -141,12 +142,6 @@ def _columns(
     for column in range(n):
         several = units[column] if isinstance(units, list) and len(units) == n else ""
         yield stated[column], units if isinstance(units, str) else several, column
-
-
-def _values(item: "h5py.Dataset", column: int | None, transposed: bool | None) -> Any:  # noqa: ANN401 - of any type
-    if column is None:
-        return item[()]
-    return item[column, :] if transposed else item[:, column]
 
 
 def _stated(

@@ -1,7 +1,10 @@
 """MDF files (versions 3 and 4) of vehicle and test bench loggers, read with asammdf."""
 
+import gc
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,7 @@ from daq.errors import DataError
 from daq.files.archive_size import check_unpacked, damage_named
 from daq.files.columns.headings import parted
 from daq.files.formats.arrays import Arrays
+from daq.files.formats.messages import library_messages
 from daq.files.formats.series import Series, time_axis, together
 from daq.files.options import DataOptions
 
@@ -28,14 +32,34 @@ def read(path: Path, options: DataOptions) -> Arrays:
         Naming the file.
     """
     left: list[str] = []
-    with damage_named(path, "MDF", MdfException):
-        with path.open("rb") as file:
-            if file.read(8) not in _MAGIC:
-                raise DataError(path, "is no MDF file")
-        with MDF(path) as mdf:
-            series = list(_series(path, mdf, options, left))
+    with (
+        library_messages("asammdf") as messages,
+        damage_named(path, "MDF", MdfException),
+        path.open("rb") as file,
+        _opened(path, file) as mdf,
+    ):
+        series = list(_series(path, mdf, options, left))
     arrays = together(path, series, options.columns)
-    return replace(arrays, left=(*arrays.left, *left))
+    remarks = tuple(f"asammdf: {text}" for text in messages)
+    return replace(arrays, left=(*arrays.left, *left), remarks=remarks)
+
+
+def _opened(path: Path, file: BufferedReader) -> MDF:
+    """Open a file; the destructor of a damaged one raises again in asammdf, which is not shown."""
+    if file.read(8) not in _MAGIC:
+        raise DataError(path, "is no MDF file")
+    file.seek(0)
+    shown, reason = sys.unraisablehook, ""
+    try:
+        sys.unraisablehook = lambda _: None
+        try:
+            return MDF(file)
+        except Exception as error:  # noqa: BLE001 - whatever asammdf raises for a damaged file
+            reason = f"{error}".partition("\n")[0] or type(error).__name__
+        gc.collect()
+    finally:
+        sys.unraisablehook = shown
+    raise DataError(path, f"is no MDF file, or damaged: {reason}")
 
 
 def _series(path: Path, mdf: MDF, options: DataOptions, left: list[str]) -> Iterator[Series]:

@@ -1,6 +1,7 @@
 """TDMS files of LabVIEW and FlexLogger, read with npTDMS."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from nptdms import TdmsChannel, TdmsFile, TdmsGroup
 from daq.files.archive_size import check_unpacked, damage_named
 from daq.files.columns.time_column import in_seconds, time_column
 from daq.files.formats.arrays import Arrays
+from daq.files.formats.messages import library_messages
 from daq.files.formats.series import Series, TimeAxis, time_axis, together
 from daq.files.options import DataOptions
 
@@ -25,13 +27,18 @@ def read(path: Path, options: DataOptions) -> Arrays:
     DataError
         Naming the file, or the channel.
     """
-    with damage_named(path, "TDMS"), path.open("rb") as opened, TdmsFile.open(opened) as file:
+    with (
+        library_messages("nptdms") as messages,
+        damage_named(path, "TDMS"),
+        path.open("rb") as opened,
+        TdmsFile.open(opened) as file,
+    ):
         channels = [channel for group in file.groups() for channel in group.channels()]
         check_unpacked(path, "channels", 8 * sum(len(channel) for channel in channels))
         names = [channel.name for channel in channels]
         unique = {c.path: c.name if names.count(c.name) == 1 else f"{c.group_name}/{c.name}" for c in channels}
         series = [one for group in file.groups() for one in _series(path, group, unique, options)]
-    return together(path, series, options.columns)
+    return replace(together(path, series, options.columns), remarks=tuple(f"npTDMS: {text}" for text in messages))
 
 
 def _series(path: Path, group: TdmsGroup, names: dict[str, str], options: DataOptions) -> Iterator[Series]:
