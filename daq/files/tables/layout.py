@@ -153,6 +153,8 @@ def _rows(lines: Sequence[Line], delimiter: str | None) -> _Rows:
     if begin is None:
         return _Rows(delimiter, 0, 0, 0, (), cells)
     count = sum(len(row) == width and _fits(row, columns) for row in kinds)
+    noted = [any(len(row) == width and row[column] == "text" for row in kinds[begin:]) for column in range(width)]
+    columns = tuple("text" if kind == "empty" and noted[k] else kind for k, kind in enumerate(columns))
     return _Rows(delimiter, count, width, begin, columns, cells)
 
 

@@ -19,6 +19,7 @@ from daq.types import FloatArray, IndexArray
 
 ORIGIN = "# modalwatch "  #: begins the comment that states the origin of an exported table
 _LINES = 20_000  # of a piece
+_MAX_HEAD, _MIN_LINES = 500_000, 50  # characters of the first lines, and how many lines are read in any case
 _LATIN = {0xDC00 + byte: byte for byte in range(0xA0, 0x100)}  # bytes that are no UTF-8, as they are read
 _NO_TEXT = re.compile("[\udc80-\udcff]")
 
@@ -61,7 +62,7 @@ def table_layout(path: Path, names: Sequence[str] | None = None) -> tuple[Layout
     """
     lines: list[Line] = []
     comments: list[Line] = []
-    origin = None
+    origin, size = None, 0
     with _lines_of(path) as every:
         for number, text in every:
             if text.startswith(ORIGIN + "{") and not lines:  # other comments may begin alike
@@ -70,7 +71,8 @@ def table_layout(path: Path, names: Sequence[str] | None = None) -> tuple[Layout
                 comments.append((number, text))
             else:
                 lines.append((number, text))
-            if max(len(lines), len(comments)) >= MAX_PREAMBLE:
+            size += len(text)
+            if max(len(lines), len(comments)) >= (MAX_PREAMBLE if size < _MAX_HEAD else _MIN_LINES):
                 break
     return find_layout(path, lines, comments, names), origin
 

@@ -132,11 +132,12 @@ def test_table_without_names(tmp_path: Path, form: str) -> None:
 
 def test_foreign_columns_are_left_out_with_a_remark(tmp_path: Path) -> None:
     path = tmp_path / "beam.csv"
-    rows = [f"{k},{k / 100},{a},ok,{k},5" for k, a in enumerate(DATA[:, 0].tolist())]
-    path.write_text("\n".join([",time [s],left,status,force [kN],humidity [%]", *rows]))
+    rows = [f"{k},{k / 100},{a},ok,{k},5,{'hit' if k == 200 else ''}" for k, a in enumerate(DATA[:, 0].tolist())]
+    path.write_text("\n".join([",time [s],left,status,force [kN],humidity [%],event", *rows]))
     found = read_measured(path, DataOptions())
     assert [c.name for c in found.recording.channels] == ["left"]
-    assert found.remarks == ("columns left out: without a name: 1, status (text), force [kN], humidity [%]",)
+    left = "without a name: 1, status (text), event (text), force [kN], humidity [%]"
+    assert found.remarks == (f"columns left out: {left}",)
 
 
 @pytest.mark.parametrize(
@@ -294,7 +295,7 @@ def test_high_pass_and_resampling(tmp_path: Path) -> None:
     known = np.flatnonzero(np.isfinite(found.data[:, 0]))
     assert len(known) == 2000 - 2 * 10 - 23  # ten samples at each end and around the gap
     inner = [k for k in known.tolist() if 300 < k < 450 or 1050 < k < 1700]  # three periods of the cut-off off the ends
-    np.testing.assert_allclose(found.data[inner, 0], fast[::4][inner], atol=1e-3)  # ripple of the resampler: 6e-4
+    np.testing.assert_allclose(found.data[inner, 0], fast[::4][inner], atol=2e-3)  # ripple of the resampler: 1.8e-3
     with pytest.raises(DataError, match="--high-pass: expected less than half the rate of 400 Hz"):
         read_measured(path, DataOptions(high_pass=200.0))
     with pytest.raises(DataError, match="--resample: expected at most the rate of 400 Hz"):
