@@ -134,9 +134,7 @@ def _load(path: Path) -> dict[str, Any]:
         return read_mat(path)
     except DataError:
         raise
-    except OSError as error:
-        raise DataError(path, f"cannot be read: {error.strerror or error}") from error
-    except DAMAGED_FILE as error:
+    except (OSError, *DAMAGED_FILE) as error:
         raise DataError(path, f"holds no arrays: {error}") from error
 
 

@@ -1,6 +1,7 @@
 """Files of measurements: their content is exported from the log unchanged, and every error names its line."""
 
 import io
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -622,10 +623,14 @@ def test_invalid_arrays_are_refused(tmp_path: Path, arrays: dict[str, object], s
         read_data(path)
 
 
-def test_error_for_matlab_7_3_file_recommends_older_format(tmp_path: Path) -> None:
+def test_matlab_7_3_file_without_its_package_or_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "data.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(384) + b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(DataError, match=r"data\.mat: is a Matlab 7.3 file: save it with -v7"):
+    with pytest.raises(DataError, match=r"data\.mat: holds no arrays: "):
+        read_data(path)
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    monkeypatch.delitem(sys.modules, "daq.files.formats.mat73", raising=False)
+    with pytest.raises(DataError, match=r"data\.mat: is a Matlab 7.3 file, which needs h5py: save it with -v7, or pip"):
         read_data(path)
 
 
