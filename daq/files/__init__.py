@@ -9,6 +9,7 @@ from daq.files.dataframe import read_dataframe
 from daq.files.differentiation import differentiated
 from daq.files.export import export_recording, with_channels, write_recording, write_recordings
 from daq.files.formats.registry import FORMATS, Format, format_of
+from daq.files.formats.responses import FrequencyResponses, read_responses
 from daq.files.measured import Measured
 from daq.files.measurement_file import read_data, read_measured
 from daq.files.message_export import expand_log
@@ -25,6 +26,7 @@ __all__ = [
     "Calibration",
     "DataOptions",
     "Format",
+    "FrequencyResponses",
     "ImportedSensor",
     "LoggedSensor",
     "Measured",
@@ -45,6 +47,7 @@ __all__ = [
     "read_dataframe",
     "read_in_order",
     "read_measured",
+    "read_responses",
     "with_channels",
     "write_recording",
     "write_recordings",

@@ -13,6 +13,7 @@ from random import Random
 
 import can
 import numpy as np
+import pyuff
 from asammdf import MDF, Signal
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from pymseed import MS3TraceList
@@ -193,6 +194,7 @@ node = 3
 at = 5.0
 body = {at = [0.0, 0.0, 1.0], mass = 0.2}
 """
+_GAINS = ((0.3, 1.0, 0.02), (1.0, -0.9, 0.01), (0.1, 0.2, 1.0))  # of three channels in three modes
 _TABLE = b"""frequency [Hz],damping [%],frequency_std,a,b,c,temperature,rms
 11.2,0.5,0.01,0.3,1.0,0.02,20.5,0.01
 70.1,0.6,0.02,1.0,-0.9,0.01,20.5,0.01
@@ -438,6 +440,34 @@ def _foreign(suffix: str) -> bytes:
     return path.read_bytes()
 
 
+@cache
+def _responses() -> bytes:
+    """Return frequency responses with three resonances as a universal file."""
+    path, line = _scratch() / "responses.uff", np.arange(1, 161) * 0.5
+    modes = np.array([1 / (f**2 - line**2 + 0.04j * f * line) for f in (11, 40, 71)])
+    values = np.array(_GAINS) @ modes
+    sets = [
+        pyuff.prepare_58(
+            func_type=4,
+            id1=name,
+            rsp_node=0,
+            rsp_dir=0,
+            ref_node=1,
+            ref_dir=1,
+            binary=0,
+            abscissa_spec_data_type=18,
+            ordinate_spec_data_type=8,
+            orddenom_spec_data_type=13,
+            abscissa_spacing=1,
+            data=value,
+            x=line,
+        )
+        for name, value in zip("abc", values, strict=True)
+    ]
+    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+    return path.read_bytes()
+
+
 def _format_seeds() -> tuple[Seed, ...]:
     endings = (".tdms", ".wav", ".mseed", ".mf4", ".h5", ".parquet", ".arrow")
     return tuple(Seed(content=_foreign(ending), mutate=mutated_bytes, suffix=ending) for ending in endings)
@@ -543,7 +573,11 @@ READERS = {
     "scenario": Reader(suffix=".toml", seeds=lambda: _texts(_SCENARIO), read=_scenario, beside=_TOML),
     "modal-table": Reader(
         suffix=".csv",
-        seeds=lambda: (*_texts(_TABLE), Seed(content=_MODES, mutate=mutated_json, suffix=".json")),
+        seeds=lambda: (
+            *_texts(_TABLE),
+            Seed(content=_MODES, mutate=mutated_json, suffix=".json"),
+            Seed(content=_responses(), mutate=mutated_text, suffix=".uff"),
+        ),
         read=_modal_table,
         beside={},
     ),

@@ -69,10 +69,8 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
     DataError
         Naming the file and the dataset, counted from 1.
     """
-    sets = _datasets(path)
-    length = next((s["length"] for _, s in sets if s["type"] == 164), 1.0)
-    if not length > 0:
-        raise DataError(path, f"dataset 164: expected a positive factor of length, found {length}")
+    sets = datasets(path)
+    length = length_unit(path, sets)
     series = [(number, s) for number, s in sets if s["type"] == 58 and s["func_type"] == _TIME_RESPONSE]
     if not series:
         held = ", ".join(sorted({str(s["type"]) for _, s in sets})) or "none"
@@ -143,7 +141,7 @@ def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
     return Origin(start=min(int(found[1]) for found in begun if found), channels=channels)
 
 
-def _datasets(path: Path) -> list[tuple[int, Dataset]]:
+def datasets(path: Path) -> list[tuple[int, Dataset]]:
     """Return the datasets that pyuff supports, with their numbers."""
     try:
         path.open("rb").close()
@@ -163,7 +161,7 @@ def _datasets(path: Path) -> list[tuple[int, Dataset]]:
 
 def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     """Return the name of each channel, all different."""
-    by_node = [_node_name(s) for _, s in series]
+    by_node = [node_name(s) for _, s in series]
     by_line = [line if (line := str(s["id1"]).strip()) != "NONE" else "" for _, s in series]
     numbered = by_node if all(s["rsp_node"] for _, s in series) else []  # node 0 is none
     for names in (numbered, by_line, by_node):
@@ -176,10 +174,19 @@ def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     raise DataError(path, f"datasets {places}: expected different channels, found {twice!r} in each")
 
 
-def _node_name(series: Dataset) -> str:
-    entity, direction = str(series["rsp_ent_name"]).strip(), int(series["rsp_dir"])
+def length_unit(path: Path, sets: Sequence[tuple[int, Dataset]]) -> float:
+    """Return the length units of a file per metre, 1 if it does not state them."""
+    length = next((float(s["length"]) for _, s in sets if s["type"] == 164), 1.0)
+    if not length > 0:
+        raise DataError(path, f"dataset 164: expected a positive factor of length, found {length}")
+    return length
+
+
+def node_name(series: Dataset, end: str = "rsp") -> str:
+    """Return the name of a node and direction, of the response (`rsp`) or of the reference (`ref`)."""
+    entity, direction = str(series[f"{end}_ent_name"]).strip(), int(series[f"{end}_dir"])
     axis = ("-" if direction < 0 else "") + _AXES.get(abs(direction), "")
-    return "_".join(part for part in (entity if entity != "NONE" else "", str(series["rsp_node"]), axis) if part)
+    return "_".join(part for part in (entity if entity != "NONE" else "", str(series[f"{end}_node"]), axis) if part)
 
 
 def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:
