@@ -36,7 +36,9 @@ def write_responses(path: Path, text: str, seed: int, forces: tuple[int, ...] = 
     noise = random.standard_normal(found.shape) + 1j * random.standard_normal(found.shape)
     found = found + 0.005 * np.abs(found).mean() * noise
     sets = [
-        response(name, force, line, found[:, k, n]) for n, force in enumerate(forces) for k, name in named(structure)
+        response(name, force, line, found[:, k, n])
+        for n, force in enumerate(forces)
+        for k, name in enumerate(structure.channels)
     ]
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
     return path

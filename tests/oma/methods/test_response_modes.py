@@ -16,7 +16,7 @@ DAMPING = np.array([0.01, 0.008, 0.012, 0.01, 0.006, 0.02])
 SHAPE = np.linalg.qr(np.random.default_rng(5).standard_normal((6, 6)))[0].T  # a mode a row
 LINE: FloatArray = np.linspace(0.05, 60.0, 1200)
 CHANNELS = tuple("abcdef")
-N_DRAWS = 10
+N_DRAWS = 20
 
 
 def responses(inputs: tuple[int, ...]) -> ComplexArray:
@@ -44,10 +44,11 @@ def test_exact_responses_give_exact_modes(inputs: tuple[int, ...]) -> None:
     assert (np.diag(mac_matrix(found.shape, SHAPE.astype(complex))) > 0.999).all()
 
 
+@pytest.mark.thorough
 def test_deviations_state_the_scatter() -> None:
     """Errors over deviations: rms of 0.85 to 1.35 in 60 draws, the largest where a resonance is two lines wide.
 
-    The rms of 10 values has a standard deviation of 22 %.
+    The rms of 20 values has a standard deviation of 16 %.
     """
     draws = [measured(seed) for seed in range(N_DRAWS)]
     assert [found.n_modes for found in draws] == [6] * N_DRAWS
@@ -55,8 +56,8 @@ def test_deviations_state_the_scatter() -> None:
     for value, std, truth in (("frequency", "frequency_std", FREQUENCY), ("damping", "damping_std", DAMPING)):
         ratio = np.array([(getattr(found, value) - truth) / getattr(found, std) for found in draws])
         rms = np.sqrt((ratio**2).mean(axis=0))
-        assert (rms > 0.85 * (1 - 3 * 0.22)).all(), (value, rms)
-        assert (rms < 1.35 * (1 + 3 * 0.22)).all(), (value, rms)
+        assert (rms > 0.85 * (1 - 3 * 0.16)).all(), (value, rms)
+        assert (rms < 1.35 * (1 + 3 * 0.16)).all(), (value, rms)
     moved = [
         (found.shape.real - SHAPE * np.sign((found.shape.real * SHAPE).sum(axis=1))[:, None]) / found.shape_std
         for found in draws
