@@ -108,8 +108,12 @@ def import_(
     can = dbc is not None or (bool(bus) and (site is not None or not is_table(bus[0])))  # DASYLab's tables are .asc too
     if can and len(data) > 1:
         raise ArgumentError("DATA", f"expected one file of CAN traffic, found {len(data)}: {data[0]}, {data[1]}")
-    if can and (velocity or unit is not None):
-        raise ArgumentError("--velocity" if velocity else "--unit", "not for a CAN log: its DBC file has it")
+    described = {"--velocity": velocity, "--unit": unit, "--sensitivity": sensitivity, "--calibration": calibration}
+    if can and (given := next((name for name, value in described.items() if value), None)):
+        raise ArgumentError(given, "not for a CAN log: its DBC file has it")
+    tabular = {"--columns": columns, "--high-pass": high_pass, "--resample": resample}
+    if can and (given := next((name for name, value in tabular.items() if value), None)):
+        raise ArgumentError(given, "not for a CAN log")
     if can and new_site is not None:
         raise ArgumentError("--new-site", "not of a CAN log, whose sensors [device.dbc] describes: give --site")
     if len(data) > 1 and start is not None:
