@@ -13,8 +13,8 @@ def import_(
         list[Path],
         Argument(
             metavar="DATA",
-            help="A table of text (also .gz, .zip), .npz, .mat, .uff, .h5, .parquet, .arrow, .tdms, .mf4, .mseed, .wav, "
-            "or files with dates that follow each other; .log, .blf, .asc, .trc of CAN.",
+            help="A table of text (also .gz, .zip), .npz, .mat, .uff, .h5, .parquet, .arrow, .tdms, .mf4, .mseed, "
+            ".wav, or files with dates that follow each other; .log, .blf, .asc, .trc of CAN.",
         ),
     ],
     out: Annotated[Path, Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
