@@ -117,12 +117,12 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
     if header is None:
         return layout
     number, cells, units = header
-    commented = len(dict(lines).get(number, "").split(found.delimiter)) > len(cells)
+    commented = len(cells_of(dict(lines).get(number, ""), found.delimiter)) > len(cells)
     lacking: list[Kind] = ["empty"] * (len(cells) - width)
     kinds = (*found.kinds, *lacking)[: len(cells)]
     named = [_with_unit(cell, unit) for cell, unit in zip(cells, units, strict=True)]
     if commented:  # the first row may be one with a comment
-        first = next(line for line, _ in lines if line > number)
+        first = next((line for line, _ in lines if line > number), first)
     return replace(layout, names=tuple(named), header=number, named=True, kinds=kinds, first=first, commented=commented)
 
 

@@ -486,6 +486,7 @@ def test_one_array_per_channel_with_time_array_is_read(tmp_path: Path) -> None:
 
 
 TABLES = {
+    "quote": ('",', "holds no numbers|has no column"),
     "empty": ("", "is empty: expected a line with the columns' names"),
     "no names": ("0,1\n1,2\n", "has no column of times, .* but 1, 2: give --time NAME or --rate"),
     "no rows": ("t,a\n", "holds no numbers"),
