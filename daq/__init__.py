@@ -8,7 +8,8 @@ from daq.drivers.registry import driver_names, make_driver
 from daq.errors import DaqError, DataError, DbcError, DeviceLost, DriverError, LogError
 from daq.files.dataframe import read_dataframe
 from daq.files.export import export_recording, write_recording, write_recordings
-from daq.files.measurement_file import DataOptions, read_data, read_measured
+from daq.files.measurement_file import read_data, read_measured
+from daq.files.options import DataOptions
 from daq.log.mcap_log import McapWriter, read_attachments, read_events, read_log
 from daq.log.parts import AnyLog, LogExcerpt
 from daq.log.recordings import load_recordings

@@ -3,7 +3,7 @@
 from oma.errors import IdentificationError, NoCommonModes, OmaError, TooShort
 from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
 from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
-from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method
+from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method, identify_responses
 from oma.preparation import ChannelFault, WindowQuality, channel_faults
 from oma.spectral import Resonance, aligned, device_delays, fit_resonance, singular_values
 from oma.tracking import FollowedModes, LongTermTracker, Tracker, Tracks, match_setups, merge, pair_modes
@@ -42,6 +42,7 @@ __all__ = [
     "fit_resonance",
     "identify",
     "identify_all",
+    "identify_responses",
     "mac",
     "mac_matrix",
     "match_setups",

@@ -2,35 +2,52 @@
 
 from daq.files.archive_size import DAMAGED_FILE, check_archive
 from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
-from daq.files.columns.headings import ACCELERATIONS, acceleration
+from daq.files.columns.calibration import Calibration, read_calibration
 from daq.files.columns.time_column import TIME_UNITS
+from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, parse_sensitivity, parse_unit
 from daq.files.dataframe import read_dataframe
 from daq.files.differentiation import differentiated
 from daq.files.export import export_recording, with_channels, write_recording, write_recordings
-from daq.files.measurement_file import DataOptions, Measured, read_data, read_measured
+from daq.files.formats.registry import FORMATS, Format, format_of
+from daq.files.formats.responses import FrequencyResponses, read_responses
+from daq.files.measured import Measured
+from daq.files.measurement_file import read_data, read_measured
 from daq.files.message_export import expand_log
+from daq.files.options import DataOptions
 from daq.files.sequence import in_order, read_in_order
+from daq.files.tables.text_table import is_table
 
 __all__ = [
     "ACCELERATIONS",
     "CAN_LOGS",
     "DAMAGED_FILE",
+    "FORMATS",
     "TIME_UNITS",
+    "Calibration",
     "DataOptions",
+    "Format",
+    "FrequencyResponses",
     "ImportedSensor",
     "LoggedSensor",
     "Measured",
+    "Sensitivity",
     "acceleration",
     "check_archive",
     "differentiated",
     "expand_log",
     "export_recording",
+    "format_of",
     "import_can_log",
     "in_order",
+    "is_table",
+    "parse_sensitivity",
+    "parse_unit",
+    "read_calibration",
     "read_data",
     "read_dataframe",
     "read_in_order",
     "read_measured",
+    "read_responses",
     "with_channels",
     "write_recording",
     "write_recordings",

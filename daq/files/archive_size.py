@@ -5,6 +5,8 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
@@ -57,6 +59,31 @@ def inflated_size(file: IO[bytes], n: int, most: int) -> int:
     return size
 
 
+@contextmanager
+def damage_named(path: Path, form: str, *errors: type[Exception]) -> Iterator[None]:
+    """Turn exceptions of libraries for a damaged file, or one of another format, into an error that names the file.
+
+    Parameters
+    ----------
+    path : of the file
+    form : name of its format
+    *errors : exceptions in addition to OSError and `DAMAGED_FILE`
+
+    Raises
+    ------
+    DataError
+        Naming the file.
+    """
+    caught: tuple[type[Exception], ...] = (OSError, *DAMAGED_FILE, *errors)
+    try:
+        yield
+    except DataError:
+        raise
+    except caught as error:
+        reason = f"{error}".strip().splitlines() or [type(error).__name__]
+        raise DataError(path, f"is no {form} file, or damaged: {reason[0]}") from error
+
+
 def check_archive(path: Path) -> None:
     """Refuse an npz file whose arrays are larger than its content, or far larger than the file.
 
@@ -72,10 +99,20 @@ def check_archive(path: Path) -> None:
         check_unpacked(path, "arrays", sum(member.file_size for member in members))
         for member in (member for member in members if member.filename.endswith(".npy")):
             with archive.open(member) as file:
-                version = np.lib.format.read_magic(file)
-                read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-                shape, _, dtype = read(file)
-                held = member.file_size - file.tell()
-            stated = math.prod(shape) * dtype.itemsize
-            if stated > held:
-                raise DataError(path, f"{member.filename}: {shape} of {dtype} are {stated} bytes, found {held}")
+                _check_header(path, member.filename, file, member.file_size)
+
+
+def check_array(path: Path) -> None:
+    """Refuse an npy file whose array is larger than its content; errors as of `check_archive`."""
+    with path.open("rb") as file:
+        _check_header(path, "array", file, path.stat().st_size)
+
+
+def _check_header(path: Path, what: str, file: IO[bytes], size: int) -> None:
+    version = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = read(file)
+    held = size - file.tell()
+    stated = math.prod(shape) * dtype.itemsize
+    if stated > held:
+        raise DataError(path, f"{what}: {shape} of {dtype} are {stated} bytes, found {held}")

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.columns.headings import ACCELERATIONS, acceleration
 from daq.files.columns.time_column import time_column
 from daq.files.columns.time_grid import UnevenError
-from daq.files.measurement_file import Columns, DataOptions, as_measured, columns_to_read, known_rate, on_grid
+from daq.files.columns.units import ACCELERATIONS, acceleration
+from daq.files.measured import processed
+from daq.files.measurement_file import Columns, as_measured, columns_to_read, known_rate, on_grid
+from daq.files.options import DataOptions
 from daq.notebook import notebook_extra
 from daq.types import FloatArray, Recording
 
@@ -42,7 +44,7 @@ def read_dataframe(frame: "pandas.DataFrame", *, rate: float | None = None, unit
         raise DataError(_SOURCE, f"expected columns of different names, found {', '.join(names)}")
     if (time := time_column(names, None)) is not None:
         raise DataError(_SOURCE, f"column {time!r}: expected a channel, found times: use frame.set_index({time!r})")
-    signals, warm = columns_to_read(_SOURCE, names, options)
+    signals, warm, _ = columns_to_read(_SOURCE, names, options)
     if not signals:
         raise DataError(_SOURCE, f"has no column of a channel, but {', '.join(names) or 'none'}")
     wanted = [*(signal.column for signal in signals), *warm]
@@ -53,7 +55,7 @@ def read_dataframe(frame: "pandas.DataFrame", *, rate: float | None = None, unit
         raise DataError(_SOURCE, "index: holds times, leave out rate")
     else:
         found = Columns(signals, warm, values, known_rate(_SOURCE, rate, None, ""))
-    return as_measured(_SOURCE, found, options).recording
+    return processed(_SOURCE, (as_measured(_SOURCE, found, options),), options)[0].recording
 
 
 def _on_times(index: "pandas.Index", values: FloatArray) -> tuple[FloatArray, float]:

@@ -5,18 +5,14 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import IO
 
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.arrays import ORIGIN as ORIGIN_ARRAY
 from daq.files.columns.temperatures import known_mean
-from daq.files.csv import ORIGIN as ORIGIN_COMMENT
-from daq.files.mat import write_mat
-from daq.files.measurement_file import UNIVERSAL
+from daq.files.formats.registry import FORMATS, format_of, write_format
 from daq.files.origin import Origin
-from daq.files.uff import write_universal
+from daq.files.tables.text_table import ORIGIN as ORIGIN_COMMENT
 from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.mcap_log import McapWriter
 from daq.types import Block, Channel, FloatArray, Recording, find_gaps
@@ -123,7 +119,7 @@ def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int)
 
 
 def export_recording(path: Path, recording: Recording) -> None:
-    """Write a recording to a new file that `read_data` reads: .npz, .mat, .uff, .unv, else a table of text.
+    """Write a recording to a new file that `read_data` reads: of a format of `FORMATS` by its ending, else a table.
 
     Times count from the recording's start; a missing sample is NaN, which universal files do not have. Each states its
     origin: the devices and axes of the channels, and the start. In a table that is a comment before the header.
@@ -131,35 +127,38 @@ def export_recording(path: Path, recording: Recording) -> None:
     Raises
     ------
     DataError
-        If the file exists or cannot be written, or a universal file is requested and samples are missing.
+        If the file exists or cannot be written, the format cannot be written, or a universal file is requested and
+        samples are missing.
     """
-    if path.suffix.lower() in UNIVERSAL and (missing := np.count_nonzero(np.isnan(recording.data))):
-        raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
-    names = [channel.name for channel in recording.channels]
-    arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
-    origin = Origin(start=recording.start, channels=recording.channels).text
+    known = format_of(path)
+    if known is not None and not known.writes:
+        written = ", ".join(ending for one in FORMATS if one.writes for ending in one.endings)
+        raise DataError(path, f"{known.name} cannot be written; .csv, {written} can")
     try:
-        with path.open("xb") as file:
-            if path.suffix.lower() == ".npz":
-                np.savez_compressed(file, **arrays, **{ORIGIN_ARRAY: np.array(origin)})  # type: ignore[arg-type]
-            elif path.suffix.lower() == ".mat":
-                write_mat(file, arrays | {"channels": np.array(names, object), ORIGIN_ARRAY: origin})
-            elif path.suffix.lower() in UNIVERSAL:
-                write_universal(path, recording)
+        path.open("xb").close()
+        try:
+            if known is None:
+                _write_csv(path, recording)
             else:
-                _write_csv(file, recording, names, origin)
+                write_format(known, path, recording)
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
     except OSError as error:
         raise DataError(path, f"cannot be written: {error.strerror}") from error
 
 
-def _write_csv(file: IO[bytes], recording: Recording, names: list[str], origin: str) -> None:
+def _write_csv(path: Path, recording: Recording) -> None:
     """Write times [s] to the nanosecond and values [m/s2] to nine digits."""
+    names = [channel.name for channel in recording.channels]
+    origin = Origin(start=recording.start, channels=recording.channels).text
     row = io.StringIO(newline="")
     row.write(f"{ORIGIN_COMMENT}{origin}\n")
     csv.writer(row, lineterminator="\n").writerow(["t", *names])
-    file.write(row.getvalue().encode())
     t = np.arange(len(recording.data)) / recording.rate
-    np.savetxt(file, np.column_stack([t, recording.data]), delimiter=",", fmt=["%.9f", *["%.9g"] * len(names)])
+    with path.open("wb") as file:
+        file.write(row.getvalue().encode())
+        np.savetxt(file, np.column_stack([t, recording.data]), delimiter=",", fmt=["%.9f", *["%.9g"] * len(names)])
 
 
 def with_channels(recording: Recording, channels: tuple[Channel, ...]) -> Recording:

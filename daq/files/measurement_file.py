@@ -5,15 +5,16 @@ from collections import Counter
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.arrays import read_arrays
-from daq.files.columns.headings import Signal, factors, signals_of, temperatures_of, unit_remark
+from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, reads
+from daq.files.columns.headings import Signal, parted, signals_of, temperatures_of
+from daq.files.columns.scaling import calibration_remark, differentiation_remark, foreign, scalings, unit_remark
 from daq.files.columns.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.files.columns.time_column import (
-    TIME_UNITS,
     date_column,
     date_remark,
     in_seconds,
@@ -22,51 +23,19 @@ from daq.files.columns.time_column import (
     time_remark,
 )
 from daq.files.columns.time_grid import UnevenError, even_grid
-from daq.files.csv import csv_head, csv_origin, read_csv
-from daq.files.differentiation import differentiated
+from daq.files.formats.registry import Format, format_of, read_format
+from daq.files.measured import Measured, processed
+from daq.files.options import DataOptions
 from daq.files.origin import Origin
-from daq.files.uff import read_universal
+from daq.files.tables.layout import Layout
+from daq.files.tables.text_table import read_rows, table_layout
 from daq.types import Channel, FloatArray, Recording, find_gaps
 
-UNIVERSAL = {".uff", ".unv"}  #: endings of universal files
 _MAX_VALUE = 1e20  # m/s2
 _MAX_TIME = 4.6e18  # ns since 1970
 _MIN_RATE, _MAX_RATE = 1e-6, 1e6  # Hz
+_NICE = 1e-3  # relative: a requested rate may be the nominal one of a file
 _DEVICE = "import"
-
-
-@dataclass(frozen=True, kw_only=True)
-class DataOptions:
-    """Properties of a file of measurements that the user states."""
-
-    rate: float | None = None  #: samples per second [Hz], if not in the file
-    factor: float | None = None  #: m/s2 per unit of the file. Default: by the names of its columns, or 1
-    start: int | None = None  #: time of the first sample [ns UTC]. Default: from a column of dates, else 0
-    time: str | None = None  #: name of the column of times. Default: found by `time_column`
-    time_unit: str | None = None  #: unit of `TIME_UNITS`. Default: that of the column's name, or s
-    columns: Mapping[str, str] | None = None  #: columns to read -> names of their channels; see `signals_of`
-    velocities: Collection[str] = ()  #: channels that hold velocities [m/s, after `factor`]
-    temperature: str | None = None  #: column of temperatures. Default: found by `temperatures_of`
-    transposed: bool | None = None  #: whether rows of an array are channels; see `read_arrays`
-
-    def __post_init__(self) -> None:
-        """Refuse invalid options."""
-        if not all(number is None or number > 0 for number in (self.rate, self.factor)):
-            raise ValueError(f"rate and factor: expected positive numbers, found {self.rate} and {self.factor}")
-        if self.time_unit is not None and self.time_unit not in TIME_UNITS:
-            raise ValueError(f"time_unit: expected one of {', '.join(TIME_UNITS)}, found {self.time_unit!r}")
-        if self.columns is not None and len(set(self.columns.values())) < len(self.columns):
-            raise ValueError(f"columns: expected different names, found {', '.join(self.columns.values())}")
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Measured:
-    """Contents of a file of measurements."""
-
-    recording: Recording  #: its temperature is the mean
-    temperature: FloatArray  #: (n_samples,) mean of all columns of temperatures [degC], NaN where unknown
-    remarks: tuple[str, ...]  #: interpretation of the names of columns
-    dated: bool = False  #: whether the start time is in the file
 
 
 def read_data(
@@ -80,6 +49,8 @@ def read_data(
     columns: Mapping[str, str] | None = None,
     velocities: Collection[str] = (),
     temperature: str | None = None,
+    names: Sequence[str] | None = None,
+    date_order: str | None = None,
 ) -> Recording:
     """Read the recording of a file of measurements: `read_measured` with `DataOptions` of the same names."""
     options = DataOptions(
@@ -91,16 +62,18 @@ def read_data(
         columns=columns,
         velocities=velocities,
         temperature=temperature,
+        names=names,
+        date_order=date_order,
     )
     return read_measured(path, options).recording
 
 
 def read_measured(path: Path, options: DataOptions) -> Measured:
-    """Read a file of measurements: .npz, .mat, universal (.uff, .unv), anything else as a table of text.
+    """Read a file of measurements: one of `FORMATS` by its ending, anything else as a table of text.
 
     Parameters
     ----------
-    path : see `read_csv`, `read_arrays` and `read_universal` for the formats
+    path : see `table_layout`, `read_rows` and the modules of `daq.files.formats`
     options : DataOptions
 
     Returns
@@ -116,25 +89,28 @@ def read_measured(path: Path, options: DataOptions) -> Measured:
     ValueError
         If a channel of `options.velocities` is none.
     """
-    found = read_undifferentiated(path, options)
-    if not options.velocities:
-        return found
-    return replace(found, recording=differentiated(found.recording, options.velocities))
+    return processed(path, (read_unprocessed(path, options),), options)[0]
 
 
-def read_undifferentiated(path: Path, options: DataOptions) -> Measured:
-    """Read a file as `read_measured` does, but do not differentiate velocities [m/s]."""
-    read = _arrays if path.suffix.lower() in {".npz", ".mat", *UNIVERSAL} else _table
-    return as_measured(path, read(path, options), options)
+def read_unprocessed(path: Path, options: DataOptions) -> Measured:
+    """Read a file as `read_measured` does, but do not differentiate, filter or resample."""
+    known = format_of(path)
+    found = _table(path, options) if known is None else _of_format(path, known, options)
+    return as_measured(path, found, options)
 
 
 def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
-    """Return columns in m/s2 (velocities in m/s), with the channels and devices they belong to."""
-    by_hand = options.factor
-    factor = factors(path, found.signals, options.velocities) if by_hand is None else by_hand
+    """Return columns in m/s2 (m/s or m if still to be differentiated), with the channels and devices they belong to."""
+    names = [signal.channel for signal in found.signals]
+    for name in options.velocities:
+        if name not in names:
+            raise ValueError(f"channels: expected some of {', '.join(names)}, found {name!r}")
+    scales = scalings(path, found.signals, options)
     channels = _channels(found)
-    data = found.values * factor
+    data = found.values - np.array([scale.offset for scale in scales])
+    data *= [scale.factor for scale in scales]
     _check_magnitude(path, found.signals, data)
+    _check_rates(path, found.rate, options)
     temperature = mean_temperature(path, found.warm, found.warmth, found.rate)
     stated = found.origin.start if found.origin else None
     start = next((start for start in (options.start, found.began, stated) if start is not None), 0)
@@ -149,18 +125,31 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
         gaps=find_gaps(channels, data),
     )
     texts = [
-        date_remark(found.time, found.began) if found.time and found.began is not None else None,
+        date_remark(found.time, found.began) if found.began is not None else None,
         time_remark(found.time, options.time_unit) if found.time and found.began is None else None,
-        unit_remark(found.signals, options.velocities, by_hand),
+        unit_remark(found.signals, options),
+        calibration_remark(found.signals, options),
+        differentiation_remark(found.signals, scales, options.velocities),
         temperature_remark(found.warm, temperature),
         found.origin.remark if found.origin else None,
+        *found.remarks,
+        f"columns left out: {', '.join(found.left)}" if found.left else None,
     ]
     return Measured(
         recording=recording,
         temperature=temperature,
         remarks=tuple(remark for remark in texts if remark),
         dated=found.began is not None or stated is not None,
+        derivatives=tuple(scale.derivatives for scale in scales),
     )
+
+
+def _check_rates(path: Path, rate: float, options: DataOptions) -> None:
+    """Refuse frequencies that the rate of the file does not permit."""
+    if options.high_pass is not None and options.high_pass >= rate / 2:
+        raise DataError(path, f"--high-pass: expected less than half the rate of {rate:.6g} Hz")
+    if options.resample is not None and options.resample > rate * (1 + _NICE):
+        raise DataError(path, f"--resample: expected at most the rate of {rate:.6g} Hz")
 
 
 def _check_magnitude(path: Path, signals: Sequence[Signal], data: FloatArray) -> None:
@@ -182,6 +171,8 @@ class Columns:
     time: str | None = None  #: name of the column of times; None if the rate was given
     began: int | None = None  #: when its first date was [ns UTC], if it holds dates
     origin: Origin | None = None  #: origin of an exported file
+    left: tuple[str, ...] = ()  #: descriptions of columns that are left out
+    remarks: tuple[str, ...] = ()  #: on the place and the rate of the columns
 
     @property
     def values(self) -> FloatArray:
@@ -196,66 +187,109 @@ class Columns:
 
 def columns_to_read(
     path: Path, names: Sequence[str], options: DataOptions
-) -> tuple[tuple[Signal, ...], tuple[str, ...]]:
-    """Return the columns to read in addition to the times: signals and temperatures."""
+) -> tuple[tuple[Signal, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return the columns to read in addition to the times: signals and temperatures; and those with foreign units."""
     warm = temperatures_of(path, [name for name in names if name not in (options.columns or ())], options.temperature)
     others = temperatures_of(path, names, None) if options.columns is None else ()
     signals = signals_of(path, [name for name in names if name not in (*warm, *others)], options.columns)
-    return signals, warm
+    left = tuple(signal for signal in signals if options.columns is None and foreign(signal, options))
+    if len(left) == len(signals):
+        return signals, warm, ()
+    return tuple(s for s in signals if s not in left), warm, tuple(signal.column for signal in left)
 
 
 def _table(path: Path, options: DataOptions) -> Columns:
-    (every, first), rate, origin = csv_head(path), options.rate, csv_origin(path)
-    time = time_column(every, options.time)
-    day = date_column(every, first, time)
-    signals, warm = columns_to_read(path, [name for name in every if name not in (time, day)], options)
+    layout, origin = table_layout(path, options.names)
+    every, rate = tuple(name for name in layout.names if name), options.rate
+    filled = [name for name, kind in zip(layout.names, layout.kinds, strict=True) if name and kind != "empty"]
+    time = time_column(filled, options.time)
+    first = layout.head[0] if layout.head else ()
+    day = date_column(layout.names, first, time)
+    others = _foreign_columns(layout, {time, day}) if options.columns is None else {}
+    untimed = no_times(every, options.time) + ("" if layout.named else ", and --columns to name them")
+    rest = [name for name in every if name not in (time, day) and name not in others]
+    signals, warm, left = columns_to_read(path, rest, options)
     columns = [*(signal.column for signal in signals), *warm]
     timed = time is not None and (options.columns is None or rate is None)
-    known = rate if timed else known_rate(path, rate, None, no_times(every, options.time))
-    wanted = None if options.columns is None else {*columns, *(name for name in (time, day) if name and timed)}
-    table = read_csv(path, wanted, *((time, day) if timed else ()))
+    known = rate if timed else known_rate(path, rate, layout.rate, untimed)
+    times = (time, day) if timed else (None, None)
+    places = [_place(path, layout, name) for name in columns]
+    time_place, day_place = (None if name is None else _place(path, layout, name) for name in times)
+    wanted = [*([] if time_place is None else [time_place]), *places]
+    table = read_rows(path, layout, wanted, time_place, day_place, options.date_order)
     if not signals:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
-    values = table.values[:, [table.names.index(name) for name in columns]]
+    preamble = f"sampling rate of the preamble: {known:.6g} Hz" if known is not None and rate is None else ""
+    left = (*(text for name, text in others.items() if name or options.names is None), *left)
+    texts: dict[str, Any] = {"left": left, "remarks": (layout.remark, preamble), "origin": origin}
     if known is not None and not timed:
-        return Columns(signals, warm, values, known, origin=origin)
+        return Columns(signals, warm, table.values, known, **texts)
     if time is None or known is not None:
         raise DataError(path, f"has a column {time!r} of times: leave out --rate")
+    t, values = table.values[:, 0], table.values[:, 1:]
     try:
-        t = table.values[:, table.names.index(time)]
         if table.dated:
             name = time if day is None else f"{day} {time}"
-            return Columns(signals, warm, *on_grid(t, values), name, 1000 * round(1e6 * float(t[0])), origin)
+            return Columns(signals, warm, *on_grid(t, values), name, 1000 * round(1e6 * float(t[0])), **texts)
         t = in_seconds(path, time, t, options.time_unit)
         data, even_rate = on_grid(t, values)
         if origin:  # rows may have been taken out of the beginning
-            origin = replace(origin, start=origin.start + round(1e9 * float(t[0])))
-        return Columns(signals, warm, data, even_rate, time, origin=origin)
+            texts["origin"] = replace(origin, start=origin.start + round(1e9 * float(t[0])))
+        return Columns(signals, warm, data, even_rate, time, **texts)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
 
 
-def _arrays(path: Path, options: DataOptions) -> Columns:
-    universal = path.suffix.lower() in UNIVERSAL  # units are in the file itself
-    arrays = read_universal(path, options.columns) if universal else read_arrays(path, options.time, options.transposed)
-    if universal:
-        signals, warm = signals_of(path, arrays.names, options.columns, united=False), tuple[str, ...]()
+def _foreign_columns(layout: Layout, used: Collection[str | None]) -> dict[str, str]:
+    """Return columns that hold no numbers, or have no name, with a description of each."""
+    found: dict[str, str] = {}
+    for place, (name, kind) in enumerate(zip(layout.names, layout.kinds, strict=True)):
+        cell = layout.head[0][place] if layout.head and place < len(layout.head[0]) else ""
+        if not name and kind != "empty":
+            found[""] = f"{found['']}, {place + 1}" if "" in found else f"without a name: {place + 1}"
+        elif kind == "empty" and time_column([name], None):
+            found[name] = f"{name} (empty)"
+        elif name not in used and kind == "text":
+            found[name] = f"{name} (text)"
+        elif name not in used and kind == "value" and any(reads(form, cell) for form in (MOMENT, DAY, CLOCK)):
+            found[name] = f"{name} (dates)"
+    return found
+
+
+def _place(path: Path, layout: Layout, name: str) -> int:
+    """Return the place of a column that exists once."""
+    if name not in layout.names:
+        raise DataError(path, f"line {layout.header}: expected a column {name!r}, found {', '.join(layout.names)}")
+    if layout.names.count(name) > 1:
+        raise DataError(path, f"line {layout.header}: the column name {name!r} is given twice: name all by --columns")
+    return layout.names.index(name)
+
+
+def _of_format(path: Path, known: Format, options: DataOptions) -> Columns:
+    arrays = read_format(known, path, options)
+    left = arrays.left
+    if arrays.units is not None:
+        units = dict(zip(arrays.names, arrays.units, strict=True))
+        named = signals_of(path, arrays.names, options.columns, united=False)
+        signals, warm = tuple(replace(s, unit=units.get(s.column, "")) for s in named), tuple[str, ...]()
     else:
-        signals, warm = columns_to_read(path, arrays.names, options)
+        signals, warm, foreign_units = columns_to_read(path, arrays.names, options)
+        left = (*left, *foreign_units)
     columns = [*(signal.column for signal in signals), *warm]
     for name in columns:
         if name not in arrays.names:
             raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
     values = arrays.values[:, [arrays.names.index(name) for name in columns]]
+    texts: dict[str, Any] = {"began": arrays.began, "origin": arrays.origin, "left": left, "remarks": arrays.remarks}
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
-        known = known_rate(path, options.rate, arrays.rate, otherwise)
-        return Columns(signals, warm, values, known, origin=arrays.origin)
+        rate = known_rate(path, options.rate, arrays.rate, otherwise)
+        return Columns(signals, warm, values, rate, **texts)
     if len(arrays.t) != len(values):
         raise DataError(path, f"{arrays.t_name}: expected {len(values)} times, found {len(arrays.t)}")
     try:
         t = in_seconds(path, arrays.t_name, arrays.t, options.time_unit)
-        return Columns(signals, warm, *on_grid(t, values), arrays.t_name, origin=arrays.origin)
+        return Columns(signals, warm, *on_grid(t, values), arrays.t_name, **texts)
     except UnevenError as error:
         raise DataError(path, f"{arrays.t_name}[{error.row}]: {error.why}") from error
 
@@ -280,7 +314,11 @@ def on_grid(t: FloatArray, values: FloatArray) -> tuple[FloatArray, float]:
 
 def _channels(found: Columns) -> tuple[Channel, ...]:
     """Return the channels on the devices that the file states, else on one; see `devices_of`."""
-    places = [found.origin.channel(signal.column) if found.origin else None for signal in found.signals]
+    origin = found.origin
+    places = [
+        None if origin is None else origin.channel(signal.column) or origin.channel(parted(signal.column)[0])
+        for signal in found.signals
+    ]
     taken = {place.axis for place in places if place and place.device == _DEVICE}
     free = (axis for axis in itertools.count() if axis not in taken)
     stated = [

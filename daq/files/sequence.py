@@ -1,16 +1,15 @@
 """Files of measurements that follow each other: a logger that begins a new table every five minutes."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-import numpy as np
-
 from daq.errors import DataError
 from daq.files.columns.time_grid import TOLERANCE
-from daq.files.differentiation import differentiated
-from daq.files.measurement_file import DataOptions, Measured, devices_of, read_measured, read_undifferentiated
+from daq.files.measured import Measured, processed
+from daq.files.measurement_file import devices_of, read_measured, read_unprocessed
+from daq.files.options import DataOptions
 from daq.types import Recording, find_gaps
 
 _RATES_ALIKE = 2e-5  # relative: a tenth of detectable shifts of frequencies
@@ -21,20 +20,17 @@ _MAX_DRIFT = 1e-4  # ... and, relative to a file's length, the rate error of a c
 def read_in_order(paths: Sequence[Path], options: DataOptions) -> tuple[Measured, ...]:
     """Read one file of measurements, or several that follow each other, as `read_measured` and `in_order` do.
 
-    Velocities are differentiated across files: a derivative lacks both ends of a record, but not of each of its files.
+    Signals are differentiated, filtered and resampled across files.
     """
     if len(paths) == 1:
         return (read_measured(paths[0], options),)
-    found = in_order([(path, read_undifferentiated(path, options)) for path in paths])
-    if not options.velocities:
-        return found
     runs: list[list[Measured]] = []
-    for part in found:
+    for part in in_order([(path, read_unprocessed(path, options)) for path in paths]):
         if runs and (part.recording.start - runs[-1][-1].recording.end) * 1e-9 * part.recording.rate < 0.5:
             runs[-1].append(part)
         else:
             runs.append([part])
-    return tuple(part for run in runs for part in _differentiated(run, options.velocities))
+    return tuple(part for run in runs for part in processed(paths[0], run, options))
 
 
 def in_order(files: Sequence[tuple[Path, Measured]]) -> tuple[Measured, ...]:
@@ -99,13 +95,3 @@ def _pause(path: Path, found: Recording, before_path: Path, before: Recording) -
     if pause * found.rate < -max(_MAX_OVERLAP, _MAX_DRIFT * len(before.data)):
         raise DataError(path, f"begins {-pause:.6g} s before {before_path} ends")
     return max(round(pause * found.rate), 0)
-
-
-def _differentiated(run: Sequence[Measured], velocities: Collection[str]) -> Iterator[Measured]:
-    """Yield parts that follow each other without a pause, with accelerations in the place of velocities."""
-    together = np.concatenate([part.recording.data for part in run])
-    whole = differentiated(replace(run[0].recording, data=together, gaps=()), velocities)
-    ends = np.cumsum([len(part.recording.data) for part in run])
-    for part, data in zip(run, np.split(whole.data, ends[:-1]), strict=True):
-        gaps = find_gaps(part.recording.channels, data)
-        yield replace(part, recording=replace(part.recording, data=data, gaps=gaps))

@@ -8,6 +8,7 @@ from typer.models import OptionInfo
 
 METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
 ANIMATIONS = (".html", ".gif")  #: those of `monitor.views.animation`, without importing it
+DATE_ORDERS = ("dmy", "mdy")  #: those of `DataOptions.date_order`
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")  #: those of `daq.files.TIME_UNITS`
 
 

@@ -2,7 +2,7 @@
 
 from oma.selection.modes import Mode, candidates, distinct, physical, repeats_of_tones
 from oma.selection.pole_uncertainty import PoleInfluence, block_std, normalised_move, pole_moves
-from oma.selection.selection import BAND, Selection, uncertainty_law
+from oma.selection.selection import BAND, Selection, groups, uncertainty_law
 from oma.selection.stabilization_diagram import IndexArray, Stabilization, join, stabilization
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "block_std",
     "candidates",
     "distinct",
+    "groups",
     "join",
     "normalised_move",
     "physical",

@@ -1,5 +1,6 @@
 """Readers of files from elsewhere, each with sound files to mutate and the command that reads them."""
 
+import gzip
 import json
 import shutil
 import sys
@@ -12,7 +13,11 @@ from random import Random
 
 import can
 import numpy as np
-from scipy.io import mmwrite
+import pyuff
+from asammdf import MDF, Signal
+from nptdms import ChannelObject, RootObject, TdmsWriter
+from pymseed import MS3TraceList
+from scipy.io import mmwrite, wavfile
 
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
 from monitor.analysis.modal_table.table import read_table
@@ -189,6 +194,7 @@ node = 3
 at = 5.0
 body = {at = [0.0, 0.0, 1.0], mass = 0.2}
 """
+_GAINS = ((0.3, 1.0, 0.02), (1.0, -0.9, 0.01), (0.1, 0.2, 1.0))  # of three channels in three modes
 _TABLE = b"""frequency [Hz],damping [%],frequency_std,a,b,c,temperature,rms
 11.2,0.5,0.01,0.3,1.0,0.02,20.5,0.01
 70.1,0.6,0.02,1.0,-0.9,0.01,20.5,0.01
@@ -201,6 +207,16 @@ _DATED = b"time,a,b\n" + b"".join(
     b"2026-01-31T00:00:%02d.%02d,%.4f,%.4f\n" % (k // 100, k % 100, np.sin(0.7 * k), np.cos(0.3 * k))
     for k in range(200)
 )
+_LABVIEW = (
+    b"LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\nY_Unit_Label\tg\tmm\n"
+    b"X0\t0,0\t0,0\nDelta_X\t0,010000\t0,010000\n***End_of_Header***\nX_Value\ta\tb\tComment\n"
+) + b"".join(b"\t%.4f\t%.4f\n" % (np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200)).replace(b".", b",")
+_DASYLAB = b"DASYLab - V 11.00.00\nDelta: 1.0 sec.\nDate;Measurement time[hh:mm:ss];a [g];b [lb];\n" + b"".join(
+    b"02/13/2026;4:%02d:%02d PM;%.4f;0,5;\n" % (k // 60, k % 60, np.sin(0.7 * k)) for k in range(200)
+)
+_NUMBERS = b"".join(b"%.2f %.4f %.4f\n" % (k / 100, np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200))
+_NUMBERS_NAMED = b"t a b\n" + _NUMBERS
+_CALIBRATION = b'[a]\nunit = "mV"\nsensitivity = "100 mV/g"\noffset = 0.1\n[b]\nunit = "mm/s"\nscale = -1.5\n'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,6 +296,17 @@ def _import(path: Path, random: Random, *options: object) -> int:
     out = path.parent / "out.mcap"
     code = command("import", path, "-o", out, *options)
     return command("log", "info", out) if code == 0 and random.random() < 0.2 else code
+
+
+def _table(path: Path, random: Random) -> int:
+    if path.suffix == ".toml":
+        return _import(path.with_name("data.csv"), random, "--calibration", path)
+    more = ((), (), ("--columns", "t,a,b"), ("--rate", "100"), ("--high-pass", "1", "--resample", "40"))
+    return _import(path, random, *random.choice(more))
+
+
+def _format(path: Path, random: Random) -> int:
+    return _import(path, random, *(("--unit", "g") if path.suffix in (".mseed", ".wav") else ()))
 
 
 def _arrays(path: Path, random: Random) -> int:
@@ -371,11 +398,79 @@ def _scratch() -> Path:
     return folder
 
 
+def _table_seeds() -> tuple[Seed, ...]:
+    packed = gzip.compress(_NUMBERS, mtime=0)
+    return (
+        *_texts(_LABVIEW, _DASYLAB, _NUMBERS),
+        Seed(content=packed, mutate=mutated_bytes, suffix=".gz"),
+        Seed(content=_CALIBRATION, mutate=mutated_text, suffix=".toml"),
+    )
+
+
 def _array_seeds() -> tuple[Seed, ...]:
     return (
         Seed(content=b"", mutate=crafted_npz),
         *(Seed(content=_exported(s), mutate=mutated_bytes, suffix=s) for s in (".npz", ".mat")),
     )
+
+
+@cache
+def _foreign(suffix: str) -> bytes:
+    """Return a file as the library of its format writes it."""
+    path, data = _scratch() / f"foreign{suffix}", _recording().data[:300]
+    if suffix == ".tdms":
+        waveform = {"wf_increment": 0.01, "wf_start_time": np.datetime64(_recording().start, "ns"), "unit_string": "g"}
+        with TdmsWriter(path) as writer:
+            channels = [ChannelObject("group", n, data[:, k], properties=waveform) for k, n in enumerate("abc")]
+            writer.write_segment([RootObject(), *channels])
+    elif suffix == ".wav":
+        wavfile.write(path, 100, (1000 * data).astype(np.int16))
+    elif suffix == ".mseed":
+        traces = MS3TraceList()
+        for axis, column in zip("ENZ", (1000 * data).astype(np.int32).T, strict=True):
+            traces.add_data(f"FDSN:AM_R7FA5_00_E_N_{axis}", column.copy(), "i", 100.0, starttime=_recording().start)
+        traces.to_file(path, max_record_length=512)
+    elif suffix == ".mf4":
+        with MDF() as mdf:
+            t = np.arange(300) / 100
+            mdf.append([Signal(data[:, k], t, name=name, unit="g") for k, name in enumerate("abc")])
+            mdf.save(path)
+    else:
+        return _exported(suffix)
+    return path.read_bytes()
+
+
+@cache
+def _responses() -> bytes:
+    """Return frequency responses with three resonances as a universal file."""
+    path, line = _scratch() / "responses.uff", np.arange(1, 161) * 0.5
+    modes = np.array([1 / (f**2 - line**2 + 0.04j * f * line) for f in (11, 40, 71)])
+    values = np.array(_GAINS) @ modes
+    sets = [
+        pyuff.prepare_58(
+            func_type=4,
+            id1=name,
+            rsp_node=0,
+            rsp_dir=0,
+            ref_node=1,
+            ref_dir=1,
+            binary=0,
+            abscissa_spec_data_type=18,
+            ordinate_spec_data_type=8,
+            orddenom_spec_data_type=13,
+            abscissa_spacing=1,
+            data=value,
+            x=line,
+        )
+        for name, value in zip("abc", values, strict=True)
+    ]
+    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+    return path.read_bytes()
+
+
+def _format_seeds() -> tuple[Seed, ...]:
+    endings = (".tdms", ".wav", ".mseed", ".mf4", ".h5", ".parquet", ".arrow")
+    return tuple(Seed(content=_foreign(ending), mutate=mutated_bytes, suffix=ending) for ending in endings)
 
 
 def _matrix_seeds() -> tuple[Seed, ...]:
@@ -478,12 +573,18 @@ READERS = {
     "scenario": Reader(suffix=".toml", seeds=lambda: _texts(_SCENARIO), read=_scenario, beside=_TOML),
     "modal-table": Reader(
         suffix=".csv",
-        seeds=lambda: (*_texts(_TABLE), Seed(content=_MODES, mutate=mutated_json, suffix=".json")),
+        seeds=lambda: (
+            *_texts(_TABLE),
+            Seed(content=_MODES, mutate=mutated_json, suffix=".json"),
+            Seed(content=_responses(), mutate=mutated_text, suffix=".uff"),
+        ),
         read=_modal_table,
         beside={},
     ),
     "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_import, beside={}),
+    "table": Reader(suffix=".txt", seeds=_table_seeds, read=_table, beside={"data.csv": _NUMBERS_NAMED}),
     "arrays": Reader(suffix=".npz", seeds=_array_seeds, read=_arrays, beside=_TOML),
+    "formats": Reader(suffix=".tdms", seeds=_format_seeds, read=_format, beside={}),
     "universal": Reader(suffix=".uff", seeds=_uff_seeds, read=_import, beside={}),
     "can-log": Reader(suffix=".log", seeds=_can_seeds, read=_can_log, beside={"imu.dbc": _DBC}),
     "dbc": Reader(suffix=".dbc", seeds=lambda: _texts(_DBC), read=_dbc, beside={}),

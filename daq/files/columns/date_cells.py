@@ -1,11 +1,21 @@
 """Dates and times of day as tables write them."""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, time
 
-_DAY_FIRST = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})\b")  # 31.01.2026; slashes are day first here, month first there
+DATE_ORDERS = ("dmy", "mdy")  #: day first, or month first
+
+_DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}|\d{2})(?=$|[\s,.T])")  # 31.01.2026: the day is first
+_SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}|\d{2})(?=$|[\s,.T])")  # day or month first
+_YEAR_FIRST = re.compile(r"(\d{4})[/.](\d{1,2})[/.](\d{1,2})(?=$|[\s,.T])")
+_CLOCK = re.compile(
+    r"(?P<head>(?:.*\S)?[\s,.T]+)?(?P<hour>\d{1,2})(?P<rest>:\d\d[\d:.,]*)\s*(?P<half>[AP]\.?M\.?)?(?P<zone>\S*)",
+    re.IGNORECASE,
+)
+_HALVES = {"a": 0, "p": 12}
+_MAX_LENGTH = 60  # characters of a date with a time
 _EPOCH = date(1970, 1, 1)
 
 
@@ -13,37 +23,79 @@ _EPOCH = date(1970, 1, 1)
 class Dated:
     """Format of the cells of a column that holds no plain numbers."""
 
-    read: Callable[[str], float]  #: [s]; a ValueError where the text is none
+    parse: Callable[[str, str | None], float]  #: [s]; a ValueError where the text is none
     like: str  #: expected form
+    order: str | None = None  #: of dates with slashes
+
+    def read(self, text: str) -> float:
+        """Return seconds.
+
+        Raises
+        ------
+        ValueError
+            If the text is of another form.
+        """
+        return self.parse(text, self.order)
+
+    def ordered(self, order: str | None) -> "Dated":
+        """Return the format with an order of day and month."""
+        return replace(self, order=order)
 
 
-def _moment(text: str) -> float:
-    found = datetime.fromisoformat(_iso(text))
+def _moment(text: str, order: str | None) -> float:
+    found = datetime.fromisoformat(_iso(text, order))
     seconds = (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
     if seconds < 0:
         raise ValueError(text)
     return seconds
 
 
-def _day(text: str) -> float:
-    days = (date.fromisoformat(_iso(text)) - _EPOCH).days
+def _day(text: str, order: str | None) -> float:
+    days = (date.fromisoformat(_iso(text, order)) - _EPOCH).days
     if days < 0:
         raise ValueError(text)
     return 86400.0 * days
 
 
-def _clock(text: str) -> float:
-    plain = text.strip()
-    if ":" not in plain:  # 0950 is a number, not a time of day
+def _clock(text: str, _: str | None) -> float:
+    if ":" not in text:  # 0950 is a number, not a time of day
         raise ValueError(text)
-    found = time.fromisoformat(f"0{plain}" if plain.index(":") == 1 else plain)
+    found = time.fromisoformat(_two_digit_hour(text.strip()))
     offset = found.utcoffset()
     seconds = 3600.0 * found.hour + 60.0 * found.minute + found.second + 1e-6 * found.microsecond
     return seconds - (offset.total_seconds() if offset else 0.0)
 
 
-def _iso(text: str) -> str:
-    return _DAY_FIRST.sub(lambda found: f"{found[3]}-{int(found[2]):02d}-{int(found[1]):02d}", text.strip(), count=1)
+def _iso(text: str, order: str | None) -> str:
+    """Return a date, perhaps with a time, in ISO 8601."""
+    plain = text.strip()
+    if "." not in plain[:5] and "/" not in plain[:5]:
+        ready = len(plain) < 11 or plain[10] == "T" or (plain[13:14] == ":" and plain[-1] not in "Mm.")
+        return plain if ready else _two_digit_hour(plain)
+    plain = _YEAR_FIRST.sub(lambda f: _date(f[1], f[2], f[3]), plain, count=1)
+    plain = _DOTTED.sub(lambda f: _date(f[3], f[2], f[1]), plain, count=1)
+    if order is not None:
+        day, month = (1, 2) if order == "dmy" else (2, 1)
+        plain = _SLASHED.sub(lambda f: _date(f[3], f[month], f[day]), plain, count=1)
+    return _two_digit_hour(plain)
+
+
+def _date(year: str, month: str, day: str) -> str:
+    return f"{int(year) + (2000 if len(year) == 2 else 0):04d}-{int(month):02d}-{int(day):02d}"
+
+
+def _two_digit_hour(text: str) -> str:
+    """Return a time of day, perhaps after a date, with an hour of two digits of 24."""
+    found = _CLOCK.fullmatch(text) if len(text) <= _MAX_LENGTH else None
+    if found is None:
+        return text
+    hour = int(found["hour"])
+    if found["half"]:
+        if not 1 <= hour <= 12:
+            raise ValueError(text)
+        hour = hour % 12 + _HALVES[found["half"][0].lower()]
+    head = found["head"].strip(" ,.T\t") + " " if found["head"] else ""
+    return f"{head}{hour:02d}{found['rest']}{found['zone']}"
 
 
 MOMENT = Dated(_moment, "a time as 2026-01-31T12:00:00.005")  #: seconds since 1970
@@ -52,9 +104,27 @@ CLOCK = Dated(_clock, "a time of day as 12:00:00.005")  #: seconds since midnigh
 
 
 def reads(kind: Dated, text: str) -> bool:
-    """Return whether a cell is of a kind."""
-    try:
-        kind.read(text)
-    except ValueError:
-        return False
-    return True
+    """Return whether a cell is of a kind, in any order of day and month."""
+    for order in DATE_ORDERS:
+        try:
+            kind.ordered(order).read(text)
+        except ValueError:
+            continue
+        return True
+    return False
+
+
+def slashed(text: str) -> bool:
+    """Return whether a cell begins with a date whose order of day and month is not certain by its form."""
+    return _SLASHED.match(text.strip()) is not None
+
+
+def date_order(cells: Iterable[str]) -> str | None:
+    """Return the only order of day and month in which all dates are possible, None if both or none are."""
+    found = [match for cell in cells if (match := _SLASHED.match(cell.strip()))]
+    possible: list[str] = []
+    if all(int(match[2]) <= 12 for match in found):
+        possible.append("dmy")
+    if all(int(match[1]) <= 12 for match in found):
+        possible.append("mdy")
+    return possible[0] if found and len(possible) == 1 else None

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.columns.headings import TEMPERATURES, parted, plain
+from daq.files.columns.headings import parted
+from daq.files.columns.units import TEMPERATURES, plain
 from daq.types import FloatArray
 
 _COLDEST, _HOTTEST = -90.0, 150.0  # degC: plausible temperatures of a structure or a sensor

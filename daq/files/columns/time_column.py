@@ -24,7 +24,12 @@ _SPELT = {
     "d": ("day", "days"),
 }
 _WORDS = {word: unit for unit, words in _SPELT.items() for word in (unit, *words)}
-_BARE = re.compile(r"t|time|time[ _]?stamp|date[ _/]?time", re.IGNORECASE)
+_BARE = re.compile(
+    r"t|time|time[ _]?stamp|date[ _/]?time|(measurement|elapsed|relative)[ _]time|x[ _]value|zeit|messzeit|temps|tiempo"
+    r"|(time|zeit) +\d+( +- .*)?",  # those of Catman are numbered
+    re.IGNORECASE,
+)
+_CLOCKED = re.compile(r"\s*[\[(]h+:m+[^\])]*[\])]$", re.IGNORECASE)  # form of times of day, as DASYLab writes it
 _DAYS = re.compile(r"date|day|datum", re.IGNORECASE)
 _DOUBTFUL = "T"  # temperatures are called so too: where another column is of times, it is not
 _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNORECASE)
@@ -32,6 +37,7 @@ _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNO
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3
 _USUAL = 20e3  # Hz: up to which a unit is proposed
 _MIN_PERIOD = 1e-12  # s
+_MAX_START = 1 << 62  # ns
 _LATEST = 1e20  # of a time: nanoseconds since 1970 are less
 
 
@@ -46,7 +52,7 @@ def time_column(names: Collection[str], asked: str | None) -> str | None:
     """
     if asked is not None:
         return asked if asked in names else None
-    bare = [name for name in names if _BARE.fullmatch(name)]
+    bare = [name for name in names if _BARE.fullmatch(_CLOCKED.sub("", name))]
     united = (name for name in names if _BARE.fullmatch(_parted(name)[0]) and header_unit(name))
     surely = (name for name in bare if name != _DOUBTFUL)
     return next(itertools.chain(surely, united, bare), None)
@@ -131,9 +137,13 @@ def time_remark(name: str, given: str | None) -> str | None:
     return f"times of {name!r} are in {unit}" if unit != "s" else None
 
 
-def date_remark(name: str, began: int) -> str:
-    """Return a remark that times were read from dates, with the first one [ns UTC]."""
+def date_remark(name: str | None, began: int) -> str:
+    """Return a remark that the start [ns UTC] was read from dates, or from the file where no column has the times."""
+    if not 0 <= began < _MAX_START:
+        return ""
     first = datetime.fromtimestamp(began // 10**6 / 1000, UTC).isoformat(timespec="milliseconds")
+    if name is None:
+        return f"start of the file: {first}"
     return f"times of {name!r} are dates, UTC where they state no zone: the first is {first}"
 
 

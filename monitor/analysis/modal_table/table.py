@@ -1,4 +1,4 @@
-"""Tables of modes from other programs: CSV, or the JSON of `modalwatch identify`; one file per record.
+"""Tables of modes from other programs: CSV, the JSON of `modalwatch identify`, or frequency responses; one per record.
 
 Columns of a table: `frequency` [Hz]; optional `damping` [-], `frequency_std` [Hz], one column per channel with the
 shape's component, and `CHANNEL_std`; `temperature` [degC] and `rms` [m/s2] of the record, the same in every row.
@@ -13,14 +13,14 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, LogError
-from monitor.analysis.modal_table.columns import Columns, read_columns
+from monitor.analysis.modal_table.columns import UNIVERSAL, Columns, read_columns
 from monitor.analysis.observation import Observation
 from oma import ComplexArray, ModalEstimate, normalise
 from oma.windows import Windows
 from updater import Structure, build_model, mean_modes, stack_tracks
 from updater.modal_data import choose_tracks, doubles
 
-_SUFFIXES = (".csv", ".json")
+_SUFFIXES = (".csv", ".json", *UNIVERSAL)
 _FREQUENCY_STD = 1e-3  # relative, if a table has none: usual value of minutes of ambient vibration
 _SHAPE_STD = 0.02  # of a unit shape's components, where a table states none
 _DAMPING = 0.01  # value if a table has none; its deviation marks it as unknown

@@ -10,7 +10,10 @@ from monitor.cli.options import Force, From, Run, To
 
 def export(
     log: Run,
-    out: Annotated[Path, Option("--out", "-o", metavar="DATA", help="File to write: .csv, .npz, .mat or .uff.")],
+    out: Annotated[
+        Path,
+        Option("--out", "-o", metavar="DATA", help="File to write: .csv, .npz, .mat, .uff, .parquet, .arrow or .h5."),
+    ],
     start: From = None,
     stop: To = None,
     force: Force = False,

@@ -97,7 +97,7 @@ def test_value_that_is_no_number_is_named_with_column_and_row(bad: object) -> No
         (table(DATES).assign(clock=DATES), "column 'clock': expected numbers, found datetime64"),
         (table(DATES) * 1j, "column 'top_x': expected numbers, found complex128"),
         (table(DATES) > 0, "column 'top_x': expected numbers, found bool"),
-        (table(DATES).set_axis(["a [m/s]", "b"], axis=1), r"column 'a \[m/s\]' has velocities"),
+        (table(DATES).set_axis(["a [V]", "b"], axis=1), r"column 'a \[V\]' is in V: give its sensitivity"),
     ],
 )
 def test_error_names_what_is_wrong(frame: pd.DataFrame, message: str) -> None:

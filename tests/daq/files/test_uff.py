@@ -95,7 +95,7 @@ def test_velocities_are_differentiated_to_accelerations(tmp_path: Path) -> None:
         (time_response(SIGNALS[:, 1], 2, start=1.0), "found 400 every 0.005 s from 1 s"),
         (
             time_response(SIGNALS[:, 1], 2, ordinate_spec_data_type=13),
-            "dataset 2 (2_x): expected acceleration or velocity",
+            "dataset 2 (2_x): expected acceleration, velocity or displacement",
         ),
         (time_response(1j * SIGNALS[:, 1], 2), "dataset 2 (2_x): expected finite real numbers"),
     ],

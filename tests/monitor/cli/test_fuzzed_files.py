@@ -15,7 +15,7 @@ import pytest
 _ROOT = Path(__file__).parents[3]
 _CASES = 3
 READERS = (
-    *("structure", "matrices", "site", "scenario", "modal-table", "csv", "arrays", "universal"),
+    *("structure", "matrices", "site", "scenario", "modal-table", "csv", "table", "arrays", "formats", "universal"),
     *("can-log", "dbc", "log", "state"),
 )
 

@@ -14,7 +14,10 @@ _ReferenceTime = Annotated[
 
 def diagnose(
     structure: Annotated[Path, Argument(metavar="STRUCTURE.toml")],
-    logs: Annotated[list[Path], Argument(metavar="LOG", help="Logs, folders of them, or tables of modes (CSV).")],
+    logs: Annotated[
+        list[Path],
+        Argument(metavar="LOG", help="Logs, folders of them, tables of modes (CSV), or frequency responses (UFF)."),
+    ],
     reference: Annotated[
         list[Path] | None, Option(metavar="LOG", help="Log of the structure before the change. Repeatable.")
     ] = None,

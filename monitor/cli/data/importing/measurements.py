@@ -1,14 +1,23 @@
 """Files of measurements as a log."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from daq import DataError, DataOptions, Recording, write_recordings
-from daq.files import ACCELERATIONS, Measured, acceleration, read_in_order, with_channels
+from daq.files import (
+    ACCELERATIONS,
+    Measured,
+    parse_sensitivity,
+    parse_unit,
+    read_calibration,
+    read_in_order,
+    with_channels,
+)
 from monitor.analysis.time_range import instant
 from monitor.cli.data.importing.new_site import learning_notes, new_site
 from monitor.cli.exit_codes import DONE
@@ -18,6 +27,7 @@ from monitor.service.site import Site, load_site
 from updater import parse_structure
 from updater.structure import portable_text
 
+_DEAD = 1e-3  # of the median rms of all channels
 _RATE_TOLERANCE = 1e-3  # of the data's rate against the site's: more than any clock drifts
 
 
@@ -38,9 +48,10 @@ def import_measurements(
     new : site to write, with the channels of the data
     """
     try:
-        parts = read_in_order(data, options)
+        found = read_in_order(data, options)
     except ValueError as error:  # invalid name or record too short: the other arguments were checked before
         raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
+    parts, left = _of_sensors(found, _sensors(structure, site))
     with ExitStack() as undone:
         if new is not None:
             if structure is None or site is not None:
@@ -48,7 +59,9 @@ def import_measurements(
             undone.enter_context(new_site(new, structure, out, [part.recording for part in parts]))
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
     _say(out, recordings, parts, new)
-    for note in notes:
+    if left:
+        notes.insert(0, f"columns of no sensor of {structure or site}, left out: {', '.join(left)}")
+    for note in [*notes, *dead_channels(recordings)]:
         warn(f"note: {note}")
     return DONE
 
@@ -102,14 +115,36 @@ def _sequence(recordings: Sequence[Recording]) -> str:
     return f"{len(recordings)} files by their dates, {len(real)} pauses between them{longest}{means}"
 
 
-def factor_of(unit: str | None, scale: float | None) -> float | None:
-    """Return the factor of a number [m/s2] if it was given explicitly."""
-    if unit is None and scale is None:
-        return None
-    worth = acceleration(unit or "m/s2")
-    if worth is None:
-        raise ArgumentError("--unit", f"expected one of {', '.join(ACCELERATIONS)}, found {unit!r}")
-    return worth * (scale or 1.0)
+def data_options(
+    base: DataOptions, unit: str | None, sensitivity: str | None, names: str | None, calibration: Path | None
+) -> DataOptions:
+    """Return options with the texts and files of the command line.
+
+    Parameters
+    ----------
+    base : other options
+    unit : unit of all columns
+    sensitivity : of all sensors
+    names : names of all columns, between commas
+    calibration : file of `read_calibration`
+
+    Raises
+    ------
+    ArgumentError
+        Naming the option.
+    """
+    if unit is not None and parse_unit(unit) is None:
+        known = f"{', '.join(ACCELERATIONS)}, another unit of acceleration, velocity or displacement, V, mV or counts"
+        raise ArgumentError("--unit", f"expected one of {known}, found {unit!r}")
+    columns = None if names is None else tuple(name.strip() for name in names.split(","))
+    if columns is not None and len({name for name in columns if name}) < max(1, len([n for n in columns if n])):
+        raise ArgumentError("--columns", f"expected different names, found {names}")
+    try:
+        sensed = None if sensitivity is None else parse_sensitivity(sensitivity)
+    except ValueError as error:
+        raise ArgumentError("--sensitivity", str(error)) from error
+    calibrated = {} if calibration is None else read_calibration(calibration)
+    return replace(base, unit=unit, sensitivity=sensed, names=columns, calibration=calibrated)
 
 
 def columns_of(options: Sequence[str]) -> dict[str, str] | None:
@@ -151,6 +186,38 @@ def level(recordings: Sequence[Recording]) -> str:
     columns = (np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(recordings[0].channels)))
     rms = [np.nanstd(column) for column in columns if np.isfinite(column).any()]
     return f", rms {min(rms):.2g} to {max(rms):.2g} m/s2" if rms else ""
+
+
+def dead_channels(recordings: Sequence[Recording]) -> Iterator[str]:
+    """Yield a note on each channel without a signal, or with one that is far smaller than the others."""
+    names = [channel.name for channel in recordings[0].channels]
+    columns = [np.concatenate([one.data[:, k] for one in recordings]) for k in range(len(names))]
+    known = [column[np.isfinite(column)] for column in columns]
+    rms = [float(np.std(column)) if len(column) else float("nan") for column in known]
+    median = float(np.nanmedian(rms)) if np.isfinite(rms).any() else float("nan")
+    for name, column, own in zip(names, known, rms, strict=True):
+        if not len(column):
+            yield f"{name} has no sample"
+        elif column.min() == column.max():
+            yield f"{name} is constant ({column[0]:.3g} m/s2): the sensor is dead or not connected"
+        elif own < _DEAD * median:
+            yield f"{name} has an rms of {own:.2g} m/s2, less than {_DEAD:g} of the median of all channels"
+
+
+def _sensors(structure: Path | None, site: Path | None) -> Collection[str] | None:
+    """Return the names of the sensors of a structure file, or of a site."""
+    if structure is not None:
+        return parse_structure(portable_text(structure), structure).channels
+    return None if site is None else [channel.name for channel in load_site(site).settings.channels]
+
+
+def _of_sensors(parts: Sequence[Measured], known: Collection[str] | None) -> tuple[Sequence[Measured], list[str]]:
+    """Return the content without channels that are no sensors, and their names; all, if none is a sensor."""
+    channels = parts[0].recording.channels
+    keep = [k for k, channel in enumerate(channels) if known is None or channel.name in known]
+    if not keep or len(keep) == len(channels):
+        return parts, []
+    return tuple(part.only(keep) for part in parts), [c.name for k, c in enumerate(channels) if k not in keep]
 
 
 def _structure_text(data: Path, recording: Recording, path: Path) -> tuple[str, list[str]]:

@@ -90,10 +90,14 @@ def test_units_in_the_header(modalwatch: Commands, table: Path, tmp_path: Path) 
         "0.0196133 m/s2 a unit"
     )
     np.testing.assert_allclose(imported(tmp_path / "hand.mcap").data, 0.0196133 * values, rtol=0, atol=1e-9)
-    table.write_text(text.replace("beam_left_z", "beam_left_z [V]"))
+    table.write_text(text.replace("beam_left_y,beam_left_z", "beam_left_y [m/s2],beam_left_z [V]"))
     done = modalwatch("import", table, "-o", tmp_path / "volts.mcap")
-    assert_refused(done, table, "column 'beam_left_z [V]': expected the unit m/s2, cm/s2, mm/s2, g, mg, ug, found 'V'")
+    assert_refused(
+        done, table, "column 'beam_left_z [V]' is in V: give its sensitivity, as --sensitivity '100 mV/g' or"
+    )
     assert not (tmp_path / "volts.mcap").exists()
+    done = modalwatch("import", table, "-o", tmp_path / "sensed.mcap", "--sensitivity", "2 V/g")
+    np.testing.assert_allclose(imported(tmp_path / "sensed.mcap").data, [1.0, 9.80665 / 2] * values, atol=1e-7)
     done = modalwatch("import", table, "-o", tmp_path / "volts.mcap", "--unit", "g", "--scale", "0.5")
     assert done.code == 0, done.err
     assert [c.name for c in imported(tmp_path / "volts.mcap").channels] == ["beam_left_y", "beam_left_z"]
@@ -157,7 +161,15 @@ def test_import_with_a_structure(modalwatch: Commands, table: Path, tmp_path: Pa
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--unit", "inch"), "--unit: expected one of m/s2, cm/s2, mm/s2, g, mg, ug, found 'inch'"),
+        (
+            ("--unit", "parsec"),
+            "--unit: expected one of m/s2, cm/s2, mm/s2, g, mg, ug, another unit of acceleration, velocity or "
+            "displacement, V, mV or counts, found 'parsec'",
+        ),
+        (("--sensitivity", "100"), "--sensitivity: expected a sensitivity such as '100 mV/g'"),
+        (("--calibration", "none.toml"), "none.toml: cannot be read: "),
+        (("--columns", "t,a,a"), "--columns: expected different names, found t,a,a"),
+        (("--columns", "t,a"), "data.csv: line 2: expected 2 columns as named, found 3"),
         (("--start", "yesterday"), "--start: expected a time as 2026-01-31T12:00:00Z, found 'yesterday'"),
         (("--start", "1066-10-14"), "--start: expected a time after 1970"),
         (("--column", "a=x", "--column", "b=x"), "--column: expected different names, found a=x, b=x"),
@@ -268,7 +280,21 @@ def test_data_inconsistent_with_the_site_is_refused(modalwatch: Commands, table:
     assert_refused(done, "has 100 samples a second, device beam_left of", "200")
     site.write_text(SITE.replace(', y = "beam_left_y"', ""))
     done = modalwatch("import", table, "-o", tmp_path / "log.mcap", "--site", site)
-    assert_refused(done, table, "channel 'beam_left_y': expected one of beam_left_z of", site)
+    assert done.code == 0
+    assert done.out.splitlines()[-1] == f"note: columns of no sensor of {site}, left out: beam_left_y"
+    assert [c.name for c in imported(tmp_path / "log.mcap").channels] == ["beam_left_z"]
+
+
+def test_channels_without_a_signal_are_reported(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
+    rows = [f"{k / 100},{a},{1e-5 * a},2.5," for k, a in enumerate(np.random.default_rng(1).standard_normal(300))]
+    table.write_text("\n".join(["t,a,small,flat,none,b", *(f"{row},{k % 7}" for k, row in enumerate(rows))]))
+    done = modalwatch("import", table, "-o", tmp_path / "log.mcap")
+    notes = [line for line in done.out.splitlines() if line.startswith("note: ")]
+    assert notes[1:] == [
+        "note: flat is constant (2.5 m/s2): the sensor is dead or not connected",
+        "note: none has no sample",
+    ]
+    assert notes[0].startswith("note: small has an rms of ")
 
 
 def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ def read_mat(path: Path) -> dict[str, Any]:
     OSError
         If it cannot be read.
     DataError
-        If it is of Matlab 7.3.
+        If it is of Matlab 7.3 and h5py is not installed.
     ValueError
         If it is none, or damaged; scipy raises others too.
     """
@@ -31,12 +31,22 @@ def read_mat(path: Path) -> dict[str, Any]:
     try:
         version = matfile_version(path)[0]
         if version == _HDF5:
-            raise DataError(path, "is a Matlab 7.3 file: save it with -v7")
+            return _read_hdf5(path)
         if version == _COMPRESSED:
             _check_size(path)
         return {name: array for name, array in loadmat(path).items() if not name.startswith("__")}
     except MatReadError as error:
         raise ValueError(str(error)) from error
+
+
+def _read_hdf5(path: Path) -> dict[str, Any]:
+    try:
+        from daq.files.formats.mat73 import read_mat73
+    except ImportError as error:
+        raise DataError(
+            path, "is a Matlab 7.3 file, which needs h5py: save it with -v7, or pip install 'modalwatch[formats]'"
+        ) from error
+    return read_mat73(path)
 
 
 def _check_size(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Arrays of numpy's .npz and Matlab's .mat files."""
+"""Arrays of numpy's .npz and .npy, and Matlab's .mat files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.archive_size import DAMAGED_FILE, check_archive
+from daq.files.archive_size import DAMAGED_FILE, check_archive, check_array
 from daq.files.columns.time_column import time_column
-from daq.files.mat import read_mat
+from daq.files.formats.mat import read_mat, write_mat
+from daq.files.options import DataOptions
 from daq.files.origin import Origin, parse_origin
-from daq.types import FloatArray
+from daq.types import FloatArray, Recording
 
 _MAX_CHANNELS = 10_000
 ORIGIN = "origin"  #: array of one text
@@ -28,6 +29,27 @@ class Arrays:
     t: FloatArray | None  #: (n_samples,) as in the file; None if not in the file
     t_name: str = "t"  #: name of the array of times, found or requested
     origin: Origin | None = None  #: origin of an exported file
+    units: tuple[str, ...] | None = None  #: of all signals, "" for none. Default: those that names state
+    began: int | None = None  #: time of the first sample [ns UTC]; None if not in the file
+    left: tuple[str, ...] = ()  #: descriptions of signals that are left out
+    remarks: tuple[str, ...] = ()  #: on the content
+
+
+def read(path: Path, options: DataOptions) -> Arrays:
+    """Read signals as `read_arrays` does."""
+    return read_arrays(path, options.time, options.transposed)
+
+
+def write(path: Path, recording: Recording) -> None:
+    """Write ``data``, ``rate``, ``channels``, ``start`` and the origin to a file that exists and is empty."""
+    names = [channel.name for channel in recording.channels]
+    arrays = {"data": recording.data, "rate": recording.rate, "channels": np.array(names), "start": recording.start}
+    origin = Origin(start=recording.start, channels=recording.channels).text
+    with path.open("wb") as file:
+        if path.suffix.lower() == ".npz":
+            np.savez_compressed(file, **arrays, **{ORIGIN: np.array(origin)})  # type: ignore[arg-type]
+        else:
+            write_mat(file, arrays | {"channels": np.array(names, object), ORIGIN: origin})
 
 
 def read_arrays(path: Path, time: str | None = None, transposed: bool | None = None) -> Arrays:
@@ -35,7 +57,7 @@ def read_arrays(path: Path, time: str | None = None, transposed: bool | None = N
 
     Either ``data`` (or ``y``), (n_samples, n_channels), with ``channels`` (or ``names``; ch1, ch2, ... without) or one
     array (n_samples,) a channel, named as the sensor; and ``rate`` (or ``fs``) [Hz] or an array `time`
-    (``t`` or ``time``, perhaps with its unit, unless given).
+    (``t`` or ``time``, perhaps with its unit, unless given). A .npy file is ``data`` alone.
 
     Parameters
     ----------
@@ -102,6 +124,9 @@ def _origin(path: Path, arrays: dict[str, Any]) -> Origin | None:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
+        if path.suffix.lower() == ".npy":
+            check_array(path)
+            return {_DATA[0]: np.atleast_2d(np.load(path).T).T}
         if path.suffix.lower() == ".npz":
             check_archive(path)
             with path.open("rb") as opened, np.load(opened) as file:
@@ -109,9 +134,7 @@ def _load(path: Path) -> dict[str, Any]:
         return read_mat(path)
     except DataError:
         raise
-    except OSError as error:
-        raise DataError(path, f"cannot be read: {error.strerror or error}") from error
-    except DAMAGED_FILE as error:
+    except (OSError, *DAMAGED_FILE) as error:
         raise DataError(path, f"holds no arrays: {error}") from error
 
 

@@ -15,15 +15,15 @@ import numpy as np
 import pyuff
 
 from daq.errors import DataError
-from daq.files.arrays import Arrays
-from daq.files.differentiation import derivative
+from daq.files.formats.arrays import Arrays
+from daq.files.options import DataOptions
 from daq.files.origin import Origin
 from daq.types import Channel, FloatArray, Recording
 
 _TIME_RESPONSE = 1
-_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION = 0, 1, 11, 12
-_READ = {_UNKNOWN, _GENERAL, _VELOCITY, _ACCELERATION}
-_KINDS = {8: "displacement", 9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
+_UNKNOWN, _ACCELERATION = 0, 12
+_UNITS = {_UNKNOWN: "", 1: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data types, once in metres; "" is m/s2
+_KINDS = {9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
 _AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
 _TIME = 17  # of an abscissa [s]
 _BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
@@ -33,12 +33,30 @@ _SAME = 1e-6  # relative: sampling intervals are printed with six digits
 Dataset = dict[str, Any]  # as pyuff returns it
 
 
+def read(path: Path, options: DataOptions) -> Arrays:
+    """Read time responses as `read_universal` does."""
+    return read_universal(path, options.columns)
+
+
+def write(path: Path, recording: Recording) -> None:
+    """Write time responses as `write_universal` does.
+
+    Raises
+    ------
+    DataError
+        If samples are missing.
+    """
+    if missing := np.count_nonzero(np.isnan(recording.data)):
+        raise DataError(path, f"cannot hold a gap: {missing} samples are missing; .npz, .mat and .csv can")
+    write_universal(path, recording)
+
+
 def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
     """Read the time responses of a universal file, text or binary; other functions and geometry are passed over.
 
     A channel is named after its node and direction, ``12_x`` or ``12_-y``, preceded by the entity if the file has one
     (``tower_12_x``); if nodes are not unique, after the first ID line. Lengths are converted to metres according to
-    dataset 164; velocities become accelerations.
+    dataset 164.
 
     Parameters
     ----------
@@ -51,10 +69,8 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
     DataError
         Naming the file and the dataset, counted from 1.
     """
-    sets = _datasets(path)
-    length = next((s["length"] for _, s in sets if s["type"] == 164), 1.0)
-    if not length > 0:
-        raise DataError(path, f"dataset 164: expected a positive factor of length, found {length}")
+    sets = datasets(path)
+    length = length_unit(path, sets)
     series = [(number, s) for number, s in sets if s["type"] == 58 and s["func_type"] == _TIME_RESPONSE]
     if not series:
         held = ", ".join(sorted({str(s["type"]) for _, s in sets})) or "none"
@@ -70,6 +86,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
         rate=rate,
         t=None,
         origin=_origin([(names[i], series[i][1]) for i in chosen]),
+        units=tuple(_UNITS.get(int(series[i][1]["ordinate_spec_data_type"]), "") for i in chosen or range(len(names))),
     )
 
 
@@ -124,7 +141,7 @@ def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
     return Origin(start=min(int(found[1]) for found in begun if found), channels=channels)
 
 
-def _datasets(path: Path) -> list[tuple[int, Dataset]]:
+def datasets(path: Path) -> list[tuple[int, Dataset]]:
     """Return the datasets that pyuff supports, with their numbers."""
     try:
         path.open("rb").close()
@@ -144,7 +161,7 @@ def _datasets(path: Path) -> list[tuple[int, Dataset]]:
 
 def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     """Return the name of each channel, all different."""
-    by_node = [_node_name(s) for _, s in series]
+    by_node = [node_name(s) for _, s in series]
     by_line = [line if (line := str(s["id1"]).strip()) != "NONE" else "" for _, s in series]
     numbered = by_node if all(s["rsp_node"] for _, s in series) else []  # node 0 is none
     for names in (numbered, by_line, by_node):
@@ -157,25 +174,35 @@ def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     raise DataError(path, f"datasets {places}: expected different channels, found {twice!r} in each")
 
 
-def _node_name(series: Dataset) -> str:
-    entity, direction = str(series["rsp_ent_name"]).strip(), int(series["rsp_dir"])
+def length_unit(path: Path, sets: Sequence[tuple[int, Dataset]]) -> float:
+    """Return the length units of a file per metre, 1 if it does not state them."""
+    length = next((float(s["length"]) for _, s in sets if s["type"] == 164), 1.0)
+    if not length > 0:
+        raise DataError(path, f"dataset 164: expected a positive factor of length, found {length}")
+    return length
+
+
+def node_name(series: Dataset, end: str = "rsp") -> str:
+    """Return the name of a node and direction, of the response (`rsp`) or of the reference (`ref`)."""
+    entity, direction = str(series[f"{end}_ent_name"]).strip(), int(series[f"{end}_dir"])
     axis = ("-" if direction < 0 else "") + _AXES.get(abs(direction), "")
-    return "_".join(part for part in (entity if entity != "NONE" else "", str(series["rsp_node"]), axis) if part)
+    return "_".join(part for part in (entity if entity != "NONE" else "", str(series[f"{end}_node"]), axis) if part)
 
 
 def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:
-    """Return one channel [acceleration, lengths as in the file], checked."""
+    """Return one channel [lengths as in the file], checked."""
     kind = int(series["ordinate_spec_data_type"])
-    if kind not in _READ:
+    if kind not in _UNITS:
         held = _KINDS.get(kind, f"data of type {kind}")
-        raise DataError(path, f"dataset {number} ({name}): expected acceleration or velocity, found {held}")
+        raise DataError(
+            path, f"dataset {number} ({name}): expected acceleration, velocity or displacement, found {held}"
+        )
     if int(series["abscissa_spacing"]) != 1 or not series["abscissa_inc"] > 0:
         raise DataError(path, f"dataset {number} ({name}): expected even steps of time, found uneven ones")
     values = np.asarray(series["data"])
     if np.iscomplexobj(values) or not len(values) or np.isinf(values).any():
         raise DataError(path, f"dataset {number} ({name}): expected finite real numbers")
-    column = values.astype(np.float64)
-    return derivative(column, 1 / series["abscissa_inc"]) if kind == _VELOCITY else column
+    return values.astype(np.float64)
 
 
 def _check_same(path: Path, series: Sequence[tuple[int, Dataset]]) -> None:

@@ -1,0 +1,1 @@
+"""Tables of text: where they begin, and their columns."""
