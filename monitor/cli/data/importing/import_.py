@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import DATE_ORDERS, TIME_UNITS, one_of
+from monitor.cli.options import DATE_ORDERS, TIME_UNITS, Force, one_of
 
 
 def import_(
@@ -89,6 +89,7 @@ def import_(
         Path | None, Option(metavar="FILE", help="DBC file that describes the frames of CAN traffic.")
     ] = None,
     counter: Annotated[str | None, Option(metavar="SIGNAL", help="Signal of CAN traffic that counts scans.")] = None,
+    force: Force = False,
 ) -> int:
     """Convert files of measurements to a log.
 
@@ -102,6 +103,7 @@ def import_(
     from daq.files import CAN_LOGS, is_table
     from monitor.cli.data.importing.can_traffic import import_can_traffic, one_sensor, site_sensors
     from monitor.cli.data.importing.measurements import columns_of, data_options, import_measurements, start_of
+    from monitor.cli.output import replacing
     from monitor.errors import ArgumentError
 
     bus = [path for path in data if path.suffix.lower() in CAN_LOGS]
@@ -121,7 +123,8 @@ def import_(
     chosen, begin = columns_of(column or ()), None if start is None else start_of(start)
     if can:
         sensors = site_sensors(site) if site else one_sensor(dbc, counter, rate, chosen or {}, scale)
-        return import_can_traffic(data[0], out, sensors, structure, begin)
+        with replacing(out, force=force):
+            return import_can_traffic(data[0], out, sensors, structure, begin)
     others = DataOptions(
         rate=rate,
         factor=scale,
@@ -137,4 +140,5 @@ def import_(
         resample=resample,
     )
     options = data_options(others, unit, sensitivity, columns, calibration)
-    return import_measurements(data, out, options, structure=structure, site=site, new=new_site)
+    with replacing(out, force=force):
+        return import_measurements(data, out, options, structure=structure, site=site, new=new_site)

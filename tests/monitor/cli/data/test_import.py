@@ -301,6 +301,8 @@ def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path:
     (tmp_path / "log.mcap").write_text("precious")
     assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap"), "log.mcap: cannot be written: File exists")
     assert (tmp_path / "log.mcap").read_text() == "precious"
+    assert modalwatch("import", table, "-o", tmp_path / "log.mcap", "--force").code == 0
+    assert (tmp_path / "log.mcap").stat().st_size > 100
 
 
 def test_channels_of_a_recorded_log_are_read_from_its_settings() -> None:
