@@ -58,7 +58,8 @@ def test_lock_files_contain_all_project_dependencies() -> None:
     )
     asked = project["project"]["dependencies"] + project["project"]["optional-dependencies"]["fleet"]
     assert {_name(line) for line in asked} <= runtime
-    assert {_name(line) for line in project["dependency-groups"]["dev"]} <= runtime | tools
+    groups = project["dependency-groups"]
+    assert {_name(line) for line in (*groups["dev"], *groups["docs"])} <= runtime | tools
     assert not runtime & (tools | {"pytest", "mypy", "ruff", "hypothesis"})
 
 
