@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,12 +13,15 @@ from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
-from monitor.settings import Settings, parse_attached
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
-from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
+from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
-from updater.validation import ModelModes, model_modes
+
+if TYPE_CHECKING:
+    from monitor.settings import Settings
+    from updater import Structure
+    from updater.validation import ModelModes
 
 
 def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Sequence[AnyLog]:
@@ -78,7 +81,7 @@ def fill_folder(
     estimate: ModalEstimate,
     recording: Recording,
     found: Identification,
-    model: ModelModes | None,
+    model: "ModelModes | None",
     content: dict[str, Any],
 ) -> None:
     """Write all files into a folder, and print their names."""
@@ -100,15 +103,23 @@ def fill_folder(
     echo(f"{folder}: {', '.join(path.name for path in written)}")
 
 
-def attached_settings(log: AnyLog) -> Settings | None:
+def attached_settings(log: AnyLog) -> "Settings | None":
     """Return the settings attached to a log."""
     text = read_attachments(log).get("site.toml")
-    return None if text is None else parse_attached(text, f"{log}: site.toml")
+    if text is None:
+        return None
+    from monitor.settings import parse_attached  # slow to import, as the others inside functions here
+
+    return parse_attached(text, f"{log}: site.toml")
 
 
-def _attached_structure(log: AnyLog) -> Structure | None:
+def _attached_structure(log: AnyLog) -> "Structure | None":
     text = read_attachments(log).get("structure.toml")
-    return None if text is None else parse_structure(text, f"{log}: structure.toml")
+    if text is None:
+        return None
+    from updater import parse_structure
+
+    return parse_structure(text, f"{log}: structure.toml")
 
 
 def identified(
@@ -160,11 +171,19 @@ def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Reco
         yield from log_recordings(log, window)
 
 
-def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
+def _loaded_structure(path: Path) -> "Structure":
+    from updater import load_structure
+
+    return load_structure(path)
+
+
+def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> "ModelModes | None":
     """Return the structure's modes paired with the measured ones; None without a structure."""
-    structure = load_structure(path) if path else _attached_structure(log)
+    structure = _loaded_structure(path) if path else _attached_structure(log)
     if structure is None:
         return None
+    from updater.validation import model_modes
+
     try:
         return model_modes(estimate, structure)
     except UpdaterError as error:
