@@ -34,6 +34,24 @@ def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Se
     return [within.of_log(log, echo) for log in logs]
 
 
+class LogWindows:
+    """Windows of logs; the first one is kept, because notes and pictures are made from it."""
+
+    def __init__(self, logs: Sequence[AnyLog], window: float | None) -> None:
+        self._logs, self._window = logs, window
+        self._first: Recording | None = None
+
+    def __iter__(self) -> Iterator[Recording]:
+        """Yield all windows; later ones than the first are read again at each iteration."""
+        first = self._first
+        if first:
+            yield first
+        for recording in recordings_of(self._logs, self._window):
+            self._first = self._first or recording
+            if not first or recording.start != first.start:
+                yield recording
+
+
 def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
     """Return the delays between channels if shapes are far from real; from the first window that gave modes."""
     if (mpc(estimate.shape) >= LOW_MPC).all():
@@ -124,40 +142,38 @@ def _attached_structure(log: AnyLog) -> "Structure | None":
 
 def identified(
     logs: Sequence[AnyLog],
-    window: float | None,
+    recordings: LogWindows,
     method: Method,
     band: tuple[float, float] | None,
-    references: Sequence[str] | None,
 ) -> tuple[Windows, FusedModes]:
-    """Identify all windows of logs; with reference sensors each log as a set-up of its own, and merge."""
-    if not references:
-        return _identified(logs, window, method, band)
-    parts = [_identified([log], window, method, band) for log in logs]
-    try:
-        return merge_setups(parts, references)
-    except OmaError as error:
-        raise LogError(", ".join(map(str, logs)), str(error)) from error
-
-
-def _identified(
-    logs: Sequence[AnyLog], window: float | None, method: Method, band: tuple[float, float] | None
-) -> tuple[Windows, FusedModes]:
+    """Identify all windows of logs."""
     named = ", ".join(map(str, logs))
     try:
         with console.status("reading ...") as status:
             number = iter(range(1, 1 << 30))
             windows = identify_windows(
-                recordings_of(logs, window),
-                method,
-                band,
-                lambda _: status.update(f"window {next(number)} ..."),
-                uncertain=True,
+                recordings, method, band, lambda _: status.update(f"window {next(number)} ..."), uncertain=True
             )
         if not windows.estimates:
             raise LogError(named, windows.problems[0])
         return windows, fuse(windows.estimates)
     except OmaError as error:
         raise LogError(named, str(error)) from error
+
+
+def merged(
+    logs: Sequence[AnyLog],
+    window: float | None,
+    method: Method,
+    band: tuple[float, float] | None,
+    references: Sequence[str],
+) -> tuple[Windows, FusedModes]:
+    """Identify each log as a set-up of its own, and merge them by reference sensors."""
+    parts = [identified([log], LogWindows([log], window), method, band) for log in logs]
+    try:
+        return merge_setups(parts, references)
+    except OmaError as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
 
 
 def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
