@@ -100,10 +100,10 @@ def classify(
     complete: BoolArray = np.all(np.isfinite(data), axis=1)
     if complete.mean() < _MIN_COMPLETE:
         return LineClasses(tone=tone, uncertain=uncertain, frequency=frequency)
-    moved = data @ estimate.shape.real.T
+    moved = estimate.shape.real @ data.T
     if not complete.all():
-        moved = bridged(moved, np.repeat(~complete[:, None], estimate.n_modes, axis=1))
-    lines = fft.rfft(moved, axis=0)
+        moved = bridged(moved.T, np.repeat(~complete[:, None], estimate.n_modes, axis=1)).T
+    lines = fft.rfft(moved, axis=1).T
     duration = len(data) / rate
     law = np.array([uncertainty_law(f, _LIGHT, duration)[1] for f in estimate.frequency])
     undamped = suspected & (estimate.damping < _LIGHT - 3 * law)  # as no light mode's estimate would be
