@@ -20,6 +20,7 @@ NOISE_LAGS = 4  #: left out after decimation: 3 % of white sensor noise is left 
 OVERLAP = 0.9  #: a band begins at this share of the end of the next lower one [-]
 _BETA = 7.5  # of the decimating filter's Kaiser window
 _AT_ONCE = 16  # new samples of one product of matrices: the fewest operations that the processor does at full speed
+_ROWS = 128  # of the matrix with the samples, per channel: it stays in the processor's cache
 _MAX_EXPONENT = 200.0  # of the weights of the drift filter: far from overflow
 _MAX_MISSING = 0.25  # share of the filter's absolute weight that may rest on missing samples
 
@@ -125,13 +126,14 @@ def _kept(signals: FloatArray, taps: FloatArray, factor: int, n: int) -> FloatAr
     bank = np.zeros((span, _AT_ONCE))
     for k in range(_AT_ONCE):
         bank[k * factor : k * factor + len(taps), k] = taps
-    n_rows = -(-n // _AT_ONCE)
-    padded = np.zeros((n_rows - 1) * _AT_ONCE * factor + span)
-    used = min(len(padded), signals.shape[1])
+    n_rows, hop = -(-n // _AT_ONCE), _AT_ONCE * factor
+    short = max((n_rows - 1) * hop + span - signals.shape[1], 0)
+    whole = np.pad(signals, ((0, 0), (0, short))) if short else signals
+    pieces = sliding_window_view(whole, span, axis=1)[:, ::hop]
     result = np.empty((len(signals), n_rows, _AT_ONCE))
-    for signal, row in zip(signals, result, strict=True):
-        padded[:used] = signal[:used]
-        np.matmul(sliding_window_view(padded, span)[:: _AT_ONCE * factor], bank, out=row)
+    for start in range(0, n_rows, _ROWS):
+        rows = np.ascontiguousarray(pieces[:, start : min(start + _ROWS, n_rows)])
+        result[:, start : start + _ROWS] = rows @ bank
     return result.reshape(len(signals), -1)[:, :n]
 
 
