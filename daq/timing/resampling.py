@@ -3,88 +3,20 @@
 import itertools
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from daq.events import DeviceFailed
 from daq.timing.clock_fit import ClockFit
+from daq.timing.interpolation import half_taps, interpolate
 from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexArray, Recording, find_gaps
 
-_HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
-_BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
-_PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
 _SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used
-_CHUNK = 1 << 11  # samples at a time: their weights stay in the processor's cache
-_FEWEST = 64  # samples of a run of equal steps, on average, below which scans are gathered one by one
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
-
-
-@lru_cache
-def _kernel(ratio: float) -> tuple[FloatArray, FloatArray]:
-    """Return the table (phases + 1, taps) of a low-pass at the Nyquist frequency of a grid `ratio` times as fast.
-
-    And its differences from phase to phase (phases, taps).
-    """
-    half = half_taps(ratio)
-    x = np.arange(1 - half, half + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
-    table = np.sinc(ratio * x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / half) ** 2, 0, 1)))
-    table /= table.sum(1, keepdims=True)
-    return table, np.diff(table, axis=0)
-
-
-def half_taps(ratio: float) -> int:
-    """Return how many scans on each side of a sample it is made of."""
-    return int(np.ceil(_HALF / ratio))
-
-
-def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> FloatArray:
-    """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
-
-    Windowed sinc (Kaiser, beta 8.75) of 32 taps at the grid's rate, -80 dB below 0.4 of it.
-
-    Parameters
-    ----------
-    scans : (n_scans, n_axes); at least `half_taps` on each side of every position
-    position : (n,) [scans]
-    ratio : samples of the grid a scan, at most 1
-    """
-    (table, slopes), half = _kernel(ratio), half_taps(ratio)
-    out = np.empty((scans.shape[1], len(position)))
-    columns = [sliding_window_view(np.ascontiguousarray(column), 2 * half) for column in scans.T]
-    for start in range(0, len(position), _CHUNK):
-        part = position[start : start + _CHUNK]
-        base = np.floor(part).astype(np.intp)
-        phase = (part - base) * _PHASES
-        row = np.minimum(phase.astype(np.intp), _PHASES - 1)
-        weight = slopes[row]
-        weight *= (phase - row)[:, None]
-        weight += table[row]
-        for samples, chosen in _chosen(base - half + 1):
-            for windows, row_out in zip(columns, out[:, start : start + len(part)], strict=True):
-                np.einsum("nt,nt->n", windows[chosen], weight[samples], out=row_out[samples])
-    return out.T
-
-
-def _chosen(first: IndexArray) -> list[tuple[slice, slice | IndexArray]]:
-    """Return runs of samples whose first scans (n,) are equally spaced, with these scans; or all, scan by scan.
-
-    A grid at the rate of the device has one run between two scans left out or taken twice.
-    """
-    steps = np.diff(first)
-    step = int(steps[0]) if len(steps) else 1
-    edges = [0, *(np.flatnonzero(steps != step) + 1).tolist(), len(first)]
-    if step < 1 or len(edges) - 1 > max(2, len(first) // _FEWEST):
-        return [(slice(None), first)]
-    return [
-        (slice(start, stop), slice(int(first[start]), int(first[stop - 1]) + 1, step))
-        for start, stop in itertools.pairwise(edges)
-    ]
 
 
 class _Stretch:
@@ -114,8 +46,13 @@ class _Stretch:
     def scans(self, first: int, last: int, axes: IndexArray) -> FloatArray:
         """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing."""
         out = np.empty((len(axes), last - first))
+        blocks = [block for block in self.blocks if block.first_index < last and block.end_index > first]
+        if _are_alike(blocks, int(axes[-1])) and blocks[0].first_index <= first and blocks[-1].end_index >= last:
+            begin = first - blocks[0].first_index
+            counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
+            return np.multiply(counts, blocks[0].scale, out=out).T
         written = first
-        for block in self.blocks:
+        for block in blocks:
             start, stop = max(first, block.first_index), min(last, block.end_index)
             if start < stop:
                 out[:, written - first : max(start, written) - first] = np.nan
@@ -140,6 +77,16 @@ class _Stretch:
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
             return None
         return interpolate(self.scans(low, high, axes), position - low, ratio)
+
+
+def _are_alike(blocks: Sequence[Block], axis: int) -> bool:
+    """Return whether blocks follow each other without a gap, have an axis and one scale."""
+    if not blocks or min(block.counts.shape[1] for block in blocks) <= axis:
+        return False
+    return all(
+        after.first_index == before.end_index and after.scale == before.scale
+        for before, after in itertools.pairwise(blocks)
+    )
 
 
 class _Device:
