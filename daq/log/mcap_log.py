@@ -52,7 +52,7 @@ SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of th
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
 }
 T = TypeVar("T")
-_BATCH, _BATCH_BYTES = 64, 1 << 17  # messages that are decoded together, and their size
+_BATCH, _BATCH_BYTES = 128, 1 << 18  # messages that are decoded together, and their size
 _Topical = tuple[str, Message]
 _KINDS: dict[str, type[int] | type[float]] = {"missing": int, "exact": int, "index": int, "celsius": float}
 MAGIC = b"\x89MCAP0\r\n"
