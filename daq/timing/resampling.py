@@ -13,7 +13,7 @@ from daq.timing.interpolation import half_taps, interpolate
 from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexArray, Recording, find_gaps
 
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
-_SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used
+_SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used; by then it errs by far less
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
@@ -117,6 +117,7 @@ class _Device:
         self._ratio = None if on_grid else grid_rate / rate
         self._half = half_taps(self._ratio) if self._ratio else 0
         self._stretches: deque[_Stretch] = deque()
+        self._awaited = (0, 0.0)  # time that was not reached, and the scan needed for it
         self.lost = False
 
     def add(self, block: Block) -> None:
@@ -124,6 +125,7 @@ class _Device:
             own = ClockFit(self._rate)
             clock = self._clocks.setdefault(block.clock, own) if block.clock else own
             self._stretches.append(_Stretch(clock, self._late))
+            self._awaited = (0, 0.0)
         self._stretches[-1].add(block)
         self.lost = False
         if self.axes[-1] >= block.counts.shape[1] and self.axes[0]:  # an axis that the device has shows its data
@@ -156,7 +158,12 @@ class _Device:
     def reaches(self, time: int) -> bool:
         """Return whether all scans needed for samples before `time` are available."""
         stretch = self._stretches[-1]
-        return stretch.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
+        end = stretch.blocks[-1].end_index
+        if self._awaited[0] == time and end < self._awaited[1] - _SETTLE_SECONDS * self._rate:
+            return False  # far before it: the clock need not be fitted again
+        needed = stretch.index_at(time)[0] + self._half
+        self._awaited = (time, needed)
+        return needed < end
 
     def next_time(self, time: int) -> int | None:
         """Return the time of the first scan that is not before `time`, None if there is none."""

@@ -18,6 +18,7 @@ T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Ca
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,8 +32,7 @@ _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
 
 
-@dataclass(frozen=True)
-class Packed:
+class Packed(NamedTuple):
     """Samples of all axes."""
 
     order: tuple[int, ...]  #: order of the differences of each axis
