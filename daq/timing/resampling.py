@@ -284,17 +284,18 @@ class Assembler:
 
     def _cut(self, start: int, n: int) -> Iterator[Recording]:
         """Yield a window of `n` samples, if there is one, and advance to the next."""
-        signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
-        there = np.any([np.isfinite(signal).any(1) for signal in signals.values()], axis=0)
+        data, there = self._resampled(start, n)
         unused = _unused(there) if self._by_record else n * (not there.any())
-        if not unused:
-            yield self._recording(start, signals)
+        recording = None if unused else self._recording(start, data)
+        del data
         if there.any():
             self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)
         else:
             self._next = start + self._step * self._empty_steps(start)
         for device in self._devices.values():
-            device.forget(self._next)
+            device.forget(self._next)  # before the window is analysed: less memory
+        if recording:
+            yield recording
 
     def _empty_steps(self, start: int) -> int:
         """Return the number of steps from an empty window to one near the next scan: a pause may last for years."""
@@ -309,12 +310,19 @@ class Assembler:
     def _window_ns(self) -> int:
         return round(self._n / self._rate * 1e9)
 
-    def _recording(self, start: int, signals: Mapping[str, FloatArray]) -> Recording:
+    def _resampled(self, start: int, n: int) -> tuple[FloatArray, BoolArray]:
+        """Return the channels (n, n_channels), and where any device has scans (n,)."""
+        data, there = np.empty((len(self._channels), n)), np.zeros(n, np.bool_)
+        for name, device in self._devices.items():
+            signal = device.resampled(start, n)
+            there |= np.isfinite(signal).any(1)
+            for column, channel in zip(data, self._channels, strict=True):
+                if channel.device == name:
+                    column[:] = signal[:, np.searchsorted(device.axes, channel.axis)]
+        return data.T, there
+
+    def _recording(self, start: int, data: FloatArray) -> Recording:
         temperatures = [device.temperatures for device in self._devices.values()]
-        data = np.empty((len(self._channels), len(next(iter(signals.values()))))).T
-        for column, channel in zip(data.T, self._channels, strict=True):
-            axes = self._devices[channel.device].axes
-            column[:] = signals[channel.device][:, np.searchsorted(axes, channel.axis)]
         return Recording(
             channels=self._channels,
             data=data,

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from updater import Structure
     from updater.validation import ModelModes
 
+_KEPT_BYTES = 40 << 20  # of a window: 400 s of 12 channels at 1 kHz
+
 
 def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Sequence[AnyLog]:
     """Return the logs to read, or their parts within a range."""
@@ -35,7 +37,7 @@ def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Se
 
 
 class LogWindows:
-    """Windows of logs; the first one is kept, because notes and pictures are made from it."""
+    """Windows of logs; the first one is kept unless it is large, because notes and pictures are made from it."""
 
     def __init__(self, logs: Sequence[AnyLog], window: float | None) -> None:
         self._logs, self._window = logs, window
@@ -43,13 +45,19 @@ class LogWindows:
 
     def __iter__(self) -> Iterator[Recording]:
         """Yield all windows; later ones than the first are read again at each iteration."""
-        first = self._first
-        if first:
-            yield first
-        for recording in recordings_of(self._logs, self._window):
-            self._first = self._first or recording
-            if not first or recording.start != first.start:
-                yield recording
+        windows = recordings_of(self._logs, self._window)
+        start = None
+        if self._first is None:
+            first = next(windows, None)
+            self._first = first if first and first.data.nbytes <= _KEPT_BYTES else None
+            if first:
+                start = first.start
+                yield first
+                del first  # while the next one is made
+        else:
+            start = self._first.start
+            yield self._first
+        yield from filter(lambda recording: recording.start != start, windows)
 
 
 def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
