@@ -1,6 +1,7 @@
 """Blocks of many devices on one grid: a function of the sequence of blocks and events, and of nothing else."""
 
 import itertools
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
@@ -13,6 +14,7 @@ from daq.timing.interpolation import half_taps, interpolate
 from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexArray, Recording, find_gaps
 
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
+_PIECE = 1 << 16  # samples at a time, which bounds the memory
 _SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used; by then it errs by far less
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
@@ -43,10 +45,10 @@ class _Stretch:
         while len(self.blocks) > 1 and self.blocks[0].end_index < index:
             self.blocks.popleft()
 
-    def scans(self, first: int, last: int, axes: IndexArray) -> FloatArray:
-        """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing."""
+    def scans(self, first: int, last: int, axes: IndexArray, among: Sequence[Block] = ()) -> FloatArray:
+        """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing; of some blocks."""
         out = np.empty((len(axes), last - first))
-        blocks = [block for block in self.blocks if block.first_index < last and block.end_index > first]
+        blocks = [block for block in among or self.blocks if block.first_index < last and block.end_index > first]
         if _are_alike(blocks, int(axes[-1])) and blocks[0].first_index <= first and blocks[-1].end_index >= last:
             begin = first - blocks[0].first_index
             counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
@@ -76,7 +78,14 @@ class _Stretch:
         low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
             return None
-        return interpolate(self.scans(low, high, axes), position - low, ratio)
+        blocks, out = list(self.blocks), np.empty((len(axes), n))
+        ends = [block.end_index for block in blocks]
+        for begin in range(0, n, _PIECE):
+            part = position[begin : begin + _PIECE]
+            low, high = int(np.floor(part[0])) - half_taps(ratio), int(part[-1]) + half_taps(ratio) + 2
+            some = blocks[max(bisect_left(ends, low) - 1, 0) : bisect_left(ends, high) + 2]
+            out[:, begin : begin + _PIECE] = interpolate(self.scans(low, high, axes, some), part - low, ratio).T
+        return out.T
 
 
 def _are_alike(blocks: Sequence[Block], axis: int) -> bool:
