@@ -78,7 +78,7 @@ def _in_blocks(columns: list[FloatArray], position: FloatArray, ratio: float, ou
             for column, target in zip(columns, blocks, strict=True):
                 terms = (sliding_window_view(column, span)[first[some]] @ bank[number]).reshape(-1, _TERMS, _BLOCK)
                 target[some] = np.einsum("nkb,knb->nb", terms, powers)
-    return even
+    return np.asarray(even)
 
 
 def _powers(phase: FloatArray, off: FloatArray) -> FloatArray:

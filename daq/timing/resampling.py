@@ -52,7 +52,7 @@ class _Stretch:
         if _are_alike(blocks, int(axes[-1])) and blocks[0].first_index <= first and blocks[-1].end_index >= last:
             begin = first - blocks[0].first_index
             counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
-            return np.multiply(counts, blocks[0].scale, out=out).T
+            return np.asarray(np.multiply(counts, blocks[0].scale, out=out).T)
         written = first
         for block in blocks:
             start, stop = max(first, block.first_index), min(last, block.end_index)

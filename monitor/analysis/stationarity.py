@@ -283,9 +283,7 @@ def step_text(step: "ReferenceStep") -> str:
     )
 
 
-def _reference_step(
-    observation: "Observation", kept: IndexArray, run: IndexArray, p_value: float
-) -> "ReferenceStep":
+def _reference_step(observation: "Observation", kept: IndexArray, run: IndexArray, p_value: float) -> "ReferenceStep":
     from updater.diagnosis import ReferenceStep  # slow to import, and few logs need it
 
     used, left = observation.modes.windows(kept), observation.modes.windows(run)

@@ -7,7 +7,16 @@ from daq.lazy_names import lazy_names
 if TYPE_CHECKING:
     from monitor.detection.baseline_shift import Shift, shift_of, shifted
     from monitor.detection.correlated_noise import effective_number
-    from monitor.detection.detectors import DETECTORS, GUARD, DetectorName, LawState, ScoredWindows, accept, judge, start
+    from monitor.detection.detectors import (
+        DETECTORS,
+        GUARD,
+        DetectorName,
+        LawState,
+        ScoredWindows,
+        accept,
+        judge,
+        start,
+    )
     from monitor.detection.run_length import DetectionSettings
     from monitor.detection.sensitivity import Detectable, detectable_change, least_unsure
     from monitor.detection.temperature_law import CHUNK

@@ -117,10 +117,10 @@ def _jumps(data: FloatArray) -> BoolArray | None:
 
 
 def _off_neighbours(padded: FloatArray, out: FloatArray) -> float:
-    """Write the distances (n_samples,) of samples from the median of four neighbours, 0 where missing; return the most.
+    """Write the distances (n_samples,) from the median of four neighbours, 0 where missing; return the largest.
 
-    `padded` has two more samples at each end. Of four samples the middle two are the larger of the smaller ones of two pairs, and the
-    smaller of the larger ones; pieces stay in the processor's cache.
+    `padded` has two more samples at each end. Of four samples the middle two are the larger of the smaller ones of two
+    pairs, and the smaller of the larger ones; pieces stay in the processor's cache.
     """
     most, scratch = 0.0, np.empty((3, _PIECE))
     for start in range(0, len(out), _PIECE):

@@ -144,8 +144,8 @@ def _doubled_phases(spectrum: ComplexArray, group: IndexArray) -> tuple[ComplexA
     for pair in np.unique(place):
         doubled[pair, used] = cross[place == pair].sum(0)
         most[pair] = weight[place == pair].sum()
-    most = most.reshape(n, n)
-    return doubled.reshape(n, n, -1), most + most.T
+    square = most.reshape(n, n)
+    return doubled.reshape(n, n, -1), square + square.T
 
 
 def _are_real(phases: tuple[ComplexArray, FloatArray]) -> bool:

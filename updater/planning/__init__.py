@@ -17,7 +17,12 @@ if TYPE_CHECKING:
     from updater.planning.mode_visibility import ALIKE, ModeVisibility, clearer, look
     from updater.planning.record_length import LocalizationSimulation, Target
     from updater.planning.record_noise import Record
-    from updater.planning.sensor_placement import Choice, backward_elimination, best_additional_sensor, mean_position_std
+    from updater.planning.sensor_placement import (
+        Choice,
+        backward_elimination,
+        best_additional_sensor,
+        mean_position_std,
+    )
     from updater.planning.target_mass import Plan, SensorSet, plan
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)

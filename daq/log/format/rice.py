@@ -158,7 +158,9 @@ class _Axes:
         n_axes = np.array([len(one.order) for one in packed])
         for one in packed:
             if not one.order or len(one.order) != len(one.n_low):
-                raise ValueError(f"packed counts: expected axes, found {len(one.order)} orders, {len(one.n_low)} lengths")
+                raise ValueError(
+                    f"packed counts: expected axes, found {len(one.order)} orders, {len(one.n_low)} lengths"
+                )
         order, n_low, start = (
             np.array(list(chain.from_iterable(parts)), np.intp)
             for parts in ((one.order for one in packed), (one.n_low for one in packed), (one.start for one in packed))
@@ -256,11 +258,11 @@ def _joined(
     sign = np.uint32(0) - (low & np.uint32(1))
     low >>= np.uint32(1)
     low ^= sign
-    return low
+    return np.asarray(low)
 
 
 def _summed(residual: _Unsigned, order: int, start: _Unsigned) -> _Unsigned:
-    """Return samples (n_axes, n) from their differences (n_axes, n - order), and the start values (n_axes, ..) of each."""
+    """Return samples (n_axes, n) from their differences (n_axes, n - order), and their start values (n_axes, ..)."""
     if order == 0:
         return np.asarray(residual + start)
     samples = np.empty((len(residual), order + residual.shape[1]), np.uint32)
