@@ -10,7 +10,7 @@ from daq.timing.interpolation import half_taps, interpolate
 @pytest.mark.parametrize(("ratio", "drift"), [(1.0, 10e-6), (1.0, -150e-6), (0.5, 30e-6), (1000 / 1200, 20e-6)])
 def test_blocks_agree_with_single_samples(ratio: float, drift: float) -> None:
     n, random = 20_000, np.random.default_rng(3)
-    position = half_taps(ratio) + 8.3 + np.arange(n) * (1 / ratio) * (1 + drift)
+    position = half_taps(ratio) + 8.3 + np.arange(n, dtype=np.float64) * (1 / ratio) * (1 + drift)
     scans = random.standard_normal((int(position[-1]) + half_taps(ratio) + 3, 2))
     scans[9000:9004, 1] = np.nan
     columns = [np.ascontiguousarray(column) for column in scans.T]

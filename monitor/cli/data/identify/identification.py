@@ -88,7 +88,7 @@ def draw_window(path: Path, recording: Recording, found: Identification, estimat
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
-def animate_modes(path: Path, estimate: ModalEstimate, model: ModelModes | None) -> None:
+def animate_modes(path: Path, estimate: ModalEstimate, model: "ModelModes | None") -> None:
     """Write the mode shapes in motion; they move on the model's structure."""
     if model is None:
         raise ArgumentError("--animate", "expected a structure to draw the shapes on (--structure)")
