@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyuff
 
 from daq import FloatArray
 from oma.types import ComplexArray, ModalEstimate
@@ -87,6 +86,8 @@ def write_universal(
     sets: list[dict[str, Any]] = [_geometry(nodes)] if nodes else []
     sets += [_line(k, line) for k, line in enumerate(lines, 1)]
     sets += [_mode(estimate, k, numbers, motion[k]) for k in range(estimate.n_modes)]
+    import pyuff  # slow to import
+
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
 
 

@@ -115,6 +115,7 @@ def identify_windows(
         except IdentificationError as error:
             problems.append(str(error))
             faults.append(channel_faults(recording))
+            del recording
             continue
         faults.append(found.faults)
         qualities.append(found.quality)
@@ -124,6 +125,7 @@ def identify_windows(
         moves.append(found.frequency_moves)
         doubtful.append(found.estimate.frequency[found.may_be_tone])
         tones.append(found.harmonics)
+        del recording  # while the next one is made
     if not spans:
         raise IdentificationError("no window: the recording is too short")
     usual = _usual_faults(faults)

@@ -1,33 +1,48 @@
-"""From a log to modes: processor time of reading and of identification, per window length, in one process.
+"""From a log to modes: processor time by stage and of the whole command, and of the stock reader with pyOMA2.
 
 Two logs of 20 minutes hold the same signals of six devices at 1 kHz, of which 12 of 18 axes are analysed. One is as
-recorded live (blocks of 0.2 s, clocks that drift, late arrivals) and is interpolated to one grid. The other one is as
-imported (long blocks on one grid).
+recorded live: blocks of 0.2 s, chunks of 0.05 s, a preview of 50 Hz, devices with clocks of their own, late arrivals.
+Its scans are interpolated to one grid. The other one is as imported: long blocks on one grid.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/log_speed.py, or make bench-log-speed
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/log_speed.py [without-peer], or make bench-log-speed
 """
 
+import os
+import resource
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from mcap.reader import make_reader
 from scipy import signal
 
-from daq import Block, Channel, Flag, McapWriter, Recording, load_recordings
+import oma.identification as identification
+from benchmarks.common.peers import OURS, measured, peer_python
+from daq import Block, Channel, Flag, McapWriter, load_recordings, read_log
 from daq.log import CHANNELS, ChannelMap
+from daq.log.format.block_codec import decode_block
+from daq.log.format.preview import View
+from daq.timing.interpolation import half_taps, interpolate
 from oma import identify_all
+from oma.methods.ssi import SSILevel
 
 N_SAMPLES, RATE, SCALE = 1_206_000, 1000.0, 3e-6
 FREQUENCIES = (2.3, 5.1, 7.7, 13.0, 22.0, 41.0, 77.0, 130.0)  # Hz
 DAMPING = 0.01
 START = 1_700_000_000_000_000_000  # ns UTC
 CHANNEL_MAP = tuple(Channel(name=f"c{k}", device=f"d{k // 2}", axis=k % 2) for k in range(12))
+BLOCK_ROWS, MAX_ORDER = 50, 60  # of the peer, as in benchmarks/oma/speed.py
+COMMAND = "from monitor.cli.main import main; main()"
 
 
 def signals(random: np.random.Generator) -> np.ndarray:
-    """Return counts (n_samples, 18) of eight modes under white forces, with sensor noise."""
+    """Return accelerations in counts (n_samples, 18) of eight modes under white forces, with sensor noise."""
     data = np.zeros((N_SAMPLES, 18), np.float32)
     for frequency in FREQUENCIES:
         omega = 2 * np.pi * frequency / RATE
@@ -35,64 +50,202 @@ def signals(random: np.random.Generator) -> np.ndarray:
         mode = signal.lfilter([1], [1, -2 * radius * np.cos(omega), radius**2], random.standard_normal(N_SAMPLES))
         data += (mode[:, None] / mode.std() * random.standard_normal(18)).astype(np.float32)
     data = 0.01 * data + 5e-4 * random.standard_normal(data.shape).astype(np.float32)
-    return np.asarray(np.round(data / SCALE), np.int32)
+    return np.asarray(data / SCALE)
 
 
-def write(path: Path, counts: np.ndarray, random: np.random.Generator, *, live: bool) -> None:
-    """Write the log."""
+def sampled(signals: np.ndarray, drift: float) -> np.ndarray:
+    """Return counts (n, 3) at the scans of a device whose clock is slow by `drift`."""
+    margin = half_taps(1.0) + 2
+    n = int((len(signals) - 2 * margin) / (1 + abs(drift)))
+    position = margin + np.arange(n, dtype=np.float64) * (1 + drift)
+    return np.asarray(np.round(interpolate(signals.astype(np.float64), position)), np.int32)
+
+
+def write(path: Path, data: np.ndarray, random: np.random.Generator, *, live: bool) -> None:
+    """Write a log."""
+    drifts = [10e-6 * (device - 2) if live else 0.0 for device in range(6)]
+    counts = [
+        sampled(data[:, 3 * d : 3 * d + 3], drift) if live else np.round(data[:, 3 * d : 3 * d + 3]).astype(np.int32)
+        for d, drift in enumerate(drifts)
+    ]
     n_scans = 200 if live else 6000
-    writer = McapWriter(path, {CHANNELS: ChannelMap(channels=CHANNEL_MAP, on_grid=not live).to_json()})
-    for first in range(0, N_SAMPLES - n_scans + 1, n_scans):
+    writer, view = (
+        McapWriter(path, {CHANNELS: ChannelMap(channels=CHANNEL_MAP, on_grid=not live).to_json()}),
+        View(50.0),
+    )
+    for first in range(0, min(map(len, counts)) - n_scans + 1, n_scans):
         for device in range(6):
             last = first + n_scans - 1
-            late, drift = (random.exponential(2e6), 1 + 10e-6 * (device - 2)) if live else (0.0, 1.0)
-            writer.write(
-                Block(
-                    device=f"d{device}",
-                    rate=RATE,
-                    first_index=first,
-                    counts=counts[first : first + n_scans, 3 * device : 3 * device + 3],
-                    scale=SCALE,
-                    arrival_index=last,
-                    arrival_time=START + round(last * 1e6 * drift + late),
-                    temperature=20.0,
-                    flags=Flag.NONE,
-                    clock="",
-                )
+            block = Block(
+                device=f"d{device}",
+                rate=RATE,
+                first_index=first,
+                counts=counts[device][first : first + n_scans],
+                scale=SCALE,
+                arrival_index=last,
+                arrival_time=START + round(last * 1e6 * (1 + drifts[device]) + live * random.exponential(2e6)),
+                temperature=20.0,
+                flags=Flag.NONE,
+                clock="",
             )
+            writer.write(block)
+            for message in view.add(block) if live else ():
+                writer.show(message)
+            if live and device % 2:
+                writer.hand_over()
     writer.close()
 
 
-def timed(windows: Iterator[Recording]) -> tuple[float, float, float]:
-    """Return seconds of data, and of processor time for reading and for identification."""
-    seconds = reading = identifying = 0.0
+class Stages:
+    """Processor time of functions, by stage, while they are replaced by timed ones."""
+
+    def __init__(self) -> None:
+        self.seconds: defaultdict[str, float] = defaultdict(float)
+
+    def timed(self, stage: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function whose time is added to a stage."""
+
+        def run(*arguments: Any, **options: Any) -> Any:
+            start = time.process_time()
+            try:
+                return function(*arguments, **options)
+            finally:
+                self.seconds[stage] += time.process_time() - start
+
+        return run
+
+    def watch(self) -> None:
+        """Replace the functions of the identification."""
+        for name in ("cleaned", "usable_share", "delays_of_clean", "aligned"):
+            setattr(identification, name, self.timed("clean", getattr(identification, name)))
+        stream: Any = identification.IdentificationStream
+        stream.add = self.timed("correlate", stream.add)
+        level: Any = SSILevel
+        level.identify = self.timed("identify", level.identify)
+
+
+def stages(path: Path, length: float, stages: Stages) -> dict[str, float]:
+    """Return processor time by stage [s], all in one process."""
+    start = time.process_time()
+    for _ in read_log(path):
+        pass
+    reading = time.process_time() - start
+    stages.seconds.clear()
+    start, assembled, windows = time.process_time(), 0.0, load_recordings(path, window_seconds=length)
+    identified = 0.0
     while True:
-        start = time.process_time()
+        begin = time.process_time()
         window = next(windows, None)
-        reading += time.process_time() - start
+        assembled += time.process_time() - begin
         if window is None:
-            return seconds, reading, identifying
-        start = time.process_time()
-        n_modes = len(identify_all(window).estimate.frequency)
-        identifying += time.process_time() - start
-        assert n_modes > len(FREQUENCIES) / 2
-        seconds += window.duration
+            break
+        begin = time.process_time()
+        assert len(identify_all(window).estimate.frequency) > len(FREQUENCIES) / 2
+        identified += time.process_time() - begin
+    parts = {name: stages.seconds[name] for name in ("clean", "correlate", "identify")}
+    return {"read": reading, "assemble": assembled - reading, **parts, "select": identified - sum(parts.values())}
 
 
-def main() -> None:
-    """Print the table of the documentation."""
+def whole(path: Path, length: float, repeats: int = 2) -> float:
+    """Return the processor time of the command, with its start [s]: the least of some runs."""
+    spent = []
+    for _ in range(repeats):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(
+            [sys.executable, "-c", COMMAND, "identify", str(path), "--window", f"{length:g}"],
+            check=True,
+            stdout=subprocess.DEVNULL,
+            env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    return min(spent)
+
+
+# what the children run for the comparison
+
+
+def stock_reader(path: str, folder: str) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+    """Read a log by the stock reader, message by message, and save its channels on the scans' own indices."""
+
+    def work() -> str:
+        scans: dict[str, list[np.ndarray]] = {}
+        with Path(path).open("rb") as file:
+            for _, channel, message in make_reader(file).iter_messages():
+                if channel.topic.startswith("/accel/"):
+                    block = decode_block(channel.topic.removeprefix("/accel/"), message.data)
+                    scans.setdefault(block.device, []).append(block.counts[:, :2] * block.scale)
+        whole = [np.concatenate(scans[device]) for device in sorted(scans)]
+        np.save(Path(folder) / "data.npy", np.concatenate([each[: min(map(len, whole))] for each in whole], axis=1))
+        return ""
+
+    return work, lambda found: found
+
+
+def pyoma(folder: str, length: float) -> tuple[Callable[[], Any], Callable[[Any], Any]]:
+    """Identify the windows by SSI-COV of pyOMA2 from correlation functions, poles of all orders."""
+    from pyoma2.algorithms import SSI
+    from pyoma2.setup import SingleSetup
+
+    data = np.load(Path(folder) / "data.npy")
+    n = round(length * RATE)
+
+    def work() -> int:
+        for k in range(len(data) // n):
+            setup = SingleSetup(data[k * n : (k + 1) * n], fs=RATE)
+            setup.add_algorithms(SSI(name="s", method="cov_R", br=BLOCK_ROWS, ordmin=2, ordmax=MAX_ORDER, step=2))
+            setup.run_by_name("s")
+        return len(data) // n
+
+    return work, lambda found: found
+
+
+def peer(path: Path, folder: Path, length: float) -> tuple[float, float]:
+    """Return the processor time of the stock reader and of pyOMA2, without their start [s]."""
+    read = measured(OURS, Path(__file__), "stock_reader", 1, path=str(path), folder=str(folder))
+    found = measured(peer_python(), folder / "peer.py", "pyoma", 1, folder=str(folder), length=length)
+    return read["cpu"], found["cpu"]
+
+
+def peer_source() -> str:
+    """Return the part of this file that runs in the peer's environment, which has none of our packages."""
+    source = Path(__file__).read_text()
+    begin, end = source.index("def pyoma("), source.index("def peer(")
+    heads = (
+        "from collections.abc import Callable\nfrom pathlib import Path\nfrom typing import Any\nimport numpy as np\n"
+    )
+    return f"{heads}RATE, BLOCK_ROWS, MAX_ORDER = {RATE}, {BLOCK_ROWS}, {MAX_ORDER}\n{source[begin:end]}"
+
+
+def main(*arguments: str) -> None:
+    """Print the tables of docs/validation/service/archive.md."""
     random = np.random.default_rng(1)
-    counts = signals(random)
-    print("| log | window | reading | identification | data over processor time |\n|:--|---:|---:|---:|---:|")
-    with tempfile.TemporaryDirectory() as folder:
-        for name, live in (("as recorded live", True), ("imported", False)):
-            path = Path(folder) / f"{name}.mcap"
-            write(path, counts, random, live=live)
+    data, watch = signals(random), Stages()
+    watch.watch()
+    names = ("read", "assemble", "clean", "correlate", "identify", "select")
+    print(
+        "| log | window | "
+        + " | ".join(names)
+        + " | whole command | data over processor time | stock reader | pyOMA2 |"
+    )
+    print("|:--|---:" + "|---:" * (len(names) + 4) + "|")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "peer.py").write_text(peer_source())
+        for log, live in (("as recorded live", True), ("imported", False)):
+            path = folder / f"{log}.mcap"
+            write(path, data, random, live=live)
             for length in (600.0, 40.0):
-                seconds, reading, identifying = timed(load_recordings(path, window_seconds=length))
-                total = reading + identifying
-                print(f"| {name} | {length:g} s | {reading:.1f} s | {identifying:.1f} s | {seconds / total:.0f} |")
+                parts, command = stages(path, length, watch), whole(path, length)
+                others = ("-", "-") if arguments else tuple(f"{each:.1f} s" for each in peer(path, folder, length))
+                seconds = N_SAMPLES / RATE // length * length
+                cells = [f"{parts[name]:.2f} s" for name in names]
+                print(
+                    f"| {log} | {length:g} s | {' | '.join(cells)} | {command:.1f} s | {seconds / command:.0f} "
+                    f"| {others[0]} | {others[1]} |",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])

@@ -1,12 +1,19 @@
 """Drivers of devices: ports, time-outs, reconnection, and blocks from scans."""
 
-from daq.drivers.addresses import CanAddress, CanPlace, DbcAddress, DbcSensor, Found, LogAddress, PortAnswer
-from daq.drivers.base import Driver, Scans
-from daq.drivers.can.dbc_file import read_layout
-from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
-from daq.drivers.reader import DeviceReader
-from daq.drivers.registry import can_interfaces, driver_names, low_grade, make_driver
-from daq.protocol.epson import SCALE as EPSON_SCALE
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from daq.drivers.addresses import CanAddress, CanPlace, DbcAddress, DbcSensor, Found, LogAddress, PortAnswer
+    from daq.drivers.base import Driver, Scans
+    from daq.drivers.can.dbc_file import read_layout
+    from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
+    from daq.drivers.reader import DeviceReader
+    from daq.drivers.registry import can_interfaces, driver_names, low_grade, make_driver
+    from daq.protocol.epson import SCALE as EPSON_SCALE
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "EPSON_SCALE",

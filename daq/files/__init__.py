@@ -1,21 +1,28 @@
 """Files of measurements of other programs: read into recordings, and written."""
 
-from daq.files.archive_size import DAMAGED_FILE, check_archive
-from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
-from daq.files.columns.calibration import Calibration, read_calibration
-from daq.files.columns.time_column import TIME_UNITS
-from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, parse_sensitivity, parse_unit
-from daq.files.dataframe import read_dataframe
-from daq.files.differentiation import differentiated
-from daq.files.export import export_recording, with_channels, write_recording, write_recordings
-from daq.files.formats.registry import FORMATS, Format, format_of
-from daq.files.formats.responses import FrequencyResponses, read_responses
-from daq.files.measured import Measured
-from daq.files.measurement_file import read_data, read_measured
-from daq.files.message_export import expand_log
-from daq.files.options import DataOptions
-from daq.files.sequence import in_order, read_in_order
-from daq.files.tables.text_table import is_table
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from daq.files.archive_size import DAMAGED_FILE, check_archive
+    from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
+    from daq.files.columns.calibration import Calibration, read_calibration
+    from daq.files.columns.time_column import TIME_UNITS
+    from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, parse_sensitivity, parse_unit
+    from daq.files.dataframe import read_dataframe
+    from daq.files.differentiation import differentiated
+    from daq.files.export import export_recording, with_channels, write_recording, write_recordings
+    from daq.files.formats.registry import FORMATS, Format, format_of
+    from daq.files.formats.responses import FrequencyResponses, read_responses
+    from daq.files.measured import Measured
+    from daq.files.measurement_file import read_data, read_measured
+    from daq.files.message_export import expand_log
+    from daq.files.options import DataOptions
+    from daq.files.sequence import in_order, read_in_order
+    from daq.files.tables.text_table import is_table
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "ACCELERATIONS",

@@ -15,12 +15,11 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Literal, TypeVar, cast
+from typing import IO, TYPE_CHECKING, Literal, TypeVar
 
 from google.protobuf.message import DecodeError
 from mcap.exceptions import EndOfFile, McapError
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Header, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import Attachment, Channel, Chunk, Header, Message, Metadata
 from mcap_protobuf.schema import build_file_descriptor_set
 from zstandard import ZstdError
 
@@ -30,9 +29,10 @@ from daq.log.file_lock import lock
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.block_codec import decode_blocks, encode_block
 from daq.log.format.chunk_index import LeanWriter
-from daq.log.format.chunks import WholeReads, chunk_records
+from daq.log.format.chunks import ChunkReader
 from daq.log.format.file_index import file_index
 from daq.log.format.preview import ViewMessage
+from daq.log.format.record_stream import RecordStream
 from daq.log.format.ros_messages import ENCODING as VIEW_ENCODING
 from daq.log.format.ros_messages import schema as view_schema
 from daq.log.parts import END, PART, AnyLog, LogExcerpt, Part, files_of
@@ -52,7 +52,7 @@ SCHEMAS = {  # encoding of a channel's messages -> name, encoding and text of th
     "json": ("modalwatch.Event", "jsonschema", b'{"type": "object"}'),
 }
 T = TypeVar("T")
-_BATCH, _BATCH_BYTES = 64, 1 << 17  # messages that are decoded together, and their size
+_BATCH, _BATCH_BYTES = 128, 1 << 18  # messages that are decoded together, and their size
 _Topical = tuple[str, Message]
 _KINDS: dict[str, type[int] | type[float]] = {"missing": int, "exact": int, "index": int, "celsius": float}
 MAGIC = b"\x89MCAP0\r\n"
@@ -261,7 +261,7 @@ def read_log(log: AnyLog) -> Iterator[Item]:
     LogError
         If it cannot be read, is not a log, or is damaged inside (earlier items are yielded first).
     """
-    yield from _read(log, lambda _: True)
+    yield from _read(log, _every)
 
 
 def log_span(log: AnyLog) -> tuple[int, int] | None:
@@ -281,7 +281,7 @@ def log_span(log: AnyLog) -> tuple[int, int] | None:
 def _start_of(path: Path) -> int | None:
     """Return the time of the first scan in a file [ns UTC]; that of a device may come slightly after another one's."""
     start: int | None = None
-    for block in _blocks(_parsed(path, _records(path), _is_signal)):
+    for block in _blocks(_parsed(path, _records(path, _is_signal), _is_signal)):
         first = block.time_of(block.first_index)
         start = first if start is None else min(start, first)
         if block.arrival_time > start + _REACH:
@@ -293,12 +293,12 @@ def _end_of(path: Path) -> int | None:
     """Return the time after the last scan in a file [ns UTC]; with an index, from the last chunks."""
     index = file_index(path)
     if index is None:
-        return _latest(_parsed(path, _records(path), _is_signal))
+        return _latest(_parsed(path, _records(path, _is_signal), _is_signal))
     end: int | None = None
     for chunk in reversed(index.with_topics(_is_signal)):
         if end is not None and chunk.message_end_time < end - _REACH:
             break
-        latest = _latest(_parsed(path, (*index.channels, *index.messages(chunk)), _is_signal))
+        latest = _latest(_parsed(path, (*index.channels, *index.messages(chunk, _items_of(_is_signal))), _is_signal))
         end = max((time for time in (end, latest) if time is not None), default=None)
     return end
 
@@ -315,11 +315,20 @@ def _is_signal(topic: str) -> bool:
     return topic.startswith(ACCEL)
 
 
+def _every(_: str) -> bool:
+    return True
+
+
+def _items_of(wanted: Callable[[str], bool]) -> Callable[[Channel], bool]:
+    """Return whether the messages of a channel are items of wanted topics."""
+    return lambda channel: channel.message_encoding != VIEW_ENCODING and wanted(channel.topic)
+
+
 def _read(log: AnyLog, wanted: Callable[[str], bool]) -> Iterator[Item]:
     """Yield the items of some topics."""
     if not isinstance(log, LogExcerpt):
         for path in files_of(log):
-            yield from _parsed(path, _records(path), wanted)
+            yield from _parsed(path, _records(path, wanted), wanted)
         return
     for path in files_of(log.log):
         for item in _parsed(path, _records_within(path, log, wanted), wanted):
@@ -332,12 +341,12 @@ def _records_within(path: Path, log: LogExcerpt, wanted: Callable[[str], bool]) 
     """Yield channels and the messages near a range; all records of a file without an index."""
     index = file_index(path)
     if index is None:
-        yield from _records(path)
+        yield from _records(path, wanted)
         return
     yield from index.channels
     for chunk in index.with_topics(wanted):
         if chunk.message_start_time < log.stop + _REACH and chunk.message_end_time > log.start - _REACH:
-            yield from index.messages(chunk)
+            yield from index.messages(chunk, _items_of(wanted))
 
 
 def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[Item]:
@@ -353,12 +362,12 @@ def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]
 
 def _batches(records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[list[_Topical]]:
     """Yield the messages of some topics with their topics, some at a time; those before an error are yielded first."""
-    topics: dict[int, str] = {}
+    topics, is_wanted = dict[int, str](), _items_of(wanted)
     batch: list[_Topical] = []
     size = 0
     try:
         for record in records:
-            if isinstance(record, Channel) and record.message_encoding != VIEW_ENCODING and wanted(record.topic):
+            if isinstance(record, Channel) and is_wanted(record):
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
                 batch.append((topics[record.channel_id], record))
@@ -430,38 +439,34 @@ def read_part(path: Path) -> Part | None:
     return None
 
 
-def _records(path: Path) -> Iterator[object]:
+def _records(path: Path, wanted: Callable[[str], bool] = _every) -> Iterator[object]:
+    """Yield the records of a file; messages in chunks only if they are items of wanted topics."""
     try:
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
                 raise LogError(path, "is not an MCAP log")
-            file.seek(0)
-            yield from _until_cut(path, file)
+            yield from _until_cut(path, file, ChunkReader(_items_of(wanted)))
     except OSError as error:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
-def _damaged(path: Path, file: IO[bytes], error: Exception) -> LogError:
-    return LogError(
-        path, f"is damaged before byte {file.tell()} (`modalwatch repair` keeps every whole chunk): {error}"
-    )
-
-
-def _until_cut(path: Path, file: IO[bytes]) -> Iterator[object]:
+def _until_cut(path: Path, file: IO[bytes], chunks: ChunkReader) -> Iterator[object]:
     """Yield records until the file's end, planned or not."""
-    records = StreamReader(cast(IO[bytes], WholeReads(file)), emit_chunks=True, validate_crcs=True).records
+    stream = RecordStream(file)
+    records = iter(stream)
     while True:
         try:
             record = next(records)
-            opened = chunk_records(record) if isinstance(record, Chunk) else (record,)
+            opened = chunks.records(record) if isinstance(record, Chunk) else (record,)
         except (StopIteration, EndOfFile):
             return
-        except CRCValidationError as error:
-            if isinstance(error.record, DataEnd):  # of all that was: each chunk has proven itself by its own
-                return
-            raise _damaged(path, file, error) from error
         except (McapError, ZstdError, struct.error, ValueError) as error:
-            raise _damaged(path, file, error) from error
+            raise LogError(
+                path,
+                f"is damaged before byte {stream.position} (`modalwatch repair` keeps every whole chunk): {error}",
+            ) from error
         if isinstance(record, Header) and record.profile != PROFILE:
             raise LogError(path, f"is no modalwatch log: expected profile {PROFILE!r}, found {record.profile!r:.80}")
+        if isinstance(record, Channel):
+            chunks.channel(record)
         yield from opened

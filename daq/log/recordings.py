@@ -173,7 +173,7 @@ def _whole(pieces: Iterable[Recording], n: int) -> Iterator[Recording]:
     """Yield pieces of `n` samples; the first one however long."""
     pieces = iter(pieces)
     yield from itertools.islice(pieces, 1)
-    yield from (piece for piece in pieces if len(piece.data) == n)
+    yield from filter(lambda piece: len(piece.data) == n, pieces)  # keeps no piece while the next one is made
 
 
 def _joined(log: AnyLog, pieces: Iterable[Recording]) -> Iterator[Recording]:

@@ -1,90 +1,24 @@
 """Blocks of many devices on one grid: a function of the sequence of blocks and events, and of nothing else."""
 
 import itertools
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from types import MappingProxyType
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from daq.events import DeviceFailed
 from daq.timing.clock_fit import ClockFit
+from daq.timing.interpolation import half_taps, interpolate
 from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexArray, Recording, find_gaps
 
-_HALF = 16  # taps on each side of the interpolating kernel, at the rate of the grid
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
-_BETA = 8.75  # of its Kaiser window: errors under -80 dB for signals below 0.4 of the rate
-_PHASES = 2048  # of the kernel's table; linear between them, error 1/8 (pi / 2048)^2 = -130 dB
-_SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used
-_CHUNK = 1 << 11  # samples at a time: their weights stay in the processor's cache
-_FEWEST = 64  # samples of a run of equal steps, on average, below which scans are gathered one by one
+_PIECE = 1 << 16  # samples at a time, which bounds the memory
+_SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used; by then it errs by far less
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
-
-
-@lru_cache
-def _kernel(ratio: float) -> tuple[FloatArray, FloatArray]:
-    """Return the table (phases + 1, taps) of a low-pass at the Nyquist frequency of a grid `ratio` times as fast.
-
-    And its differences from phase to phase (phases, taps).
-    """
-    half = half_taps(ratio)
-    x = np.arange(1 - half, half + 1) - np.linspace(0, 1, _PHASES + 1)[:, None]
-    table = np.sinc(ratio * x) * np.i0(_BETA * np.sqrt(np.clip(1 - (x / half) ** 2, 0, 1)))
-    table /= table.sum(1, keepdims=True)
-    return table, np.diff(table, axis=0)
-
-
-def half_taps(ratio: float) -> int:
-    """Return how many scans on each side of a sample it is made of."""
-    return int(np.ceil(_HALF / ratio))
-
-
-def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> FloatArray:
-    """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
-
-    Windowed sinc (Kaiser, beta 8.75) of 32 taps at the grid's rate, -80 dB below 0.4 of it.
-
-    Parameters
-    ----------
-    scans : (n_scans, n_axes); at least `half_taps` on each side of every position
-    position : (n,) [scans]
-    ratio : samples of the grid a scan, at most 1
-    """
-    (table, slopes), half = _kernel(ratio), half_taps(ratio)
-    out = np.empty((scans.shape[1], len(position)))
-    columns = [sliding_window_view(np.ascontiguousarray(column), 2 * half) for column in scans.T]
-    for start in range(0, len(position), _CHUNK):
-        part = position[start : start + _CHUNK]
-        base = np.floor(part).astype(np.intp)
-        phase = (part - base) * _PHASES
-        row = np.minimum(phase.astype(np.intp), _PHASES - 1)
-        weight = slopes[row]
-        weight *= (phase - row)[:, None]
-        weight += table[row]
-        for samples, chosen in _chosen(base - half + 1):
-            for windows, row_out in zip(columns, out[:, start : start + len(part)], strict=True):
-                np.einsum("nt,nt->n", windows[chosen], weight[samples], out=row_out[samples])
-    return out.T
-
-
-def _chosen(first: IndexArray) -> list[tuple[slice, slice | IndexArray]]:
-    """Return runs of samples whose first scans (n,) are equally spaced, with these scans; or all, scan by scan.
-
-    A grid at the rate of the device has one run between two scans left out or taken twice.
-    """
-    steps = np.diff(first)
-    step = int(steps[0]) if len(steps) else 1
-    edges = [0, *(np.flatnonzero(steps != step) + 1).tolist(), len(first)]
-    if step < 1 or len(edges) - 1 > max(2, len(first) // _FEWEST):
-        return [(slice(None), first)]
-    return [
-        (slice(start, stop), slice(int(first[start]), int(first[stop - 1]) + 1, step))
-        for start, stop in itertools.pairwise(edges)
-    ]
 
 
 class _Stretch:
@@ -111,11 +45,16 @@ class _Stretch:
         while len(self.blocks) > 1 and self.blocks[0].end_index < index:
             self.blocks.popleft()
 
-    def scans(self, first: int, last: int, axes: IndexArray) -> FloatArray:
-        """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing."""
+    def scans(self, first: int, last: int, axes: IndexArray, among: Sequence[Block] = ()) -> FloatArray:
+        """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing; of some blocks."""
         out = np.empty((len(axes), last - first))
+        blocks = [block for block in among or self.blocks if block.first_index < last and block.end_index > first]
+        if _are_alike(blocks, int(axes[-1])) and blocks[0].first_index <= first and blocks[-1].end_index >= last:
+            begin = first - blocks[0].first_index
+            counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
+            return np.asarray(np.multiply(counts, blocks[0].scale, out=out).T)
         written = first
-        for block in self.blocks:
+        for block in blocks:
             start, stop = max(first, block.first_index), min(last, block.end_index)
             if start < stop:
                 out[:, written - first : max(start, written) - first] = np.nan
@@ -139,7 +78,24 @@ class _Stretch:
         low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
             return None
-        return interpolate(self.scans(low, high, axes), position - low, ratio)
+        blocks, out = list(self.blocks), np.empty((len(axes), n))
+        ends = [block.end_index for block in blocks]
+        for begin in range(0, n, _PIECE):
+            part = position[begin : begin + _PIECE]
+            low, high = int(np.floor(part[0])) - half_taps(ratio), int(part[-1]) + half_taps(ratio) + 2
+            some = blocks[max(bisect_left(ends, low) - 1, 0) : bisect_left(ends, high) + 2]
+            out[:, begin : begin + _PIECE] = interpolate(self.scans(low, high, axes, some), part - low, ratio).T
+        return out.T
+
+
+def _are_alike(blocks: Sequence[Block], axis: int) -> bool:
+    """Return whether blocks follow each other without a gap, have an axis and one scale."""
+    if not blocks or min(block.counts.shape[1] for block in blocks) <= axis:
+        return False
+    return all(
+        after.first_index == before.end_index and after.scale == before.scale
+        for before, after in itertools.pairwise(blocks)
+    )
 
 
 class _Device:
@@ -170,6 +126,7 @@ class _Device:
         self._ratio = None if on_grid else grid_rate / rate
         self._half = half_taps(self._ratio) if self._ratio else 0
         self._stretches: deque[_Stretch] = deque()
+        self._awaited = (0, 0.0)  # time that was not reached, and the scan needed for it
         self.lost = False
 
     def add(self, block: Block) -> None:
@@ -177,6 +134,7 @@ class _Device:
             own = ClockFit(self._rate)
             clock = self._clocks.setdefault(block.clock, own) if block.clock else own
             self._stretches.append(_Stretch(clock, self._late))
+            self._awaited = (0, 0.0)
         self._stretches[-1].add(block)
         self.lost = False
         if self.axes[-1] >= block.counts.shape[1] and self.axes[0]:  # an axis that the device has shows its data
@@ -209,7 +167,12 @@ class _Device:
     def reaches(self, time: int) -> bool:
         """Return whether all scans needed for samples before `time` are available."""
         stretch = self._stretches[-1]
-        return stretch.index_at(time)[0] + self._half < stretch.blocks[-1].end_index
+        end = stretch.blocks[-1].end_index
+        if self._awaited[0] == time and end < self._awaited[1] - _SETTLE_SECONDS * self._rate:
+            return False  # far before it: the clock need not be fitted again
+        needed = stretch.index_at(time)[0] + self._half
+        self._awaited = (time, needed)
+        return needed < end
 
     def next_time(self, time: int) -> int | None:
         """Return the time of the first scan that is not before `time`, None if there is none."""
@@ -330,17 +293,18 @@ class Assembler:
 
     def _cut(self, start: int, n: int) -> Iterator[Recording]:
         """Yield a window of `n` samples, if there is one, and advance to the next."""
-        signals = {name: device.resampled(start, n) for name, device in self._devices.items()}
-        there = np.any([np.isfinite(signal).any(1) for signal in signals.values()], axis=0)
+        data, there = self._resampled(start, n)
         unused = _unused(there) if self._by_record else n * (not there.any())
-        if not unused:
-            yield self._recording(start, signals)
+        recording = None if unused else self._recording(start, data)
+        del data
         if there.any():
             self._next = start + (round(unused / self._rate * 1e9) if 0 < unused < n else self._step)
         else:
             self._next = start + self._step * self._empty_steps(start)
         for device in self._devices.values():
-            device.forget(self._next)
+            device.forget(self._next)  # before the window is analysed: less memory
+        if recording:
+            yield recording
 
     def _empty_steps(self, start: int) -> int:
         """Return the number of steps from an empty window to one near the next scan: a pause may last for years."""
@@ -355,12 +319,19 @@ class Assembler:
     def _window_ns(self) -> int:
         return round(self._n / self._rate * 1e9)
 
-    def _recording(self, start: int, signals: Mapping[str, FloatArray]) -> Recording:
+    def _resampled(self, start: int, n: int) -> tuple[FloatArray, BoolArray]:
+        """Return the channels (n, n_channels), and where any device has scans (n,)."""
+        data, there = np.empty((len(self._channels), n)), np.zeros(n, np.bool_)
+        for name, device in self._devices.items():
+            signal = device.resampled(start, n)
+            there |= np.isfinite(signal).any(1)
+            for column, channel in zip(data, self._channels, strict=True):
+                if channel.device == name:
+                    column[:] = signal[:, np.searchsorted(device.axes, channel.axis)]
+        return data.T, there
+
+    def _recording(self, start: int, data: FloatArray) -> Recording:
         temperatures = [device.temperatures for device in self._devices.values()]
-        data = np.empty((len(self._channels), len(next(iter(signals.values()))))).T
-        for column, channel in zip(data.T, self._channels, strict=True):
-            axes = self._devices[channel.device].axes
-            column[:] = signals[channel.device][:, np.searchsorted(axes, channel.axis)]
         return Recording(
             channels=self._channels,
             data=data,

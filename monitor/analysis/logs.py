@@ -8,7 +8,6 @@ from types import MappingProxyType
 
 from daq import AnyLog, Block, Channel, LogError, Recording, load_recordings, read_attachments, read_log
 from daq.log import read_channel_map
-from monitor.settings import parse_attached
 
 EDGE_SAMPLES = 40  #: samples at the ends of a record, which the alignment of devices in time leaves out
 _PAUSE = 5.0  # s of silence between two records
@@ -26,6 +25,8 @@ def log_channels(log: AnyLog) -> tuple[Channel, ...]:
     stored = read_channel_map(log)
     if stored is not None:
         return stored.channels
+    from monitor.settings import parse_attached  # slow to import, and few logs need it
+
     attached = read_attachments(log)
     if "site.toml" not in attached:
         raise LogError(str(log), "has no channel map and no settings: the sensors of its channels are unknown")

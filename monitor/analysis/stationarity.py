@@ -15,17 +15,20 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, ndtri
 
 from daq import FloatArray, IndexArray, Recording
-from monitor.analysis.observation import Observation
 from monitor.text.quantities import utc
 from oma import IdentificationError, Method, ModalEstimate, identify_all, mac_matrix
 from oma.windows import Windows, identify_windows
-from updater.diagnosis import ReferenceStep
 from updater.modal_data import fuse, windows_of_one_state
+
+if TYPE_CHECKING:
+    from monitor.analysis.observation import Observation
+    from updater.diagnosis import ReferenceStep
 
 _MAX_COLUMNS = 120  # blocks of time in a series; neighbours are averaged down to that
 _EDGE = 2  # least blocks on each side of a change
@@ -106,7 +109,7 @@ def frequency_change(
     std = np.hypot(after.frequency_std / after.frequency, before.frequency_std / before.frequency)
     square = float(np.sum((shift / (_STD_FACTOR * std)) ** 2))
     most = _LIKELY if step.probability < _FALSE_CHANGE else _FALSE_CHANGE
-    if not len(shift) or stats.chi2.sf(square, len(shift)) > most:
+    if not len(shift) or chdtrc(len(shift), square) > most:
         return None
     return FrequencyChange(time=step.time, time_std=step.time_std, before=before, after=after)
 
@@ -155,8 +158,7 @@ def change_point(series: FloatArray) -> tuple[int, float, float]:
         Of so uneven a split by chance, by permutation of the columns; normal scores make outliers harmless.
     """
     n = series.shape[1]
-    rank = stats.rankdata(series, axis=1, nan_policy="omit")
-    score = np.nan_to_num(stats.norm.ppf((rank - 0.5) / np.sum(np.isfinite(series), axis=1, keepdims=True)))
+    score = np.stack([_normal_scores(row) for row in series])
     score = score - score.mean(axis=1, keepdims=True)
     score /= np.maximum(score.std(axis=1, keepdims=True), 1e-12)
     statistic = _unevenness(score)
@@ -171,6 +173,16 @@ def change_point(series: FloatArray) -> tuple[int, float, float]:
     mean = weight @ place / weight.sum()
     spread = np.sqrt(weight @ (place - mean) ** 2 / weight.sum() + 1 / 12)
     return best + _EDGE, float(spread), (1 + n_above) / (tried + 1)
+
+
+def _normal_scores(row: FloatArray) -> FloatArray:
+    """Return the normal quantiles of the ranks of values (n,), equal ones at their mean rank; 0 for NaN."""
+    known = np.isfinite(row)
+    values, ordered = row[known], np.sort(row[known])
+    twice = np.searchsorted(ordered, values, "left") + np.searchsorted(ordered, values, "right")
+    score = np.zeros(len(row))
+    score[known] = ndtri(twice / 2 / len(values))
+    return score
 
 
 def _unevenness(score: FloatArray) -> FloatArray:
@@ -247,7 +259,7 @@ def _sides(
 _DAY = 86400.0  # s
 
 
-def of_one_state(observation: Observation) -> tuple[Observation, tuple[ReferenceStep, ...]]:
+def of_one_state(observation: "Observation") -> "tuple[Observation, tuple[ReferenceStep, ...]]":
     """Return the windows of the state that most of them show, and the changes to the others."""
     order = np.argsort([estimate.start for estimate in observation.estimates], kind="stable")
     ordered = observation.chosen(order)
@@ -261,7 +273,7 @@ def of_one_state(observation: Observation) -> tuple[Observation, tuple[Reference
     return ordered.chosen(kept), steps
 
 
-def step_text(step: ReferenceStep) -> str:
+def step_text(step: "ReferenceStep") -> str:
     """Return a sentence on windows that are left out."""
     k = int(np.argmax(np.abs(step.shift_percent)))
     return (
@@ -271,7 +283,9 @@ def step_text(step: ReferenceStep) -> str:
     )
 
 
-def _reference_step(observation: Observation, kept: IndexArray, run: IndexArray, p_value: float) -> ReferenceStep:
+def _reference_step(observation: "Observation", kept: IndexArray, run: IndexArray, p_value: float) -> "ReferenceStep":
+    from updater.diagnosis import ReferenceStep  # slow to import, and few logs need it
+
     used, left = observation.modes.windows(kept), observation.modes.windows(run)
     seen = np.isfinite(used.log_frequency).any(0) & np.isfinite(left.log_frequency).any(0)
     mean = [np.nanmean(m.log_frequency[:, seen], axis=0) for m in (used, left)]

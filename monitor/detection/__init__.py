@@ -1,12 +1,28 @@
 """Change detection that holds a false alarm rate: a law of temperature, the scatter about it, limits by run length."""
 
-from monitor.detection.baseline_shift import Shift, shift_of, shifted
-from monitor.detection.correlated_noise import effective_number
-from monitor.detection.detectors import DETECTORS, GUARD, DetectorName, LawState, ScoredWindows, accept, judge, start
-from monitor.detection.run_length import DetectionSettings
-from monitor.detection.sensitivity import Detectable, detectable_change, least_unsure
-from monitor.detection.temperature_law import CHUNK
-from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from monitor.detection.baseline_shift import Shift, shift_of, shifted
+    from monitor.detection.correlated_noise import effective_number
+    from monitor.detection.detectors import (
+        DETECTORS,
+        GUARD,
+        DetectorName,
+        LawState,
+        ScoredWindows,
+        accept,
+        judge,
+        start,
+    )
+    from monitor.detection.run_length import DetectionSettings
+    from monitor.detection.sensitivity import Detectable, detectable_change, least_unsure
+    from monitor.detection.temperature_law import CHUNK
+    from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "CHUNK",

@@ -1,9 +1,12 @@
 """Texts of quantities: numbers with deviations, times, durations, masses, stretches of members."""
 
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from daq.notebook import number_text, utc_text
-from updater.planning import Stretches
+
+if TYPE_CHECKING:
+    from updater.planning import Stretches
 
 _CERTAIN = 0.999
 MIN_P = 1e-12  #: smallest p that is stated: below it neither noise nor model is known well enough
@@ -18,7 +21,7 @@ _NAMES = {
 _UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 
 
-def stretches_text(found: Stretches) -> str:
+def stretches_text(found: "Stretches") -> str:
     """Return stretches as words, nothing for none."""
     return ", ".join(f"{start:.2f} to {stop:.2f}" for start, stop in found)
 

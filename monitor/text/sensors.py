@@ -1,13 +1,16 @@
 """Texts on sensor health: gain, polarity and delay of every channel."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq.notebook import number_text
 from monitor.results.comparison import ChannelHealth
 from updater.modal_data import Asynchrony
-from updater.validation import SensorHealth
+
+if TYPE_CHECKING:
+    from updater.validation import SensorHealth
 
 _SURE = 4.0  # standard deviations from which a channel is named
 _WIDE = 2.0  # standard deviations that a bound holds
@@ -18,7 +21,7 @@ _DELAY = 1e-4  # from which a delay matters [s]
 _MAX_NAMED = 8  # channels that are not synchronous
 
 
-def health_result(health: SensorHealth) -> dict[str, ChannelHealth]:
+def health_result(health: "SensorHealth") -> dict[str, ChannelHealth]:
     """Return plain values, channel by channel."""
     columns = zip(health.channels, health.gain, health.gain_std, health.delay, health.delay_std, strict=True)
     return {

@@ -53,14 +53,9 @@ class Realisation:
     shape: ComplexArray  #: (order, n_channels) observed eigenvectors
 
     @cached_property
-    def left_vector(self) -> ComplexArray:
-        """Left eigenvectors, rows, (order, order): the inverse of `vector`."""
-        return np.linalg.inv(self.vector).astype(np.complex128)
-
-    @cached_property
-    def gram_inverse(self) -> FloatArray:
-        """Inverse of `gram`, (order, order)."""
-        return np.linalg.inv(self.gram).astype(np.float64)
+    def dual(self) -> ComplexArray:
+        """Left eigenvectors, rows, times the inverse of `gram`, (order, order)."""
+        return np.linalg.inv(self.gram @ self.vector).astype(np.complex128)
 
     @property
     def continuous(self) -> ComplexArray:

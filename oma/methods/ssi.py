@@ -27,7 +27,7 @@ from daq import FloatArray
 from oma.errors import TooFewChannels
 from oma.methods.base import LevelModes
 from oma.methods.realization import Subspace, realisations
-from oma.methods.ssi_uncertainty import perturbation, pole_influence
+from oma.methods.ssi_uncertainty import perturbation, pole_influences
 from oma.preparation import Level
 from oma.selection import Selection, candidates, physical, stabilization
 from oma.spectral import CorrelationAccumulator, CorrelationSums, covariance, hankel
@@ -218,11 +218,16 @@ class SSILevel:
         below = stabilization(models[-2:], (0.0, band[0]), method.selection)
         n_below = int(below.stable.sum()) // 2  # each mode is in both models
         moved = perturbation(space, sums, self._past, self._first_lag)
-        by_order = {model.order: model for model in models}
+        influence = {
+            (model.order, column): found
+            for model in models
+            if len(columns := poles.column[poles.stable & (poles.order == model.order)].tolist())
+            for column, found in zip(columns, pole_influences(moved, model, columns), strict=True)
+        }
         modes = candidates(
             poles,
             len(models),
-            lambda order, column: pole_influence(moved, by_order[order], column),
+            lambda order, column: influence[order, column],
             self._correlations.n_complete / self._level.rate,
             method.selection,
             poles_a_mode=_MIN_POLES_A_MODE,

@@ -21,6 +21,7 @@ from daq import FloatArray
 from oma.methods.realization import Realisation, Subspace
 from oma.selection import PoleInfluence, normalised_move, pole_moves
 from oma.spectral import CorrelationSums, hankel
+from oma.types import ComplexArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,25 +61,37 @@ def perturbation(space: Subspace, sums: CorrelationSums, past: Sequence[int], fi
     )
 
 
-def pole_influence(moved: Perturbation, model: Realisation, column: int) -> PoleInfluence:
-    """Follow each block's influence to one pole of one order.
+def pole_influences(moved: Perturbation, model: Realisation, columns: Sequence[int]) -> list[PoleInfluence]:
+    """Follow each block's influence to poles of one order, all of them together.
 
     Parameters
     ----------
     moved : Perturbation
     model : Realisation
-    column : int
+    columns : sequence of int
         Which of the model's eigenvalues.
 
     Returns
     -------
-    PoleInfluence
+    list of PoleInfluence
     """
-    n, eigenvalue, vector = model.order, model.eigenvalue[column], model.vector[:, column]
-    residual = moved.cross[:, :n, :n] @ vector - eigenvalue * (moved.gram[:, :n, :n] @ vector)
-    modal = residual @ (model.left_vector @ model.gram_inverse).T
-    gap = eigenvalue - model.eigenvalue
-    gap[column] = np.inf
-    shape = moved.output[:, :, :n] @ vector + (modal / gap) @ model.shape
-    frequency, damping = pole_moves(model.continuous[column], modal[:, column] / eigenvalue * model.rate)
-    return PoleInfluence(frequency=frequency, damping=damping, shape=normalised_move(model.shape[column], shape))
+    n, used = model.order, np.array(columns, np.intp)
+    eigenvalue, vector = model.eigenvalue[used], model.vector[:, used]
+    residual = _products(moved.cross[:, :n, :n], vector) - eigenvalue * _products(moved.gram[:, :n, :n], vector)
+    modal = model.dual @ residual  # (n_blocks, n, n_columns)
+    gap = eigenvalue - model.eigenvalue[:, None]
+    gap[used, np.arange(len(used))] = np.inf
+    shape = _products(moved.output[:, :, :n], vector) + model.shape.T @ (modal / gap)
+    own = modal[:, used, np.arange(len(used))]
+    frequency, damping = pole_moves(model.continuous[used], own / eigenvalue * model.rate)
+    moves = normalised_move(model.shape[used], shape.transpose(2, 0, 1))
+    return [
+        PoleInfluence(frequency=f, damping=d, shape=m) for f, d, m in zip(frequency.T, damping.T, moves, strict=True)
+    ]
+
+
+def _products(matrices: FloatArray, vectors: ComplexArray) -> ComplexArray:
+    """Return real matrices (n_blocks, m, n) times complex vectors (n, k), without making the matrices complex."""
+    k = vectors.shape[1]
+    both = matrices @ np.concatenate((vectors.real, vectors.imag), axis=1)
+    return np.asarray(both[..., :k] + 1j * both[..., k:])

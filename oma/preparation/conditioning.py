@@ -8,7 +8,15 @@ import numpy.typing as npt
 
 from daq import FloatArray, Recording
 from oma.errors import TooFewChannels
-from oma.preparation.faults import MAX_SPIKES, ChannelFault, FaultKind, signal_faults, without_clipped, without_spikes
+from oma.preparation.faults import (
+    MAX_SPIKES,
+    ChannelFault,
+    FaultKind,
+    signal_faults,
+    value_limits,
+    without_clipped,
+    without_spikes,
+)
 from oma.preparation.gaps import filled
 
 _ROWS = 1 << 12  # samples of all channels at a time
@@ -46,9 +54,10 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     names = [channel.name for channel in recording.channels]
     is_complete = bool(np.isfinite(recording.data).all())
     data = recording.data if is_complete else np.where(np.isfinite(recording.data), recording.data, np.nan)
-    faults = {names[column]: fault for column, fault in signal_faults(data, names)}
+    limits = value_limits(data)
+    faults = {names[column]: fault for column, fault in signal_faults(data, names, limits)}
     given_up = set(faults)
-    data, clipped = without_clipped(data)
+    data, clipped = without_clipped(data, limits)
     for name, share in zip(names, clipped.tolist(), strict=True):
         if share:
             text = f"clipped: {share:.1%} of the samples are at a limit, and replaced"

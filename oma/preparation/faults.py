@@ -10,7 +10,7 @@ converter.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,6 +35,7 @@ _REACH = 2  # samples about a spike in which others may answer, and that are tak
 _COMPANY = 1 / 3  # share of the other channels that jump at the same time: a blow, no spike
 MAX_SPIKES = 0.05  #: share of samples: a channel that loses more is given up [-]
 _ROWS = 1 << 13  # samples of all channels at a time
+_PIECE = 1 << 13  # samples of one channel at a time
 _LOW, _MID, _HIGH = 10, 50, 100  # periods in the window: below _HIGH no mode is sought
 _COARSE = 1 << 16  # blocks, at least: 400 times as many as lines that matter
 _CLEARLY = 0.1  # weaker than the band above by more than the means of blocks can err
@@ -56,6 +57,15 @@ class ChannelFault:
         return self.text
 
 
+class Limits(NamedTuple):
+    """Highest and lowest values of channels, (n_channels,) each; NaN and 0 for a channel without samples."""
+
+    top: FloatArray
+    bottom: FloatArray
+    highest: FloatArray  #: shares of samples that are piled up at the highest value [-]
+    lowest: FloatArray  #: the same of the lowest
+
+
 def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Take out samples that stick out of their channel while the other channels rest, neighbours included.
 
@@ -72,7 +82,7 @@ def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
         Share of the samples [-].
     """
     jumps = _jumps(data)
-    if not jumps.any():
+    if jumps is None:
         return data, np.zeros(data.shape[1])
     near = ndimage.maximum_filter1d(jumps.astype(np.int8), 2 * _REACH + 1, axis=0) > 0
     company = near.sum(axis=1, keepdims=True) - near
@@ -81,58 +91,66 @@ def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.where(out, np.nan, data), np.asarray(out.mean(axis=0))
 
 
-def _jumps(data: FloatArray) -> BoolArray:
+def _jumps(data: FloatArray) -> BoolArray | None:
     """Return which samples are far from the median of their neighbours, farther than all but a few around them.
 
-    The latter sets spikes apart from bursts: after a blow to the structure a sensor rings on.
+    The latter sets spikes apart from bursts: after a blow to the structure a sensor rings on. None if there are none.
     """
-    jumps = np.zeros(data.shape, dtype=np.bool_)
     if len(data) <= 2 * _AROUND:
-        return jumps
-    away = _off_neighbours(data)
-    for jump, step in zip(jumps.T, away, strict=True):
-        least_far = step.max() / (_SPIKE * _ROBUST)
+        return None
+    jumps: BoolArray | None = None
+    step, padded = np.empty(len(data)), np.empty(len(data) + 4)
+    for column, signal in enumerate(data.T):
+        padded[:2], padded[2:-2], padded[-2:] = signal[0], signal, signal[-1]
+        least_far = _off_neighbours(padded, step) / (_SPIKE * _ROBUST)
         if 2 * np.count_nonzero(step > least_far) > np.count_nonzero(step):
             continue  # the median is larger than this: nothing is far, and the median need not be known
         positive = step[step > 0]
         usual = np.median(positive) if len(positive) else np.inf
         far = np.flatnonzero(step > _SPIKE * _ROBUST * usual)
         near = np.clip(far[:, None] + np.arange(-_AROUND, _AROUND + 1), 0, len(data) - 1)
-        jump[far] = step[far] > _LONE * np.quantile(step[near], _FEW, axis=1)
+        far = far[step[far] > _LONE * np.quantile(step[near], _FEW, axis=1)]
+        if len(far):
+            jumps = np.zeros(data.shape[::-1], dtype=np.bool_).T if jumps is None else jumps
+            jumps[far, column] = True
     return jumps
 
 
-def _off_neighbours(data: FloatArray) -> FloatArray:
-    """Return the distances (n_channels, n_samples) of samples from the median of four neighbours; 0 where missing.
+def _off_neighbours(padded: FloatArray, out: FloatArray) -> float:
+    """Write the distances (n_samples,) from the median of four neighbours, 0 where missing; return the largest.
 
-    The ends are repeated. Of four samples the middle two are the larger of the smaller ones of two pairs, and the
-    smaller of the larger ones; blocks of rows stay in the processor's cache.
+    `padded` has two more samples at each end. Of four samples the middle two are the larger of the smaller ones of two
+    pairs, and the smaller of the larger ones; pieces stay in the processor's cache.
     """
-    n = len(data)
-    away = np.empty(data.shape[::-1])
-    padded = np.pad(data, ((2, 2), (0, 0)), mode="edge")
-    for start in range(0, n, _ROWS):
-        stop = min(start + _ROWS, n)
-        a, b, here, c, d = (padded[start + k : stop + k] for k in range(5))
-        low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-        high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-        off = np.abs(here - (low + high) / 2)
-        rows = np.flatnonzero(~np.isfinite(off).all(1))
-        if len(rows):  # missing samples are last
+    most, scratch = 0.0, np.empty((3, _PIECE))
+    for start in range(0, len(out), _PIECE):
+        off = out[start : start + _PIECE]
+        a, b, here, c, d = (padded[start + k : start + k + len(off)] for k in range(5))
+        low, high, other = scratch[:, : len(off)]
+        np.maximum(np.minimum(a, b, out=low), np.minimum(c, d, out=other), out=low)
+        np.minimum(np.maximum(a, b, out=high), np.maximum(c, d, out=other), out=high)
+        np.add(low, high, out=off)
+        off *= 0.5
+        np.abs(np.subtract(here, off, out=off), out=off)
+        largest = float(off.max())
+        if np.isnan(largest):  # missing samples are last
+            rows = np.flatnonzero(np.isnan(off))
             around = np.sort([each[rows] for each in (a, b, c, d)], axis=0)
             exact = np.abs(here[rows] - (around[1] + around[2]) / 2)
             off[rows] = np.where(np.isfinite(exact), exact, 0.0)
-        away[:, start:stop] = off.T
-    return away
+            largest = float(off.max())
+        most = max(most, largest)
+    return most
 
 
-def without_clipped(data: FloatArray) -> tuple[FloatArray, FloatArray]:
+def without_clipped(data: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray]:
     """Remove the samples at the limits of channels that are clipped a little.
 
     Parameters
     ----------
     data : (n_samples, n_channels) array
         NaN where a sample is missing.
+    limits : of these data
 
     Returns
     -------
@@ -142,7 +160,7 @@ def without_clipped(data: FloatArray) -> tuple[FloatArray, FloatArray]:
         Share of the samples [-]; 0 where too few or too many are clipped.
     """
     result, removed = data, np.zeros(data.shape[1])
-    top, bottom, highest, lowest = _limits(data)
+    top, bottom, highest, lowest = limits
     for column in np.flatnonzero((highest + lowest > _MIN_CLIPPED) & (highest + lowest <= MAX_CLIPPED)).tolist():
         signal = data[:, column]
         out = (signal == top[column]) & (highest[column] > 0) | (signal == bottom[column]) & (lowest[column] > 0)
@@ -151,24 +169,22 @@ def without_clipped(data: FloatArray) -> tuple[FloatArray, FloatArray]:
     return result, removed
 
 
-def _limits(data: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the highest and the lowest value of each channel (n_channels,), and the shares of samples piled up there.
-
-    NaN and 0 for a channel without samples.
-    """
+def value_limits(data: FloatArray) -> Limits:
+    """Return the limits of channels, (n_samples, n_channels), NaN where a sample is missing."""
     top, bottom = data.max(axis=0), data.min(axis=0)
     if np.isnan(top).any():
         top, bottom = np.fmax.reduce(data, axis=0), np.fmin.reduce(data, axis=0)
     shares = np.zeros((2, data.shape[1]))
     for share, limit, sign in zip(shares, (top, bottom), (1, -1), strict=True):
-        piled = np.count_nonzero(data == limit, axis=0) > _PILE  # fewer may be next to it
+        n_there = np.array([np.count_nonzero(signal == value) for signal, value in zip(data.T, limit, strict=True)])
+        piled = n_there > _PILE  # fewer may be next to it
         for column in np.flatnonzero(piled & (top > bottom)).tolist():
             signal = data[:, column]
             share[column] = _at_limit(sign * signal[np.isfinite(signal)])
-    return top, bottom, shares[0], shares[1]
+    return Limits(top, bottom, shares[0], shares[1])
 
 
-def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int, ChannelFault]]:
+def signal_faults(data: FloatArray, names: Sequence[str], limits: Limits) -> Iterator[tuple[int, ChannelFault]]:
     """Yield the faults for which channels are left out: constant, clipped, wandering, the same as another.
 
     Parameters
@@ -177,12 +193,13 @@ def signal_faults(data: FloatArray, names: Sequence[str]) -> Iterator[tuple[int,
         NaN where a sample is missing, spikes still in.
     names : sequence of str
         Of the channels.
+    limits : of these data
 
     Yields
     ------
     column, fault
     """
-    top, bottom, highest, lowest = _limits(data)
+    top, bottom, highest, lowest = limits
     for column, share in enumerate((highest + lowest).tolist()):
         if top[column] == bottom[column]:
             yield column, ChannelFault(kind="no_signal", text="constant")
@@ -233,7 +250,7 @@ def _may_wander(tapered: FloatArray) -> bool:
     if size < 2:
         return True
     n = len(tapered) // size * size  # the rest is at the end of the window
-    means = tapered[:n].reshape(-1, size).mean(axis=1)
+    means = tapered[:n].reshape(-1, size) @ np.full(size, 1 / size)
     _, mid, high = size**2 * np.array(_band_power(means))
     within = n / 2 * (tapered @ tapered - size * (means @ means))
     return bool(mid > _CLEARLY * (high + within))

@@ -7,7 +7,7 @@ span too little of a low mode or cost too much.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+from numpy.lib.stride_tricks import sliding_window_view
 
 from daq import FloatArray
 from oma.preparation.gaps import bridged
@@ -18,6 +18,10 @@ TOP = 0.48  #: the same of the recording's own rate, unless an anti-alias filter
 HALF_LENGTH = 12  #: half length of the decimating filter [samples of the new rate]
 NOISE_LAGS = 4  #: left out after decimation: 3 % of white sensor noise is left beyond; 24 cost close modes [samples]
 OVERLAP = 0.9  #: a band begins at this share of the end of the next lower one [-]
+_BETA = 7.5  # of the decimating filter's Kaiser window
+_AT_ONCE = 16  # new samples of one product of matrices: the fewest operations that the processor does at full speed
+_ROWS = 128  # of the matrix with the samples, per channel: it stays in the processor's cache
+_MAX_EXPONENT = 200.0  # of the weights of the drift filter: far from overflow
 _MAX_MISSING = 0.25  # share of the filter's absolute weight that may rest on missing samples
 
 
@@ -72,7 +76,7 @@ class Decimator:
 
     def __init__(self, factor: int) -> None:
         self._factor = factor
-        self._taps = signal.firwin(2 * HALF_LENGTH * factor + 1, 1.0 / factor, window=("kaiser", 7.5))
+        self._taps = _low_pass(factor)
         self._rest: FloatArray | None = None
 
     def add(self, data: FloatArray) -> FloatArray:
@@ -87,20 +91,50 @@ class Decimator:
         -------
         (about n_samples / factor, n_channels) array
         """
-        buffer = data if self._rest is None else np.concatenate((self._rest, data))
-        n = max(-(-(len(buffer) - len(self._taps) + 1) // self._factor), 0)
-        self._rest = buffer[n * self._factor :].copy()
-        return self._filtered(buffer)[2 * HALF_LENGTH : 2 * HALF_LENGTH + n] if n else buffer[:0]
+        buffer = data.T if self._rest is None else np.concatenate((self._rest, data.T), axis=1)
+        n = max(-(-(buffer.shape[1] - len(self._taps) + 1) // self._factor), 0)
+        self._rest = buffer[:, n * self._factor :].copy()
+        return self._filtered(buffer, n).T if n else data[:0]
 
-    def _filtered(self, buffer: FloatArray) -> FloatArray:
+    def _filtered(self, buffer: FloatArray, n: int) -> FloatArray:
+        """Return the first n new samples (n_channels, n) of a buffer (n_channels, n_samples)."""
         missing = np.isnan(buffer)
         if not missing.any():
-            return np.asarray(signal.upfirdn(self._taps, buffer, down=self._factor, axis=0))
-        smooth = np.asarray(signal.upfirdn(self._taps, bridged(buffer, missing), down=self._factor, axis=0))
+            return _kept(buffer, self._taps, self._factor, n)
+        smooth = _kept(bridged(buffer.T, missing.T).T, self._taps, self._factor, n)
         weight = np.abs(self._taps) / np.sum(np.abs(self._taps))
-        share = signal.upfirdn(weight, missing.astype(np.float64), down=self._factor, axis=0)
-        smooth[share > _MAX_MISSING] = np.nan
+        smooth[_kept(missing.astype(np.float64), weight, self._factor, n) > _MAX_MISSING] = np.nan
         return smooth
+
+
+def _low_pass(factor: int) -> FloatArray:
+    """Return the taps of a filter with half the amplitude at half the new rate, of sum 1."""
+    k = np.arange(-HALF_LENGTH * factor, HALF_LENGTH * factor + 1)
+    taps = np.sinc(k / factor) * np.kaiser(len(k), _BETA)
+    return np.asarray(taps / taps.sum())
+
+
+def _kept(signals: FloatArray, taps: FloatArray, factor: int, n: int) -> FloatArray:
+    """Return every `factor`-th of the filtered samples, (n_channels, n): products of matrices, some samples at once.
+
+    Parameters
+    ----------
+    signals : (n_channels, n_samples) array
+    taps : symmetric
+    """
+    span = (_AT_ONCE - 1) * factor + len(taps)
+    bank = np.zeros((span, _AT_ONCE))
+    for k in range(_AT_ONCE):
+        bank[k * factor : k * factor + len(taps), k] = taps
+    n_rows, hop = -(-n // _AT_ONCE), _AT_ONCE * factor
+    short = max((n_rows - 1) * hop + span - signals.shape[1], 0)
+    whole = np.pad(signals, ((0, 0), (0, short))) if short else signals
+    pieces = sliding_window_view(whole, span, axis=1)[:, ::hop]
+    result = np.empty((len(signals), n_rows, _AT_ONCE))
+    for start in range(0, n_rows, _ROWS):
+        rows = np.ascontiguousarray(pieces[:, start : min(start + _ROWS, n_rows)])
+        result[:, start : start + _ROWS] = rows @ bank
+    return result.reshape(len(signals), -1)[:, :n]
 
 
 class HighPass:
@@ -113,18 +147,34 @@ class HighPass:
     """
 
     def __init__(self, corner: float) -> None:
-        pole = np.exp(-2 * np.pi * corner)
-        self._numerator, self._denominator = np.array([1.0, -1.0]) * (1 + pole) / 2, np.array([1.0, -pole])
+        self._pole = float(np.exp(-2 * np.pi * corner))
+        self._gain = (1 + self._pole) / 2
+        self._longest = max(int(-_MAX_EXPONENT / np.log(self._pole)), 1) if self._pole < 1 else 1 << 30
         self._state: FloatArray | None = None
 
     def add(self, data: FloatArray) -> FloatArray:
         """Return a block of any length, (n_samples, n_channels), NaN where a sample is missing, without drift."""
         missing = np.isnan(data)
         gaps = bool(missing.any())
-        whole = bridged(data, missing) if gaps else data
+        whole = (bridged(data, missing) if gaps else data).T
+        result = np.empty(whole.shape)
         if self._state is None:
-            self._state = -self._numerator[0] * whole.mean(axis=0, keepdims=True)
-        result, self._state = signal.lfilter(self._numerator, self._denominator, whole, axis=0, zi=self._state)
+            self._state = -self._gain * whole.mean(axis=1)
+        for start in range(0, whole.shape[1], self._longest):
+            self._filter(whole[:, start : start + self._longest], result[:, start : start + self._longest])
         if gaps:
-            result[missing] = np.nan
-        return np.asarray(result)
+            result[missing.T] = np.nan
+        return result.T
+
+    def _filter(self, signals: FloatArray, out: FloatArray) -> None:
+        """Filter signals (n_channels, n): the solution of the recursion, as a sum with growing weights."""
+        assert self._state is not None
+        weight = self._pole ** np.arange(signals.shape[1])
+        np.subtract(signals[:, 1:], signals[:, :-1], out=out[:, 1:])
+        out[:, 0] = signals[:, 0]
+        out *= self._gain
+        out[:, 0] += self._state
+        out /= weight
+        np.cumsum(out, axis=1, out=out)
+        out *= weight
+        self._state = self._pole * out[:, -1] - self._gain * signals[:, -1]

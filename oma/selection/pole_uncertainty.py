@@ -18,20 +18,21 @@ class PoleInfluence:
     shape: ComplexArray  #: (n_blocks, n_channels), of the normalised shape
 
 
-def pole_moves(pole: complex, moves: ComplexArray) -> tuple[FloatArray, FloatArray]:
+def pole_moves(pole: complex | ComplexArray, moves: ComplexArray) -> tuple[FloatArray, FloatArray]:
     """Turn moves of a pole [rad/s] into moves of its frequency [Hz] and its damping [-].
 
     Parameters
     ----------
-    pole : complex
-    moves : (n_moves,) array
+    pole : complex, or (n_poles,) array
+    moves : (n_moves,) array, or (n_moves, n_poles)
 
     Returns
     -------
-    frequency, damping : (n_moves,) arrays
+    frequency, damping : arrays like `moves`
     """
-    growth = np.real(moves * np.conj(pole)) / abs(pole)
-    return growth / (2 * np.pi), -moves.real / abs(pole) + pole.real * growth / abs(pole) ** 2
+    size = np.abs(pole)
+    growth = np.real(moves * np.conj(pole)) / size
+    return growth / (2 * np.pi), -moves.real / size + pole.real * growth / size**2
 
 
 def normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
@@ -39,19 +40,19 @@ def normalised_move(shape: ComplexArray, move: ComplexArray) -> ComplexArray:
 
     Parameters
     ----------
-    shape : (n_channels,) array
-    move : (n_moves, n_channels) array
+    shape : (..., n_channels) array
+    move : (..., n_moves, n_channels) array
 
     Returns
     -------
-    (n_moves, n_channels) array
+    (..., n_moves, n_channels) array
     """
-    unit = normalise(shape)
-    move = move / (shape @ unit.conj())
-    move = move - np.outer(np.real(move @ unit.conj()), unit)
-    turn = -np.imag(move @ unit) / np.real(np.sum(unit**2))
-    result: ComplexArray = move + 1j * np.outer(turn, unit)
-    return result
+    unit = normalise(shape)[..., None, :]
+    across = unit.swapaxes(-1, -2)
+    move = move / (np.asarray(shape)[..., None, :] @ across.conj())
+    move = move - np.real(move @ across.conj()) * unit
+    turn = -np.imag(move @ across) / np.real(unit @ across)
+    return np.asarray(move + 1j * turn * unit)
 
 
 def block_std(influence: FloatArray) -> FloatArray:

@@ -12,7 +12,6 @@ Carter, G. C. (1987). Coherence and time delay estimation. Proceedings of the IE
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 from scipy import fft
@@ -25,10 +24,12 @@ from oma.types import ComplexArray
 _LARGEST = 0.01  # s: delay that is looked for
 _MIN = 3e-4  # s: smaller delays cost no modes (see `mpc`), and are estimated better from the phases of the modes
 _N_FFT, _MIN_FFT, _MIN_SEGMENTS = 4096, 256, 8  # half overlapping
+_SPREAD = 24  # pieces, of two segments, of a long record that are looked at first
 _GRID = 1 << 16  # delays that one transform tries: 31 us apart at 1000 Hz
 _MIN_INCOHERENT = 0.01  # share of a line's power resolved by a window of finite length
 _MIN_REAL = 0.7  # of 1: how real shapes must be with a delay taken out ...
 _MIN_GAIN = 0.1  # ... and required improvement of real shapes by a delay
+_ALL_REAL = 0.95  # of 1: as real that a delay can improve it by half of that at most
 _SWEEPS = 10
 _MARGIN = 16  # samples at the ends and around gaps that a shift spoils
 
@@ -72,11 +73,16 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
     n_fft = min(_N_FFT, 1 << (2 * len(data) // (_MIN_SEGMENTS + 1)).bit_length() >> 1)
     if len(devices) < 2 or n_fft < _MIN_FFT:
         return zero
-    doubled, weight = _doubled_phases(spectral_matrix(detrended(data), recording.rate, n_fft))
-    members = [np.flatnonzero([c == device for c in column]) for device in devices]
+    group = np.array([devices.index(name) for name in column])
+    few = _spread(data, n_fft)
+    if few is not None and _are_real(_doubled_phases(spectral_matrix(detrended(few), recording.rate, n_fft), group)):
+        return zero
+    doubled, most = _doubled_phases(spectral_matrix(detrended(data), recording.rate, n_fft), group)
+    if _are_real((doubled, most)):
+        return zero
     step = n_fft / recording.rate / 2 / _GRID
     n_steps = int(_LARGEST / step)
-    realness, most = _realness(doubled, weight, members, 2 * n_steps)
+    realness = _realness(doubled, 2 * n_steps)
     found = _most_real(realness, most, n_steps)
     believed = _sure(realness, most, found) & (np.abs(step * found) >= _MIN)
     late = np.where(believed, step * found, 0.0)
@@ -98,31 +104,86 @@ def aligned(recording: Recording, delays: Mapping[str, float]) -> Recording:
     return replace(recording, data=data)
 
 
-def _doubled_phases(spectrum: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Return exp(2i phase) times its weight, and the weight, of each line and pair (n_lines, n, n): 1 / variance."""
-    power = np.einsum("fii->fi", spectrum).real
-    squared = np.maximum(np.abs(spectrum) ** 2, 1e-300)
-    coherence = squared / np.maximum(power[:, :, None] * power[:, None, :], 1e-300)
+def _spread(data: FloatArray, n_fft: int) -> FloatArray | None:
+    """Return some pieces of a long record, spread evenly over it; None of a short one."""
+    length = 2 * n_fft
+    if len(data) < 2 * _SPREAD * length:
+        return None
+    starts = np.linspace(0, len(data) - length, _SPREAD).astype(np.intp)
+    pieces = np.concatenate([data[start : start + length] for start in starts])
+    return pieces if np.isfinite(pieces).all() else None
+
+
+def _doubled_phases(spectrum: ComplexArray, group: IndexArray) -> tuple[ComplexArray, FloatArray]:
+    """Return exp(2i phase) times its weight, the inverse variance, summed over the pairs of channels of two groups.
+
+    Parameters
+    ----------
+    spectrum : (n_lines, n_channels, n_channels)
+    group : (n_channels,) number of each channel's group
+
+    Returns
+    -------
+    doubled : (n_groups, n_groups, n_lines)
+        Of a group and a later one; zero elsewhere and on lines that are not used.
+    most : (n_groups, n_groups)
+        Sums of the weights, symmetric.
+    """
+    used = slice(1, round(2 * PASS * (len(spectrum) - 1)))
+    one, other = np.nonzero(group[:, None] < group)
+    power = np.einsum("fii->if", spectrum[used]).real
+    cross = np.ascontiguousarray(spectrum[used, one, other].T)
+    squared = np.maximum(cross.real**2 + cross.imag**2, 1e-300)
+    coherence = squared / np.maximum(power[one] * power[other], 1e-300)
     weight = coherence / np.maximum(1 - coherence, _MIN_INCOHERENT)
-    weight[0] = weight[round(2 * PASS * (len(weight) - 1)) :] = 0
-    return np.asarray(weight * spectrum**2 / squared), np.asarray(weight)
+    cross *= cross
+    cross *= weight / squared
+    n = int(group.max()) + 1
+    place = group[one] * n + group[other]
+    doubled, most = np.zeros((n * n, len(spectrum)), np.complex128), np.zeros(n * n)
+    for pair in np.unique(place):
+        doubled[pair, used] = cross[place == pair].sum(0)
+        most[pair] = weight[place == pair].sum()
+    square = most.reshape(n, n)
+    return doubled.reshape(n, n, -1), square + square.T
 
 
-def _realness(
-    doubled: ComplexArray, weight: FloatArray, members: Sequence[IndexArray], reach: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return how real shapes are if device a is later than b by each delay of the grid (a, b, grid), and at most.
+def _are_real(phases: tuple[ComplexArray, FloatArray]) -> bool:
+    """Return whether shapes are so real without any delay that no delay can make them clearly more so."""
+    real = phases[0].real.sum(-1)
+    return bool(np.all((real + real.T).sum(1) > _ALL_REAL * phases[1].sum(1)))
+
+
+def _realness(doubled: ComplexArray, reach: int) -> FloatArray:
+    """Return how real shapes are if group a is later than b by each delay of the grid (a, b, grid).
 
     The grid has `reach` steps on each side of zero, which is its first entry, negative delays last.
     """
-    n, kept = len(members), np.r_[0 : reach + 1, -reach:0]
-    realness, most = np.zeros((n, n, len(kept))), np.zeros((n, n))
-    for a, b in combinations(range(n), 2):
-        pairs = np.ix_(np.arange(len(doubled)), members[a], members[b])
-        realness[a, b] = _GRID * fft.ifft(doubled[pairs].sum((1, 2)), _GRID).real[kept]
-        realness[b, a] = np.roll(realness[a, b, ::-1], 1)  # the same, of minus the delay
-        most[a, b] = most[b, a] = weight[pairs].sum()
-    return realness, most
+    n = len(doubled)
+    first, second = np.triu_indices(n, 1)
+    realness = np.zeros((n, n, 2 * reach + 1))
+    values = _transform(doubled[first, second], reach).real
+    realness[first, second] = np.concatenate((values[:, reach:], values[:, :reach]), axis=1)
+    mirrored = values[:, ::-1]  # the same, of minus the delay
+    realness[second, first] = np.concatenate((mirrored[:, reach:], mirrored[:, :reach]), axis=1)
+    return realness
+
+
+def _transform(lines: ComplexArray, reach: int) -> ComplexArray:
+    """Return sum_k lines[k] exp(2 pi i k m / _GRID) for m from -reach to reach, (n, 2 reach + 1).
+
+    The chirp transform (Bluestein): k m is (k^2 + m^2 - (m - k)^2) / 2, which is a convolution.
+    """
+    k, m = np.arange(lines.shape[1]), np.arange(-reach, reach + 1)
+    lag = np.arange(m[0] - k[-1], m[-1] - k[0] + 1)
+    size = fft.next_fast_len(len(lag) + len(k) - 1)
+    chirped = fft.fft(lines * _chirp(k), size, axis=1) * fft.fft(_chirp(lag).conj(), size)
+    return np.asarray(fft.ifft(chirped, axis=1)[:, len(k) - 1 : len(lag)] * _chirp(m))
+
+
+def _chirp(k: IndexArray) -> ComplexArray:
+    """Return exp(pi i k^2 / _GRID)."""
+    return np.asarray(np.exp(1j * np.pi / _GRID * (k * k % (2 * _GRID))))
 
 
 def _total(realness: FloatArray, found: IndexArray, device: int, span: IndexArray) -> FloatArray:

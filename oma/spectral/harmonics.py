@@ -32,6 +32,7 @@ from oma.selection import BAND, Selection, uncertainty_law
 from oma.spectral.narrow_band import LineTest, line_test
 from oma.types import ComplexArray, ModalEstimate
 
+_AT_ONCE = 2  # shapes, which bounds the memory
 _WANDER = 0.01  # half a band that a wandering tone stays in, as a share of its frequency [-]
 _MIN_LINES = 8  # on each side
 _MIN_COMPLETE = 0.5  # share of samples
@@ -100,10 +101,7 @@ def classify(
     complete: BoolArray = np.all(np.isfinite(data), axis=1)
     if complete.mean() < _MIN_COMPLETE:
         return LineClasses(tone=tone, uncertain=uncertain, frequency=frequency)
-    moved = data @ estimate.shape.real.T
-    if not complete.all():
-        moved = bridged(moved, np.repeat(~complete[:, None], estimate.n_modes, axis=1))
-    lines = fft.rfft(moved, axis=0)
+    lines = _transforms(data, estimate.shape.real, complete).T
     duration = len(data) / rate
     law = np.array([uncertainty_law(f, _LIGHT, duration)[1] for f in estimate.frequency])
     undamped = suspected & (estimate.damping < _LIGHT - 3 * law)  # as no light mode's estimate would be
@@ -118,6 +116,17 @@ def classify(
     tone, uncertain = tone | multiple, uncertain & ~multiple
     steady = _steady(lines, complete, duration, estimate, tone)
     return LineClasses(tone=tone | steady, uncertain=uncertain & ~steady, frequency=frequency)
+
+
+def _transforms(data: FloatArray, shapes: FloatArray, complete: BoolArray) -> ComplexArray:
+    """Return the transforms (n_shapes, n_lines) of the signals along shapes, gaps bridged."""
+    result = np.empty((len(shapes), len(data) // 2 + 1), np.complex128)
+    for start in range(0, len(shapes), _AT_ONCE):
+        moved = shapes[start : start + _AT_ONCE] @ data.T
+        if not complete.all():
+            moved = bridged(moved.T, np.repeat(~complete[:, None], len(moved), axis=1)).T
+        result[start : start + _AT_ONCE] = fft.rfft(moved, axis=1)
+    return result
 
 
 def _line(

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy import fft, signal
+from scipy import fft
 
 from daq import FloatArray, Recording
 from oma.errors import IdentificationError, TooShort
@@ -103,7 +103,7 @@ class SpectrumAccumulator:
         self._lines = slice(int(kept[0]), int(kept[-1]) + 1)
         self.n_fft = n_fft
         self._rate, self._hop = rate, n_fft // 2
-        self._taper = signal.get_window("hann", n_fft)
+        self._taper = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_fft) / n_fft)
         self._whole = _autocorrelation(self._taper[None])[0]
         self._before = np.empty((0, n_channels))
         self._sums: deque[PackedArray] = deque()

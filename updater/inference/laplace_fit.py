@@ -6,8 +6,7 @@ from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logsumexp
-from scipy.stats import chi2
+from scipy.special import chdtrc, logsumexp
 
 from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
@@ -135,8 +134,8 @@ class Fit(Generic[H]):
         """Chance of a worse fit if this is the cause: of all data, or of the frequencies (Bonferroni, at most)."""
         best = int(np.argmin(self.chi_square))
         off = self.frequency_residual[best]
-        of_frequencies = float(chi2.sf(off @ off, len(off)))
-        return min(float(chi2.sf(self.chi_square[best], self.freedom)), of_frequencies / _SHARE)
+        of_frequencies = float(chdtrc(len(off), off @ off))
+        return min(float(chdtrc(self.freedom, self.chi_square[best])), of_frequencies / _SHARE)
 
 
 def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import cholesky, solve_triangular
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from daq import FloatArray, IndexArray
 from updater.modal_data.tracked import COMMON_STD, TrackedModes
@@ -170,7 +170,7 @@ class _Test:
 
     def _chance(self, ratio: float) -> float:
         p = self.y.shape[1]
-        return float(f_distribution.sf(ratio / p, p, self.freedom))
+        return float(fdtrc(p, self.freedom, ratio / p))
 
     def _ratio(self, axes: FloatArray) -> FloatArray:
         return np.asarray(np.sum([self._ratio_along(axis) for axis in axes.T], axis=0))

@@ -15,7 +15,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from daq import FloatArray, IndexArray
 from updater.causes import LARGEST_REMOVED
@@ -149,7 +149,7 @@ class IncrementLocator:
             near = moving | (log_density > log_density.max() - _NEAR)  # at a mass yet to be fitted none is ruled out
         best = int(np.argmax(log_density))
         statistic = float(chi_square[best]) / max(rank - 2, 1)
-        p_value = float(f_distribution.sf(statistic, max(rank - 2, 1), known))
+        p_value = float(fdtrc(max(rank - 2, 1), known, statistic))
         # a fit that leaves more than its errors is as much less sure of the position (Birge 1932)
         log_density = log_prior + exponent * np.log1p(chi_square / (known * max(statistic, 1.0)))
         density = np.zeros(len(self._places.point))

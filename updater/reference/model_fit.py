@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from daq import FloatArray, IndexArray
 from updater.modal_data import ModalMean, match_modes
@@ -57,7 +57,7 @@ class ModelFit:
     def exceeds_noise(self) -> bool:
         """Return whether the frequencies' errors are more than measurement noise."""
         z = self.residual[self.paired] / self.noise[self.paired]
-        return bool(chi2.sf(float(z @ z), len(z)) < _MIN_P)
+        return bool(chdtrc(len(z), float(z @ z)) < _MIN_P)
 
     def mac_error(self) -> tuple[float, float] | tuple[None, None]:
         """Return the mean of 1 - MAC and its standard deviation; None where no shape is known well enough."""

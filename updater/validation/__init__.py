@@ -1,18 +1,25 @@
 """Test-analysis correlation: modes, residual forces, virtual sensors, sensor health."""
 
-from updater.validation.acting_causes import with_acting
-from updater.validation.channel_health import SensorHealth, sensor_health
-from updater.validation.modal_correlation import (
-    ModalCorrelation,
-    as_written,
-    correlate_modes,
-    modes_before,
-    modes_with_causes,
-)
-from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
-from updater.validation.residual_forces import ForceBalance, force_balance
-from updater.validation.shape_expansion import ExpandedShapes, expand_measured
-from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from updater.validation.acting_causes import with_acting
+    from updater.validation.channel_health import SensorHealth, sensor_health
+    from updater.validation.modal_correlation import (
+        ModalCorrelation,
+        as_written,
+        correlate_modes,
+        modes_before,
+        modes_with_causes,
+    )
+    from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
+    from updater.validation.residual_forces import ForceBalance, force_balance
+    from updater.validation.shape_expansion import ExpandedShapes, expand_measured
+    from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "ExpandedShapes",

@@ -103,5 +103,6 @@ def _check(message: AccelBlock) -> None:
 def _packed(message: AccelBlock) -> Packed:
     if len(message.coding) != message.n_axes or not message.n_axes:
         raise ValueError(f"coding: expected {message.n_axes} axes, found {len(message.coding)}")
-    order, n_low = zip(*(divmod(code, _CODE) for code in message.coding), strict=True)
+    coding = list(message.coding)
+    order, n_low = tuple([code // _CODE for code in coding]), tuple([code % _CODE for code in coding])
     return Packed(order, tuple(message.start), n_low, message.bits)

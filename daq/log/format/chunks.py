@@ -2,14 +2,17 @@
 
 import mmap
 import os
-from dataclasses import replace
-from typing import IO
+import struct
+import zlib
+from collections.abc import Callable
+from io import BytesIO
+from typing import IO, TypeVar, cast
 
 import lz4.frame
+from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Chunk, McapRecord
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Channel, Chunk, Message, Schema
 from zstandard import ZstdDecompressor, ZstdError, frame_content_size
 
 FRAME = 9  #: bytes of a record's opcode and length
@@ -17,6 +20,14 @@ CHUNK_HEAD = FRAME + 32  #: bytes of a chunk before its compression's name: time
 _ZSTD = b"\4\0\0\0zstd"  # name of the compression, with its length
 _READ_AHEAD = 1 << 20
 MAX_CHUNK = 32 << 20  #: bytes of an uncompressed chunk: the writers begin a new one after 1 MB
+_HEAD = struct.Struct("<BQ")  # opcode and length of a record
+_CHANNEL = struct.Struct("<H")
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+
+_MESSAGE_CODE = int(Opcode.MESSAGE)  # a comparison with an enumeration is slower
+
+ChunkRecord = Channel | Message | Schema
+R = TypeVar("R")
 
 
 class WholeReads:
@@ -31,7 +42,7 @@ class WholeReads:
 
     def read(self, n: int) -> bytes:
         """Return `n` bytes."""
-        if n > _READ_AHEAD and not self._holds(n):
+        if n > _READ_AHEAD and not self.holds(n):
             raise McapError(f"a length of {n} bytes is more than the file has")
         data = self._file.read(n)
         if len(data) < n:
@@ -40,11 +51,11 @@ class WholeReads:
 
     def seek(self, at: int, whence: int = os.SEEK_SET) -> int:
         """Go to a place in the file; return it."""
-        if not self._holds(abs(at)):
+        if not self.holds(abs(at)):
             raise McapError(f"a place of {at} bytes is outside the file")
         return self._file.seek(at, whence)
 
-    def _holds(self, n: int) -> bool:
+    def holds(self, n: int) -> bool:
         """Return whether the file has n bytes by now."""
         if n > self._size:
             here = self._file.tell()
@@ -61,19 +72,84 @@ class WholeReads:
         return self._file.seekable()
 
 
-def chunk_records(chunk: Chunk) -> list[McapRecord]:
-    """Return the records of a chunk, its checksum verified.
+def _every(_: Channel) -> bool:
+    return True
 
-    Raises
-    ------
-    McapError, ZstdError, struct.error, ValueError
-        If it is damaged, or larger than `MAX_CHUNK`.
+
+class ChunkReader:
+    """Records of successive chunks; messages of channels that are not wanted are passed over by their headers.
+
+    Parameters
+    ----------
+    wanted : decides for each channel, at its record
     """
-    plain = replace(chunk, data=_uncompressed(chunk), compression="")
+
+    def __init__(self, wanted: Callable[[Channel], bool] = _every) -> None:
+        self._wanted = wanted
+        self._passed_over: set[int] = set()  # channels
+
+    def channel(self, channel: Channel) -> None:
+        """Take a channel that stands outside a chunk."""
+        if not self._wanted(channel):
+            self._passed_over.add(channel.id)
+        else:
+            self._passed_over.discard(channel.id)
+
+    def records(self, chunk: Chunk) -> list[ChunkRecord]:
+        """Return the records of a chunk, its checksum verified.
+
+        Raises
+        ------
+        McapError, ZstdError, struct.error, ValueError
+            If it is damaged, or larger than `MAX_CHUNK`.
+        """
+        data = _uncompressed(chunk)
+        if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+            raise McapError("chunk: its checksum does not match")
+        at, end, passed_over, found = 0, len(data), self._passed_over, list[ChunkRecord]()
+        while at < end:
+            opcode, length = _HEAD.unpack_from(data, at)
+            begin = at + FRAME
+            at = begin + length
+            if at > end:
+                raise McapError("a record is longer than its chunk")
+            if opcode == _MESSAGE_CODE:
+                if _CHANNEL.unpack_from(data, begin)[0] not in passed_over:
+                    found.append(_message(data, begin, at))
+            elif opcode == Opcode.CHANNEL:
+                channel = _parsed(Channel.read, data[begin:at])
+                self.channel(channel)
+                found.append(channel)
+            elif opcode == Opcode.SCHEMA:
+                found.append(_parsed(Schema.read, data[begin:at]))
+        return found
+
+
+def chunk_records(chunk: Chunk) -> list[ChunkRecord]:
+    """Return all records of a chunk; errors as for `ChunkReader.records`."""
+    return ChunkReader().records(chunk)
+
+
+def _message(data: bytes, begin: int, end: int) -> Message:
+    """Return the message whose content is at these places."""
+    channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(data, begin)
+    if begin + _MESSAGE.size > end:
+        raise McapError("a message is shorter than its header")
+    return Message(
+        channel_id=channel,
+        log_time=log_time,
+        data=data[begin + _MESSAGE.size : end],
+        publish_time=publish_time,
+        sequence=sequence,
+    )
+
+
+def _parsed(parse: Callable[[ReadDataStream], R], content: bytes) -> R:
+    """Return a record from its content, by its stock parser."""
     try:
-        return breakup_chunk(plain, validate_crc=True)
-    except (EndOfFile, OverflowError) as error:  # the chunk's end must not be taken for the file's
-        raise McapError("a record is longer than its chunk") from error
+        return parse(ReadDataStream(cast(IO[bytes], WholeReads(BytesIO(content)))))
+    except EndOfFile as error:  # the end of the record must not be taken for the end of the file
+        raise McapError("a record is longer than its length") from error
 
 
 def next_chunk(data: mmap.mmap, start: int) -> int | None:

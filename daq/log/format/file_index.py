@@ -14,7 +14,7 @@ from mcap.records import Channel, Chunk, ChunkIndex, Message
 from zstandard import ZstdError
 
 from daq.errors import LogError
-from daq.log.format.chunks import WholeReads, chunk_records
+from daq.log.format.chunks import ChunkReader, WholeReads
 
 _OPCODE_AND_LENGTH = 9  # bytes
 
@@ -32,8 +32,8 @@ class FileIndex:
         channels = {channel.id for channel in self.channels if wanted(channel.topic)}
         return tuple(chunk for chunk in self.chunks if not channels.isdisjoint(chunk.message_index_offsets))
 
-    def messages(self, chunk: ChunkIndex) -> list[Message]:
-        """Return the messages of one chunk.
+    def messages(self, chunk: ChunkIndex, wanted: Callable[[Channel], bool]) -> list[Message]:
+        """Return the messages of wanted channels in one chunk.
 
         Raises
         ------
@@ -45,7 +45,10 @@ class FileIndex:
                 whole = WholeReads(file)
                 whole.seek(chunk.chunk_start_offset + _OPCODE_AND_LENGTH)
                 read = Chunk.read(ReadDataStream(cast(IO[bytes], whole)))
-            return [record for record in chunk_records(read) if isinstance(record, Message)]
+            reader = ChunkReader(wanted)
+            for channel in self.channels:
+                reader.channel(channel)
+            return [record for record in reader.records(read) if isinstance(record, Message)]
         except OSError as error:
             raise LogError(self.path, f"cannot be read: {error.strerror}") from error
         except (McapError, ZstdError, struct.error, ValueError) as error:

@@ -15,11 +15,10 @@ T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Ca
 (1994): differences of fixed order, the parameter from the mean.
 """
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate, pairwise
-from operator import mul
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -28,14 +27,12 @@ from daq.types import IndexArray, IntArray
 
 ORDERS = range(4)  #: orders of the differences tried
 _BITS = 32
+_NARROW = 25  # low bits of a residual that four bytes contain, wherever in a byte they begin
 _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
-# of an axis: first low bit, low bits of each residual, first rest, first count, start values
-_Axis = tuple[int, int, int, int, tuple[int, ...]]
 
 
-@dataclass(frozen=True)
-class Packed:
+class Packed(NamedTuple):
     """Samples of all axes."""
 
     order: tuple[int, ...]  #: order of the differences of each axis
@@ -121,112 +118,151 @@ def unpack_many(packed: Sequence[Packed], n: Sequence[int]) -> list[IntArray]:
     ValueError
         If the axes of any do not hold n samples each.
     """
-    parts = [_Layout.of(one, samples) for one, samples in zip(packed, n, strict=True)]
-    rest, window = _rest(packed, parts), _windows(packed)
-    first_bit = [0, *accumulate(8 * len(one.bits) for one in packed)]
-    first_rest = [0, *accumulate(part.n_residuals for part in parts)]
-    first_out = [0, *accumulate(samples * len(one.order) for one, samples in zip(packed, n, strict=True))]
-    alike = defaultdict[tuple[int, int], list[_Axis]](list)  # axes of equal length and order
-    for one, part, samples, bit, residual, out in zip(packed, parts, n, first_bit, first_rest, first_out, strict=False):
-        for axis, order in enumerate(one.order):
-            low, earlier, start = bit + part.low[axis], residual + part.rest[axis], part.start[axis]
-            alike[samples, order].append((low, one.n_low[axis], earlier, out + axis * samples, start))
-    counts = np.empty(first_out[-1], np.uint32)
-    for (samples, order), axes in alike.items():
-        low, n_low, earlier, out, start = zip(*axes, strict=True)
-        every = np.arange(samples)
-        residual = _joined(window, np.array(low), np.array(n_low), rest, np.array(earlier), every[order:])
-        counts[np.array(out)[:, None] + every] = _summed(residual, order, np.array(start, np.int32).view(np.uint32))
-    return [
-        counts[start:stop].view(np.int32).reshape(len(one.order), samples).T
-        for one, samples, start, stop in zip(packed, n, first_out[:-1], first_out[1:], strict=True)
-    ]
+    if not packed:
+        return []
+    axes = _Axes.of(packed, n)
+    rest, window = _rest(packed, axes), _windows(packed, int(axes.n_low.max()))
+    rows = {length: np.flatnonzero(axes.samples == length) for length in set(n)}
+    counts = {length: np.empty((len(chosen), length), np.uint32) for length, chosen in rows.items()}
+    for length, table in counts.items():
+        order = axes.order[rows[length]]
+        for each in np.unique(order).tolist():
+            chosen = rows[length][order == each]
+            start = axes.start[axes.first_start[chosen][:, None] + np.arange(max(1, each))]
+            table[order == each] = _summed(_joined(window, rest, axes, chosen, length - each), each, start)
+    result, used = [], dict.fromkeys(counts, 0)
+    for one, length in zip(packed, n, strict=True):
+        begin = used[length]
+        used[length] = end = begin + len(one.order)
+        result.append(counts[length][begin:end].view(np.int32).T)
+    return result
 
 
-@dataclass(frozen=True)
-class _Layout:
-    """Places of the parts of packed counts."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Axes:
+    """All axes of packed blocks, one after the other, and the places of their parts."""
 
-    low: tuple[int, ...]  #: per axis: its first low bit
-    high: int  #: first bit of the rests
-    rest: tuple[int, ...]  #: per axis: its first residual
-    n_residuals: int  #: of all axes
-    start: tuple[tuple[int, ...], ...]  #: per axis
+    order: IndexArray  #: (n_axes,) order of the differences
+    n_low: IndexArray  #: (n_axes,) low bits of each residual
+    samples: IndexArray  #: (n_axes,)
+    start: _Unsigned  #: start values of all axes
+    first_start: IndexArray  #: (n_axes,) place of an axis's first start value
+    first_low: IndexArray  #: (n_axes,) first low bit, in the bits of all blocks
+    first_rest: IndexArray  #: (n_axes,) place of the first residual's upper part
+    high: IndexArray  #: (n_blocks,) first bit of the upper parts, in the bits of the block
+    n_residuals: IndexArray  #: (n_blocks,)
 
     @staticmethod
-    def of(packed: Packed, n: int) -> "_Layout":
-        """Return the layout of counts of n samples; ValueError if there is none."""
-        order, n_low = packed.order, packed.n_low
-        if not order or len(order) != len(n_low):
-            raise ValueError(f"packed counts: expected axes, found {len(order)} orders, {len(n_low)} lengths")
-        starts = [0, *accumulate(max(1, each) for each in order)]
-        if max(n_low) > _BITS or max(order) > n or len(packed.start) != starts[-1]:
-            raise ValueError(f"packed counts: expected {starts[-1]} start values, found {len(packed.start)}")
-        n_residuals = [n - each for each in order]
-        low = [0, *accumulate(map(mul, n_residuals, n_low))]
-        rest = [0, *accumulate(n_residuals)]
-        if low[-1] > 8 * len(packed.bits):
-            raise ValueError(f"packed counts: expected {low[-1]} low bits, found {8 * len(packed.bits)}")
-        start = tuple(packed.start[a:b] for a, b in pairwise(starts))
-        return _Layout(tuple(low[:-1]), low[-1], tuple(rest[:-1]), rest[-1], start)
+    def of(packed: Sequence[Packed], n: Sequence[int]) -> "_Axes":
+        """Return the axes of blocks of n samples; ValueError if the parts of a block do not fit."""
+        n_axes = np.array([len(one.order) for one in packed])
+        for one in packed:
+            if not one.order or len(one.order) != len(one.n_low):
+                raise ValueError(
+                    f"packed counts: expected axes, found {len(one.order)} orders, {len(one.n_low)} lengths"
+                )
+        order, n_low, start = (
+            np.array(list(chain.from_iterable(parts)), np.intp)
+            for parts in ((one.order for one in packed), (one.n_low for one in packed), (one.start for one in packed))
+        )
+        edge = np.append(0, np.cumsum(n_axes)[:-1])
+        samples = np.repeat(np.array(n, np.intp), n_axes)
+        n_start, found = np.maximum(order, 1), np.array([len(one.start) for one in packed])
+        expected = np.add.reduceat(n_start, edge)
+        unlike = np.maximum.reduceat((n_low > _BITS) | (order > samples), edge) | (found != expected)
+        if unlike.any():
+            wrong = int(np.argmax(unlike))
+            raise ValueError(f"packed counts: expected {expected[wrong]} start values, found {found[wrong]}")
+        residuals = samples - order
+        low, n_bits = residuals * n_low, np.array([8 * len(one.bits) for one in packed])
+        high = np.add.reduceat(low, edge)
+        if (high > n_bits).any():
+            wrong = int(np.argmax(high > n_bits))
+            raise ValueError(f"packed counts: expected {high[wrong]} low bits, found {n_bits[wrong]}")
+        before = _before(low)
+        return _Axes(
+            order=order,
+            n_low=n_low,
+            samples=samples,
+            start=start.astype(np.int32).view(np.uint32),
+            first_start=_before(n_start),
+            first_low=before - np.repeat(before[edge] - _before(n_bits), n_axes),
+            first_rest=_before(residuals),
+            high=high,
+            n_residuals=np.add.reduceat(residuals, edge),
+        )
 
 
-def _rest(packed: Sequence[Packed], parts: Sequence[_Layout]) -> _Unsigned:
+def _before(lengths: IndexArray) -> IndexArray:
+    """Return the sum of the lengths before each."""
+    return np.cumsum(lengths) - lengths
+
+
+def _rest(packed: Sequence[Packed], axes: _Axes) -> _Unsigned:
     """Return the upper parts of all residuals from their bits."""
-    high = [one.bits[part.high // 8 :] for one, part in zip(packed, parts, strict=True)]
-    bits = np.unpackbits(np.frombuffer(b"".join(high), np.uint8))
-    begins = [0, *accumulate(8 * len(each) for each in high)]
-    starts = [begin + part.high % 8 for begin, part in zip(begins, parts, strict=False)]
-    for begin, start in zip(begins, starts, strict=False):
-        bits[begin:start] = 0  # last low bits in the same byte
-    ends = np.flatnonzero(bits)
-    edges = np.searchsorted(ends, begins)
-    found, expected = np.diff(edges), [part.n_residuals for part in parts]
-    if found.tolist() != expected:
-        wrong = int(np.argmax(found != expected))
-        raise ValueError(f"packed counts: expected {expected[wrong]} residuals, found {found[wrong]}")
-    before = np.empty_like(ends)
-    before[1:] = ends[:-1] + 1
+    first = axes.high // 8
+    parts = [one.bits[begin:] for one, begin in zip(packed, first.tolist(), strict=True)]
+    bits = np.unpackbits(np.frombuffer(b"".join(parts), np.uint8))
+    lengths = np.array([8 * len(part) for part in parts])
+    begins, skipped = _before(lengths), axes.high % 8
+    bits[(begins[:, None] + np.arange(8))[np.arange(8) < skipped[:, None]]] = 0  # last low bits in the same byte
+    ends = np.flatnonzero(bits.view(np.bool_))
+    edges = np.searchsorted(ends, np.append(begins, len(bits)))
+    found = np.diff(edges)
+    if (found != axes.n_residuals).any():
+        wrong = int(np.argmax(found != axes.n_residuals))
+        raise ValueError(f"packed counts: expected {axes.n_residuals[wrong]} residuals, found {found[wrong]}")
+    rest = np.diff(ends, prepend=-1) - 1
     some = found > 0
-    before[edges[:-1][some]] = np.array(starts)[some]
-    return (ends - before).astype(np.uint32)
+    rest[edges[:-1][some]] = ends[edges[:-1][some]] - (begins + skipped)[some]
+    return rest.astype(np.uint32)
 
 
-def _windows(packed: Sequence[Packed]) -> npt.NDArray[np.uint64]:
-    """Return the 64 bits from each byte of all bits on, as a view."""
+def _windows(packed: Sequence[Packed], n_low: int) -> npt.NDArray[np.uint32] | npt.NDArray[np.uint64]:
+    """Return 32 bits, or 64 if more low bits need them, from each byte of all bits on, as a view."""
+    size = 4 if n_low <= _NARROW else 8
     data = b"".join([*(one.bits for one in packed), bytes(8)])
-    return np.ndarray((len(data) - 7,), ">u8", data, strides=(1,))
+    return np.ndarray((len(data) - 7,), f">u{size}", data, strides=(1,))
 
 
 def _joined(
-    window: npt.NDArray[np.uint64],
-    low: IndexArray,
-    n_low: IndexArray,
+    window: npt.NDArray[np.uint32] | npt.NDArray[np.uint64],
     rest: _Unsigned,
-    earlier: IndexArray,
-    every: IndexArray,
+    axes: _Axes,
+    chosen: IndexArray,
+    n: int,
 ) -> _Unsigned:
-    """Return residuals (n_axes, n) from both their parts.
+    """Return residuals (n_chosen, n) of axes from both their parts.
 
     Parameters
     ----------
-    window : 64 bits from each byte on
-    low, n_low : (n_axes,) place of the first low bit, number of low bits of each residual
-    rest, earlier : upper parts, and the place of the first one (n_axes,)
-    every : (n,) numbers of the samples
+    window : bits from each byte on
+    rest : upper parts
+    axes : all
+    chosen : (n_chosen,) numbers of the axes, with n residuals each
+    n : number of residuals
     """
-    number = every - every[:1].sum()
-    place = low[:, None] + n_low[:, None] * number
-    n_bits = n_low[:, None].astype(np.uint64)
-    shift = np.uint64(64) - n_bits - (place & 7).astype(np.uint64)
-    mask = (np.uint64(1) << n_bits) - np.uint64(1)
-    u = ((window[place >> 3].astype(np.uint64) >> np.minimum(shift, np.uint64(63))) & mask).astype(np.uint32)
-    u |= rest[earlier[:, None] + number] << n_low[:, None].astype(np.uint32)
-    return np.asarray((u >> np.uint32(1)) ^ (np.uint32(0) - (u & np.uint32(1))))
+    kind = window.dtype.newbyteorder("=")
+    n_low = axes.n_low[chosen][:, None]
+    place = axes.first_low[chosen][:, None] + n_low * np.arange(n)
+    u = window[place >> 3].astype(kind)
+    u <<= (place & 7).astype(kind)
+    u >>= (8 * kind.itemsize - n_low).astype(kind)  # nothing is left of none
+    low = u.astype(np.uint32, copy=False)
+    first = axes.first_rest[chosen]
+    if len(first) * n == first[-1] + n - first[0]:
+        upper = rest[first[0] : first[-1] + n].reshape(len(first), n)
+    else:
+        upper = rest[first[:, None] + np.arange(n)]
+    low |= upper << n_low.astype(np.uint32)
+    sign = np.uint32(0) - (low & np.uint32(1))
+    low >>= np.uint32(1)
+    low ^= sign
+    return np.asarray(low)
 
 
 def _summed(residual: _Unsigned, order: int, start: _Unsigned) -> _Unsigned:
-    """Return samples (n_axes, n) from their differences (n_axes, n - order), and the start values of each."""
+    """Return samples (n_axes, n) from their differences (n_axes, n - order), and their start values (n_axes, ..)."""
     if order == 0:
         return np.asarray(residual + start)
     samples = np.empty((len(residual), order + residual.shape[1]), np.uint32)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from daq import Assembler, Block, Channel, Event, Flag, Recording
-from daq.timing.resampling import half_taps, interpolate
+from daq.timing.interpolation import half_taps, interpolate
 from tests.support.daq.blocks import START
 
 CHANNELS = (Channel(name="a_x", device="a", axis=0),)

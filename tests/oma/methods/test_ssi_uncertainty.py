@@ -10,7 +10,7 @@ from scipy.stats import binom, chi2
 from daq import FloatArray
 from oma import ComplexArray, ModalEstimate, identify, normalise
 from oma.methods.realization import Realisation, Subspace, realisations
-from oma.methods.ssi_uncertainty import perturbation, pole_influence
+from oma.methods.ssi_uncertainty import perturbation, pole_influences
 from oma.selection import block_std, normalised_move, pole_moves
 from oma.spectral import CorrelationSums
 from tests.support.oma.structures import chain, simulate
@@ -61,7 +61,7 @@ def test_influences_are_derivatives_of_frequency_damping_and_shape() -> None:
     moved = perturbation(space, CorrelationSums(sums=sums, counts=counts), PAST, FIRST)
     up = np.flatnonzero(model.eigenvalue.imag > 0)
     up = up[np.argsort(np.angle(model.eigenvalue[up]))]
-    found = [pole_influence(moved, model, int(column)) for column in up]
+    found = pole_influences(moved, model, up.tolist())
     step = 1e-3
     for b in range(BLOCKS):
         towards = 3 * (noise[b] - noise.mean(0)) / counts[:, 0].sum()

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,12 +13,17 @@ from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
-from monitor.settings import Settings, parse_attached
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
-from updater import Structure, StructureError, UpdaterError, load_structure, parse_structure
+from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
-from updater.validation import ModelModes, model_modes
+
+if TYPE_CHECKING:
+    from monitor.settings import Settings
+    from updater import Structure
+    from updater.validation import ModelModes
+
+_KEPT_BYTES = 40 << 20  # of a window: 400 s of 12 channels at 1 kHz
 
 
 def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Sequence[AnyLog]:
@@ -29,6 +34,30 @@ def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Se
     if len(logs) < 2:
         raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
     return [within.of_log(log, echo) for log in logs]
+
+
+class LogWindows:
+    """Windows of logs; the first one is kept unless it is large, because notes and pictures are made from it."""
+
+    def __init__(self, logs: Sequence[AnyLog], window: float | None) -> None:
+        self._logs, self._window = logs, window
+        self._first: Recording | None = None
+
+    def __iter__(self) -> Iterator[Recording]:
+        """Yield all windows; later ones than the first are read again at each iteration."""
+        windows = recordings_of(self._logs, self._window)
+        start = None
+        if self._first is None:
+            first = next(windows, None)
+            self._first = first if first and first.data.nbytes <= _KEPT_BYTES else None
+            if first:
+                start = first.start
+                yield first
+                del first  # while the next one is made
+        else:
+            start = self._first.start
+            yield self._first
+        yield from filter(lambda recording: recording.start != start, windows)
 
 
 def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
@@ -59,7 +88,7 @@ def draw_window(path: Path, recording: Recording, found: Identification, estimat
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
-def animate_modes(path: Path, estimate: ModalEstimate, model: ModelModes | None) -> None:
+def animate_modes(path: Path, estimate: ModalEstimate, model: "ModelModes | None") -> None:
     """Write the mode shapes in motion; they move on the model's structure."""
     if model is None:
         raise ArgumentError("--animate", "expected a structure to draw the shapes on (--structure)")
@@ -78,7 +107,7 @@ def fill_folder(
     estimate: ModalEstimate,
     recording: Recording,
     found: Identification,
-    model: ModelModes | None,
+    model: "ModelModes | None",
     content: dict[str, Any],
 ) -> None:
     """Write all files into a folder, and print their names."""
@@ -100,53 +129,59 @@ def fill_folder(
     echo(f"{folder}: {', '.join(path.name for path in written)}")
 
 
-def attached_settings(log: AnyLog) -> Settings | None:
+def attached_settings(log: AnyLog) -> "Settings | None":
     """Return the settings attached to a log."""
     text = read_attachments(log).get("site.toml")
-    return None if text is None else parse_attached(text, f"{log}: site.toml")
+    if text is None:
+        return None
+    from monitor.settings import parse_attached  # slow to import, as the others inside functions here
+
+    return parse_attached(text, f"{log}: site.toml")
 
 
-def _attached_structure(log: AnyLog) -> Structure | None:
+def _attached_structure(log: AnyLog) -> "Structure | None":
     text = read_attachments(log).get("structure.toml")
-    return None if text is None else parse_structure(text, f"{log}: structure.toml")
+    if text is None:
+        return None
+    from updater import parse_structure
+
+    return parse_structure(text, f"{log}: structure.toml")
 
 
 def identified(
     logs: Sequence[AnyLog],
-    window: float | None,
+    recordings: LogWindows,
     method: Method,
     band: tuple[float, float] | None,
-    references: Sequence[str] | None,
 ) -> tuple[Windows, FusedModes]:
-    """Identify all windows of logs; with reference sensors each log as a set-up of its own, and merge."""
-    if not references:
-        return _identified(logs, window, method, band)
-    parts = [_identified([log], window, method, band) for log in logs]
-    try:
-        return merge_setups(parts, references)
-    except OmaError as error:
-        raise LogError(", ".join(map(str, logs)), str(error)) from error
-
-
-def _identified(
-    logs: Sequence[AnyLog], window: float | None, method: Method, band: tuple[float, float] | None
-) -> tuple[Windows, FusedModes]:
+    """Identify all windows of logs."""
     named = ", ".join(map(str, logs))
     try:
         with console.status("reading ...") as status:
             number = iter(range(1, 1 << 30))
             windows = identify_windows(
-                recordings_of(logs, window),
-                method,
-                band,
-                lambda _: status.update(f"window {next(number)} ..."),
-                uncertain=True,
+                recordings, method, band, lambda _: status.update(f"window {next(number)} ..."), uncertain=True
             )
         if not windows.estimates:
             raise LogError(named, windows.problems[0])
         return windows, fuse(windows.estimates)
     except OmaError as error:
         raise LogError(named, str(error)) from error
+
+
+def merged(
+    logs: Sequence[AnyLog],
+    window: float | None,
+    method: Method,
+    band: tuple[float, float] | None,
+    references: Sequence[str],
+) -> tuple[Windows, FusedModes]:
+    """Identify each log as a set-up of its own, and merge them by reference sensors."""
+    parts = [identified([log], LogWindows([log], window), method, band) for log in logs]
+    try:
+        return merge_setups(parts, references)
+    except OmaError as error:
+        raise LogError(", ".join(map(str, logs)), str(error)) from error
 
 
 def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Recording]:
@@ -160,11 +195,19 @@ def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Reco
         yield from log_recordings(log, window)
 
 
-def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> ModelModes | None:
+def _loaded_structure(path: Path) -> "Structure":
+    from updater import load_structure
+
+    return load_structure(path)
+
+
+def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> "ModelModes | None":
     """Return the structure's modes paired with the measured ones; None without a structure."""
-    structure = load_structure(path) if path else _attached_structure(log)
+    structure = _loaded_structure(path) if path else _attached_structure(log)
     if structure is None:
         return None
+    from updater.validation import model_modes
+
     try:
         return model_modes(estimate, structure)
     except UpdaterError as error:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +14,13 @@ from daq import AnyLog
 from monitor.analysis.stationarity import FrequencyChange
 from monitor.cli.terminal import console
 from monitor.text.quantities import aligned_numbers
-from monitor.text.sensors import asynchrony_text
 from oma import mpc, mpd
 from oma.preparation import ALIAS_FREE
 from oma.windows import Windows, are_near
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
-from updater.validation import ModelPartner
+
+if TYPE_CHECKING:
+    from updater.validation import ModelPartner
 
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
 
@@ -30,7 +31,7 @@ class Findings:
 
     windows: Windows
     fused: FusedModes
-    partners: Sequence[ModelPartner | None]  #: the model's mode of each mode, if any
+    partners: "Sequence[ModelPartner | None]"  #: the model's mode of each mode, if any
     asynchrony: Asynchrony | None  #: delays between the channels, if the shapes show any
     change: FrequencyChange | None  #: change of the structure within the records, if the frequencies show any
 
@@ -147,6 +148,8 @@ def _marks(found: Findings) -> Iterator[str]:
     if any(p and p.mac < LOW_MAC for p in found.partners):
         yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
     if found.asynchrony:
+        from monitor.text.sensors import asynchrony_text  # slow to import
+
         yield escape(asynchrony_text(found.asynchrony))
     if found.change:
         yield found.change.words

@@ -1,7 +1,6 @@
 """Command `identify`."""
 
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -74,15 +73,18 @@ def identify(
     window = window or (settings.analysis.window_seconds if settings else None)
     band = band or (settings.analysis.band if settings else None)
     chosen = IMPLEMENTED[method]()
-    windows, fused = work.identified(found, window, chosen, band, reference)
+    recordings = work.LogWindows(found[:1] if setups else found, window)
+    if reference:
+        windows, fused = work.merged(found, window, chosen, band, reference)
+    else:
+        windows, fused = work.identified(found, recordings, chosen, band)
     model = work.modes_of_structure(fused.estimate, found[0], structure)
-    recordings = partial(work.recordings_of, found[:1] if setups else found, window)
     shown = Findings(
         windows=windows,
         fused=fused,
         partners=[model.partner(i) if model else None for i in range(fused.estimate.n_modes)],
-        asynchrony=None if setups else work.channel_delays(recordings(), windows, fused.estimate),
-        change=None if setups else frequency_change(windows, recordings, chosen, band),
+        asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
+        change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
     )
     say_modes(found, shown, setups=setups)
     about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
@@ -92,7 +94,7 @@ def identify(
     if animate:
         work.animate_modes(animate, fused.estimate, model)
     if picture or out:
-        recording, seen = work.first_window(recordings(), chosen, band)
+        recording, seen = work.first_window(recordings, chosen, band)
         if picture:
             work.draw_window(picture, recording, seen, fused.estimate)
         if out:

@@ -1,0 +1,21 @@
+"""Samples computed in blocks are those computed one by one; missing scans affect the same samples."""
+
+import numpy as np
+import pytest
+
+from daq.timing import interpolation
+from daq.timing.interpolation import half_taps, interpolate
+
+
+@pytest.mark.parametrize(("ratio", "drift"), [(1.0, 10e-6), (1.0, -150e-6), (0.5, 30e-6), (1000 / 1200, 20e-6)])
+def test_blocks_agree_with_single_samples(ratio: float, drift: float) -> None:
+    n, random = 20_000, np.random.default_rng(3)
+    position = half_taps(ratio) + 8.3 + np.arange(n, dtype=np.float64) * (1 / ratio) * (1 + drift)
+    scans = random.standard_normal((int(position[-1]) + half_taps(ratio) + 3, 2))
+    scans[9000:9004, 1] = np.nan
+    columns = [np.ascontiguousarray(column) for column in scans.T]
+    found, single = interpolate(scans, position, ratio), interpolation._one_by_one(columns, position, ratio).T
+    np.testing.assert_array_equal(np.isnan(found), np.isnan(single))
+    assert np.isnan(found[:, 1]).any()
+    assert not np.isnan(found[:, 0]).any()
+    np.testing.assert_allclose(found, single, rtol=0, atol=1e-9)  # polynomials: 1e-10 of white noise of unit power
