@@ -9,6 +9,7 @@ Usage: python benchmarks/daq/log_crash.py [N_KILLS] [SEED], or make bench-log-cr
 """
 
 import json
+import math
 import mmap
 import os
 import shutil
@@ -211,7 +212,7 @@ def sizes(folder: Path) -> None:
     for n_devices, milli_g in ((1, 0.0), (4, 0.0), (8, 0.0), (32, 0.0), (4, 0.1), (4, 1.0), (4, 10.0)):
         view = folder / "view.mcap"
         rms = milli_g * 1e-3 * 9.80665 / EPSON_SCALE
-        least = 3 / 8 * np.log2(np.hypot(NOISE, rms) * np.sqrt(2 * np.pi * np.e))
+        least = 3 / 8 * np.log2(np.hypot(NOISE, rms) * np.sqrt(2 * np.pi * math.e))
         log = write(folder, n_devices, 20 if n_devices > 8 else 60, rms)
         n = sum(expand_log(log, view).values())
         sizes = [log.stat().st_size / n]

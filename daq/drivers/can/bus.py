@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-import can
 import numpy as np
 import serial
 
 from daq.drivers.serial.buffered_port import BufferedPort
 from daq.protocol import slcan
+from daq.protocol.can_library import can
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
 
 _GATHER_SECONDS = 0.03  # time that frames accumulate on a busy bus [s]; replies to requests may be delayed by it

@@ -2,7 +2,6 @@
 
 import time
 
-import can
 import canopen
 import numpy as np
 from canopen.sdo.exceptions import SdoError
@@ -17,6 +16,7 @@ from daq.drivers.can.sync_count import SyncedCounter
 from daq.drivers.rates import known_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
+from daq.protocol.can_library import can
 from daq.protocol.epson_filters import FILTERS, group_delay
 from daq.protocol.frames import concatenate
 from daq.types import DeviceIdentity, IndexArray, IntArray

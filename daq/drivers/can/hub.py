@@ -12,7 +12,6 @@ import threading
 import time
 from dataclasses import dataclass, field
 
-import can
 import canopen
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from daq.drivers.addresses import OURS, CanPlace
 from daq.drivers.can.bus import Chunk, SlcanBus, read_frames
 from daq.drivers.can.sync_count import SyncCount
 from daq.errors import DeviceLost, DriverError
+from daq.protocol.can_library import can
 from daq.protocol.frames import NUMBER
 from daq.supervision import FAILURES, SupervisedThread
 from daq.types import IndexArray

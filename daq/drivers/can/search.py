@@ -3,7 +3,6 @@
 import re
 import time
 
-import can
 import canopen
 import serial
 from canopen.sdo.exceptions import SdoError
@@ -14,6 +13,7 @@ from daq.drivers.can.hub import join_bus, leave_bus
 from daq.drivers.serial.port import PORT_ERRORS
 from daq.errors import DriverError
 from daq.protocol import slcan
+from daq.protocol.can_library import can
 from daq.types import DeviceIdentity
 
 _ACCELEROMETER = "A552"  # in the name of a node that the driver epson-can is for

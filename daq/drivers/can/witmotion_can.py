@@ -2,7 +2,6 @@
 
 import time
 
-import can
 import numpy as np
 
 from daq.drivers.addresses import CanAddress
@@ -11,6 +10,7 @@ from daq.drivers.can.hub import Member, join_bus, leave_bus
 from daq.drivers.rates import known_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import witmotion as wit
+from daq.protocol.can_library import can
 from daq.protocol.frames import concatenate
 from daq.types import DeviceIdentity
 

@@ -7,8 +7,7 @@ import struct
 import zlib
 from collections.abc import Generator
 
-import can
-from can.io.blf import BLFParseError
+from daq.protocol.can_library import can
 
 _HEADER = struct.Struct("<4sHHLL")  # signature, header size, header version, object size, object type
 _CONTAINER = struct.Struct("<H6xL4x")  # method of compression, size uncompressed
@@ -26,7 +25,7 @@ class BoundedBlfReader(can.BLFReader):
         while head := self.file.read(_HEADER.size):
             signature, _, _, size, kind = _HEADER.unpack(head)
             if signature != b"LOBJ" or not _HEADER.size <= size <= _MAX_OBJECT:
-                raise BLFParseError(f"object of {size} bytes")
+                raise can.io.blf.BLFParseError(f"object of {size} bytes")
             body = self.file.read(size - _HEADER.size)
             self.file.read(size % 4)
             if kind == _LOG_CONTAINER:
@@ -41,10 +40,10 @@ def _contents(body: bytes) -> bytes:
     if method == _PLAIN:
         return body[_CONTAINER.size :]
     if method != _DEFLATED:
-        raise BLFParseError(f"unknown method of compression {method}")
+        raise can.io.blf.BLFParseError(f"unknown method of compression {method}")
     data = zlib.decompressobj().decompress(body[_CONTAINER.size :], _MAX_CONTAINER + 1)
     if len(data) > _MAX_CONTAINER:
-        raise BLFParseError(f"container: expected up to {_MAX_CONTAINER} bytes uncompressed, found more")
+        raise can.io.blf.BLFParseError(f"container: expected up to {_MAX_CONTAINER} bytes uncompressed, found more")
     return data
 
 
@@ -54,5 +53,5 @@ def _check_objects(data: bytes) -> None:
     while at >= 0 and at + _HEADER.size <= len(data):
         size = _HEADER.unpack_from(data, at)[3]
         if size < _HEADER.size:
-            raise BLFParseError(f"object of {size} bytes")
+            raise can.io.blf.BLFParseError(f"object of {size} bytes")
         at = data.find(b"LOBJ", at + size, at + size + _PADDING)

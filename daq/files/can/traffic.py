@@ -12,9 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import can
 import numpy as np
-from can.io.blf import BLFParseError
 
 from daq.drivers.addresses import DbcSensor
 from daq.drivers.base import Scans
@@ -26,6 +24,7 @@ from daq.events import ScansMissing
 from daq.files.can.blf import BoundedBlfReader
 from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.mcap_log import McapWriter
+from daq.protocol.can_library import can
 from daq.protocol.can_scan import ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, CanFrames, concatenate
 from daq.types import Block, Channel, IndexArray, Item
@@ -54,7 +53,7 @@ _DAMAGED = (
     struct.error,
     zlib.error,
     can.CanError,
-    BLFParseError,
+    can.io.blf.BLFParseError,
 )
 
 

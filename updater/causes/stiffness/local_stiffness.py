@@ -5,6 +5,7 @@ One factor 1 - loss on its stiffness in bending and twist adds modal flexibility
 and nearly so in thirty. The share of the loss in shear is a parameter.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -142,7 +143,7 @@ def start_of(cause: LocalStiffness) -> tuple[FloatArray, FloatArray]:
     gained = np.diagonal(softer, axis1=1, axis2=2)[:, paired]
     slope = -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2
     more, explained = first_order(comparison, slope[:, None])
-    return np.log1p(np.clip(more[:, 0], -0.5, np.e**2)), explained
+    return np.log1p(np.clip(more[:, 0], -0.5, math.e**2)), explained
 
 
 @lru_cache(maxsize=4)
