@@ -11,7 +11,7 @@ from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.exit_codes import DONE
 from monitor.cli.new.writing import write_new
 from monitor.cli.terminal import console, echo
-from monitor.errors import ArgumentError
+from monitor.errors import ArgumentError, SettingsError
 from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios
 from monitor.rig.process import SHIPPED, load_rig_structure
 from updater import t_structure_toml
@@ -32,7 +32,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
     shipped = shipped_scenarios()
     path = shipped.get(scenario, Path(scenario))
     if scenario not in shipped and not path.exists():
-        raise ArgumentError("SCENARIO.toml", f"{path} does not exist; shipped with the program: {', '.join(shipped)}")
+        raise SettingsError(path, f"cannot be read: No such file; shipped with the program: {', '.join(shipped)}")
     loaded = load_scenario(path)
     structure = load_rig_structure(path, loaded)
     if site is not None and site.exists() and not force:

@@ -128,6 +128,7 @@ def until(condition: Callable[[], object], process: subprocess.Popen[bytes], sec
         time.sleep(0.05)
 
 
+@pytest.mark.thorough
 @pytest.mark.timeout(300)
 def test_killed_worker_costs_no_log(tmp_path: Path) -> None:
     """The scheduler gives its logs to the other one; the tables are those of a run in processes of its own."""

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 _ROOT = Path(__file__).parents[3]
-_CASES = 3
+_CASES = 2
 READERS = (
     *("structure", "matrices", "site", "scenario", "modal-table", "csv", "table", "arrays", "formats", "universal"),
     *("can-log", "dbc", "log", "state"),

@@ -43,7 +43,9 @@ of_glibc = pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of glib
 
 def reported(script: str) -> int:
     """Return the number that a script prints, run in a process of its own."""
-    return int(subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout)
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("MALLOC_")}
+    command = [sys.executable, "-c", script]
+    return int(subprocess.run(command, capture_output=True, text=True, check=True, env=plain).stdout)
 
 
 @of_glibc
