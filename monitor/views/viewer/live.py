@@ -11,7 +11,7 @@ from daq import Block, Item
 from monitor.results.events import event_result
 from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.settings import Settings, parse_attached
+from monitor.settings import Settings, attached_structure, parse_attached
 from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
@@ -32,7 +32,6 @@ from monitor.views.viewer.state_lanes import (
     write_event,
     write_event_list,
 )
-from updater import parse_structure
 
 _HOST = "127.0.0.1"
 _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
@@ -46,14 +45,15 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
 
     Parameters
     ----------
-    structure, site : texts of the structure's and the site's TOML
+    structure, site : texts of the structure's TOML, empty for none, and of the site's
     items : blocks and events as they are logged
     """
     os.nice(10)  # acquisition and analysis come first
     settings = parse_attached(site)
     if settings.viewer is None:
         raise ValueError("site: expected a [viewer] section, found none")
-    name, identity = parse_structure(structure).name, f"live-{os.getpid()}"
+    described, identity = attached_structure(structure), f"live-{os.getpid()}"
+    name = described.name if described else settings.history.site or "measured modes"
     port, limit = settings.viewer.port, settings.viewer.memory_mb
     with _server(identity, port, limit) as trend, _server(identity, port + 1, _SIGNALS_MB) as raw:
         trend.send_recording_name(name)
