@@ -38,7 +38,7 @@ from updater import (
 
 _SIGMAS = 3.0  # that place and mass may be off by
 _TELLS = 0.5  # relative to a mode's scale: a less certain one is not stated
-NO_MODEL = "structure: expected a structure file in the settings, found none: a mass is located by its model"
+_NO_MODEL = "structure: expected a structure file in the settings, found none: a mass is located by its model"
 _NEAR = 0.05  # m from a member's axis, at which the mass may be attached
 
 
@@ -124,7 +124,7 @@ class Evidence:
         return next(m for m in self.structure.member if m.name == self.found.member).point(self.found.distance)
 
 
-def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence:
+def gather(memory: Memory, structure: Structure | None, settings: Settings) -> Evidence:
     """Return the data of a monitor on the active change.
 
     Parameters
@@ -135,11 +135,11 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     Raises
     ------
     ProofError
-        If no baseline is learnt, no change is seen, or too little is known of it.
+        If no baseline is learnt, no change is seen, too little is known of it, or there is no structure file.
     """
     learned, changed_windows = _learned(memory, structure, settings)
-    if learned.model is None:
-        raise ProofError(NO_MODEL)
+    if learned.model is None or structure is None:
+        raise ProofError(_NO_MODEL)
     reference = learned.model.reference
     event = learned.mean_of(changed_windows)
     late = synchronized_windows(changed_windows, learned.devices)
@@ -200,7 +200,7 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
     )
 
 
-def _learned(memory: Memory, structure: Structure, settings: Settings) -> tuple[LearnedBaseline, list[Window]]:
+def _learned(memory: Memory, structure: Structure | None, settings: Settings) -> tuple[LearnedBaseline, list[Window]]:
     """Return the learned state, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
         n, of = len(memory.baseline), memory.target

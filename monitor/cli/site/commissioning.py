@@ -19,7 +19,7 @@ from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
 from monitor.settings import attached_structure
 from monitor.text.quantities import aligned_numbers, utc
-from monitor.watch.commissioning import NO_MODEL, Proof, ProofError, gather, prove
+from monitor.watch.commissioning import Proof, ProofError, gather, prove
 from monitor.watch.memory import parse_memory, recall
 
 
@@ -27,8 +27,6 @@ def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Pat
     """Report whether an attached mass [kg] was found; return 1 if not."""
     site, place = load_site(path), _place(at)
     structure = attached_structure(site.structure_text)
-    if structure is None:
-        raise ProofError(NO_MODEL)
     memory = parse_memory(_replayed(one_log(logs), site) if logs else _remembered(site))
     proof = prove(gather(memory, structure, site.settings), mass, place)
     _say(proof)
