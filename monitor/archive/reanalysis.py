@@ -169,7 +169,7 @@ class _SiteRun:
             self._folder.mkdir(parents=True, exist_ok=True)
             path.unlink(missing_ok=True)
             log.unlink(missing_ok=True)
-            attached = {"site.toml": texts.site, "structure.toml": texts.structure}
+            attached = {"site.toml": texts.site} | ({"structure.toml": texts.structure} if texts.structure else {})
             self._writer = McapWriter(log, {**attached, **({MEMORY: texts.memory} if texts.memory else {})})
         for event in self._events:
             self._writer.write(event)

@@ -16,8 +16,8 @@ from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
+from monitor.views.viewer.modes.drawing import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
-from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
@@ -113,10 +113,11 @@ class LiveResults:
         """Take one result; None is none, and a self-test is nothing to draw."""
         if isinstance(result, ReferenceResult):
             self._reference = result
-            draw_bare_structure(self._recording, result, result.time)
+            if result.has_model:
+                draw_bare_structure(self._recording, result, result.time)
             write_reference(self._recording, result)
             draw_auto_mac(self._recording, result, static=False)
-            draw_mode_shapes(self._recording, result, result.time)
+            draw_shapes(self._recording, result, result.time)
         elif isinstance(result, AlarmResult):
             self._alarms.append(result)
         elif isinstance(result, WindowResult):
@@ -137,9 +138,11 @@ class LiveResults:
         del self._windows[1 : max(1, len(self._windows) - self._most)]
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
+        if run_results.structure:
+            geometry = Geometry(run_results.structure)
+            draw_place(self._recording, geometry, window, run_results.mass_unit, self._answered)
         if self._reference:
-            draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, self._answered)
-            draw_measured_shapes(self._recording, self._reference, run_results.watched)
+            draw_window_shapes(self._recording, self._reference, run_results.watched)
         draw_spectra(self._recording, run_results, static=False)
         draw_trends(self._recording, run_results)
         draw_legend(self._recording, run_results, static=False)
