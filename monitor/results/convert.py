@@ -22,7 +22,7 @@ from monitor.results.windows import (
 )
 from oma import ModalEstimate, OmaError, singular_values
 from oma.selection import Stabilization
-from updater import MassChange, Model, Reference, Structure, build_model
+from updater import MassChange, ModalMean, Model, Reference, Structure, build_model
 from updater.modal_data import BaselineModes, real_shape
 from updater.one_step import IncrementLocation, MassUpdate
 from updater.quantities import vector
@@ -99,8 +99,8 @@ def reference_result(
     accepted : in order
     """
     mean = baseline.mean
-    modes = _model_modes(reference) if reference else [{"shape": shape.tolist()} for shape in mean.shape]
-    about = _about_model(reference) if reference else {**_NO_MODEL, "channels": list(mean.channels)}
+    modes = _model_modes(reference) if reference else _measured_shapes(mean)
+    about = _about_model(reference) if reference else _channels(mean)
     return ReferenceResult(
         time=time,
         n_windows=int(mean.n.max()),
@@ -121,7 +121,14 @@ def reference_result(
     )
 
 
-_NO_MODEL: dict[str, Any] = {"nodes": [], "lines": {}, "sensors": {}, "calibrated": {}}
+def _channels(mean: ModalMean) -> dict[str, Any]:
+    """Return the fields of a reference without a model."""
+    channels = list(mean.channels) if mean.has_shapes else []
+    return {"nodes": [], "lines": {}, "sensors": {}, "calibrated": {}, "channels": channels}
+
+
+def _measured_shapes(mean: ModalMean) -> list[dict[str, Any]]:
+    return [{"shape": shape.tolist() if mean.has_shapes else []} for shape in mean.shape]
 
 
 def _about_model(reference: Reference) -> dict[str, Any]:

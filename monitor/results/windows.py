@@ -283,7 +283,7 @@ class ReferenceMode(_Result):
     mac: Number = math.nan  #: measured against model before the update [-]; likewise
     displacement: list[Vector] = []  #: displacement of each node, largest 1 [-]
     rotation: list[Vector] = []  #: rotation of each node in the same scale [rad/m]; none in older logs
-    shape: list[float] = []  #: measured shape at each of `channels`, without a structure file [-]
+    shape: list[float] = []  #: measured shape at each of `channels`, without a structure file; or none [-]
 
 
 class AcceptedShift(_Result):
@@ -319,6 +319,11 @@ class ReferenceResult(_Result):
     def has_model(self) -> bool:
         """Return whether there is a structure: geometry, and modes at its nodes."""
         return bool(self.lines)
+
+    @property
+    def has_shapes(self) -> bool:
+        """Return whether there are mode shapes, of the model or at the channels."""
+        return self.has_model or bool(self.channels)
 
     @property
     def late(self) -> dict[str, float]:

@@ -230,6 +230,7 @@ def _modes(run_results: RunResults) -> list[dict[str, str]]:
         return []
     last = next((w for w in reversed(run_results.watched) if w.modes), None)
     first = next((w for w in run_results.watched if w.modes), None)
+    first = first if run_results.reference.has_shapes else None
     return [_mode(m.id, m.frequency, m.frequency_std, m.mac, first, last) for m in run_results.reference.modes]
 
 

@@ -33,7 +33,9 @@ def new_site(path: Path, structure: Path | None, log: Path, recordings: Sequence
     """
     analysis = AnalysisSettings(window_seconds=window_of(recordings))
     devices = tuple(_devices(path, log, recordings[0]))
-    settings = Settings(structure=structure and _from(path, structure), device=devices, analysis=analysis)
+    settings = Settings(
+        structure=None if structure is None else _from(path, structure), device=devices, analysis=analysis
+    )
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(annotated(settings))

@@ -37,7 +37,7 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     """
     trends = views.TrendViews(run_results, live.seconds if live else None)
     tabs: list[rrb.Container] = [_overview(run_results, trends)]
-    if run_results.reference:
+    if run_results.reference and run_results.reference.has_shapes:
         shapes = views.mode_shapes if run_results.structure else views.shape_bars
         tabs.append(shapes(run_results.reference))
     if run_results.spectra or run_results.reference:
@@ -115,8 +115,9 @@ def _identification(run_results: RunResults, trends: views.TrendViews) -> rrb.Ho
         has_model = run_results.structure is not None
         modes = (views.card("Baseline and model" if has_model else "Baseline", "/reference/modes"), 5.0)
         model = [(views.card("Calibration", "/reference/model"), 4.4)] if has_model else []
-        auto_mac = (views.mac("Auto-MAC of the baseline", "/auto_mac"), 3.6)
-        left.append((_beside("Reference", modes, *model, auto_mac), 4.0))
+        shaped = run_results.reference.has_shapes
+        auto_mac = [(views.mac("Auto-MAC of the baseline", "/auto_mac"), 3.6)] if shaped else []
+        left.append((_beside("Reference", modes, *model, *auto_mac), 4.0))
     return _beside("Identification", (_stack(*left), 5.0), (_over_time(run_results, trends), 4.0))
 
 

@@ -11,11 +11,13 @@ from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_sh
 
 def draw_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
     """Draw the modes of a reference from a time on [ns UTC]."""
-    (draw_mode_shapes if reference.has_model else draw_bars)(recording, reference, time)
+    if reference.has_shapes:
+        (draw_mode_shapes if reference.has_model else draw_bars)(recording, reference, time)
 
 
 def draw_window_shapes(
     recording: rr.RecordingStream, reference: ReferenceResult, windows: Sequence[WindowResult]
 ) -> None:
     """Draw the shapes of windows, scaled to those of the reference."""
-    (draw_measured_shapes if reference.has_model else draw_window_bars)(recording, reference, windows)
+    if reference.has_shapes:
+        (draw_measured_shapes if reference.has_model else draw_window_bars)(recording, reference, windows)

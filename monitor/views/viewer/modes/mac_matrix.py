@@ -31,7 +31,7 @@ def auto_mac(reference: ReferenceResult) -> FloatArray:
         shapes = shapes_at_sensors(Geometry(reference), reference, list(reference.sensors))
     else:
         shapes = np.array([mode.shape for mode in reference.modes])
-    return mac_matrix(shapes, shapes) if len(shapes) else np.zeros((0, 0))
+    return mac_matrix(shapes, shapes) if shapes.size else np.zeros((0, 0))
 
 
 def draw_mac(
