@@ -8,6 +8,7 @@ from daq import Event, LogError, McapWriter
 from monitor.analysis.modal_table.series import ModalSeries
 from monitor.analysis.temperature import reading
 from monitor.results.events import result_event
+from monitor.results.service_events import Stopped
 from monitor.results.windows import Result
 from monitor.service.site import load_site
 from monitor.settings import (
@@ -131,6 +132,7 @@ def write_series(path: Path, series: ModalSeries, site: SeriesSite, results: Seq
     items: list[Event] = [result_event(result) for result in results]
     known = zip(series.time, series.temperature, strict=True)
     items += [reading(round(1e9 * time), celsius, series.path.name) for time, celsius in known if celsius == celsius]
-    for item in sorted(items, key=lambda item: item.time):
+    items.sort(key=lambda item: item.time)
+    for item in [*items, Stopped().event(items[-1].time)]:
         writer.write(item)
     writer.close()
