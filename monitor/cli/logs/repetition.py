@@ -30,13 +30,13 @@ def replay_log(
     watched: Path | None,
 ) -> int:
     """Run the loop over a log, or over a series of modes; 1 if it ends in an alarm."""
+    if watched and watched.exists():
+        raise LogError(watched, "cannot be written: File exists")
     if len(logs) == 1 and logs[0].suffix.lower() in SERIES:
         if not within.whole:
             raise ArgumentError(", ".join(within.options), "not of a series of modes: leave rows out of the file")
         return _replay_series(logs[0], site, given, json_path, watched)
     log = within.of_log(one_log(logs), echo)
-    if watched and watched.exists():
-        raise LogError(watched, "cannot be written: File exists")
     report = replay(log, load_site(site, given) if site else None, _say, overrides(given, {}))
     if json_path:
         results = [result.payload() for result in report.found]
