@@ -264,7 +264,7 @@ def _series(
             path, f"damping: expected ratios, found {np.nanmax(damping):g}; per cent are headed damping_1 [%]"
         )
     has_shapes = len(channels) > 1
-    shape, shape_std = _shapes(parts, frequency, channels) if has_shapes else _unit_vectors(frequency)
+    shape, shape_std = _shapes(parts, channels) if has_shapes else _unit_vectors(frequency)
     frequency = np.where(np.isfinite(shape).all(2), frequency, np.nan)  # a mode without its shape is missing
     return ModalSeries(
         path=path,
@@ -285,21 +285,19 @@ def _series(
 def _scatter(frequency: FloatArray) -> FloatArray:
     """Return the standard deviation (n_modes,) of a log frequency, by the differences of successive rows."""
     step = np.abs(np.diff(np.log(frequency), axis=0))
-    known = np.isfinite(step).any(0)
+    known = np.asarray(np.isfinite(step).any(0))
     median = np.array([np.nanmedian(step[:, k]) if known[k] else _MIN_STD for k in range(frequency.shape[1])])
-    return np.maximum(1.4826 / np.sqrt(2) * median, _MIN_STD)  # of a normal distribution
+    return np.asarray(np.maximum(1.4826 / np.sqrt(2) * median, _MIN_STD))  # of a normal distribution
 
 
 def _known(values: FloatArray | None, otherwise: FloatArray) -> FloatArray:
     """Return values, positive ones only, where they are known; else others."""
     if values is None:
         return otherwise
-    return np.where(np.isfinite(values.real) & (values.real > 0), values.real, otherwise)
+    return np.asarray(np.where(np.isfinite(values.real) & (values.real > 0), values.real, otherwise))
 
 
-def _shapes(
-    parts: Mapping[str, FloatArray], frequency: FloatArray, channels: tuple[str, ...]
-) -> tuple[ComplexArray, FloatArray]:
+def _shapes(parts: Mapping[str, FloatArray], channels: tuple[str, ...]) -> tuple[ComplexArray, FloatArray]:
     """Return shapes of unit norm with their deviations (n_windows, n_modes, n_channels)."""
     given = parts["shape"].astype(complex)
     flat = given.reshape(-1, len(channels))

@@ -86,7 +86,7 @@ def _check_channels(series: ModalSeries, structure_text: str) -> None:
     known = structure.channels if structure else series.channels
     strange = [channel for channel in series.channels if channel not in known]
     if strange and not series.has_shapes:
-        raise LogError(series.path, "has no shapes, by which modes are paired with the model: leave out `structure`")
+        raise LogError(series.path, "has no shapes, by which modes are paired with the model: use a site without one")
     if strange:
         raise LogError(
             series.path, f"shape at {strange[0]}: is no sensor of the structure; there are {', '.join(known)}"
