@@ -12,7 +12,8 @@ from monitor.cli.logs.modal_series import series_site
 from monitor.service.site import load_site
 from monitor.settings import has_settings
 from tests.support.monitor.cli import Commands, assert_refused
-from updater import t_structure_toml
+from tests.support.updater.reference_frame import measure, true_model
+from updater import Body, t_structure_toml
 
 CALM, CHANGED = 44, 8
 FREQUENCY, DAMAGE = np.array([3.9, 5.0, 9.8, 10.3]), np.array([-0.02, -0.012, 0.0, -0.015])
@@ -116,3 +117,29 @@ def test_table_becomes_a_log_that_can_be_replayed_without_a_structure(modalwatch
     assert load_site(site).settings.structure is None
     assert has_settings(read_attachments(log))  # what `replay` needs
     assert not has_settings({"site.toml": 'structure = "t.toml"\n' + SITE})
+
+
+@pytest.mark.thorough
+def test_series_with_shapes_at_the_sensors_of_a_model_is_diagnosed(modalwatch: Commands, tmp_path: Path) -> None:
+    random = np.random.default_rng(94)
+    states = [true_model(np.random.default_rng(94), body) for body in (None, Body(at=(0.0, 0.0, 0.9), mass=0.25))]
+    lines = []
+    for hour in range(30):
+        modes = measure(states[hour >= 26], random, np.ones(12), noise=3e-4, shape_noise=3e-3)
+        if not lines:
+            shape = [f"shape_{k}_{c}" for k in range(1, modes.n_modes + 1) for c in modes.channels]
+            lines = [",".join(["time", *(f"f{k}" for k in range(1, modes.n_modes + 1)), "temperature", *shape])]
+        cells = [*modes.frequency, 20.0, *modes.shape.real.ravel()]
+        lines.append(f"2026-01-{1 + hour // 24:02d}T{hour % 24:02d}:00," + ",".join(f"{cell:.6f}" for cell in cells))
+    path, site, found = tmp_path / "modes.csv", tmp_path / "site.toml", tmp_path / "found.json"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    (tmp_path / "t.toml").write_text(t_structure_toml(), encoding="utf-8")
+    site.write_text('structure = "t.toml"\n' + SITE.replace('x = "left_x", y = "left_y"', 'y = "beam_left_y"'))
+    done = modalwatch("replay", path, "--site", site, "--json", found)
+    assert done.code == 1, done.err
+    diagnosis = [r["diagnosis"] for r in json.loads(found.read_text())["results"] if r.get("diagnosis")][-1]
+    print(done.out[-1000:])
+    [cause] = diagnosis["causes"]
+    assert cause["cause"] == "added_mass"
+    mass = cause["parameters"]["mass"]
+    assert abs(mass["value"] - 0.25) < 4 * mass["std"]
