@@ -123,7 +123,7 @@ def test_table_becomes_a_log_that_can_be_replayed_without_a_structure(modalwatch
 def test_series_with_shapes_at_the_sensors_of_a_model_is_diagnosed(modalwatch: Commands, tmp_path: Path) -> None:
     random = np.random.default_rng(94)
     states = [true_model(np.random.default_rng(94), body) for body in (None, Body(at=(0.0, 0.0, 0.9), mass=0.25))]
-    lines = []
+    lines: list[str] = []
     for hour in range(30):
         modes = measure(states[hour >= 26], random, np.ones(12), noise=3e-4, shape_noise=3e-3)
         if not lines:
