@@ -47,6 +47,8 @@ def import_measurements(
     structure, site : files to attach
     new : site to write, with the channels of the data
     """
+    if new is not None and site is not None:
+        raise ArgumentError("--new-site", "expected no --site with it")
     try:
         found = read_in_order(data, options)
     except ValueError as error:  # invalid name or record too short: the other arguments were checked before
@@ -54,8 +56,6 @@ def import_measurements(
     parts, left = _of_sensors(found, _sensors(structure, site))
     with ExitStack() as undone:
         if new is not None:
-            if site is not None:
-                raise ArgumentError("--new-site", "expected no --site with it")
             undone.enter_context(new_site(new, structure, out, [part.recording for part in parts]))
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
     _say(out, recordings, parts, new)
