@@ -8,11 +8,12 @@ if TYPE_CHECKING:
     from daq.files.archive_size import DAMAGED_FILE, check_archive
     from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
     from daq.files.columns.calibration import Calibration, read_calibration
-    from daq.files.columns.time_column import TIME_UNITS
+    from daq.files.columns.time_column import TIME_UNITS, date_column, header_unit, time_column
     from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, parse_sensitivity, parse_unit
     from daq.files.dataframe import read_dataframe
     from daq.files.differentiation import differentiated
     from daq.files.export import export_recording, with_channels, write_recording, write_recordings
+    from daq.files.formats.mat import read_mat
     from daq.files.formats.registry import FORMATS, Format, format_of
     from daq.files.formats.responses import FrequencyResponses, read_responses
     from daq.files.measured import Measured
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from daq.files.message_export import expand_log
     from daq.files.options import DataOptions
     from daq.files.sequence import in_order, read_in_order
-    from daq.files.tables.text_table import is_table
+    from daq.files.tables.text_table import is_table, read_rows, table_layout
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
@@ -40,10 +41,12 @@ __all__ = [
     "Sensitivity",
     "acceleration",
     "check_archive",
+    "date_column",
     "differentiated",
     "expand_log",
     "export_recording",
     "format_of",
+    "header_unit",
     "import_can_log",
     "in_order",
     "is_table",
@@ -53,8 +56,12 @@ __all__ = [
     "read_data",
     "read_dataframe",
     "read_in_order",
+    "read_mat",
     "read_measured",
     "read_responses",
+    "read_rows",
+    "table_layout",
+    "time_column",
     "with_channels",
     "write_recording",
     "write_recordings",

@@ -24,10 +24,10 @@ from monitor.errors import MonitorError
 from monitor.outputs.history import HistoryStore
 from monitor.results.events import result_event
 from monitor.results.windows import Result
-from monitor.settings import parse_attached
+from monitor.settings import attached_structure, has_settings, parse_attached
 from monitor.watch.memory import MEMORY, VERSION, check_saved_state, memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline
-from updater import UpdaterError, parse_structure
+from updater import UpdaterError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -72,14 +72,16 @@ def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
     start, memory = span[0] if span else 0, attached.get(MEMORY, "")
     if site:
         return replace(site, memory=memory, start=start)
-    if not {"site.toml", "structure.toml"} <= attached.keys():
+    if not has_settings(attached):
         return "has no settings attached: give --site"
     try:
         parse_attached(attached["site.toml"])
-        parse_structure(attached["structure.toml"])
+        attached_structure(attached.get("structure.toml", ""))
     except (MonitorError, UpdaterError) as error:
         return f"has settings that cannot be used: {error}"
-    return LogTexts(site=attached["site.toml"], structure=attached["structure.toml"], memory=memory, start=start)
+    return LogTexts(
+        site=attached["site.toml"], structure=attached.get("structure.toml", ""), memory=memory, start=start
+    )
 
 
 def identify_task(log: ArchiveLog, texts: LogTexts, limit: float = math.inf) -> LogSteps:
@@ -98,8 +100,9 @@ def identify_nothing() -> bytes:
 
 
 def site_name(texts: LogTexts) -> str:
-    """Return the name of a site: that of its structure."""
-    name = parse_structure(texts.structure).name
+    """Return the name of a site: that of its structure; without one that of its history."""
+    structure = attached_structure(texts.structure)
+    name = structure.name if structure else parse_attached(texts.site).history.site or ""
     return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name) or "unnamed"
 
 
@@ -152,7 +155,7 @@ class _SiteRun:
         if self._pipeline and self._texts == (texts.site, texts.structure):
             self._pipeline.begin_log()
             return self._pipeline
-        structure, settings = parse_structure(texts.structure), parse_attached(texts.site)
+        structure, settings = attached_structure(texts.structure), parse_attached(texts.site)
         saved = self.memory or texts.memory
         known = check_saved_state(saved, MEMORY, structure, settings).text if saved else None
         self._pipeline = Pipeline(structure, settings, parse_memory(known) if known else None)
@@ -166,7 +169,7 @@ class _SiteRun:
             self._folder.mkdir(parents=True, exist_ok=True)
             path.unlink(missing_ok=True)
             log.unlink(missing_ok=True)
-            attached = {"site.toml": texts.site, "structure.toml": texts.structure}
+            attached = {"site.toml": texts.site} | ({"structure.toml": texts.structure} if texts.structure else {})
             self._writer = McapWriter(log, {**attached, **({MEMORY: texts.memory} if texts.memory else {})})
         for event in self._events:
             self._writer.write(event)

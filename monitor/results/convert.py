@@ -22,8 +22,8 @@ from monitor.results.windows import (
 )
 from oma import ModalEstimate, OmaError, singular_values
 from oma.selection import Stabilization
-from updater import MassChange, Model, Reference, Structure, build_model
-from updater.modal_data import real_shape
+from updater import MassChange, ModalMean, Model, Reference, Structure, build_model
+from updater.modal_data import BaselineModes, real_shape
 from updater.one_step import IncrementLocation, MassUpdate
 from updater.quantities import vector
 
@@ -32,16 +32,16 @@ _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
 
 def mode_results(
-    estimate: ModalEstimate, track: IndexArray, tracks: IndexArray, reference: Reference | None
+    estimate: ModalEstimate, track: IndexArray, tracks: IndexArray, baseline: BaselineModes | None
 ) -> list[ModeResult]:
     """Return the tracked modes.
 
     Parameters
     ----------
     estimate : of a window
-    track : (n_modes,) indices into the estimate's modes, or -1, in the order of the reference's
+    track : (n_modes,) indices into the estimate's modes, or -1, in the order of the baseline's
     tracks : (n_modes,) which tracks these are
-    reference : that frequencies are compared with; None for none
+    baseline : that frequencies are compared with; None for none
     """
     shape = real_shape(estimate.shape)
     return [
@@ -52,16 +52,16 @@ def mode_results(
             damping=float(estimate.damping[i]),
             damping_std=float(estimate.damping_std[i]),
             shape=shape[i].tolist(),
-            **(_shift(estimate, int(i), reference, row) if reference else {}),
+            **(_shift(estimate, int(i), baseline, row) if baseline else {}),
         )
         for row, i in enumerate(track)
         if i >= 0
     ]
 
 
-def _shift(estimate: ModalEstimate, mode: int, reference: Reference, row: int) -> dict[str, float]:
-    ratio = np.log(estimate.frequency[mode]) - reference.baseline.log_frequency[row]
-    std = np.hypot(reference.scatter.window_std[row], reference.baseline.log_frequency_std[row])
+def _shift(estimate: ModalEstimate, mode: int, baseline: BaselineModes, row: int) -> dict[str, float]:
+    ratio = np.log(estimate.frequency[mode]) - baseline.mean.log_frequency[row]
+    std = np.hypot(baseline.scatter.window_std[row], baseline.mean.log_frequency_std[row])
     return {"shift_percent": float(100 * np.expm1(ratio)), "shift_std_percent": float(100 * std)}
 
 
@@ -82,44 +82,75 @@ def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | No
 
 
 def reference_result(
-    reference: Reference, time: int, tracks: IndexArray, accepted: Sequence[AcceptedShift] = ()
+    baseline: BaselineModes,
+    reference: Reference | None,
+    time: int,
+    tracks: IndexArray,
+    accepted: Sequence[AcceptedShift] = (),
 ) -> ReferenceResult:
     """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline.
 
     Parameters
     ----------
-    reference : as it is now
+    baseline : its modes, as they are now
+    reference : model with these modes; None for a site without one
     time : from when on [ns UTC]
     tracks : (n_modes,) of these modes
     accepted : in order
     """
+    mean = baseline.mean
+    modes = _model_modes(reference) if reference else _measured_shapes(mean)
+    about = _about_model(reference) if reference else _channels(mean)
+    return ReferenceResult(
+        time=time,
+        n_windows=int(mean.n.max()),
+        modes=[
+            ReferenceMode(
+                id=int(track) + 1,
+                frequency=float(np.exp(mean.log_frequency[i])),
+                frequency_std=float(np.exp(mean.log_frequency[i]) * mean.log_frequency_std[i]),
+                damping=float(mean.damping[i]),
+                **modes[i],
+            )
+            for i, track in enumerate(tracks)
+        ],
+        delays={name: (delay, baseline.delays.std[name]) for name, delay in baseline.delays.seconds.items()},
+        delay_wander=baseline.delays.wander,
+        accepted=list(accepted),
+        **about,
+    )
+
+
+def _channels(mean: ModalMean) -> dict[str, Any]:
+    """Return the fields of a reference without a model."""
+    channels = list(mean.channels) if mean.has_shapes else []
+    return {"nodes": [], "lines": {}, "sensors": {}, "calibrated": {}, "channels": channels}
+
+
+def _measured_shapes(mean: ModalMean) -> list[dict[str, Any]]:
+    return [{"shape": shape.tolist() if mean.has_shapes else []} for shape in mean.shape]
+
+
+def _about_model(reference: Reference) -> dict[str, Any]:
+    calibrated = {p.name: (p.value, p.std) for p in reference.calibration.parameters}
+    return {**_geometry(reference.model), "calibrated": calibrated}
+
+
+def _model_modes(reference: Reference) -> list[dict[str, Any]]:
+    """Return the fields of each mode that describe the model's."""
     calibration, model = reference.calibration, reference.model
     padded = np.concatenate([reference.shape, np.zeros((1, reference.shape.shape[1]))])
     motion = padded[model.dofs][:, :, calibration.paired]
     motion = motion / np.abs(motion[:, :3]).max(axis=(0, 1))
-    base = reference.baseline
-    return ReferenceResult(
-        time=time,
-        n_windows=int(base.n.max()),
-        **_geometry(model),
-        modes=[
-            ReferenceMode(
-                id=int(track) + 1,
-                frequency=float(np.exp(base.log_frequency[i])),
-                frequency_std=float(np.exp(base.log_frequency[i]) * base.log_frequency_std[i]),
-                damping=float(base.damping[i]),
-                model_frequency=float(calibration.nominal_frequency[i]),
-                mac=float(calibration.nominal_mac[i]),
-                displacement=[vector(u) for u in motion[:, :3, i]],
-                rotation=[vector(u) for u in motion[:, 3:, i]],
-            )
-            for i, track in enumerate(tracks)
-        ],
-        calibrated={p.name: (p.value, p.std) for p in calibration.parameters},
-        delays={name: (delay, reference.delays.std[name]) for name, delay in reference.delays.seconds.items()},
-        delay_wander=reference.delays.wander,
-        accepted=list(accepted),
-    )
+    return [
+        {
+            "model_frequency": float(calibration.nominal_frequency[i]),
+            "mac": float(calibration.nominal_mac[i]),
+            "displacement": [vector(u) for u in motion[:, :3, i]],
+            "rotation": [vector(u) for u in motion[:, 3:, i]],
+        }
+        for i in range(len(calibration.paired))
+    ]
 
 
 def _geometry(model: Model) -> dict[str, Any]:

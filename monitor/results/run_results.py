@@ -10,6 +10,7 @@ from monitor.results.windows import (
     AcceptedShift,
     AlarmResult,
     MassAnswer,
+    ModalChange,
     ModeResult,
     ReferenceResult,
     Spectrum,
@@ -49,6 +50,16 @@ class RunResults:
     def end(self) -> int:
         """End of the last window [ns UTC]."""
         return self.windows[-1].end
+
+    @property
+    def structure(self) -> ReferenceResult | None:
+        """Reference with a structure to draw; None before there is one, and at a site without a structure file."""
+        return self.reference if self.reference and self.reference.has_model else None
+
+    @property
+    def last_change(self) -> ModalChange | None:
+        """Change of the measured modes by the last window that states one."""
+        return next((window.change for window in reversed(self.windows) if window.change), None)
 
     @cached_property
     def watched(self) -> list[WindowResult]:

@@ -12,6 +12,7 @@ from monitor.results.comparison import ChannelHealth, DiagnosisAnswer, Discrepan
 from updater.quantities import Vector
 
 Phase = Literal["learning", "watching", "alarm"]
+ModalQuantity = Literal["frequency", "damping", "shape"]
 
 
 def _number(value: object) -> object:
@@ -209,6 +210,27 @@ class MassIncrements(_Result):
     n_windows: int  #: windows that entered
 
 
+class ModeChange(_Result):
+    """Change of one measured mode since the baseline."""
+
+    id: int  #: identity
+    frequency: float  #: frequency of the baseline [Hz]
+    shift_percent: Number  #: shift of the frequency relative to the expected one at the temperature of the windows [%]
+    shift_std_percent: Number  #: its standard deviation, baseline's share included [%]
+    damping: Number  #: damping of the baseline [-]
+    damping_shift: Number  #: damping minus that of the baseline [-]
+    damping_shift_std: Number  #: [-]
+    mac: Number  #: MAC of the shape with that of the baseline [-]
+    changed: list[ModalQuantity]  #: significant changes: all modes together have one in 100 by chance
+
+
+class ModalChange(_Result):
+    """Change of the measured modes since the baseline, at a site without a structure file."""
+
+    modes: list[ModeChange]
+    n_windows: int  #: windows that entered
+
+
 class Spectrum(_Result):
     """Singular values of the spectral matrix, and the stabilisation diagram's poles."""
 
@@ -240,6 +262,7 @@ class WindowResult(_Result):
     answer: MassAnswer | None = None
     increments: MassIncrements | None = None
     diagnosis: DiagnosisAnswer | None = None  #: diagnosis since the baseline
+    change: ModalChange | None = None  #: in place of these, without a structure file
     discrepancy: DiscrepancyResult | None = None  #: basis of the diagnosis
     spectrum: Spectrum | None = None
     sensors: dict[str, ChannelHealth] = {}  #: at intervals, over the windows since the last time
@@ -250,16 +273,17 @@ class WindowResult(_Result):
 
 
 class ReferenceMode(_Result):
-    """A mode of the calibrated, one-step updated reference."""
+    """A mode of the reference; without a structure file of the measured baseline."""
 
     id: int
     frequency: float  #: [Hz]
     frequency_std: Number  #: deviation of the baseline mean [Hz]
     damping: Number  #: [-]
-    model_frequency: float  #: frequency of the structure file before calibration [Hz]
-    mac: float  #: measured against model before the update [-]
-    displacement: list[Vector]  #: displacement of each node, largest 1 [-]
+    model_frequency: Number = math.nan  #: frequency of the structure file before calibration [Hz]; null without one
+    mac: Number = math.nan  #: measured against model before the update [-]; likewise
+    displacement: list[Vector] = []  #: displacement of each node, largest 1 [-]
     rotation: list[Vector] = []  #: rotation of each node in the same scale [rad/m]; none in older logs
+    shape: list[float] = []  #: measured shape at each of `channels`, without a structure file; or none [-]
 
 
 class AcceptedShift(_Result):
@@ -277,7 +301,7 @@ class AcceptedShift(_Result):
 
 
 class ReferenceResult(_Result):
-    """The reference learnt from the baseline, with the geometry to draw it."""
+    """The reference learnt from the baseline, with the geometry to draw it if there is a structure file."""
 
     time: int  #: [ns UTC]
     n_windows: int
@@ -289,6 +313,17 @@ class ReferenceResult(_Result):
     delays: dict[str, tuple[float, float]] = {}  #: device -> constant delay against their mean, standard deviation [s]
     delay_wander: float = 0.0  #: standard deviation of a window's delays about the constants [s]
     accepted: list[AcceptedShift] = []  #: accepted changes since the baseline, in order
+    channels: list[str] = []  #: channels of the measured shapes, without a structure file
+
+    @property
+    def has_model(self) -> bool:
+        """Return whether there is a structure: geometry, and modes at its nodes."""
+        return bool(self.lines)
+
+    @property
+    def has_shapes(self) -> bool:
+        """Return whether there are mode shapes, of the model or at the channels."""
+        return self.has_model or bool(self.channels)
 
     @property
     def late(self) -> dict[str, float]:

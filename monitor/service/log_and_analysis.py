@@ -29,9 +29,8 @@ from monitor.results.service_events import AnalysisFailed, AnalysisLagging, Base
 from monitor.results.windows import Result
 from monitor.service.site import Site
 from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
-from monitor.settings import RecorderSettings
+from monitor.settings import RecorderSettings, attached_structure
 from monitor.watch.memory import MEMORY, LoadedState, MemoryFile, check_saved_state
-from updater import parse_structure
 
 _BLOCK_SECONDS = 0.2  # of data in a block of a device
 _MAX_WINDOWS, _MAX_SECONDS = 10.0, 600.0  # that may wait: windows, but seconds of wall time at least
@@ -64,8 +63,7 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
     folder = logs_of(site)
     folder.mkdir(parents=True, exist_ok=True)
     attachments = {
-        "site.toml": site.site_text,
-        "structure.toml": site.structure_text,
+        **site.attachments,
         CHANNELS: ChannelMap(channels=site.settings.channels, on_grid=False).to_json(),
     }
     if memory:
@@ -324,7 +322,7 @@ class LogAndAnalysis:
         """Return the starting state of the new analysis: the saved one of the old analysis, as far as it is valid."""
         if not self._kept:
             return ""
-        structure = parse_structure(self.site.structure_text)
+        structure = attached_structure(self.site.structure_text)
         found = check_saved_state(self._kept, "what was learnt", structure, self.site.settings)
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept

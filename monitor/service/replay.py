@@ -17,10 +17,10 @@ from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
 from monitor.service.site import Site
 from monitor.service.worker import SavedState, Worker, WorkerMessage
-from monitor.settings import Override, attachable, overridden, parse_settings
+from monitor.settings import Override, attachable, attached_structure, has_settings, overridden, parse_settings
 from monitor.watch.memory import MEMORY, NOTHING, check_saved_state
-from updater import parse_structure
 
+NO_SETTINGS = "has no settings attached: give --site"
 _WAITING = 2000  # items that may wait for the analysis
 
 
@@ -66,14 +66,14 @@ def replay(
         If the settings attached cannot be used.
     """
     attached = read_attachments(log)
-    if site is None and not {"site.toml", "structure.toml"} <= attached.keys():
-        raise LogError(str(log), _how_to(log, "has no settings attached: give --site"))
+    if site is None and not has_settings(attached):
+        raise LogError(str(log), _how_to(log, NO_SETTINGS))
     if site:
         texts = (site.structure_text, site.site_text)
         settings = parse_settings(site.site_text, f"{log}: site.toml")
     else:
         text, origins = overridden(attachable(attached["site.toml"]), given)
-        texts = (attached["structure.toml"], text)
+        texts = (attached.get("structure.toml", ""), text)
         settings = parse_settings(text, f"{log}: site.toml", origins)
     devices = tuple(device.name for device in settings.device)
     from_beginning = not isinstance(log, LogExcerpt) or log.start == BEGINNING
@@ -107,7 +107,8 @@ def replay(
 def _attached(attached: Mapping[str, str], texts: tuple[str, str], memory: str) -> dict[str, str]:
     """Return the attachments of a watched log: as in the log, but with the settings and the state that were used."""
     rest = {name: text for name, text in attached.items() if name != MEMORY}
-    return rest | {"structure.toml": texts[0], "site.toml": texts[1]} | ({MEMORY: memory} if memory else {})
+    used = {"structure.toml": texts[0], "site.toml": texts[1], MEMORY: memory}
+    return {name: text for name, text in (rest | used).items() if text}
 
 
 def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> list[Result]:
@@ -153,7 +154,7 @@ def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
     """Return the starting state of the run, if it belongs to the replayed baseline; else nothing."""
     text = attached.get(MEMORY, "")
     found = (
-        check_saved_state(text, f"attached {MEMORY}", parse_structure(texts[0]), parse_settings(texts[1]))
+        check_saved_state(text, f"attached {MEMORY}", attached_structure(texts[0]), parse_settings(texts[1]))
         if text
         else NOTHING
     )

@@ -22,7 +22,7 @@ class Site:
     path: Path
     settings: Settings
     site_text: str
-    structure_text: str
+    structure_text: str  #: empty for a site without a structure file
 
     @property
     def folder(self) -> Path:
@@ -31,8 +31,16 @@ class Site:
 
     @property
     def name(self) -> str:
-        """Name in notices: that of the structure file."""
-        return Path(self.settings.structure).stem
+        """Name in notices: that of the structure file; without one that of the history, or of the site's folder."""
+        if self.settings.structure is not None:
+            return Path(self.settings.structure).stem
+        return self.settings.history.site or self.path.absolute().parent.name or self.path.stem
+
+    @property
+    def attachments(self) -> dict[str, str]:
+        """Texts that are attached to every log, by name."""
+        structure = {"structure.toml": self.structure_text} if self.structure_text else {}
+        return {"site.toml": self.site_text, **structure}
 
     @property
     def source(self) -> Source:
@@ -55,7 +63,7 @@ class Site:
 
 
 def load_site(path: Path, given: Sequence[str] = ()) -> Site:
-    """Read SITE.toml and its structure.
+    """Read SITE.toml and its structure, if it has one.
 
     Parameters
     ----------
@@ -69,24 +77,28 @@ def load_site(path: Path, given: Sequence[str] = ()) -> Site:
         or rate.
     """
     text, settings = read_settings(path, overrides(given))
-    structure_path = path.parent / settings.structure
-    structure = load_structure(structure_path)
     for device in settings.device:
         try:
             make_driver(device.driver, device.place, device.rate)
         except ValueError as error:
             meant = "" if device.driver in driver_names() else nearest(device.driver, driver_names())
             raise SettingsError(path, f"device {device.name!r}: {error}{meant}") from error
-    for channel in settings.channels:
-        if channel.name not in structure.channels:
-            known = ", ".join(structure.channels)
-            near = nearest(channel.name, structure.channels)
-            raise SettingsError(
-                path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {known}{near}"
-            )
     return Site(
         path=path,
         settings=settings,
         site_text=attachable(text),
-        structure_text=portable_text(structure_path),
+        structure_text="" if settings.structure is None else _structure_text(path, settings, settings.structure),
     )
+
+
+def _structure_text(path: Path, settings: Settings, name: str) -> str:
+    """Return the text of the structure file, once all channels are sensors of it."""
+    structure_path = path.parent / name
+    known = load_structure(structure_path).channels
+    for channel in settings.channels:
+        if channel.name not in known:
+            names, near = ", ".join(known), nearest(channel.name, known)
+            raise SettingsError(
+                path, f"channel {channel.name!r} is no sensor of {structure_path}; there are {names}{near}"
+            )
+    return portable_text(structure_path)

@@ -50,7 +50,7 @@ class Worker:
 
     Parameters
     ----------
-    structure, site : texts of the structure's and the site's TOML
+    structure, site : texts of the structure's TOML, empty for none, and of the site's
     memory : text of the saved state to be continued; empty for none
     capacity : items that may wait before `feed` blocks; 0 = never blocks
     keep : whether the state for a restart is sent too, after each item with results
@@ -174,14 +174,13 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
 
 
 def _pipeline(task: _Task) -> "Pipeline":
-    from monitor.settings import parse_attached
+    from monitor.settings import attached_structure, parse_attached
     from monitor.watch.backlog import Backlog, as_logged
     from monitor.watch.memory import parse_memory
     from monitor.watch.pipeline import Pipeline
-    from updater import parse_structure
 
     settings = parse_attached(task.site)
     known = parse_memory(task.memory) if task.memory else None
     live = Backlog(settings, lambda: int(task.newest.value))
     skip = live if task.skipped is None else as_logged(task.skipped)
-    return Pipeline(parse_structure(task.structure), settings, known, skip)
+    return Pipeline(attached_structure(task.structure), settings, known, skip)

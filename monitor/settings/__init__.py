@@ -1,6 +1,6 @@
 """SITE.toml: schema, reading, overrides, template."""
 
-from monitor.settings.attached import attachable, parse_attached
+from monitor.settings.attached import attachable, attached_structure, has_settings, parse_attached
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.home_assistant import HomeAssistantSettings
 from monitor.settings.notify import NotifySettings
@@ -22,6 +22,8 @@ __all__ = [
     "TemperatureSettings",
     "annotated",
     "attachable",
+    "attached_structure",
+    "has_settings",
     "json_schema",
     "load_settings",
     "nearest",

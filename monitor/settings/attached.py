@@ -1,5 +1,6 @@
 """Settings as attached to logs and shown in reports: what a replay needs, without secrets."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from monitor.errors import SettingsError
 from monitor.settings.reading import parse_settings
 from monitor.settings.redaction import redacted_topic
 from monitor.settings.schema import Settings
+from updater import Structure, parse_structure
 
 
 def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
@@ -27,6 +29,27 @@ def parse_attached(text: str, path: Path | str = "SITE.toml") -> Settings:
     except ValueError as error:
         raise SettingsError(path, str(error)) from error
     return parse_settings(attachable(text), path)
+
+
+def attached_structure(text: str, source: str = "structure.toml") -> Structure | None:
+    """Return the structure of the text that is attached to a log; None for an empty one: the site has none.
+
+    Raises
+    ------
+    StructureError
+        Naming the source, if it cannot be used.
+    """
+    return parse_structure(text, source) if text else None
+
+
+def has_settings(attached: Mapping[str, str]) -> bool:
+    """Return whether the attachments of a log have settings, and the structure file if these name one."""
+    if "structure.toml" in attached:
+        return "site.toml" in attached
+    try:
+        return "site.toml" in attached and "structure" not in parse_toml(attached["site.toml"])
+    except ValueError:
+        return True  # reading them raises the error
 
 
 def attachable(text: str) -> str:

@@ -221,8 +221,8 @@ class ClockSettings(Section):
 class Settings(Section):
     """Devices and their connections, and the settings of the monitor."""
 
-    structure: Annotated[str, Field(examples=["t_structure.toml"])]
-    """Structure file."""
+    structure: Annotated[str | None, Field(examples=["t_structure.toml"])] = None
+    """Structure file. Default: none; changes are stated as modes that moved, not explained."""
     state: str = "state"
     """Folder of the data that survive a restart."""
     device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1, max_length=1000)]

@@ -33,7 +33,7 @@ def _example(section: type[Section]) -> dict[str, Any]:
 
 #: the minimum settings of a site: one device on a serial port
 EXAMPLE = Settings(
-    structure=_example(Settings)["structure"],
+    structure=(Settings.model_fields["structure"].examples or [""])[0],
     device=(
         DeviceSettings(**_example(DeviceSettings), port=(DeviceSettings.model_fields["port"].examples or [""])[0]),
     ),

@@ -4,6 +4,7 @@ from monitor.detection.alarm import Change
 from monitor.results.service_events import AcceptanceUndone, Acknowledged
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.causes import change_text, increment_text
+from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import duration_text, utc
 
 
@@ -37,6 +38,12 @@ def resumed_text(n_windows: int, learnt: int, since: int | None) -> str:
     """Return the text of a restart, with an alarm active `since` [ns UTC] if there is one."""
     alarm = f"; the alarm of {utc(since)} is active" if since is not None else ""
     return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{alarm}"
+
+
+def model_added_text(hidden: list[int]) -> str:
+    """Return the text on a structure file that was added, and on the tracks that its model lacks."""
+    rest = f"; {_modes(hidden)} without a mode of the model, and not monitored" if hidden else ""
+    return f"the model of the structure file is learned from this baseline{rest}"
 
 
 def acceptance_text(change: AcceptedShift) -> str:
@@ -93,4 +100,5 @@ _FLAPPING = {
 def _where(result: WindowResult) -> str:
     found = [change_text(result.diagnosis)] if result.diagnosis else []
     found += [increment_text(result.increments)] if result.increments else []
+    found += [modal_change_text(result.change)] if result.change else []
     return f": {'; '.join(found)}" if found else "; location not yet known"

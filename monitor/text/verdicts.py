@@ -3,6 +3,7 @@
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.causes import cause_text, change_text, mass_text
+from monitor.text.modal_change import modal_change_headline
 from monitor.text.quantities import utc
 from monitor.text.trends import standing_trend
 from monitor.text.uncertainty import unsure_now
@@ -88,7 +89,8 @@ def _what(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
     if diagnosis and not (run_results.answers and is_one_mass(diagnosis)):  # the located mass is the surer of the two
         return change_text(diagnosis)
     if not run_results.answers:
-        return "where is not known yet"
+        change = run_results.last_change
+        return modal_change_headline(change) if change else "where is not known yet"
     answer = run_results.answers[-1][1]
     doubt = " (a mass alone explains it badly)" if answer.p_value < _DOUBTFUL else ""
     return mass_text(answer) + doubt

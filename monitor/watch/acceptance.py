@@ -10,9 +10,11 @@ from monitor.detection import Shift
 from monitor.optional import run_optional
 from monitor.settings import Settings
 from monitor.text.causes import change_text
+from monitor.text.modal_change import modal_change_text
 from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.answer import diagnosis_of
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
+from monitor.watch.baseline.modal_change import modal_change
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
 from updater.modal_data import MIN_PRESENCE
 
@@ -24,7 +26,7 @@ class CannotAcceptError(Exception):
 
 
 def accept_change(
-    structure: Structure,
+    structure: Structure | None,
     learned: LearnedBaseline,
     changed_windows: Sequence[Window],
     settings: Settings,
@@ -35,10 +37,11 @@ def accept_change(
 
     If the diagnosis explains the change, its causes are written into the structure first: a mass is not mistaken for a
     softer material. Otherwise the one-step update's first stage includes the change.
+    Without a structure the change is stated as that of the measured modes.
 
     Parameters
     ----------
-    structure : of the site
+    structure : of the site; None if it has none
     learned : by which the change was found
     changed_windows : windows since the change, at least `MIN_WINDOWS`
     settings : of the site
@@ -72,7 +75,7 @@ def accept_change(
 
 
 def restore_hidden_modes(
-    structure: Structure,
+    structure: Structure | None,
     learned: LearnedBaseline,
     calm: Sequence[Window],
     settings: Settings,
@@ -83,7 +86,7 @@ def restore_hidden_modes(
 
     Parameters
     ----------
-    structure : of the site
+    structure : of the site; None if it has none
     learned : as it is
     calm : the last windows, none over the limit, as many as a baseline has
     settings : of the site
@@ -108,7 +111,7 @@ def restore_hidden_modes(
         return None  # it has no partner in the model: it stays hidden
 
 
-def undo_last(structure: Structure, learned: LearnedBaseline, settings: Settings) -> LearnedBaseline:
+def undo_last(structure: Structure | None, learned: LearnedBaseline, settings: Settings) -> LearnedBaseline:
     """Return the state before the last acceptance, with all later learning of scatter."""
     *before, last = learned.accepted
     return learn_baseline(structure, learned.baseline, settings, learned.detector.moved_back(last.shift), before)
@@ -116,7 +119,11 @@ def undo_last(structure: Structure, learned: LearnedBaseline, settings: Settings
 
 def _explained(learned: LearnedBaseline, changed_windows: Sequence[Window]) -> tuple[str, str]:
     """Return the structure with the causes of the change, empty if there is no explanation, and its text."""
-    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(learned, changed_windows))
+    model = learned.model
+    if model is None:
+        change = run_optional("the comparison of modes", lambda: modal_change(learned, changed_windows))
+        return "", modal_change_text(change) if change else "not explained"
+    both = run_optional("the diagnosis of the accepted change", lambda: diagnosis_of(learned, model, changed_windows))
     if both is None:
         return "", "not explained"
     found, _ = both

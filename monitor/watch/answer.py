@@ -12,7 +12,8 @@ from monitor.results.windows import MassAnswer, MassIncrements
 from monitor.text.causes import failed_text, forecast_text
 from monitor.text.diagnosis import diagnosis_answer
 from monitor.text.verdicts import is_one_mass
-from monitor.watch.baseline.learned_baseline import LearnedBaseline
+from monitor.watch.baseline.learned_baseline import LearnedBaseline, LearnedModel
+from monitor.watch.baseline.modal_change import modal_change
 from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
 from updater import (
     DiagnosisResult,
@@ -22,7 +23,6 @@ from updater import (
     Reference,
     Structure,
     locate_mass_with_forecast,
-    stack_tracks,
 )
 from updater.modal_data import SynchronizedWindows
 
@@ -35,29 +35,41 @@ def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) 
 def answer(
     learned: LearnedBaseline,
     changed_windows: Sequence[Window],
-    structure: Structure,
+    structure: Structure | None,
     extras: OptionalWork,
 ) -> dict[str, Any]:
     """Return the fields of a `WindowResult` that explain a change; none without windows.
 
     A mass is claimed only if the diagnosis has one mass, and no other cause. A fault in one part affects only that
-    part.
+    part. Without a structure the change is stated as that of the measured modes.
 
     Parameters
     ----------
     learned : by which the change was found
     changed_windows : windows over the limit that begin after the first one: that one may hold both states
-    structure : of the site
+    structure : of the site; None if it has none
     extras : collects failures
     """
     if not changed_windows:
         return {}
-    reference = learned.reference
-    tracks = [learned.modes_of(window.synchronized) for window in changed_windows]
-    modes = reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
+    if learned.model is None or structure is None:
+        return {"change": extras.found("the comparison of modes", lambda: modal_change(learned, changed_windows))}
+    return _explanation(learned, learned.model, changed_windows, structure, extras)
+
+
+def _explanation(
+    learned: LearnedBaseline,
+    model: LearnedModel,
+    changed_windows: Sequence[Window],
+    structure: Structure,
+    extras: OptionalWork,
+) -> dict[str, Any]:
+    """Return the fields that explain a change by a model."""
+    reference = model.reference
+    modes = learned.mean_of(changed_windows)
     found: dict[str, Any] = {}
-    found["increments"] = extras.found("the one-step update", lambda: _increments(learned, modes, len(changed_windows)))
-    both = extras.found("the diagnosis", lambda: diagnosis_of(learned, changed_windows))
+    found["increments"] = extras.found("the one-step update", lambda: _increments(model, modes, len(changed_windows)))
+    both = extras.found("the diagnosis", lambda: diagnosis_of(learned, model, changed_windows))
     if both is None:
         return found
     explained, event = both
@@ -74,11 +86,13 @@ def answer(
     return found
 
 
-def diagnosis_of(learned: LearnedBaseline, changed_windows: Sequence[Window]) -> tuple[DiagnosisResult, Event] | None:
+def diagnosis_of(
+    learned: LearnedBaseline, model: LearnedModel, changed_windows: Sequence[Window]
+) -> tuple[DiagnosisResult, Event] | None:
     """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
     try:
         return explain_windows(
-            learned.reference,
+            model.reference,
             learned.before,
             conditions_of(changed_windows),
             synchronized_windows(changed_windows, learned.devices),
@@ -93,14 +107,16 @@ def _location(reference: Reference, modes: ModalMean, structure: Structure, n_wi
 
 
 def sensors(learned: LearnedBaseline, calm: Sequence[Window]) -> dict[str, ChannelHealth]:
-    """Return the health of each channel in calm windows; of one that died among them a window holds half."""
+    """Return the health of each channel in calm windows, by the model; of one that died a window holds half."""
+    if learned.model is None:
+        return {}
     tracks = [learned.modes_of(window.synchronized) for window in calm]
-    found = sensors_seen(learned.reference, synchronized_windows(calm, learned.devices), tracks)
+    found = sensors_seen(learned.model.reference, synchronized_windows(calm, learned.devices), tracks)
     return {channel: health for channel, health in found.items() if channel in calm[-1].synchronized.channels}
 
 
-def _increments(learned: LearnedBaseline, event: ModalMean, n_windows: int) -> MassIncrements | None:
+def _increments(model: LearnedModel, event: ModalMean, n_windows: int) -> MassIncrements | None:
     try:
-        return increment_result(learned.updater.update(event), n_windows)
+        return increment_result(model.updater.update(event), n_windows)
     except (PairingError, ModalDataError):
         return None  # no modes left to compare, or a channel is missing: there is an alarm, but no increments

@@ -31,13 +31,14 @@ from updater import (
     ModalDataError,
     ModalMean,
     PairingError,
+    Reference,
     Structure,
     locate_mass_with_forecast,
-    stack_tracks,
 )
 
 _SIGMAS = 3.0  # that place and mass may be off by
 _TELLS = 0.5  # relative to a mode's scale: a less certain one is not stated
+_NO_MODEL = "structure: expected a structure file in the settings, found none: a mass is located by its model"
 _NEAR = 0.05  # m from a member's axis, at which the mass may be attached
 
 
@@ -108,6 +109,7 @@ class Evidence:
 
     structure: Structure
     learned: LearnedBaseline
+    reference: Reference
     event: ModalMean  #: modes of the windows with the mass
     diagnosis: Diagnosis
     found: MassChange
@@ -122,7 +124,7 @@ class Evidence:
         return next(m for m in self.structure.member if m.name == self.found.member).point(self.found.distance)
 
 
-def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence:
+def gather(memory: Memory, structure: Structure | None, settings: Settings) -> Evidence:
     """Return the data of a monitor on the active change.
 
     Parameters
@@ -133,20 +135,23 @@ def gather(memory: Memory, structure: Structure, settings: Settings) -> Evidence
     Raises
     ------
     ProofError
-        If no baseline is learnt, no change is seen, or too little is known of it.
+        If no baseline is learnt, no change is seen, too little is known of it, or there is no structure file.
     """
     learned, changed_windows = _learned(memory, structure, settings)
-    tracks = [learned.modes_of(window.synchronized) for window in changed_windows]
-    event = learned.reference.mean_of(stack_tracks([w.synchronized for w in changed_windows], tracks))
+    if learned.model is None or structure is None:
+        raise ProofError(_NO_MODEL)
+    reference = learned.model.reference
+    event = learned.mean_of(changed_windows)
     late = synchronized_windows(changed_windows, learned.devices)
     try:
-        explained, _ = explain_windows(learned.reference, learned.before, conditions_of(changed_windows), late)
-        found, _ = locate_mass_with_forecast(learned.reference, event)
+        explained, _ = explain_windows(reference, learned.before, conditions_of(changed_windows), late)
+        found, _ = locate_mass_with_forecast(reference, event)
     except (ModalDataError, PairingError) as error:
         raise ProofError(f"the change cannot be explained: {error}") from error
     return Evidence(
         structure=structure,
         learned=learned,
+        reference=reference,
         event=event,
         diagnosis=explained.diagnosis,
         found=found,
@@ -187,15 +192,15 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
         found_place=evidence.place,
         raised=evidence.raised,
         checks=checks,
-        channels=evidence.learned.reference.baseline.channels,
-        scales=tuple(_scales(evidence.learned, evidence.event, place, mass)) if proven else (),
+        channels=evidence.reference.baseline.channels,
+        scales=tuple(_scales(evidence, place, mass)) if proven else (),
         n_windows=evidence.n_windows,
         start=evidence.start,
         end=evidence.end,
     )
 
 
-def _learned(memory: Memory, structure: Structure, settings: Settings) -> tuple[LearnedBaseline, list[Window]]:
+def _learned(memory: Memory, structure: Structure | None, settings: Settings) -> tuple[LearnedBaseline, list[Window]]:
     """Return the learned state, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
         n, of = len(memory.baseline), memory.target
@@ -241,13 +246,13 @@ def _mass_check(found: MassChange, mass: float) -> Check:
     return Check(what="mass", result=result, passed=abs(off) <= _SIGMAS * found.mass_std)
 
 
-def _scales(learned: LearnedBaseline, event: ModalMean, place: FloatArray, mass: float) -> Iterator[Scale]:
+def _scales(evidence: Evidence, place: FloatArray, mass: float) -> Iterator[Scale]:
     """Yield the scale of each mode that the mass determines.
 
     A mass changes 1 / omega^2 by itself times the square of the mode's motion: the ratio of the real to the modelled
     effect is that of the model's modal mass to the real one.
     """
-    reference = learned.reference
+    learned, reference, event = evidence.learned, evidence.reference, evidence.event
     expected = with_mass(reference, place[None], mass)[0] ** -2 - 1
     base = reference.baseline
     ratio = np.exp(2 * (base.log_frequency - event.log_frequency))

@@ -45,6 +45,11 @@ class DetectorState:
     out: tuple[ScoredWindows, ...] = ()  #: windows above the limit, without interruption, the newest `MAX_OUT`
     trend: TrendWatch = NO_TREND
 
+    @property
+    def n_tracks(self) -> int:
+        """Number of the tracks that it was learned from, hidden ones among them."""
+        return len(self.watched.law.scale)
+
 
 class Detector:
     """Judges windows in their order, and learns from calm ones.
@@ -92,9 +97,13 @@ class Detector:
         climate = self._watched.climate
         return float(climate.silent) / 3600 if climate.silent > 0 and np.isfinite(climate.air) else None
 
+    def shift(self, n: int) -> Shift:
+        """Return the shift (n_tracks,) of the last n windows, all above the limit, from the frequencies expected."""
+        return shift_of(self._watched, self._out[-n:])
+
     def moved(self, n: int) -> tuple[DetectorState, Shift]:
         """Return the state after a move of the structure, by the last n windows, all above the limit."""
-        shift = shift_of(self._watched, self._out[-n:])
+        shift = self.shift(n)
         return self._at(shifted(self._watched, shift)), shift
 
     def seen_again(self, modes: TrackedModes, tracks: IndexArray) -> tuple[DetectorState, Shift]:

@@ -30,16 +30,17 @@ class Pipeline:
 
     Parameters
     ----------
-    structure : of the site
+    structure : of the site; None if it has none: modes are watched without a model
     settings : of the site
     memory : state of the run before, to be continued; it must belong to the same baseline (see `recall`)
     skip : decides which windows are left out
     """
 
     def __init__(
-        self, structure: Structure, settings: Settings, memory: Memory | None = None, skip: Skip = none
+        self, structure: Structure | None, settings: Settings, memory: Memory | None = None, skip: Skip = none
     ) -> None:
-        self._settings, self._structure, self._skip = settings, structure, skip
+        self._settings, self._skip = settings, skip
+        self._late = structure.delays if structure else {}
         self._assembler = assembler_of(settings)
         offset = memory.thermometer_offset if memory else math.nan
         self._weather = SiteTemperature(settings.temperature.stale_minutes, offset) if settings.temperature else None
@@ -102,9 +103,7 @@ class Pipeline:
             yield bare if window else bare.model_copy(update={"skipped": True})
             return
         known = self._judge.delays
-        kept = window_of(
-            index, recorded, window.modes, temperature, self._settings.device_of, self._structure.delays, known
-        )
+        kept = window_of(index, recorded, window.modes, temperature, self._settings.device_of, self._late, known)
         seen = {
             "channels": list(kept.synchronized.channels),
             "faults": {channel: str(fault) for channel, fault in window.modes.left_out.items()},

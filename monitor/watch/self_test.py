@@ -56,7 +56,7 @@ class SelfTests:
         self._recent: deque[Window] = deque(maxlen=max(WITHIN, settings.alarm.hold_windows))
 
     def after(self, learned: LearnedBaseline, alarm: Alarm, window: Window, *, over: bool) -> Iterator[SelfTestResult]:
-        """Take one more window, over the limit or calm; yield a test if one is due."""
+        """Take one more window, over the limit or calm; yield a test if one is due. Without a model none is."""
         if over:
             self.forget()
             return
@@ -66,9 +66,10 @@ class SelfTests:
             days = min(days, _DAYS_AFTER_FAILURE)
         since = learned.learnt if self.state.last is None else self.state.last
         due = days > 0 and abs(window.end - since) >= days * _DAY  # a clock that is set back by years ends no tests
-        if due and alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
+        if due and learned.model and alarm.condition == "normal" and len(self._recent) == self._recent.maxlen:
             self.state = replace(self.state, last=window.end)  # also of one that ends in an error
-            result = self_test(learned, alarm, tuple(self._recent), self._settings, window.end, self.state.passed)
+            windows, reference = tuple(self._recent), learned.model.reference
+            result = self_test(learned, reference, alarm, windows, self._settings, window.end, self.state.passed)
             self.state = replace(self.state, passed=result.last_passed)
             yield result
 
@@ -79,6 +80,7 @@ class SelfTests:
 
 def self_test(
     learned: LearnedBaseline,
+    reference: Reference,
     alarm: Alarm,
     windows: Sequence[Window],
     settings: Settings,
@@ -89,15 +91,16 @@ def self_test(
 
     Parameters
     ----------
-    watch, alarm : as they are; they stay so
+    learned, alarm : as they are; they stay so
+    reference : model of the structure, that the mass is put onto
     windows : the newest calm ones, `WITHIN` or as many as raise an alarm
     settings : of the site
     time : of the test [ns UTC]; the places are drawn by it, so that a replay draws the same
     last_passed : when a test has last passed [ns UTC]
     """
     random = np.random.default_rng(time // 10**9)
-    mass = settings.alarm.self_test_percent / 100 * learned.reference.model.total_mass()
-    ratios = with_mass(learned.reference, _places(learned.reference, random, DRAWS), mass)
+    mass = settings.alarm.self_test_percent / 100 * reference.model.total_mass()
+    ratios = with_mass(reference, _places(reference, random, DRAWS), mass)
     found = sum(_raises(learned, alarm, _changed(windows, ratio, learned, settings), settings) for ratio in ratios)
     passed = found >= _PASSED * DRAWS
     return SelfTestResult(

@@ -18,6 +18,7 @@ from monitor.text.alarms import (
     acceptance_text,
     acknowledged_text,
     alarm_change_text,
+    model_added_text,
     restored_text,
     resumed_text,
     undone_text,
@@ -32,7 +33,7 @@ from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
 from monitor.watch.memory import Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
-from updater import Structure
+from updater import Structure, UpdaterError
 from updater.modal_data import NO_DELAYS, DeviceDelays
 
 
@@ -41,12 +42,12 @@ class WindowEvaluator:
 
     Parameters
     ----------
-    structure : of the site
+    structure : of the site; None if it has none
     settings : of the site
     memory : state of the run before, to be continued; it must belong to the same baseline (see `recall`)
     """
 
-    def __init__(self, structure: Structure, settings: Settings, memory: Memory | None) -> None:
+    def __init__(self, structure: Structure | None, settings: Settings, memory: Memory | None) -> None:
         self._structure, self._settings = structure, settings
         self._alarm = Alarm(rules=settings.alarm.rules)
         self.n_windows = 0  #: windows so far, including those left out or without a result
@@ -57,6 +58,7 @@ class WindowEvaluator:
         self._requested: AcceptanceRequest | None = None
         self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
         self._extras = OptionalWork()
+        self._added = ""  # message on a structure file that was added since the baseline was learned
         if memory is not None:
             self._resume(memory)
 
@@ -64,10 +66,20 @@ class WindowEvaluator:
         self.n_windows = memory.n_windows
         self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
         self._out, self._calm, self._requested = list(memory.out), list(memory.calm), memory.wanted
-        if memory.detector is not None:
-            self._learned = learn_baseline(
-                self._structure, memory.baseline, self._settings, memory.detector, memory.accepted
-            )
+        if memory.detector is None:
+            return
+        rest = memory.baseline, self._settings, memory.detector, memory.accepted
+        if self._structure is None or not memory.without_model:
+            self._learned = learn_baseline(self._structure, *rest)
+            return
+        try:
+            self._learned = learn_baseline(self._structure, *rest)
+            shown = memory.accepted[-1].hides if memory.accepted else np.empty(0, np.intp)
+            shown = np.union1d(self._learned.watched, shown)
+            self._added = model_added_text(np.setdiff1d(np.arange(memory.detector.n_tracks), shown).tolist())
+        except (UpdaterError, np.linalg.LinAlgError) as error:
+            self._structure, self._added = None, f"the structure file is not used: {error}"
+            self._learned = learn_baseline(None, *rest)
 
     @property
     def memory(self) -> Memory:
@@ -96,12 +108,12 @@ class WindowEvaluator:
     @property
     def delays(self) -> DeviceDelays:
         """Of devices, as far as they are known."""
-        return self._learned.reference.delays if self._learned else NO_DELAYS
+        return self._learned.modes.delays if self._learned else NO_DELAYS
 
     def modes(self, window: Window) -> list[ModeResult]:
         """Return a window's modes as reported."""
-        reference = self._learned.reference if self._learned else None
-        return mode_results(window.synchronized, *self._tracked(window), reference)
+        baseline = self._learned.modes if self._learned else None
+        return mode_results(window.synchronized, *self._tracked(window), baseline)
 
     def evaluate(self, window: Window, result: WindowResult) -> Iterator[Result]:
         """Evaluate one window; yield the results, first its own."""
@@ -123,6 +135,7 @@ class WindowEvaluator:
         if learned:
             yield self._reference(learned, time)
             text = resumed_text(len(learned.baseline), learned.learnt, since)
+            text, self._added = f"{text}; {self._added}" if self._added else text, ""
         else:
             text = f"learning continues: {len(self._learning.windows)} of {self._learning.target} windows"
         last = max(0, self.n_windows - 1)
@@ -245,9 +258,9 @@ class WindowEvaluator:
         yield self._notice(time, "undone", undone_text(learned.accepted[-1].result, request))
 
     def _reference(self, learned: LearnedBaseline, time: int) -> ReferenceResult:
-        return reference_result(
-            learned.reference, time, learned.watched, [change.result for change in learned.accepted]
-        )
+        reference = learned.model.reference if learned.model else None
+        accepted = [change.result for change in learned.accepted]
+        return reference_result(learned.modes, reference, time, learned.watched, accepted)
 
     def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
         """Return a message without a change of the alarm."""

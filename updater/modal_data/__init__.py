@@ -15,7 +15,7 @@ from updater.modal_data.device_delays import (
 from updater.modal_data.mass_from_modes import ModalMass, mass_of_modes
 from updater.modal_data.matching import match_modes, matched, may_answer, without_fault
 from updater.modal_data.plausibility import check_baseline, check_event, check_unit, doubles
-from updater.modal_data.scatter import Scatter, learn_scatter, stated_scatter
+from updater.modal_data.scatter import BaselineModes, Scatter, learn_baseline_modes, learn_scatter, stated_scatter
 from updater.modal_data.setups import merge_setups
 from updater.modal_data.stationarity import is_steady
 from updater.modal_data.synchrony import LOW_MPC, Asynchrony, asynchrony
@@ -29,6 +29,7 @@ __all__ = [
     "NOTHING_REMOVED",
     "NO_DELAYS",
     "Asynchrony",
+    "BaselineModes",
     "ChangePoint",
     "Circumstances",
     "DeviceDelays",
@@ -49,6 +50,7 @@ __all__ = [
     "find_change",
     "fuse",
     "is_steady",
+    "learn_baseline_modes",
     "learn_delays",
     "learn_scatter",
     "mass_of_modes",

@@ -6,6 +6,7 @@ import numpy as np
 
 from daq import FloatArray
 from updater.errors import ModalDataError
+from updater.modal_data.device_delays import NO_DELAYS, DeviceDelays
 from updater.modal_data.tracked import ModalMean, TrackedModes, mean_modes, mean_over_windows
 
 _USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
@@ -43,6 +44,28 @@ class Scatter:
             phase_factor=self.phase_factor,
             damping_factor=self.damping_factor,
         )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BaselineModes:
+    """Measured modes of a baseline: everything that is known without a model."""
+
+    windows: TrackedModes  #: windows without a change
+    scatter: Scatter  #: scatter of the windows
+    mean: ModalMean  #: mean of the windows, by that scatter
+    delays: DeviceDelays  #: constant delays of the devices, removed from the windows
+
+
+def learn_baseline_modes(windows: TrackedModes, delays: DeviceDelays = NO_DELAYS) -> BaselineModes:
+    """Learn the modes of a baseline from its windows, from which the delays have been removed.
+
+    Raises
+    ------
+    ModalDataError
+        With fewer than three windows, or no mode seen in two of them.
+    """
+    scatter = learn_scatter(windows)
+    return BaselineModes(windows=windows, scatter=scatter, mean=scatter.mean(windows), delays=delays)
 
 
 def learn_scatter(modes: TrackedModes) -> Scatter:

@@ -107,6 +107,11 @@ class ModalMean:
     imaginary: FloatArray  #: (n_tracks, n_channels) of the shape, turned to be least; NaN where phases are not known
     imaginary_std: FloatArray  #: (n_tracks, n_channels)
 
+    @property
+    def has_shapes(self) -> bool:
+        """Return whether shapes were measured: stand-ins are the same in all windows, without a deviation."""
+        return bool((self.shape_std > 0).any())
+
     def at(self, channels: tuple[str, ...]) -> "ModalMean":
         """Return the same modes at some of the channels, at unit norm there."""
         if channels == self.channels:

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from daq import FloatArray, IndexArray
 from oma import pair_modes
 from updater.fe import Model, Modes
-from updater.modal_data import DeviceDelays, ModalMean, Scatter, TrackedModes
+from updater.modal_data import BaselineModes, DeviceDelays, ModalMean, Scatter, TrackedModes
 from updater.reference.calibration import Calibration, channel_rows
 from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.structure import Structure
@@ -43,6 +43,11 @@ class Reference:
     def model(self) -> Model:
         """Finite element model of the calibrated structure."""
         return self.calibration.model
+
+    @property
+    def baseline_modes(self) -> BaselineModes:
+        """Measured modes of the baseline, without the model."""
+        return BaselineModes(windows=self.windows, scatter=self.scatter, mean=self.baseline, delays=self.delays)
 
     @property
     def known(self) -> ModalMean:

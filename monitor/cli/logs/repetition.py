@@ -6,11 +6,14 @@ from pathlib import Path
 from rich.markup import escape
 
 from daq import LogError
+from monitor.analysis.modal_table.series import SERIES, read_series
 from monitor.analysis.time_range import TimeRange
+from monitor.cli.logs.modal_series import series_site, watch_series, write_series
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
 from monitor.cli.site.console_log import line
 from monitor.cli.terminal import console, echo, warn
+from monitor.errors import ArgumentError
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import ReplayReport, replay, write_watched
 from monitor.service.site import load_site
@@ -26,10 +29,14 @@ def replay_log(
     json_path: Path | None,
     watched: Path | None,
 ) -> int:
-    """Run the loop over a log; 1 if it ends in an alarm."""
-    log = within.of_log(one_log(logs), echo)
+    """Run the loop over a log, or over a series of modes; 1 if it ends in an alarm."""
     if watched and watched.exists():
         raise LogError(watched, "cannot be written: File exists")
+    if len(logs) == 1 and logs[0].suffix.lower() in SERIES:
+        if not within.whole:
+            raise ArgumentError(", ".join(within.options), "not of a series of modes: leave rows out of the file")
+        return _replay_series(logs[0], site, given, json_path, watched)
+    log = within.of_log(one_log(logs), echo)
     report = replay(log, load_site(site, given) if site else None, _say, overrides(given, {}))
     if json_path:
         results = [result.payload() for result in report.found]
@@ -52,7 +59,34 @@ def replay_log(
         warn("note: not compared with what was found live: the baseline is learnt from the beginning of the range")
     if report.logged and not (site or given):
         echo(report.comparison.text)
-    alarms = [result for result in report.found if isinstance(result, AlarmResult)]
+    return _exit_code(report.found)
+
+
+def _replay_series(
+    path: Path, site: Path | None, given: Sequence[str], json_path: Path | None, watched: Path | None
+) -> int:
+    """Watch a series of modes."""
+    series = read_series(path)
+    for name in series.ignored:
+        warn(f"note: column {name} is not used")
+    used = series_site(series, site, given)
+    found = watch_series(series, used, _say)
+    if json_path:
+        results = [result.payload() for result in found]
+        write_json(json_path, {"same_as_live": None, "comparison": None, "results": results})
+    if not any(isinstance(result, ReferenceResult) for result in found):
+        n, target = len(series.time), used.settings.analysis.first_windows
+        warn(
+            f"note: no baseline is learned: {n} rows, expected {target} with modes or more (analysis.baseline_windows)"
+        )
+    if watched:
+        write_series(watched, series, used, found)
+        echo(f"written: {watched}, for `report` and `view`")
+    return _exit_code(found)
+
+
+def _exit_code(found: Sequence[Result]) -> int:
+    alarms = [result for result in found if isinstance(result, AlarmResult)]
     return int(bool(alarms) and alarms[-1].state == "alarm")
 
 

@@ -17,16 +17,16 @@ from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
+from monitor.settings import attached_structure
 from monitor.text.quantities import aligned_numbers, utc
 from monitor.watch.commissioning import Proof, ProofError, gather, prove
 from monitor.watch.memory import parse_memory, recall
-from updater import parse_structure
 
 
 def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Path | None) -> int:
     """Report whether an attached mass [kg] was found; return 1 if not."""
     site, place = load_site(path), _place(at)
-    structure = parse_structure(site.structure_text)
+    structure = attached_structure(site.structure_text)
     memory = parse_memory(_replayed(one_log(logs), site) if logs else _remembered(site))
     proof = prove(gather(memory, structure, site.settings), mass, place)
     _say(proof)
@@ -55,7 +55,7 @@ def _place(at: str) -> tuple[float, float, float]:
 
 
 def _remembered(site: Site) -> str:
-    found = recall(site.state, parse_structure(site.structure_text), site.settings)
+    found = recall(site.state, attached_structure(site.structure_text), site.settings)
     if found.text is None:
         raise ProofError(f"the watch has no baseline: {found.refused or 'it has never run'}")
     return found.text

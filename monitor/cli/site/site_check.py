@@ -71,7 +71,12 @@ def _say_plan(site: Site) -> None:
     settings, analysis = site.settings, site.settings.analysis
     folder = site.folder / settings.recorder.folder
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
-    echo(f"structure: {site.folder / settings.structure}")
+    structure = (
+        "none: changes are stated as modes that moved"
+        if settings.structure is None
+        else str(site.folder / settings.structure)
+    )
+    echo(f"structure: {structure}")
     echo(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices")
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
     echo(f"baseline:  {_baseline_text(settings)}")

@@ -12,7 +12,7 @@ from daq.log import files_of
 from daq.notebook import number_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
-from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult, WindowResult
+from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
 from monitor.text.causes import (
     cause_text,
     change_data_text,
@@ -25,6 +25,7 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.detectability import last_detectable
+from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text, utc
 from monitor.text.sensors import health_rows
 from monitor.text.trends import standing_trend
@@ -60,8 +61,10 @@ def run_content(run: Run, diagnosis: DiagnosisAnswer | None) -> dict[str, Any]:
         "pictures": _pictures(run_results, diagnosis),
         "increments": _increments(run_results),
         "modes": _modes(run_results),
+        "has_model": run_results.structure is not None,
+        "change": _change(run_results),
         "sensors": _sensors(run_results),
-        "diagnosis": _diagnosis(diagnosis, run_results.reference, found) if diagnosis else None,
+        "diagnosis": _diagnosis(diagnosis, run_results.structure, found) if diagnosis else None,
         "quality": _quality(run),
         "settings": run.site_text,
         "versions": versions(),
@@ -140,7 +143,7 @@ def _windows(run: Run) -> str:
 
 
 def _pictures(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> dict[str, Picture | None]:
-    reference, answer = run_results.reference, last_answer(run_results)
+    reference, answer = run_results.structure, last_answer(run_results)
     causes = diagnosis.causes if diagnosis else ()
     spectra = run_results.spectra
     return {
@@ -169,9 +172,9 @@ def _structure(reference: ReferenceResult, answer: MassAnswer | None, causes: tu
 
 def _increments(run_results: RunResults) -> dict[str, Any] | None:
     found = [w.increments for w in run_results.windows if w.increments]
-    if not found or run_results.reference is None:
+    if not found or run_results.structure is None:
         return None
-    increments, reference = found[-1], run_results.reference
+    increments, reference = found[-1], run_results.structure
     return {
         "picture": picture(
             lambda: places.increments_figure(reference, increments),
@@ -194,11 +197,40 @@ def _flagged(increments: MassIncrements) -> list[dict[str, str]]:
     return rows
 
 
+def _change(run_results: RunResults) -> dict[str, Any] | None:
+    """Return the change of the measured modes while the alarm is active, at a site without a structure file."""
+    change = run_results.last_change
+    if change is None or last_state(run_results) != "alarm":
+        return None
+    return {
+        "text": modal_change_text(change),
+        "n_windows": change.n_windows,
+        "modes": [_mode_change(mode) for mode in change.modes],
+    }
+
+
+def _mode_change(mode: ModeChange) -> dict[str, str]:
+    return {
+        "id": str(mode.id),
+        "frequency": f"{mode.frequency:.4g}",
+        "shift": _number(mode.shift_percent, mode.shift_std_percent),
+        "damping": f"{100 * mode.damping:.2f}",
+        "damping_shift": _number(100 * mode.damping_shift, 100 * mode.damping_shift_std),
+        "mac": f"{mode.mac:.4f}" if np.isfinite(mode.mac) else "",
+        "changed": ", ".join(mode.changed),
+    }
+
+
+def _number(value: float, std: float) -> str:
+    return number_text(value, std) if np.isfinite(value) and np.isfinite(std) else "not identified"
+
+
 def _modes(run_results: RunResults) -> list[dict[str, str]]:
     if run_results.reference is None or not run_results.watched:
         return []
     last = next((w for w in reversed(run_results.watched) if w.modes), None)
     first = next((w for w in run_results.watched if w.modes), None)
+    first = first if run_results.reference.has_shapes else None
     return [_mode(m.id, m.frequency, m.frequency_std, m.mac, first, last) for m in run_results.reference.modes]
 
 

@@ -7,8 +7,8 @@ from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import layout
+from monitor.views.viewer.modes.drawing import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
-from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import recording_file
@@ -56,8 +56,8 @@ def write_recording(path: Path, run_results: RunResults) -> None:
         if run_results.reference:
             write_reference(recording, run_results.reference)
             draw_auto_mac(recording, run_results.reference)
-            draw_mode_shapes(recording, run_results.reference, run_results.start)
-            draw_measured_shapes(recording, run_results.reference, thin(run_results.watched))
+            draw_shapes(recording, run_results.reference, run_results.start)
+            draw_window_shapes(recording, run_results.reference, thin(run_results.watched))
         if run_results.signals:
             draw_signals(recording, run_results.signals)
             draw_channel_spectra(recording, run_results.signals, run_results.reference)

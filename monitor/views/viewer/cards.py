@@ -6,6 +6,7 @@ from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.run_results import RunResults, find_mode, standing_answer
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
+from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.verdicts import diagnosis_text
 from monitor.views.viewer.primitives import at, clock
@@ -26,8 +27,11 @@ def write_cards(recording: rr.RecordingStream, run_results: RunResults, answered
 
 
 def write_reference(recording: rr.RecordingStream, reference: ReferenceResult) -> None:
-    """Write the reference's two tables."""
-    for path, words in (("/reference/modes", modes_card(reference)), ("/reference/model", model_card(reference))):
+    """Write the reference's tables: modes, and with a structure its calibration."""
+    cards = {"/reference/modes": modes_card(reference) if reference.has_model else baseline_card(reference)}
+    if reference.has_model:
+        cards["/reference/model"] = model_card(reference)
+    for path, words in cards.items():
         recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
 
 
@@ -45,6 +49,8 @@ def window_card(window: WindowResult, run_results: RunResults, answered: WindowR
         parts.append(_answer(window.answer))
     elif answered and answered.answer:
         parts += [_answer(answered.answer), f"*By window {answered.index}.*"]
+    elif window.change:
+        parts.append(f"**The structure has changed**: {modal_change_text(window.change)}.")
     elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
         parts.append("**The structure has changed.** Location not yet known.")
     if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):
@@ -125,6 +131,15 @@ def diagnosis_card(diagnosis: DiagnosisAnswer) -> str:
         parts.append("\n".join(["Refused:", "", *lines, *([f"- {rest}"] if rest else [])]))
     parts += [failed_text(failed) for failed in diagnosis.failed]
     return "\n\n".join(parts)
+
+
+def baseline_card(reference: ReferenceResult) -> str:
+    """Return the measured modes of a site without a structure file."""
+    lines = [f"Baseline of {reference.n_windows} windows; no structure file.", ""]
+    lines += ["| mode | measured Hz | ± | ζ % |", "|---:|---:|---:|---:|"]
+    for m in reference.modes:
+        lines.append(f"| **{m.id}** | {m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f} |")
+    return "\n".join(lines)
 
 
 def modes_card(reference: ReferenceResult) -> str:

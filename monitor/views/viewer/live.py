@@ -11,13 +11,13 @@ from daq import Block, Item
 from monitor.results.events import event_result
 from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.settings import Settings, parse_attached
+from monitor.settings import Settings, attached_structure, parse_attached
 from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
+from monitor.views.viewer.modes.drawing import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
-from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
@@ -32,7 +32,6 @@ from monitor.views.viewer.state_lanes import (
     write_event,
     write_event_list,
 )
-from updater import parse_structure
 
 _HOST = "127.0.0.1"
 _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
@@ -46,14 +45,15 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
 
     Parameters
     ----------
-    structure, site : texts of the structure's and the site's TOML
+    structure, site : texts of the structure's TOML, empty for none, and of the site's
     items : blocks and events as they are logged
     """
     os.nice(10)  # acquisition and analysis come first
     settings = parse_attached(site)
     if settings.viewer is None:
         raise ValueError("site: expected a [viewer] section, found none")
-    name, identity = parse_structure(structure).name, f"live-{os.getpid()}"
+    described, identity = attached_structure(structure), f"live-{os.getpid()}"
+    name = described.name if described else settings.history.site or "measured modes"
     port, limit = settings.viewer.port, settings.viewer.memory_mb
     with _server(identity, port, limit) as trend, _server(identity, port + 1, _SIGNALS_MB) as raw:
         trend.send_recording_name(name)
@@ -113,10 +113,11 @@ class LiveResults:
         """Take one result; None is none, and a self-test is nothing to draw."""
         if isinstance(result, ReferenceResult):
             self._reference = result
-            draw_bare_structure(self._recording, result, result.time)
+            if result.has_model:
+                draw_bare_structure(self._recording, result, result.time)
             write_reference(self._recording, result)
             draw_auto_mac(self._recording, result, static=False)
-            draw_mode_shapes(self._recording, result, result.time)
+            draw_shapes(self._recording, result, result.time)
         elif isinstance(result, AlarmResult):
             self._alarms.append(result)
         elif isinstance(result, WindowResult):
@@ -137,9 +138,11 @@ class LiveResults:
         del self._windows[1 : max(1, len(self._windows) - self._most)]
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
+        if run_results.structure:
+            geometry = Geometry(run_results.structure)
+            draw_place(self._recording, geometry, window, run_results.mass_unit, self._answered)
         if self._reference:
-            draw_place(self._recording, Geometry(self._reference), window, run_results.mass_unit, self._answered)
-            draw_measured_shapes(self._recording, self._reference, run_results.watched)
+            draw_window_shapes(self._recording, self._reference, run_results.watched)
         draw_spectra(self._recording, run_results, static=False)
         draw_trends(self._recording, run_results)
         draw_legend(self._recording, run_results, static=False)

@@ -24,11 +24,11 @@ class BaselineLearning:
 
     Parameters
     ----------
-    structure, settings : of the site
+    structure, settings : of the site; None for one without a structure file
     memory : state of the run before, if its baseline is to be continued
     """
 
-    def __init__(self, structure: Structure, settings: Settings, memory: Memory | None = None) -> None:
+    def __init__(self, structure: Structure | None, settings: Settings, memory: Memory | None = None) -> None:
         self._structure, self._settings = structure, settings
         self._first = settings.analysis.first_windows
         self.windows: list[Window] = []
@@ -53,13 +53,13 @@ class BaselineLearning:
         except (UpdaterError, np.linalg.LinAlgError) as error:
             self.windows.pop(0)  # learning continues: the oldest window makes room
             return None, str(error)
-        change = change_in_baseline(learned.baseline, learned.reference.windows)
+        change = change_in_baseline(learned.baseline, learned.modes.windows)
         if change and self.restarts < MAX_RESTARTS:
             self.restarts += 1
             self.windows, self.target = self.windows[change[0] :], self._first
             return None, change[1]
         n = len(learned.baseline)
-        lacking = baseline_shortcomings(learned.baseline, learned.reference.windows, self._settings.step_seconds)
+        lacking = baseline_shortcomings(learned.baseline, learned.modes.windows, self._settings.step_seconds)
         longer = longer_baseline(n, lacking, self._settings.analysis.most_windows)
         if longer > n and not change:
             is_first, self.target = self.target == self._first, longer

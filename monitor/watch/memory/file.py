@@ -14,7 +14,7 @@ from daq import Event, Item
 from monitor.settings import Settings
 from monitor.settings.redaction import redacted_topic
 from monitor.watch.memory.codec import CodecError
-from monitor.watch.memory.state import MEMORY, memory_text, parse_memory, state_fingerprint
+from monitor.watch.memory.state import MEMORY, STRUCTURE, memory_text, parse_memory, state_fingerprint
 from updater import Structure
 
 _SETTLE = 1.0  # s after an item was logged: log, history and notices have it on the disk by then
@@ -31,7 +31,7 @@ class LoadedState:
 NOTHING = LoadedState()
 
 
-def recall(state: Path, structure: Structure, settings: Settings) -> LoadedState:
+def recall(state: Path, structure: Structure | None, settings: Settings) -> LoadedState:
     """Return the saved state, if it is intact and of the same baseline."""
     path = state / MEMORY
     try:
@@ -43,13 +43,19 @@ def recall(state: Path, structure: Structure, settings: Settings) -> LoadedState
     return check_saved_state(text, str(path), structure, settings)
 
 
-def check_saved_state(text: str, source: str, structure: Structure, settings: Settings) -> LoadedState:
-    """Return a saved state if it is intact and was made with the present settings; else the reason."""
+def check_saved_state(text: str, source: str, structure: Structure | None, settings: Settings) -> LoadedState:
+    """Return a saved state if it is intact and was made with the present settings; else the reason.
+
+    One that was made without a structure file is valid with one, too, unless that states delays of channels, which
+    would have been removed from the windows.
+    """
     try:
         found = parse_memory(text)
     except CodecError as error:
         return LoadedState(refused=f"{source}: {error}")
     then, now = _without_login(found.state_fingerprint), state_fingerprint(structure, settings)
+    if found.without_model and structure is not None and not any(structure.delays.values()):
+        del now[STRUCTURE]
     changed = [f"{name}: {then.get(name)} then, {value} now" for name, value in now.items() if then.get(name) != value]
     if changed:
         return LoadedState(refused="; ".join(changed))

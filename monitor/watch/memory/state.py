@@ -19,6 +19,7 @@ from monitor.watch.self_test import Tested
 from updater import Structure, dump_structure
 
 MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
+STRUCTURE, NO_STRUCTURE = "the structure file", "none"  #: key and value in the dependencies of a state
 VERSION = 10  # version of this format, or of the identification of modes: another one is not read
 
 
@@ -41,12 +42,20 @@ class Memory:
     #: difference of the site's thermometer from the devices' [K], see `SiteTemperature`
     thermometer_offset: float = math.nan
 
+    @property
+    def without_model(self) -> bool:
+        """Return whether it was learned without a structure file."""
+        return self.state_fingerprint.get(STRUCTURE) == NO_STRUCTURE
 
-def state_fingerprint(structure: Structure, settings: Settings) -> dict[str, str]:
-    """Return the dependencies of a baseline; if any of them changes, it must be learned again."""
+
+def state_fingerprint(structure: Structure | None, settings: Settings) -> dict[str, str]:
+    """Return the dependencies of a baseline; if any of them changes, it must be learned again.
+
+    A structure file may be added to a site without one (`check_saved_state`).
+    """
     analysis, temperature = settings.analysis, settings.temperature
     return {
-        "the structure file": hashlib.sha256(dump_structure(structure).encode()).hexdigest()[:16],
+        STRUCTURE: NO_STRUCTURE if structure is None else _digest(dump_structure(structure))[:16],
         "the channels": ", ".join(f"{c.name} = {c.device} {'xyz'[c.axis]}" for c in settings.channels),
         "the devices": ", ".join(f"{d.name} ({d.driver}, {d.rate:g} Hz)" for d in settings.device),
         "the thermometer": "the devices'" if temperature is None else _thermometer(temperature),

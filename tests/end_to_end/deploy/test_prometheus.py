@@ -24,9 +24,13 @@ QUERIES = [
 ]
 TARGET = "monitor:8765"
 
-pytestmark = pytest.mark.skipif(
-    not (shutil.which("prometheus") and shutil.which("promtool")), reason="prometheus and promtool are not installed"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        not (shutil.which("prometheus") and shutil.which("promtool")),
+        reason="prometheus and promtool are not installed",
+    ),
+    pytest.mark.xdist_group("prometheus"),  # one server for all
+]
 
 
 @pytest.fixture(scope="module")

@@ -141,6 +141,6 @@ def test_schema_describes_every_setting(modalwatch: Commands) -> None:
     schema = json.loads(modalwatch("settings", "--schema").out)
     sections = [schema, *schema["$defs"].values()]
     assert all(section["additionalProperties"] is False for section in sections)
-    assert set(schema["required"]) == {"structure", "device"}
+    assert set(schema["required"]) == {"device"}
     reported = [field for section in sections for field in section["properties"].values() if "$ref" not in str(field)]
     assert all(field["description"] for field in reported)

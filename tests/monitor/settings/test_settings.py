@@ -89,7 +89,7 @@ def test_channels_keep_device_and_axis() -> None:
         (GOOD.replace('"beam_left"', '"../left"'), "device.0.name: "),
         (GOOD + '[[notify]]\nwebhook = "http://a/b"\nheaders = {A = "\u00e4"}\n', "headers: A: expected ASCII"),
         (GOOD.replace("{y =", "{q ="), "device.0.channels.q: expected 'x', 'y' or 'z', found 'q'"),
-        ("", "site.toml: structure: is missing"),
+        ("", "site.toml: device: is missing"),
         (GOOD + OTHER, "device: two are connected to /dev/ttyUSB0"),
     ],
 )

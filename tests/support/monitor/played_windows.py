@@ -14,7 +14,7 @@ from monitor.watch.pipeline import Pipeline
 from oma import ChannelFault, Identification, ModalEstimate, WindowQuality
 from oma.selection import Stabilization
 from tests.support.updater.reference_frame import measure, true_model
-from updater import Body, ModalDataError, parse_structure, t_structure_toml
+from updater import Body, ModalDataError, Structure, parse_structure, t_structure_toml
 
 STEP = 600  # s
 START = 1_767_225_600_000_000_000
@@ -56,7 +56,8 @@ class Played:
         self.dead: dict[str, str] = {}  # channels that none hears, and why
         self._gain = 1 + 0.003 * self._random.standard_normal(12)
         self._modes = self._true_modes(None)
-        self.text, self.structure = site_text(), parse_structure(t_structure_toml())
+        self.text = site_text()
+        self.structure: Structure | None = parse_structure(t_structure_toml())
         self.settings = site_settings()
         monkeypatch.setattr("monitor.analysis.window.identify_all", self._identify)
 

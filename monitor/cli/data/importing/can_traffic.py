@@ -44,8 +44,7 @@ def site_sensors(path: Path) -> CanSource:
         if device.dbc is None:
             raise ArgumentError("--site", f"{path}: device {device.name!r} has no `dbc`: a CAN log holds none of it")
         sensors.append(LoggedSensor(device=device.name, rate=device.rate, sensor=device.dbc.sensor))
-    attachments = {"site.toml": site.site_text, "structure.toml": site.structure_text}
-    return CanSource(sensors=sensors, channels=site.settings.channels, attachments=attachments)
+    return CanSource(sensors=sensors, channels=site.settings.channels, attachments=site.attachments)
 
 
 def one_sensor(

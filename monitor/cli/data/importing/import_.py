@@ -83,7 +83,7 @@ def import_(
     site: Annotated[Path | None, Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
     new_site: Annotated[
         Path | None,
-        Option(metavar="FILE", help="SITE.toml to write for the channels and to attach. Requires --structure."),
+        Option(metavar="FILE", help="SITE.toml to write for the channels and to attach."),
     ] = None,
     dbc: Annotated[
         Path | None, Option(metavar="FILE", help="DBC file that describes the frames of CAN traffic.")

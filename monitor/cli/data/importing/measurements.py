@@ -47,6 +47,8 @@ def import_measurements(
     structure, site : files to attach
     new : site to write, with the channels of the data
     """
+    if new is not None and site is not None:
+        raise ArgumentError("--new-site", "expected no --site with it")
     try:
         found = read_in_order(data, options)
     except ValueError as error:  # invalid name or record too short: the other arguments were checked before
@@ -54,8 +56,6 @@ def import_measurements(
     parts, left = _of_sensors(found, _sensors(structure, site))
     with ExitStack() as undone:
         if new is not None:
-            if structure is None or site is not None:
-                raise ArgumentError("--new-site", "expected --structure with it, and no --site")
             undone.enter_context(new_site(new, structure, out, [part.recording for part in parts]))
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
     _say(out, recordings, parts, new)
@@ -80,7 +80,7 @@ def _write(
     if path is not None:
         site = load_site(path)
         recordings = [_for_site(data, recording, site, path) for recording in recordings]
-        attachments = {"structure.toml": site.structure_text} | attachments | {"site.toml": site.site_text}
+        attachments = site.attachments | attachments
         if site.settings.temperature is not None and any(np.isfinite(one.temperature) for one in recordings):
             notes.append(f"[temperature] of {path} overrides the log's temperatures; remove it there")
         if learns:

@@ -17,13 +17,13 @@ _NAME = "logger"
 
 
 @contextmanager
-def new_site(path: Path, structure: Path, log: Path, recordings: Sequence[Recording]) -> Iterator[None]:
+def new_site(path: Path, structure: Path | None, log: Path, recordings: Sequence[Recording]) -> Iterator[None]:
     """Write a site with the channels of recordings and all settings with their meaning; none if a later step fails.
 
     Parameters
     ----------
     path : of the site, which must not be there yet
-    structure : its structure file
+    structure : its structure file; None for none
     log : that will hold the recordings
 
     Raises
@@ -33,7 +33,9 @@ def new_site(path: Path, structure: Path, log: Path, recordings: Sequence[Record
     """
     analysis = AnalysisSettings(window_seconds=window_of(recordings))
     devices = tuple(_devices(path, log, recordings[0]))
-    settings = Settings(structure=_from(path, structure), device=devices, analysis=analysis)
+    settings = Settings(
+        structure=None if structure is None else _from(path, structure), device=devices, analysis=analysis
+    )
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(annotated(settings))

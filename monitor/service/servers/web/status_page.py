@@ -60,7 +60,7 @@ def _content(source: Source) -> dict[str, Any]:
         "problems": problems(status) + ([] if past or (status and status.problems.history) else [_NO_PAST]),
         "alarm": alarm_content(standing[-1], past.reported) if past and standing else None,
         "alarms": [alarm_content(alarm, past.reported) for alarm in reversed(past.alarms)] if past else [],
-        "structure": structure_svg(past.reference, past.places) if past and past.reference else None,
+        "structure": _structure(past) if past else None,
         "novelty": novelty_content(_levels(past)) if past else None,
         "modes": modes_content(past.trends) if past else [],
         "devices": _devices(status) if status else [],
@@ -69,6 +69,11 @@ def _content(source: Source) -> dict[str, Any]:
         "self_test": self_test_text(status.self_test) if status and status.self_test else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
     }
+
+
+def _structure(past: Past) -> Markup | None:
+    """Return the picture of the structure, if there is one to draw."""
+    return structure_svg(past.reference, past.places) if past.reference and past.reference.has_model else None
 
 
 def _learning(status: SiteStatus) -> dict[str, Any]:

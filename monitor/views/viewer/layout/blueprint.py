@@ -37,8 +37,9 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     """
     trends = views.TrendViews(run_results, live.seconds if live else None)
     tabs: list[rrb.Container] = [_overview(run_results, trends)]
-    if run_results.reference:
-        tabs.append(views.mode_shapes(run_results.reference))
+    if run_results.reference and run_results.reference.has_shapes:
+        shapes = views.mode_shapes if run_results.structure else views.shape_bars
+        tabs.append(shapes(run_results.reference))
     if run_results.spectra or run_results.reference:
         tabs.append(_identification(run_results, trends))
     if run_results.answers or _has_increments(run_results) or _has_diagnosis(run_results):
@@ -79,10 +80,10 @@ def _overview(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizont
 
 
 def _structure(run_results: RunResults, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
-    """Return the view of the structure with its share of the room; none without a reference."""
-    if run_results.reference is None:
+    """Return the view of the structure with its share of the room; none if there is no structure to draw."""
+    if run_results.structure is None:
         return []
-    return [(views.structure(run_results.reference, [answer for _, answer in run_results.answers], aspect), share)]
+    return [(views.structure(run_results.structure, [answer for _, answer in run_results.answers], aspect), share)]
 
 
 def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
@@ -111,18 +112,12 @@ def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
 def _identification(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:
     left: list[tuple[_Part, float]] = [(views.singular_values(), 5.0)] if run_results.spectra else []
     if run_results.reference:
-        modes, model = (
-            views.card("Baseline and model", "/reference/modes"),
-            views.card("Calibration", "/reference/model"),
-        )
-        left.append(
-            (
-                _beside(
-                    "Reference", (modes, 5.0), (model, 4.4), (views.mac("Auto-MAC of the baseline", "/auto_mac"), 3.6)
-                ),
-                4.0,
-            )
-        )
+        has_model = run_results.structure is not None
+        modes = (views.card("Baseline and model" if has_model else "Baseline", "/reference/modes"), 5.0)
+        model = [(views.card("Calibration", "/reference/model"), 4.4)] if has_model else []
+        shaped = run_results.reference.has_shapes
+        auto_mac = [(views.mac("Auto-MAC of the baseline", "/auto_mac"), 3.6)] if shaped else []
+        left.append((_beside("Reference", modes, *model, *auto_mac), 4.0))
     return _beside("Identification", (_stack(*left), 5.0), (_over_time(run_results, trends), 4.0))
 
 

@@ -15,8 +15,8 @@ from monitor.views.palette import BACKGROUND
 from monitor.views.viewer import increments as steps
 from monitor.views.viewer import posterior as change
 from monitor.views.viewer import scene, spectrum
+from monitor.views.viewer.modes import bars, shapes, trends
 from monitor.views.viewer.modes import mac_matrix as matrix
-from monitor.views.viewer.modes import shapes, trends
 from monitor.views.viewer.primitives import TIME
 from monitor.views.viewer.signals import spectra
 from monitor.views.viewer.signals import spectrogram as waterfall
@@ -46,6 +46,18 @@ def mode_shapes(reference: ReferenceResult) -> rrb.Vertical:
     pictures = [scene_view(f"Mode {m.id}", f"/modes/mode_{m.id}", geometry, side, points, aspect) for m in modes]
     grid = rrb.Grid(*pictures, grid_columns=columns)
     return rrb.Vertical(grid, card("Explanation", "/modes/hint"), row_shares=[8.0, 1.0], name="Mode shapes")
+
+
+def shape_bars(reference: ReferenceResult) -> rrb.Vertical:
+    """Return the view of all mode shapes as bars per channel, where no structure is known."""
+    width, height = bars.size(len(reference.modes), len(reference.channels))
+    view = rrb.Spatial2DView(
+        name="Mode shapes at the channels",
+        origin="/shapes",
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(x_range=[-bars.NAMES, width], y_range=[-bars.HEAD, height]),
+    )
+    return rrb.Vertical(view, card("Explanation", "/shapes/hint"), row_shares=[8.0, 1.0], name="Mode shapes")
 
 
 def best_grid(n: int, aspect: float) -> tuple[int, float]:

@@ -27,8 +27,11 @@ def draw_auto_mac(recording: rr.RecordingStream, reference: ReferenceResult, *, 
 
 def auto_mac(reference: ReferenceResult) -> FloatArray:
     """Return the MAC (n_modes, n_modes) of the modes at the sensors: how well these distinguish them."""
-    shapes = shapes_at_sensors(Geometry(reference), reference, list(reference.sensors))
-    return mac_matrix(shapes, shapes) if len(shapes) else np.zeros((0, 0))
+    if reference.has_model:
+        shapes = shapes_at_sensors(Geometry(reference), reference, list(reference.sensors))
+    else:
+        shapes = np.array([mode.shape for mode in reference.modes])
+    return mac_matrix(shapes, shapes) if shapes.size else np.zeros((0, 0))
 
 
 def draw_mac(

@@ -233,7 +233,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(modalwatch: Commands, t
     structure.write_text(t_structure_toml(), encoding="utf-8")
     site = tmp_path / "sites" / "site.toml"
     asked = ("import", table, "-o", log, "--new-site", site)
-    assert_refused(modalwatch(*asked), "--new-site: expected --structure with it, and no --site")
+    assert_refused(modalwatch(*asked, "--site", site), "--new-site: expected no --site with it")
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml: cannot be written: No such file")
     site.parent.mkdir()
     log.write_text("precious")

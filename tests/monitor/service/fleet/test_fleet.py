@@ -23,6 +23,7 @@ from tests.support.postgres import Server, postgres_programs, postgres_server
 
 pytestmark = [
     pytest.mark.live,
+    pytest.mark.xdist_group("fleet"),  # one database for all
     pytest.mark.skipif(postgres_programs() is None, reason="no PostgreSQL server is installed"),
 ]
 SITES = 1000
