@@ -46,3 +46,27 @@ def replacing(path: Path | None, *, force: bool) -> Iterator[None]:
         os.replace(aside, path)
         raise
     aside.unlink()
+
+
+def write_new(path: Path, text: str, *, force: bool, option: str = "--out") -> None:
+    """Write a file that is not there yet, or any with `force`.
+
+    Parameters
+    ----------
+    path : of the file
+    text : its content
+    force : an existing file is replaced
+    option : that names the file, for errors
+
+    Raises
+    ------
+    ArgumentError
+        If it is there already or cannot be written.
+    """
+    try:
+        with replacing(path, force=force), path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise ArgumentError(option, f"{path} exists: give another name, or --force to replace it") from error
+    except OSError as error:
+        raise ArgumentError(option, f"{path}: cannot be written: {error.strerror}") from error

@@ -18,7 +18,7 @@ CASES = [
 THOROUGH = [
     ("sensor_gain", 315),
     ("added_mass + sensor_gain", 323),
-    ("one_sided", 148300051),  # as one factor, with a body of -4 g beside it, it is 11 cm off
+    ("one_sided", 148300051),  # fitted by one factor and a body of -4 g, it is 11 cm off
     ("sensor_orientation", 905100041),  # a sensor that was askew before it was turned
     ("joint_stiffness", 305),
     ("bridge: distributed_mass", 2318511296001),  # mixes two modes 1 % apart, whose damping differs

@@ -40,6 +40,7 @@ from tests.fuzz.mutations import (
     mutated_mcap,
     mutated_text,
 )
+from tests.support.daq.responses import frequency_response
 from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = (
@@ -447,21 +448,7 @@ def _responses() -> bytes:
     modes = np.array([1 / (f**2 - line**2 + 0.04j * f * line) for f in (11, 40, 71)])
     values = np.array(_GAINS) @ modes
     sets = [
-        pyuff.prepare_58(
-            func_type=4,
-            id1=name,
-            rsp_node=0,
-            rsp_dir=0,
-            ref_node=1,
-            ref_dir=1,
-            binary=0,
-            abscissa_spec_data_type=18,
-            ordinate_spec_data_type=8,
-            orddenom_spec_data_type=13,
-            abscissa_spacing=1,
-            data=value,
-            x=line,
-        )
+        frequency_response(value, line, id1=name, rsp_node=0, rsp_dir=0, ref_node=1, ordinate_spec_data_type=8)
         for name, value in zip("abc", values, strict=True)
     ]
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
 
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-_DAMAGED = (zlib.error, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError, UnicodeError)
+_DAMAGED = (zlib.error, EOFError, zipfile.BadZipFile, UnicodeError)
 _ENDINGS = (".gz", ".zip")
 
 
@@ -72,4 +72,7 @@ def _unpacked(path: Path, content: IO[bytes], stack: ExitStack) -> IO[bytes]:
     if len(members) != 1:
         names = ", ".join(member.filename for member in members[:5])
         raise DataError(path, f"expected an archive of one table, found {len(members)} files: {names:.200}: unpack it")
-    return stack.enter_context(archive.open(members[0]))
+    try:
+        return stack.enter_context(archive.open(members[0]))
+    except RuntimeError as error:  # a password, or (NotImplementedError, a kind of it) a compression zipfile has not
+        raise DataError(path, f"is damaged: {error}") from error

@@ -9,7 +9,7 @@ from rich.table import Table
 from daq.notebook import utc_text
 from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.exit_codes import DONE
-from monitor.cli.new.writing import write_new
+from monitor.cli.output import write_new
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError, SettingsError
 from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios
@@ -52,7 +52,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
             file = "t_structure.toml"
             (site.parent / file).write_text(t_structure_toml(), encoding="utf-8")
         text = rig_site(file, structure, loaded, found, window=_WINDOW, baseline_windows=_BASELINE)
-        write_new(site, text, force=force)
+        write_new(site, text, force=force, option="--site")
         echo(f"monitor it in another terminal: modalwatch run {site}")
 
     def happened(event: RigEvent, time: int) -> None:

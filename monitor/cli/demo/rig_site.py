@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from monitor.cli.new.axes import axis_channels
 from monitor.rig import Scenario
 from updater import Structure
 
@@ -46,10 +47,10 @@ def rig_site(
     ]
     for device in scenario.device:
         own = [sensor for sensor in structure.sensor if np.allclose(sensor.at, device.at, rtol=0, atol=_SAME_PLACE)]
-        axes = {"xyz"[int(np.argmax(np.abs(sensor.direction)))]: sensor.channel for sensor in own}
+        axes = axis_channels(own[:3])
         if not axes:
             continue  # no sensor of the structure is there
-        mapped = ", ".join(f"{axis} = {json.dumps(channel)}" for axis, channel in sorted(axes.items()))
+        mapped = ", ".join(f"{axis} = {json.dumps(channel)}" for axis, channel in axes.items())
         lines += ["", "[[device]]", f"name = {json.dumps(device.name)}", *_place(ready["ports"][device.name])]
         lines += [f"rate = {scenario.rate}", f"channels = {{{mapped}}}"]
     return "\n".join(lines) + "\n"

@@ -10,7 +10,9 @@ from pydantic import ValidationError
 
 from daq.drivers import driver_names
 from monitor.cli.exit_codes import DONE
-from monitor.cli.new.writing import asked, write_new
+from monitor.cli.new.axes import axis_channels
+from monitor.cli.new.questions import asked
+from monitor.cli.output import write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, annotated
@@ -58,7 +60,7 @@ def write_site(
                     "name": name,
                     "driver": driver,
                     "rate": rate,
-                    "channels": _channels(sensors),
+                    "channels": axis_channels(sensors),
                     **(_on_bus(can, number) if can else {"port": _port(ports, number, name, sensors[0])}),
                 }
             )
@@ -90,22 +92,6 @@ def _name(sensors: Sequence[Sensor], number: int) -> str:
     stems = {re.sub("[_.-]?[xyz]$", "", sensor.channel) for sensor in sensors}
     name = re.sub(r"[^\w.-]+", "_", stems.pop()) if len(stems) == 1 else ""
     return name or f"device_{number}"
-
-
-def _channels(sensors: Sequence[Sensor]) -> dict[str, str]:
-    """Return device axis -> channel: the axis along the sensor's direction if it is free, else the first free one."""
-    found: dict[str, str] = {}
-    oblique: list[Sensor] = []
-    for sensor in sensors:
-        along = max(range(3), key=lambda axis, sensor=sensor: abs(sensor.direction[axis]))  # type: ignore[misc]
-        straight = sum(bool(part) for part in sensor.direction) == 1
-        if straight and AXES[along] not in found:
-            found[AXES[along]] = sensor.channel
-        else:
-            oblique.append(sensor)
-    free = (axis for axis in AXES if axis not in found)
-    found |= {next(free): sensor.channel for sensor in oblique}
-    return dict(sorted(found.items()))
 
 
 def _port(ports: Sequence[str], number: int, name: str, sensor: Sensor) -> str:

@@ -9,27 +9,15 @@ import pyuff
 
 from daq import DataError
 from daq.files import read_responses
+from tests.support.daq.responses import frequency_response
 
 LINE = np.arange(1, 201) * 0.5
 VALUES = np.random.default_rng(58).standard_normal((200, 2, 2)) @ [1, 1j]
 
 
 def response(values: Any, node: int, *, force: int = 7, motion: int = 12, line: Any = LINE, **more: Any) -> Any:
-    return pyuff.prepare_58(
-        func_type=4,
-        rsp_node=node,
-        rsp_dir=1,
-        ref_node=force,
-        ref_dir=-3,
-        binary=0,
-        abscissa_spacing=1,
-        abscissa_spec_data_type=18,
-        ordinate_spec_data_type=motion,
-        orddenom_spec_data_type=13,
-        data=values,
-        x=line,
-        **more,
-    )
+    places = {"rsp_node": node, "ref_node": force, "ref_dir": -3, "ordinate_spec_data_type": motion}
+    return frequency_response(values, line, **places | more)
 
 
 def universal(path: Path, *sets: Any) -> Path:

@@ -1,7 +1,6 @@
 """Frequency responses in the place of logs: modes with deviations, and the diagnosis of a body that was added."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ import pyuff
 
 from daq import LogError
 from monitor.analysis.modal_table.table import read_tables
+from tests.support.daq.responses import frequency_response
 from tests.support.monitor.cli import Commands
 from updater import build_model, parse_structure, t_structure_toml
 
@@ -36,30 +36,12 @@ def write_responses(path: Path, text: str, seed: int, forces: tuple[int, ...] = 
     noise = random.standard_normal(found.shape) + 1j * random.standard_normal(found.shape)
     found = found + 0.005 * np.abs(found).mean() * noise
     sets = [
-        response(name, force, line, found[:, k, n])
+        frequency_response(found[:, k, n], line, id1=name, rsp_node=0, rsp_dir=0, ref_node=force + 1)
         for n, force in enumerate(forces)
         for k, name in enumerate(structure.channels)
     ]
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
     return path
-
-
-def response(name: str, force: int, line: Any, values: Any) -> Any:
-    return pyuff.prepare_58(
-        func_type=4,
-        id1=name,
-        rsp_node=0,
-        rsp_dir=0,
-        ref_node=force + 1,
-        ref_dir=1,
-        binary=0,
-        abscissa_spacing=1,
-        abscissa_spec_data_type=18,
-        ordinate_spec_data_type=12,
-        orddenom_spec_data_type=13,
-        data=values,
-        x=line,
-    )
 
 
 def test_modes_of_responses_are_those_of_the_structure(tmp_path: Path) -> None:
@@ -76,7 +58,8 @@ def test_modes_of_responses_are_those_of_the_structure(tmp_path: Path) -> None:
 
 def test_responses_of_no_sensor_are_refused(tmp_path: Path) -> None:
     line = np.arange(1, 200) * 0.5
-    pyuff.UFF(str(tmp_path / "frf.uff")).write_sets([response("top", 1, line, np.exp(1j * line))], "overwrite")
+    one = frequency_response(np.exp(1j * line), line, id1="top", rsp_node=0, rsp_dir=0, ref_node=2)
+    pyuff.UFF(str(tmp_path / "frf.uff")).write_sets([one], "overwrite")
     with pytest.raises(LogError, match=r"frf\.uff: expected responses at two sensors of the structure or more"):
         read_tables(parse_structure(TEXT), [tmp_path / "frf.uff"])
     (tmp_path / "none.uff").write_text("t,a\n")

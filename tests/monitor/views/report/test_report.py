@@ -90,7 +90,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 def test_page_is_self_contained_with_complete_pictures(page: Page) -> None:
-    assert len(page.pictures) == 7  # no profile of a mass: a sensor's gain is named beside it
+    assert len(page.pictures) == 7  # no profile of a mass: a sensor's gain is an alternative
     assert page.links
     for source in page.links:
         assert source.startswith(_SVG)
