@@ -122,7 +122,7 @@ class DeviceReader(SupervisedThread):
         while not self.ending.is_set():
             scans = self._driver.read()
             self.bad_bytes += scans.bad_bytes
-            now = self._moved() - round(scans.age * self._clock.speed)
+            now = self._moved(scans.age)
             if scans.warning:
                 self._report(DeviceWarning(device=self.device, what=scans.warning))
             for block in self._blocks.add(scans, now):
@@ -132,9 +132,9 @@ class DeviceReader(SupervisedThread):
             elif now - last_moved > self._silent_seconds * 1e9 * self._clock.speed:
                 raise DeviceLost(self.device, f"silent for {self._silent_seconds:g} s")
 
-    def _moved(self) -> int:
-        """Return when the motion was that arrives now [ns UTC]."""
-        return self._clock.now() - round(self._delay * 1e9)
+    def _moved(self, age: int = 0) -> int:
+        """Return when the motion was that arrived `age` ns of wall time ago [ns UTC]."""
+        return self._clock.now(age) - round(self._delay * 1e9)
 
     def _flush(self) -> None:
         for block in self._blocks.flush(self._moved()):

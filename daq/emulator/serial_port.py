@@ -8,7 +8,7 @@ import weakref
 from abc import ABC, abstractmethod
 
 from daq.emulator.line_faults import FaultyLine, LineFaults
-from daq.emulator.serving import PORT_BUFFER, SampleSource
+from daq.emulator.serving import PORT_BUFFER, SampleSource, bytes_to_read
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray
 
@@ -65,9 +65,9 @@ class SerialEmulator(ABC):
         return self._started
 
     @property
-    def fill(self) -> float:
-        """Share of the port's buffer that holds bytes not yet read."""
-        return len(self._pending) / PORT_BUFFER
+    def unread(self) -> int:
+        """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
+        return len(self._pending) + bytes_to_read(self._slave)
 
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""

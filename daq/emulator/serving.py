@@ -1,5 +1,8 @@
 """Common part of emulated hardware: a signal to measure, served in turns."""
 
+import array
+import fcntl
+import termios
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -84,8 +87,8 @@ class EmulatedPort(Protocol):
     port: str  #: path to open on the host's side
 
     @property
-    def fill(self) -> float:
-        """Share of the port's buffer that holds bytes not yet read."""
+    def unread(self) -> int:
+        """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
         ...
 
     def serve(self) -> None:
@@ -95,6 +98,13 @@ class EmulatedPort(Protocol):
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
         ...
+
+
+def bytes_to_read(descriptor: int) -> int:
+    """Return how many bytes a read of a terminal would find; a pty shows 4 kB of them at most."""
+    found = array.array("i", [0])
+    fcntl.ioctl(descriptor, termios.FIONREAD, found)
+    return found[0]
 
 
 _Port = TypeVar("_Port", bound=EmulatedPort)

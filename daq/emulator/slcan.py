@@ -7,7 +7,7 @@ import tty
 import weakref
 from collections.abc import Sequence
 
-from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame
+from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame, bytes_to_read
 from daq.emulator.sync import synced_frames
 from daq.protocol import slcan
 from daq.protocol.frames import can_frames, concatenate
@@ -47,9 +47,9 @@ class EmulatedSlcan:
         self._pump.start()
 
     @property
-    def fill(self) -> float:
-        """Share of the port's buffer that holds bytes not yet read."""
-        return len(self._pending) / PORT_BUFFER
+    def unread(self) -> int:
+        """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
+        return len(self._pending) + bytes_to_read(self._slave)
 
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""

@@ -1,7 +1,7 @@
 """Device clocks and sampling times: from arrival times to one time grid."""
 
 from daq.timing.clock_fit import ClockFit
-from daq.timing.host_clock import HostClock, ScaledClock, SystemClock
+from daq.timing.host_clock import HostClock, ScaledClock, SharedTime, SystemClock
 from daq.timing.resampling import Assembler
 from daq.timing.scan_clocks import ScanClock, ScanClocks
 
@@ -12,5 +12,6 @@ __all__ = [
     "ScaledClock",
     "ScanClock",
     "ScanClocks",
+    "SharedTime",
     "SystemClock",
 ]

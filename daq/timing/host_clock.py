@@ -1,8 +1,15 @@
 """The host's clock, passed in and never read from the wall inside."""
 
+import errno
 import time
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Protocol
+
+import numpy as np
+
+_SHARED_SIZE = 8 * (1 + 2 * 1024)  # bytes: some seconds of steps
 
 
 class HostClock(Protocol):
@@ -13,8 +20,13 @@ class HostClock(Protocol):
         """Seconds of data a second of wall time."""
         ...
 
-    def now(self) -> int:
-        """Return the time [ns UTC]."""
+    def now(self, age: int = 0) -> int:
+        """Return the time [ns UTC].
+
+        Parameters
+        ----------
+        age : how long ago [ns of wall time]
+        """
         ...
 
 
@@ -29,9 +41,9 @@ class SystemClock:
         self.speed = 1.0
         self.follow()
 
-    def now(self) -> int:
-        """Return the time [ns UTC]."""
-        return time.monotonic_ns() + self._ahead
+    def now(self, age: int = 0) -> int:
+        """Return the time, or that of `age` ns ago [ns UTC]."""
+        return time.monotonic_ns() - age + self._ahead
 
     @property
     def off(self) -> int:
@@ -43,6 +55,49 @@ class SystemClock:
         self._ahead = time.time_ns() - time.monotonic_ns()
 
 
+class SharedTime:
+    """Times of an emulated world, which moves in steps, shared by processes through a file; the last steps are kept.
+
+    Parameters
+    ----------
+    path : of the file
+    initial : time with which the file is made, by the only process that writes [ns UTC]; None: it is there
+
+    Raises
+    ------
+    OSError
+        If the file cannot be made or read.
+    """
+
+    NEVER = 2**63 - 1  #: later than all times
+
+    def __init__(self, path: Path, initial: int | None = None) -> None:
+        if initial is not None:
+            path.write_bytes(bytes(_SHARED_SIZE))
+        if path.stat().st_size != _SHARED_SIZE:
+            raise OSError(errno.EINVAL, "not a file of shared time", str(path))
+        words = np.memmap(path, dtype=np.int64, mode="r" if initial is None else "r+")
+        self._count, self._steps = words[:1], words[1:].reshape(-1, 2)  # steps so far; (wall time, time) of the last
+        if initial is not None:
+            self.step(initial)
+
+    def step(self, time_then: int) -> None:
+        """Move on to a time [ns UTC]."""
+        count = int(self._count[0])
+        self._steps[count % len(self._steps)] = time.monotonic_ns(), time_then
+        self._count[0] = count + 1  # last: a reader does not find half a step
+
+    def at(self, wall: int) -> int:
+        """Return the time at a monotonic wall time [ns], as far as it is kept [ns UTC]."""
+        count, kept = int(self._count[0]), len(self._steps)
+        for k in range(count - 1, max(count - kept, 0), -1):
+            if self._steps[k % kept, 0] <= wall:
+                break
+        else:
+            k = max(count - kept, 0)
+        return int(self._steps[k % kept, 1])
+
+
 @dataclass(frozen=True, kw_only=True)
 class ScaledClock:
     """A clock faster than the wall clock, by one scale shared by emulator and monitor."""
@@ -50,7 +105,19 @@ class ScaledClock:
     speed: float  #: seconds of data a second of wall time
     origin_wall: int  #: wall time [ns UTC] at which ...
     origin: int  #: ... this clock showed this time [ns UTC]
+    shared: str | None = None  #: file of a `SharedTime` that this clock does not pass: that of an emulated world
 
-    def now(self) -> int:
-        """Return the time [ns UTC]."""
-        return self.origin + round(self.speed * (time.time_ns() - self.origin_wall))
+    def now(self, age: int = 0) -> int:
+        """Return the time, or that of `age` ns of wall time ago [ns UTC].
+
+        Raises
+        ------
+        OSError
+            If the shared file cannot be read.
+        """
+        even = self.origin + round(self.speed * (time.time_ns() - age - self.origin_wall))
+        return even if self._world is None else min(even, self._world.at(time.monotonic_ns() - age))
+
+    @cached_property
+    def _world(self) -> SharedTime | None:
+        return None if self.shared is None else SharedTime(Path(self.shared))

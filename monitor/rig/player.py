@@ -9,6 +9,7 @@ from pathlib import Path
 
 from daq import CanAddress, HostClock
 from daq.emulator import EmulatedEpson, EmulatedEpsonCan, EmulatedPort, EmulatedSlcan, serve_all, unplugging
+from daq.timing import SharedTime
 from monitor.rig.device_model import DeviceSource, make_sources, serial_number, serial_word
 from monitor.rig.scenario import RigDevice, RigEvent, Scenario
 from monitor.rig.world import World
@@ -17,7 +18,9 @@ from updater import Structure
 _TICK = 0.004  # s of wall time between servings
 _LEASH = 4 * _TICK, 0.06  # s of wall time that one serving may catch up: the capacity of a pty; a third of a FIFO
 _SMOOTHING = 0.1  # of the time between servings
-_FULL = 0.3  # fill of a port at which an accelerated world waits: what one serving adds still fits
+_ROOM = (
+    3000  # bytes in a port at which an accelerated world waits: a pty shows 4 kB to its reader, and holds 64 kB more
+)
 _PATIENCE = 1.0  # s of wall time that it waits for a reader: a port that nobody reads does not hold up the others
 
 Place = str | CanAddress  #: serial port or CAN node
@@ -35,44 +38,53 @@ class PlayReport:
 
 
 class _LeashedClock:
-    """A clock that catches up in steps after this process was held up, and waits for readers that were.
+    """A clock that moves from one serving to the next, in steps that the ports can take.
 
-    Without it, data due after a delay would overflow the ports, although no real device would have been delayed; and
-    one device would run far ahead of the others. Faster than real time, a port holds less time than a real one: a
-    reader on a busy machine would lose data that it does not lose from a device.
+    After this process was held up it catches up in several steps, and it waits for readers that were held up. Without
+    that, data due after a delay would overflow the ports, although no real device would have been delayed; and one
+    device would run far ahead of the others. Faster than real time, a serving waits while a port is almost full: a pty
+    that a busy machine does not read at once would keep scans for some seconds of data.
+
+    Parameters
+    ----------
+    clock : of the world
+    shared : gets the time of each serving, before its scans are sent: no scan arrives before it was sampled
     """
 
-    def __init__(self, clock: HostClock) -> None:
-        self._clock = clock
+    def __init__(self, clock: HostClock, shared: SharedTime) -> None:
+        self._clock, self._shared = clock, shared
         self.speed = clock.speed
-        self._limit = clock.now()
+        self._now = clock.now()
         self._interval, self._last = _TICK, time.monotonic()
-        self._waited = 0.0  # for a full port [s of wall time]
+        self._waited = 0.0  # for readers [s of wall time]
 
-    def now(self) -> int:
-        """Return the time [ns UTC]."""
-        return min(self._clock.now(), self._limit)
+    def now(self, _: int = 0) -> int:
+        """Return the time of the present serving [ns UTC]."""
+        return self._now
 
-    def lengthen(self, fill: float) -> None:
-        """Permit another step: twice the recent interval of servings, so that a busy machine keeps up.
+    def step(self, unread: int) -> None:
+        """Move on: at most twice the recent interval of servings, so that a busy machine keeps up.
 
         Parameters
         ----------
-        fill : of the fullest port
+        unread : bytes in the fullest port
         """
         wall = time.monotonic()
         elapsed, self._last = wall - self._last, wall
         self._interval += _SMOOTHING * (elapsed - self._interval)
-        self._waited = self._waited + elapsed if fill > _FULL else 0.0
+        self._waited = self._waited + elapsed if unread > _ROOM else 0.0
         if self.speed > 1 and 0 < self._waited < _PATIENCE:
             return
-        self._limit = self.now() + round(min(max(2 * self._interval, _LEASH[0]), _LEASH[1]) * 1e9 * self.speed)
+        leash = min(max(2 * self._interval, _LEASH[0]), _LEASH[1])
+        self._now = min(self._clock.now(), self._now + round(leash * 1e9 * self.speed))
+        self._shared.step(self._now)
 
 
 def play(
     structure: Structure,
     scenario: Scenario,
     clock: HostClock,
+    shared: SharedTime,
     ready: Callable[[dict[str, Place]], None],
     stop: threading.Event,
     happened: Callable[[RigEvent, int], None] = lambda _, __: None,
@@ -89,12 +101,13 @@ def play(
     structure : nominal
     scenario : of the rig
     clock : of the world
+    shared : gets the times of the world
     ready : called once with device -> where it is connected
     stop : ends it early
     happened : called with each event and its time [ns UTC]
     """
     world, sources = make_sources(structure, scenario)
-    leashed = _LeashedClock(clock)
+    leashed = _LeashedClock(clock, shared)
     rig_ports: list[EmulatedPort] = []
     with tempfile.TemporaryDirectory(prefix="modalwatch-rig-") as links, unplugging(rig_ports) as ports:
         rig = _Rig(Path(links), ports)
@@ -157,7 +170,7 @@ def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop:
     turn = 0
     while not stop.wait(_TICK):
         turn += 1
-        clock.lengthen(max(port.fill for port in rig.ports))
+        clock.step(max(port.unread for port in rig.ports))
         world.keep_up(clock.now())
         serve_all(rig.ports, turn)
         if begun is None:

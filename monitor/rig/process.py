@@ -2,13 +2,15 @@
 
 import json
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from daq import ScaledClock
 from daq.signals import STOP_SIGNALS, signal_event
+from daq.timing import SharedTime
 from monitor.errors import SettingsError, StartError
 from monitor.rig.player import Place, PlayReport, play
 from monitor.rig.scenario import RigEvent, Scenario, Vector, load_scenario
@@ -35,7 +37,8 @@ def run_rig(
     path : SCENARIO.toml
     speed : seconds of data a second of wall time
     ports : file that gets, once devices can be opened, {"clock": .., "ports": {device: path of a serial port, or
-        CanAddress's fields}}; the clock is ScaledClock's fields, by which rig and monitor share one time scale
+        CanAddress's fields}}; the clock is ScaledClock's fields, by which rig and monitor share one time scale, and
+        wait together where one of them is held up
     report : file that gets the report at the end
     ready : called with the content of `ports` once it is written
     happened : called with each event and its time [ns UTC]
@@ -55,16 +58,19 @@ def run_rig(
     structure = load_rig_structure(path, scenario)
     for old in (ports, report):
         old.unlink(missing_ok=True)  # an earlier rig's file must not be mistaken for this one's
-    now = time.time_ns()
-    clock = ScaledClock(speed=speed, origin_wall=now, origin=_ORIGIN if speed != 1 else now)
-    with signal_event(*STOP_SIGNALS) as stop:
+    with signal_event(*STOP_SIGNALS) as stop, tempfile.TemporaryDirectory(prefix="modalwatch-clock-") as folder:
+        now, file = time.time_ns(), Path(folder) / "time"
+        origin, of_monitor = (now, None) if speed == 1 else (_ORIGIN, str(file))  # real time waits for nobody
+        shared = SharedTime(file, origin)
+        clock = ScaledClock(speed=speed, origin_wall=now, origin=origin, shared=of_monitor)
 
         def start(places: Mapping[str, Place]) -> None:
             found = _ready(clock, places)
             _write(ports, found)
             ready(found)
 
-        done = play(structure, scenario, clock, start, stop, happened)
+        done = play(structure, scenario, replace(clock, shared=None), shared, start, stop, happened)
+        shared.step(SharedTime.NEVER)  # the monitor's clock goes on
         _write(report, asdict(done))
     return done
 

@@ -216,6 +216,8 @@ class ClockSettings(Section):
     """Wall time of an emulated rig [ns UTC] that corresponds to `origin`. Default: the start."""
     origin: Annotated[int | None, Field(examples=[1_767_225_600_000_000_000])] = None
     """Data time at `origin_wall` [ns UTC]. Default: the start."""
+    shared: Annotated[str | None, Field(examples=["/tmp/rig/time"])] = None
+    """File of an emulated rig with its time: rig and monitor wait together where one of them is held up."""
 
 
 class Settings(Section):

@@ -22,7 +22,7 @@ SEED = 7
 def short_demo(out: Path) -> dict[str, Any]:
     """Run it; return its answer."""
     command = [*MODALWATCH, "demo", "--short", "--seed", str(SEED), "--out", str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=400, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr
     found: dict[str, Any] = json.loads((out / "answer.json").read_text(encoding="utf-8"))
     return found
@@ -32,16 +32,13 @@ def short_demo(out: Path) -> dict[str, Any]:
 def test_short_demo_finds_the_body_and_replay_is_identical(tmp_path: Path) -> None:
     """No scan is lost between rig and log; the log alone gives the same modes and the same alarm."""
     print(f"seed {SEED}")
-    for out in (tmp_path / "first", tmp_path / "second"):
-        answer = short_demo(out)
-        if not answer["dropped"]:
-            break  # a port holds 170 ms; neighbours on this machine may take it for longer, though not every time
+    answer = short_demo(tmp_path)
     assert answer["right"] is True
     assert answer["dropped"] == 0
     assert answer["answer"]["mass_std"] > 0
-    assert (out / "overview.rrd").stat().st_size > 100_000
-    assert "The structure has changed" in (out / "report.html").read_text(encoding="utf-8")
-    report = replay(next((out / "log").glob("*.mcap")), None, lambda _: None)
+    assert (tmp_path / "overview.rrd").stat().st_size > 100_000
+    assert "The structure has changed" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    report = replay(next((tmp_path / "log").glob("*.mcap")), None, lambda _: None)
     assert len(report.logged) > 15
     assert report.same
 

@@ -43,7 +43,7 @@ def rig_site(
         "[viewer]",
         "",
         "[clock]",
-        *(f"{key} = {value}" for key, value in ready["clock"].items()),
+        *(f"{key} = {json.dumps(value)}" for key, value in ready["clock"].items() if value is not None),
     ]
     for device in scenario.device:
         own = [sensor for sensor in structure.sensor if np.allclose(sensor.at, device.at, rtol=0, atol=_SAME_PLACE)]

@@ -12,13 +12,25 @@ Drivers = Mapping[str, tuple[DeviceSettings, Driver]]  #: device -> its settings
 
 
 def site_clock(settings: Settings) -> HostClock:
-    """Return the clock by which a site's data are timed."""
+    """Return the clock by which a site's data are timed.
+
+    Raises
+    ------
+    StartError
+        If its shared file cannot be read: the rig is over.
+    """
     scale = settings.clock
     if scale is None:
         return SystemClock()
     now = time.time_ns()
     wall = now if scale.origin_wall is None else scale.origin_wall
-    return ScaledClock(speed=scale.speed, origin_wall=wall, origin=now if scale.origin is None else scale.origin)
+    origin = now if scale.origin is None else scale.origin
+    clock = ScaledClock(speed=scale.speed, origin_wall=wall, origin=origin, shared=scale.shared)
+    try:
+        clock.now()
+    except OSError as error:
+        raise StartError(f"clock.shared: {error.filename}: {error.strerror}; is the rig over?") from error
+    return clock
 
 
 def device_driver(device: DeviceSettings, speed: float) -> Driver:

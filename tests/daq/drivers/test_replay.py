@@ -108,8 +108,9 @@ def test_replayed_devices_repeat_scans_gaps_and_relative_times(log: Path) -> Non
         device: min(block.arrival_time - PERIOD * block.arrival_index for block in blocks_of(items))
         for device, items in found.items()
     }
-    # Their earliest arrivals are as far apart as in the log; two reads of the clock lie between, at tenfold speed.
-    assert late["b"] - late["a"] == pytest.approx(SHIFT, abs=0.2e6)
+    # Their earliest arrivals are as far apart as in the log; two reads of the clock lie between, at tenfold speed:
+    # a busy machine parts them by 0.2 ms of wall time.
+    assert late["b"] - late["a"] == pytest.approx(SHIFT, abs=2e6)
 
 
 @pytest.mark.live
