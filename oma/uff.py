@@ -52,7 +52,7 @@ def places_by_name(channels: Sequence[str]) -> dict[str, Place]:
 
 
 def write_universal(
-    path: Path,
+    path: Path | str,
     estimate: ModalEstimate,
     places: Mapping[str, Place] | None = None,
     nodes: Mapping[int, tuple[float, float, float]] | None = None,
@@ -64,7 +64,7 @@ def write_universal(
 
     Parameters
     ----------
-    path : Path
+    path : Path or str
         Of the file; one that exists is replaced.
     estimate : ModalEstimate
     places : mapping, optional
@@ -80,6 +80,7 @@ def write_universal(
         If the file cannot be written.
     """
     places = places or places_by_name(estimate.channels)
+    path = Path(path)
     with path.open("wb"):  # pyuff would not state the reason
         pass
     numbers, motion = _motion(estimate, places)

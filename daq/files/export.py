@@ -23,7 +23,7 @@ _BLOCK_SECONDS = 1.0
 
 
 def write_recording(
-    path: Path,
+    path: Path | str,
     recording: Recording,
     attachments: Mapping[str, str] | None = None,
     temperature: FloatArray | None = None,
@@ -51,7 +51,7 @@ def write_recording(
 
 
 def write_recordings(
-    path: Path,
+    path: Path | str,
     recordings: Sequence[Recording],
     attachments: Mapping[str, str] | None = None,
     temperatures: Sequence[FloatArray] | None = None,
@@ -78,7 +78,7 @@ def write_recordings(
         if places.count((device, axis)) > 1:
             raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
     known = ChannelMap(channels=first.channels, on_grid=True)
-    writer = McapWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
+    writer = McapWriter(Path(path), {CHANNELS: known.to_json(), **(attachments or {})})
     for number, recording in enumerate(recordings):
         warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
         skipped = round((recording.start - first.start) * 1e-9 * first.rate)
@@ -118,7 +118,7 @@ def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int)
             )
 
 
-def export_recording(path: Path, recording: Recording) -> None:
+def export_recording(path: Path | str, recording: Recording) -> None:
     """Write a recording to a new file that `read_data` reads: of a format of `FORMATS` by its ending, else a table.
 
     Times count from the recording's start; a missing sample is NaN, which universal files do not have. Each states its
@@ -130,6 +130,7 @@ def export_recording(path: Path, recording: Recording) -> None:
         If the file exists or cannot be written, the format cannot be written, or a universal file is requested and
         samples are missing.
     """
+    path = Path(path)
     known = format_of(path)
     if known is not None and not known.writes:
         written = ", ".join(ending for one in FORMATS if one.writes for ending in one.endings)

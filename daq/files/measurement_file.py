@@ -39,7 +39,7 @@ _DEVICE = "import"
 
 
 def read_data(
-    path: Path,
+    path: Path | str,
     *,
     rate: float | None = None,
     factor: float | None = None,
@@ -65,7 +65,7 @@ def read_data(
         names=names,
         date_order=date_order,
     )
-    return read_measured(path, options).recording
+    return read_measured(Path(path), options).recording
 
 
 def read_measured(path: Path, options: DataOptions) -> Measured:

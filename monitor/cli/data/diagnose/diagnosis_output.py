@@ -91,7 +91,7 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
         table.add_column(name, justify="right", no_wrap=True)
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "
-        cells = [mark + _or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not identified"), *_off(mode)]
+        cells = [mark + _or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not found"), *_off(mode)]
         cells += [_or(mode.off_percent_after, "+.3f"), _or(mode.mac_after, ".4f")] * after
         table.add_row(*cells, style=None if mode.compared else "dim")
     return table
