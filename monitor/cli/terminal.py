@@ -1,6 +1,5 @@
 """Output on the terminal, with control characters of names and texts shown as escapes."""
 
-import os
 from typing import Any
 
 import typer
@@ -9,16 +8,12 @@ from rich.text import Text
 
 from daq.bounded_text import printable
 
-_PIPED = 200  # columns
-
 
 class Terminal(Console):
     """Console that escapes control characters in all strings it renders, cells of tables too."""
 
     def __init__(self) -> None:
         super().__init__(highlight=False)
-        if not self.is_terminal and "COLUMNS" not in os.environ:
-            self.width = _PIPED  # a file or another program has no width: cells and sentences are whole
 
     def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - as rich has them
         """Return the text of a string with markup."""
