@@ -137,9 +137,12 @@ def test_run_logs_the_nodes_and_ends_on_sigterm_to_all_processes(site: Path, tmp
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
         ) as process:
-            wait_for(lambda: len({block.device for log in tmp_path.glob("log/*") for block in blocks_of(log)}) == 2)
-            os.killpg(process.pid, signal.SIGTERM)
-            _, reported = process.communicate(timeout=20)
+            try:
+                wait_for(lambda: len({block.device for log in tmp_path.glob("log/*") for block in blocks_of(log)}) == 2)
+                os.killpg(process.pid, signal.SIGTERM)
+                _, reported = process.communicate(timeout=20)
+            finally:
+                process.kill()
         assert (process.returncode, reported) == (0, "")
     (log,) = tmp_path.glob("log/*")
     assert {block.device for block in blocks_of(log)} == {"beam_left", "beam_right"}

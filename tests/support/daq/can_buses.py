@@ -77,7 +77,7 @@ def served(adapter: EmulatedSlcan) -> Iterator[EmulatedSlcan]:
     adapter.close()
 
 
-def wait_for(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+def wait_for(condition: Callable[[], bool], seconds: float = 60.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, f"not within {seconds} s"
