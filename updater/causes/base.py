@@ -1,15 +1,18 @@
 """Interface of a cause."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
 from updater.inference import Comparison, Effect, Fit, Hypotheses, no_effect
 from updater.quantities import ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import Structure
+
+BoolArray = npt.NDArray[np.bool_]
 
 
 class Cause(Hypotheses, Protocol):
@@ -138,6 +141,11 @@ class Discrete:
     def log_prior(self) -> FloatArray:
         """All alike."""
         return np.full(len(self.lower), -np.log(len(self.lower)))
+
+    def repeats(self, other: Self, row: int) -> BoolArray:
+        """Return which alternatives (n,) change what alternative `row` of the same cause, as `other`, changes."""
+        same: BoolArray = np.arange(len(self.lower)) == row
+        return same
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return zeros (n_alternatives,): the prior is Gaussian."""

@@ -7,8 +7,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Cause
-from updater.causes.sensors.channel_fault import Chain
+from updater.causes.base import Cause, Discrete
 from updater.inference import Effect, Fit, LinearInCompliance
 
 C = TypeVar("C", bound=Cause)
@@ -53,10 +52,15 @@ class JointHypothesis(Generic[C]):
 
     @property
     def log_prior(self) -> FloatArray:
-        """Of the alternative and of the chosen ones; zero probability of a chosen fault of the same channels again."""
+        """Of the alternative and of the chosen ones; zero probability of changing again what a chosen one changes."""
         own = np.array(self.free.log_prior)
         for c in self.chosen:
-            own[_is_repeated(self.free, c)] = -np.inf
+            if (
+                isinstance(self.free, Discrete)
+                and isinstance(c.cause, type(self.free))
+                and c.cause.name == self.free.name
+            ):
+                own[self.free.repeats(c.cause, c.row)] = -np.inf
         return np.asarray(own + sum(float(c.cause.log_prior[c.row]) for c in self.chosen))
 
     @property
@@ -122,11 +126,3 @@ class JointHypothesis(Generic[C]):
             found.append(replace(c, theta=theta[at : at + n]))
             at += n
         return tuple(found)
-
-
-def _is_repeated(free: Cause, chosen: SelectedCause) -> list[int]:
-    """Return the alternatives of a channel fault that are a chosen one once more."""
-    if not isinstance(free, Chain) or not isinstance(chosen.cause, Chain) or free.name != chosen.cause.name:
-        return []
-    same = chosen.cause.channels[chosen.row]
-    return [row for row, channels in enumerate(free.channels) if channels == same]

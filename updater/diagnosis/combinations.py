@@ -197,13 +197,16 @@ class Compositions:
         )
         return cause.drifting and sum(c.cause.drifting for c in seed.chosen) >= most
 
-    def _promise(self, seed: Candidate, name: str, cause: Cause) -> PredictedCandidate:
+    def _promise(self, seed: Candidate, name: str, cause: Cause) -> PredictedCandidate | None:
         self.weighing.on_cause(" and ".join((*seed.names, name)))
         n_own = len(cause.prior_std)
         theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
         beside: JointHypothesis[Cause] = JointHypothesis(cause, seed.chosen)
         cost = -foreseen(self.weighing.data, beside, theta, n_own)
-        gain = 0.5 * (seed.chi_square - cost) + cause.log_prior
+        possible = np.isfinite(beside.log_prior)
+        if not possible.any():
+            return None
+        gain = np.where(possible, 0.5 * (seed.chi_square - cost) + cause.log_prior, -np.inf)
         row = int(np.argmax(gain))
         evidence = seed.log_evidence + float(gain[row]) + self.weighing.log_prior(name)
         return PredictedCandidate(

@@ -248,7 +248,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     return DiagnosisResult(
         diagnosis,
         extended,
-        rejected_causes(case.singles, accepted, searched),
+        rejected_causes(case.singles, accepted, searched, found),
         decisive or tuple(dict.fromkeys(c.cause.advice for c in best.chosen)),
         gained,
         best.parts,

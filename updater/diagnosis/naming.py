@@ -178,24 +178,31 @@ def shares(found: "Sequence[Candidate]") -> FloatArray:
 
 
 def rejected_causes(
-    singles: "list[Candidate]", accepted: Collection[str], best: float, *, unchanged: bool = False
+    singles: "list[Candidate]",
+    accepted: Collection[str],
+    best: float,
+    judged: "Sequence[Candidate]" = (),
+    *,
+    unchanged: bool = False,
 ) -> tuple[Rejected, ...]:
     """Return the single causes that were not accepted, with the reason.
 
     Parameters
     ----------
     best : log evidence of the best of the search
+    judged : candidates among which the probabilities are shared, the best first: their evidence is that of the answer
     unchanged : whether that is no change at all
     """
+    alone = {c.names[0]: (c, judged[0].log_evidence) for c in reversed(judged) if len(c.names) == 1}
+    compared = [alone.get(c.names[0], (c, best)) for c in singles if c.names[0] not in accepted]
     return tuple(
         Rejected(
             cause=c.names[0],
-            log_evidence=c.log_evidence - best,
-            reason=_reason(c, c.log_evidence - best, unchanged),
+            log_evidence=c.log_evidence - most,
+            reason=_reason(c, c.log_evidence - most, unchanged),
             p_value=c.p_value,
         )
-        for c in singles
-        if c.names[0] not in accepted
+        for c, most in compared
     )
 
 

@@ -3,11 +3,11 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Self
 
 import numpy as np
 
-from updater.causes.base import Discrete
+from updater.causes.base import BoolArray, Discrete
 from updater.inference import Comparison
 from updater.quantities import Quantity, Where
 from updater.reference import Reference
@@ -27,6 +27,10 @@ class Chain(Discrete):
     comparison: Comparison
     channels: tuple[tuple[str, ...], ...]  #: channels of each alternative
     place_free: bool = False
+
+    def repeats(self, other: Self, row: int) -> BoolArray:
+        """Return the alternatives of the same channels."""
+        return np.array([channels == other.channels[row] for channels in self.channels])
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return the channels."""

@@ -7,13 +7,12 @@ spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact i
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
+from updater.causes.base import BoolArray, Discrete
 from updater.causes.modal_loads import modal_spring_force
 from updater.inference import Comparison, Effect, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.inference import Fit
 
-BoolArray = npt.NDArray[np.bool_]
 TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
 SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a connection that has come loose
@@ -59,6 +57,14 @@ class Springs(Discrete):
     def start(self) -> FloatArray:
         """No change, or the first order."""
         return self.begun
+
+    def repeats(self, other: Self, row: int) -> BoolArray:
+        """Return the alternatives with one of the springs of alternative `row`: a spring changes once."""
+        same = [
+            axes == other.axes[row] and _same(connection, other.connections[row])
+            for connection, axes in zip(self.connections, self.axes, strict=True)
+        ]
+        return np.asarray(np.array(same) & (self.active & other.active[row]).any(1), bool)
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
