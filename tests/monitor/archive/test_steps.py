@@ -46,7 +46,7 @@ def test_results_from_steps_equal_results_from_blocks(log: Path) -> None:
 def test_log_beyond_the_time_limit_is_cut_and_not_kept(log: Path) -> None:
     settings = parse_attached(read_attachments(log)["site.toml"])
     steps = identify_log(log, settings, limit=0.02)
-    assert steps.late
+    assert steps.retry
     assert steps.n_windows < 8
     assert steps.problem is not None
     assert "was not analysed within 0.02 s: the rest is left out" in steps.problem
