@@ -75,7 +75,7 @@ def run(logs: Path, out: Path, workers: int) -> Run:
         while process.poll() is None:
             for pid, seconds, memory in _started_by(process.pid):
                 busy[pid], largest = seconds, max(largest, memory)
-            time.sleep(0.2)
+            time.sleep(1.0)
     assert process.returncode in {0, 1}, "the command has failed"  # 1: an alarm is active
     cpu = _cpu() - before
     return Run(seconds=time.monotonic() - start, cpu=cpu, busiest=max(busy.values()), memory=largest / 1e6)
@@ -127,8 +127,9 @@ def measure(folder: Path, n_sites: int, n_logs: int, n_runs: int) -> None:
         best = min(found, key=lambda one: one.seconds)
         times = ", ".join(f"{one.seconds:.0f}" for one in found)
         cpu, busiest = min(one.cpu for one in found), min(one.busiest for one in found)
+        archive = f"{n_sites} x {n_logs} logs, {seconds / 3600:.1f} h"
         print(
-            f"| {n_sites} x {n_logs} logs, {seconds / 3600:.1f} h | {text} | {best.seconds:.1f} s | {times} s | {cpu:.0f} s |"
+            f"| {archive} | {text} | {best.seconds:.1f} s | {times} s | {cpu:.0f} s |"
             f" {busiest:.0f} s | {seconds / best.seconds:.0f} | {max(one.memory for one in found):.0f} MB |"
         )
     one, two = runs["one worker"], runs["two workers"]

@@ -9,7 +9,6 @@ from daq import Event, read_attachments, read_log
 from monitor.archive.steps import Step, identify_log, unpacked
 from monitor.results.events import event_result
 from monitor.settings import parse_attached
-from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline
 from updater import parse_structure
 
@@ -51,22 +50,6 @@ def test_log_beyond_the_time_limit_is_cut_and_not_kept(log: Path) -> None:
     assert steps.problem is not None
     assert "was not analysed within 0.02 s: the rest is left out" in steps.problem
     assert len(list(unpacked(steps.packed))) >= steps.n_windows
-
-
-@pytest.mark.thorough
-def test_next_log_continues_as_after_a_restart(log: Path) -> None:
-    """A pipeline that goes on in another log gives what a new one gives from its saved state."""
-    attached = read_attachments(log)
-    structure, settings = parse_structure(attached["structure.toml"]), parse_attached(attached["site.toml"])
-    steps = list(unpacked(identify_log(log, settings).packed))
-    kept = Pipeline(structure, settings)
-    _results(kept, steps)
-    new = Pipeline(structure, settings, parse_memory(memory_text(kept.memory)))
-    kept.begin_log()
-    found = _results(kept, steps)
-    assert found == _results(new, steps)
-    assert "nodes" in found[0]  # the reference, reported again
-    assert memory_text(kept.memory) == memory_text(new.memory)
 
 
 def _results(pipeline: Pipeline, steps: list[Step]) -> list[dict[str, Any]]:
