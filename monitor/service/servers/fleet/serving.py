@@ -12,6 +12,7 @@ from monitor.outputs.history import FleetReader
 from monitor.service.servers.fleet.app import FleetSource, make_fleet_app
 from monitor.service.servers.web.auth import read_token
 from monitor.service.servers.web.process import bounded_server, listen, page_url
+from monitor.service.systemd.notify import ServiceManager
 from monitor.settings.fleet import FleetSettings
 from monitor.settings.redaction import revealed
 
@@ -46,4 +47,7 @@ def serve_fleet(settings: FleetSettings, folder: Path, ready: Callable[[str], No
         app = make_fleet_app(source, token=token, open_to_look=local, token_place=settings.token_file)
         with listener:
             ready(page_url(settings.bind, listener.getsockname()[1]))
+            manager = ServiceManager()
+            manager.ready()
             bounded_server(app).run(sockets=[listener])
+            manager.stopping()

@@ -1,5 +1,6 @@
 """The page of a thousand sites from a real broker, without a database."""
 
+import os
 import subprocess
 import sys
 import time
@@ -21,6 +22,7 @@ from monitor.service.servers.fleet.overview import PAGE_SITES, Wanted, overview
 from monitor.settings import HomeAssistantSettings
 from tests.support.broker import broker, needs_broker
 from tests.support.monitor.cli import Commands, assert_refused
+from tests.support.monitor.service.manager import Listener
 from tests.support.monitor.service.status import site_status
 from tests.support.processes import free_port
 
@@ -77,10 +79,11 @@ def publish(port: int) -> None:
 
 @pytest.mark.live
 @needs_broker
-def test_page_of_a_thousand_sites_from_retained_messages(address: str) -> None:
-    port = free_port()
+def test_page_of_a_thousand_sites_from_retained_messages(address: str, tmp_path: Path) -> None:
+    port, notifications = free_port(), Listener(str(tmp_path / "notify"))
+    environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify")}
     command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "fleet", address, "--port", str(port)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
             assert process.stdout is not None
             assert process.stdout.readline() == f"fleet: http://127.0.0.1:{port}\n"
@@ -88,6 +91,7 @@ def test_page_of_a_thousand_sites_from_retained_messages(address: str) -> None:
             def page(query: str = "") -> str:
                 return httpx.get(f"http://127.0.0.1:{port}/{query}", timeout=30.0).raise_for_status().text
 
+            assert notifications.received("READY=1", 10.0)
             until(lambda: f"of {SITES} sites" in page())
             text = page()
             assert text.count("<article") == PAGE_SITES
@@ -105,6 +109,7 @@ def test_page_of_a_thousand_sites_from_retained_messages(address: str) -> None:
         finally:
             process.terminate()
             assert process.wait(20) == 0
+            assert notifications.received("STOPPING=1", 5.0)
 
 
 @pytest.mark.live
