@@ -58,3 +58,13 @@ def _results(pipeline: Pipeline, steps: list[Step]) -> list[dict[str, Any]]:
         for step in steps
         for result in (pipeline.resume(step) if isinstance(step, int) else pipeline.push_identified(step))
     ]
+
+
+def test_log_that_cannot_be_read_is_not_kept(log: Path, tmp_path: Path) -> None:
+    """A storage may respond again later; a file that is damaged stays damaged."""
+    settings = parse_attached(read_attachments(log)["site.toml"])
+    (tmp_path / "damaged.mcap").write_bytes(b"not a log")
+    gone, damaged = (identify_log(tmp_path / f"{name}.mcap", settings) for name in ("gone", "damaged"))
+    assert gone.problem is not None
+    assert damaged.problem is not None
+    assert (gone.retry, damaged.retry) == (True, False)
