@@ -103,12 +103,12 @@ class _Tasks:
 
     @property
     def can_identify(self) -> bool:
-        """Whether one more identification may be submitted."""
+        """True if one more identification may be submitted."""
         return len(self._identifying) < self._most and self.can_evaluate
 
     @property
     def can_evaluate(self) -> bool:
-        """Whether one more evaluation may be submitted."""
+        """True if one more evaluation may be submitted."""
         return len(self._evaluating) < self._most
 
     def identify(self, task: _Task, log: ArchiveLog, site: str, limit: float) -> None:

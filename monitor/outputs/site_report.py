@@ -50,7 +50,7 @@ class SiteReport(_Part):
 
     @property
     def content(self) -> tuple[object, ...]:
-        """What is published at once if it changes; texts of problems may contain ages."""
+        """Part whose change is published at once; texts of problems may contain ages."""
         return self.state, self.window, self.overdue, len(self.problems), self.url, self.alarm
 
 
