@@ -1,7 +1,7 @@
 """Reanalysis of an archive: time and memory with one worker and with two, from the first byte and with kept steps.
 
-The logs are the recorded log of the repository up to the change, once per log and later each time. The last log of a
-site is the whole one, with the mass.
+The logs are the recorded log of the repository up to the change, once per log and later each time. One log amid those
+of a site is the whole one, with the mass.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/monitor/archive.py [LOGS [RUNS]], or make bench-archive
 """
@@ -51,7 +51,7 @@ def write_archive(folder: Path, n_sites: int, n_logs: int) -> None:
             path = folder / f"frame{site}" / f"log{k:03d}.mcap"
             path.parent.mkdir(parents=True, exist_ok=True)
             writer = McapWriter(path, own)
-            for item in items if k == n_logs - 1 else before:
+            for item in items if k == n_logs // 2 else before:
                 writer.write(_later(item, k * _APART))
             writer.close()
 
@@ -97,7 +97,7 @@ def _started_by(pid: int) -> Iterator[tuple[int, float, int]]:
 
 def main() -> None:
     """Print the table of the documentation."""
-    n_logs = int(sys.argv[1]) if len(sys.argv) > 1 else 32
+    n_logs = int(sys.argv[1]) if len(sys.argv) > 1 else 24
     n_runs = int(sys.argv[2]) if len(sys.argv) > 2 else 3
     print("| archive | run | best time | all times | processor time | busiest worker | data over time | memory |")
     print("|:--|:--|---:|---:|---:|---:|---:|---:|", flush=True)

@@ -31,7 +31,10 @@ class SiteResults:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Finish the log of results."""
+        self.close()
+
+    def close(self) -> None:
+        """Finish the log of results, after the last log of the site."""
         if self._writer is not None:
             self._writer.close()
             self._writer = None
