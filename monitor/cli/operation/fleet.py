@@ -11,7 +11,7 @@ def fleet(
     target: Annotated[str, Argument(metavar="ADDRESS|FLEET.toml", help="Database or broker, or settings.")],
     port: Annotated[int | None, Option(help="Port of the page. Default: that of FLEET.toml, or 8770.")] = None,
 ) -> int:
-    """Serve a page of all sites of a PostgreSQL database or an MQTT broker.
+    """Serve a page of all sites of a database or a broker.
 
     Sites that need a person come first: changed structures, then monitors without data or with problems.
 

@@ -17,7 +17,7 @@ def install_service(
         str | None, Option("--as", metavar="USER", help="User that runs the service. Default: the owner of the folder.")
     ] = None,
 ) -> int:
-    """Write a systemd unit for a site, or for the page of many sites.
+    """Write a systemd unit for a site or a fleet.
 
     The service starts at boot, is supervised by systemd, and has minimal rights.
 
