@@ -4,7 +4,7 @@ The analysis process is fed by the writer thread: all analysed data are logged.
 """
 
 from daq.log.channel_map import CHANNELS, ChannelMap
-from daq.log.mcap_log import McapWriter, log_span, read_attachments, read_events, read_log
+from daq.log.mcap_log import McapWriter, log_span, log_start, read_attachments, read_events, read_log
 from daq.log.naming import as_logs, newest_log
 from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
 from daq.log.recordings import HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
@@ -42,6 +42,7 @@ __all__ = [
     "load_recordings",
     "log_info",
     "log_span",
+    "log_start",
     "newest_log",
     "read_attachments",
     "read_channel_map",

@@ -264,6 +264,17 @@ def read_log(log: AnyLog) -> Iterator[Item]:
     yield from _read(log, _every)
 
 
+def log_start(log: AnyLog) -> int | None:
+    """Return the time of the first scan of a log [ns UTC]; None if it has no scans.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read, is not a log, or is damaged where it is read.
+    """
+    return next((time for path in files_of(log) if (time := _start_of(path)) is not None), None)
+
+
 def log_span(log: AnyLog) -> tuple[int, int] | None:
     """Return the times of the first scan of a log and after its last one [ns UTC]; None if it has no scans.
 
@@ -272,9 +283,8 @@ def log_span(log: AnyLog) -> tuple[int, int] | None:
     LogError
         If it cannot be read, is not a log, or is damaged where it is read.
     """
-    files = files_of(log)
-    start = next((time for path in files if (time := _start_of(path)) is not None), None)
-    end = next((time for path in reversed(files) if (time := _end_of(path)) is not None), None)
+    start = log_start(log)
+    end = next((time for path in reversed(files_of(log)) if (time := _end_of(path)) is not None), None)
     return None if start is None or end is None else (start, end)
 
 

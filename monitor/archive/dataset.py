@@ -1,6 +1,7 @@
 """Results as Parquet: four tables, each with one file per log in folders by site (`site=NAME`)."""
 
-from collections.abc import Collection, Mapping, Sequence
+import io
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,39 +59,64 @@ def schemas() -> "Mapping[str, pa.Schema]":
     }
 
 
-def write_tables(
-    folder: Path, site: str, part: str, log: str, results: Sequence[Result], about: Mapping[str, Any]
-) -> None:
-    """Write the results of one log; files of the same part are replaced.
+class LogTables:
+    """Rows of the tables of one log, so far.
+
+    Parameters
+    ----------
+    log : name of the log
+    """
+
+    def __init__(self, log: str) -> None:
+        self._log = log
+        self._rows: dict[str, list[dict[str, Any]]] = {"windows": [], "modes": [], "alarms": []}
+
+    def add(self, result: Result) -> None:
+        """Add the next result of the log."""
+        if isinstance(result, WindowResult):
+            self._rows["windows"].append(_window(self._log, result))
+            self._rows["modes"] += _modes(self._log, result)
+        elif isinstance(result, AlarmResult):
+            row = {"time": result.time, "state": result.state, "kind": result.kind, "text": result.text}
+            self._rows["alarms"].append({"log": self._log, **row})
+
+    def files(self, n_bytes: int, n_windows: int, seconds: float, problem: str | None) -> dict[str, bytes]:
+        """Return the tables as Parquet files, by their names.
+
+        Parameters
+        ----------
+        n_bytes : size of the log
+        n_windows : that were identified
+        seconds : of data in the windows
+        problem : reason why it was not analysed to its end
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        about = {"log": self._log, "bytes": n_bytes, "windows": n_windows, "seconds": seconds, "problem": problem}
+        rows, found = self._rows | {"logs": [about]}, {}
+        for name, schema in schemas().items():
+            file = io.BytesIO()
+            pq.write_table(pa.Table.from_pylist(rows[name], schema=schema), file)
+            found[name] = file.getvalue()
+        return found
+
+
+def write_tables(folder: Path, site: str, part: str, tables: Mapping[str, bytes]) -> None:
+    """Write the tables of one log; files of the same part are replaced.
 
     Parameters
     ----------
     folder : of the results
     site : name of the site
     part : name of the files
-    log : name of the log
-    results : of the log
-    about : row of the table `logs`, without `log`
+    tables : of the log, as Parquet files
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    windows = [result for result in results if isinstance(result, WindowResult)]
-    rows = {
-        "windows": [_window(log, window) for window in windows],
-        "modes": [row for window in windows for row in _modes(log, window)],
-        "alarms": [
-            {"log": log, "time": a.time, "state": a.state, "kind": a.kind, "text": a.text}
-            for a in results
-            if isinstance(a, AlarmResult)
-        ],
-        "logs": [{"log": log, **about}],
-    }
-    for name, schema in schemas().items():
+    for name, content in tables.items():
         path = folder / name / f"site={site}" / f"{part}.parquet"
         path.parent.mkdir(parents=True, exist_ok=True)
         unfinished = path.with_suffix(".part")
-        pq.write_table(pa.Table.from_pylist(rows[name], schema=schema), unfinished)
+        unfinished.write_bytes(content)
         unfinished.replace(path)
 
 

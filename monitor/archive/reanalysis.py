@@ -1,50 +1,36 @@
-"""Reanalysis: windows identified in parallel, then evaluated per site in order of time.
+"""Reanalysis: logs identified in parallel, and evaluated per site in order of time, as tasks of Dask.
 
-Each log is identified by one task of Dask; the steps of a log (`steps`) are kept by the hash of its content and of the
-settings that they depend on, so that a repeated run computes only what is new. The evaluation of a log continues from
-the state at the end of the log before it, as a monitor does after a restart.
+Each log is two tasks. Its identification depends on the log alone; the steps that it returns (`steps`) are kept by the
+hash of the log's content and of the settings that they depend on: a repeated run identifies only what is new. Its
+evaluation (`evaluation`) continues from the state at the end of the log before it, as a monitor does after a restart.
+Evaluations go ahead of identifications: sites are evaluated in parallel, each while its next logs are identified. The
+state of a site is held here between two tasks: no worker has the only copy of anything.
 """
 
-import hashlib
-import json
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from daq import Event, LogError, McapWriter, read_attachments
-from daq.log import log_span
+from daq import LogError
 from monitor.archive.catalog import ArchiveLog
 from monitor.archive.dataset import keep_parts, write_tables
-from monitor.archive.steps import LogSteps, identify_log, unpacked
-from monitor.errors import MonitorError
-from monitor.outputs.history import HistoryStore
-from monitor.results.events import result_event
-from monitor.results.windows import Result
-from monitor.settings import attached_structure, has_settings, parse_attached
-from monitor.watch.memory import MEMORY, VERSION, check_saved_state, memory_text, parse_memory
-from monitor.watch.pipeline import Pipeline
-from updater import UpdaterError
+from monitor.archive.evaluation import EvaluatedLog, evaluate_task, unevaluated
+from monitor.archive.log_texts import LogTexts, site_name, steps_key
+from monitor.archive.site_results import SiteResults
+from monitor.archive.steps import LogSteps, identify_log, no_steps, read_steps, write_steps
+from monitor.results.windows import AlarmResult
+from monitor.settings import parse_attached
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-RESULTS_LOG = "results.mcap"  #: of a site: events and results of all its logs, without signals
 _NO_SITE = "unknown"  # in the tables, of logs that cannot be read
-_WAITING = 4  # logs per worker that are submitted before a result is there
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogTexts:
-    """Attachments of a log that its analysis depends on."""
-
-    site: str
-    structure: str
-    memory: str = ""
-    start: int = 0  #: time of the first scan [ns UTC]
+_WAITING = 4  # tasks of each kind per worker that are submitted at a time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,135 +43,193 @@ class AnalysedLog:
     seconds: float  #: of data
     problem: str | None  #: reason why it was not analysed, or not to its end
     kept: bool  #: whether its steps were kept by an earlier run
+    alarms: tuple[AlarmResult, ...] = ()  #: changes of the alarm and messages in it
 
 
-OnLog = Callable[[AnalysedLog, list[Result]], None]
-_Task = tuple[str, ArchiveLog, LogTexts, str]  # site, log, its texts, key of its steps
+OnLog = Callable[[AnalysedLog], None]
 
 
-def texts_of(log: ArchiveLog, site: LogTexts | None) -> LogTexts | str:
-    """Return what a log is analysed with, or the reason why it cannot be."""
-    try:
-        attached, span = read_attachments(log.log), log_span(log.log)
-    except LogError as error:
-        return str(error)
-    start, memory = span[0] if span else 0, attached.get(MEMORY, "")
-    if site:
-        return replace(site, memory=memory, start=start)
-    if not has_settings(attached):
-        return "has no settings attached: give --site"
-    try:
-        parse_attached(attached["site.toml"])
-        attached_structure(attached.get("structure.toml", ""))
-    except (MonitorError, UpdaterError) as error:
-        return f"has settings that cannot be used: {error}"
-    return LogTexts(
-        site=attached["site.toml"], structure=attached.get("structure.toml", ""), memory=memory, start=start
-    )
-
-
-def identify_task(log: ArchiveLog, texts: LogTexts, limit: float = math.inf) -> LogSteps:
+def identify_task(log: ArchiveLog, site: str, limit: float) -> LogSteps:
     """Identify one log, in a worker, within a time [s]; what is wrong with the log is part of the result."""
     try:
-        return identify_log(log.log, parse_attached(texts.site), limit)
+        return identify_log(log.log, parse_attached(site), limit)
     except LogError as error:
-        return LogSteps(packed=identify_nothing(), n_windows=0, seconds=0.0, problem=str(error))
+        return no_steps(str(error))
 
 
-def identify_nothing() -> bytes:
-    """Return the packed steps of a log without any."""
-    import zstandard
+@dataclass(eq=False, kw_only=True)
+class _Log:
+    """Log that waits for its evaluation."""
 
-    return zstandard.ZstdCompressor().compress(b"")
-
-
-def site_name(texts: LogTexts) -> str:
-    """Return the name of a site: that of its structure; without one that of its history."""
-    structure = attached_structure(texts.structure)
-    name = structure.name if structure else parse_attached(texts.site).history.site or ""
-    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name) or "unnamed"
-
-
-def steps_key(log: ArchiveLog, texts: LogTexts) -> str:
-    """Return the hash that the steps of a log depend on: its content, the settings of its analysis, this program."""
-    settings = parse_attached(texts.site)
-    analysis = settings.analysis
-    depends = {
-        "version": VERSION,
-        "log": log.key,
-        "window": [analysis.window_seconds, settings.step_seconds, analysis.band],
-        "channels": [[c.name, c.device, c.axis] for c in settings.channels],
-        "devices": [[d.name, d.rate] for d in settings.device],
-    }
-    return hashlib.sha256(json.dumps(depends).encode()).hexdigest()[:32]
+    log: ArchiveLog
+    texts: LogTexts
+    key: str  # of its steps
+    site: "_Site"
+    identified: bool = False
+    kept: bool = False  # whether an earlier run has identified it
+    steps: LogSteps | None = None  # if they are not in the folder
 
 
-class _SiteRun:
-    """Evaluation of the logs of one site, in order.
+@dataclass(eq=False, kw_only=True)
+class _Site:
+    """Site with the state at the end of its last evaluated log."""
+
+    name: str
+    results: SiteResults
+    waiting: deque[_Log] = field(default_factory=deque)  # in order of time
+    memory: str = ""
+    worker: str | None = None  # that has evaluated its last log
+    evaluating: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Task:
+    """Task on the cluster."""
+
+    then: Callable[[Any], None]  # called with its result
+    failed: Callable[[str], object]  # makes a result from the reason of a failure
+
+
+class _Tasks:
+    """Tasks on the cluster, of two kinds: few of each are submitted at a time, evaluations go ahead."""
+
+    def __init__(self, client: "Client") -> None:
+        from distributed import as_completed
+
+        self._client, self._ready = client, as_completed()
+        self._most = _WAITING * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
+        self._identifying: dict[Future[Any], _Task] = {}
+        self._evaluating: dict[Future[Any], _Task] = {}
+
+    @property
+    def can_identify(self) -> bool:
+        """True if one more identification may be submitted."""
+        return len(self._identifying) < self._most and self.can_evaluate
+
+    @property
+    def can_evaluate(self) -> bool:
+        """True if one more evaluation may be submitted."""
+        return len(self._evaluating) < self._most
+
+    def identify(self, task: _Task, log: ArchiveLog, site: str, limit: float) -> None:
+        """Submit an identification."""
+        future = self._client.submit(identify_task, log, site, limit, pure=False)
+        self._identifying[future] = task
+        self._ready.add(future)
+
+    def evaluate(
+        self, task: _Task, worker: str | None, log: ArchiveLog, texts: LogTexts, memory: str, steps: LogSteps
+    ) -> None:
+        """Submit an evaluation, for a worker with the pipeline of the site or, if that one is busy, another one."""
+        where: dict[str, Any] = {"workers": [worker], "allow_other_workers": True} if worker else {}
+        future = self._client.submit(evaluate_task, log, texts, memory, steps, pure=False, priority=1, **where)
+        self._evaluating[future] = task
+        self._ready.add(future)
+
+    def take_next(self) -> bool:
+        """Wait for a task and hand its result on; return False if there is none."""
+        if not (self._identifying or self._evaluating):
+            return False
+        future = next(self._ready)
+        task = (self._identifying if future in self._identifying else self._evaluating).pop(future)
+        try:
+            result = future.result()
+        except Exception as error:  # noqa: BLE001 - a log that ends its workers, or fails otherwise, stops no other one
+            result = task.failed(f"{type(error).__name__}: {error}")
+        task.then(result)
+        return True
+
+    def cancel(self) -> None:
+        """Give up what is not finished."""
+        self._client.cancel([*self._identifying, *self._evaluating])
+
+
+class _Run:
+    """Run of a reanalysis.
 
     Parameters
     ----------
-    folder : of the site's results: `results.mcap` with all events and results, a history, and the saved state
+    tasks : on the cluster
+    out : folder of the results
+    on_log : called with each log once it is evaluated
+    limit : on the time for the identification of one log [s]
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._writer: McapWriter | None = None
-        self._events: list[Event] = []  # of the last log, with its results
-        self.memory = ""
-        self._pipeline: Pipeline | None = None  # of the last log
-        self._texts = ("", "")  # that it was made from
-        self.waiting: deque[tuple[ArchiveLog, LogTexts, str]] = deque()
-        self.steps: dict[str, tuple[LogSteps, bool]] = {}
+    def __init__(self, tasks: _Tasks, out: Path, on_log: OnLog, limit: float) -> None:
+        self._tasks, self._out, self._on_log, self._limit = tasks, out, on_log, limit
+        self._unidentified: deque[_Log] = deque()
+        self._evaluable: deque[_Site] = deque()  # whose next log is identified
 
-    def evaluate(self, texts: LogTexts, steps: LogSteps) -> list[Result]:
-        """Evaluate the next log, from the state at the end of the one before; of the first one, from its own."""
-        pipeline = self._pipeline_of(texts)
-        results: list[Result] = []
-        for step in unpacked(steps.packed):
-            found = list(pipeline.resume(step) if isinstance(step, int) else pipeline.push_identified(step))
-            self._events += [step] if isinstance(step, Event) else []
-            self._events += map(result_event, found)
-            results += found
-        self.memory = memory_text(pipeline.memory)
-        return results
+    def add(self, log: ArchiveLog, texts: LogTexts, site: _Site) -> None:
+        """Add the next log of a site."""
+        added = _Log(log=log, texts=texts, key=steps_key(log, texts), site=site)
+        site.waiting.append(added)
+        self._unidentified.append(added)
 
-    def _pipeline_of(self, texts: LogTexts) -> Pipeline:
-        """Return the pipeline of the log before, or with other settings a new one from its state."""
-        if self._pipeline and self._texts == (texts.site, texts.structure):
-            self._pipeline.begin_log()
-            return self._pipeline
-        structure, settings = attached_structure(texts.structure), parse_attached(texts.site)
-        saved = self.memory or texts.memory
-        known = check_saved_state(saved, MEMORY, structure, settings).text if saved else None
-        self._pipeline = Pipeline(structure, settings, parse_memory(known) if known else None)
-        self._texts = (texts.site, texts.structure)
-        return self._pipeline
+    def run(self) -> None:
+        """Analyse all logs."""
+        while True:
+            if self._evaluable and self._tasks.can_evaluate:
+                self._evaluate(self._evaluable.popleft())
+            elif self._unidentified and self._tasks.can_identify:
+                self._identify(self._unidentified.popleft())
+            elif not self._tasks.take_next():
+                return
 
-    def store(self, texts: LogTexts, results: Sequence[Result]) -> None:
-        """Add a log to the results of the site, which are begun anew, and replace its saved state."""
-        path, log = self._folder / "history.sqlite", self._folder / RESULTS_LOG
-        if self._writer is None:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            path.unlink(missing_ok=True)
-            log.unlink(missing_ok=True)
-            attached = {"site.toml": texts.site} | ({"structure.toml": texts.structure} if texts.structure else {})
-            self._writer = McapWriter(log, {**attached, **({MEMORY: texts.memory} if texts.memory else {})})
-        for event in self._events:
-            self._writer.write(event)
-        self._events = []
-        history = HistoryStore(f"sqlite:///{path}")
-        try:
-            history.write([result_event(result) for result in results])
-        finally:
-            history.__exit__()
-        if self.memory:
-            (self._folder / MEMORY).write_text(self.memory, encoding="utf-8")
+    def _path(self, log: _Log) -> Path:
+        return self._out / "steps" / log.key
 
-    def close(self) -> None:
-        """Finish the log of results."""
-        if self._writer is not None:
-            self._writer.close()
+    def _identify(self, log: _Log) -> None:
+        log.kept = read_steps(self._path(log)) is not None
+        if log.kept:
+            self._identified(log)
+        else:
+            task = _Task(then=partial(self._keep, log), failed=no_steps)
+            self._tasks.identify(task, log.log, log.texts.site, self._limit)
+
+    def _keep(self, log: _Log, steps: LogSteps) -> None:
+        if steps.retry:
+            log.steps = steps
+        else:
+            write_steps(self._path(log), steps)
+        self._identified(log)
+
+    def _identified(self, log: _Log) -> None:
+        log.identified = True
+        self._continue(log.site)
+
+    def _continue(self, site: _Site) -> None:
+        """Have the next log of a site evaluated if it is identified, and the one before is evaluated."""
+        if site.waiting and site.waiting[0].identified and not site.evaluating:
+            site.evaluating = True
+            self._evaluable.append(site)
+
+    def _evaluate(self, site: _Site) -> None:
+        log = site.waiting.popleft()
+        steps = log.steps or read_steps(self._path(log)) or no_steps(f"{self._path(log)}: cannot be read again")
+        memory = site.memory or log.texts.memory
+        task = _Task(then=partial(self._store, log, steps), failed=partial(unevaluated, log.log, memory, steps))
+        self._tasks.evaluate(task, site.worker, log.log, log.texts, memory, steps)
+
+    def _store(self, log: _Log, steps: LogSteps, found: EvaluatedLog) -> None:
+        site = log.site
+        site.memory, site.worker, site.evaluating = found.memory, found.worker, False
+        self._continue(site)
+        write_tables(self._out, site.name, log.log.key, found.tables)
+        site.results.add(log.texts, found)
+        if not site.waiting:
+            site.results.close()  # of a fleet, not all are open at a time
+        self._on_log(
+            AnalysedLog(
+                log=log.log,
+                site=site.name,
+                n_windows=steps.n_windows,
+                seconds=steps.seconds,
+                problem=found.problem or steps.problem,
+                kept=log.kept,
+                alarms=found.alarms,
+            )
+        )
 
 
 def reanalyse(
@@ -202,116 +246,23 @@ def reanalyse(
     client : of Dask
     logs : with their texts, or the reasons why they cannot be analysed
     out : folder of the results: tables as Parquet, `steps`, and per site a log of results, a history, a saved state
-    on_log : called with each log once it is evaluated, and its results
+    on_log : called with each log once it is evaluated
     limit : on the time for the identification of one log [s]; a repeated run begins such a log anew
     """
-    sites: dict[str, _SiteRun] = {}
-    tasks: deque[_Task] = deque()
     (out / "steps").mkdir(parents=True, exist_ok=True)
     for log, why in ((log, texts) for log, texts in logs if isinstance(texts, str)):
-        refused = AnalysedLog(log=log, site=_NO_SITE, n_windows=0, seconds=0.0, problem=why, kept=False)
-        _finish(out, refused, [], on_log)
+        write_tables(out, _NO_SITE, log.key, unevaluated(log, "", no_steps(why), why).tables)
+        on_log(AnalysedLog(log=log, site=_NO_SITE, n_windows=0, seconds=0.0, problem=why, kept=False))
     readable = [(log, texts) for log, texts in logs if isinstance(texts, LogTexts)]
-    for log, texts in sorted(readable, key=lambda entry: entry[1].start):
-        site, key = site_name(texts), steps_key(log, texts)
-        if site not in sites:
-            sites[site] = _SiteRun(out / "sites" / site)
-        sites[site].waiting.append((log, texts, key))
-        tasks.append((site, log, texts, key))
+    sites: dict[str, _Site] = {}
     with ExitStack() as stack:
-        for run in sites.values():
-            stack.callback(run.close)
-        for site, key, steps, kept in _identified(client, tasks, out / "steps", stack, limit):
-            run = sites[site]
-            run.steps[key] = (steps, kept)
-            while run.waiting and run.waiting[0][2] in run.steps:
-                log, texts, first = run.waiting.popleft()
-                found, was_kept = run.steps[first]
-                results, problem = _evaluated(run, texts, found)
-                about = AnalysedLog(
-                    log=log, site=site, n_windows=found.n_windows, seconds=found.seconds, problem=problem, kept=was_kept
-                )
-                _finish(out, about, results, on_log)
-                run.store(texts, results)
-                del run.steps[first]
+        tasks = _Tasks(client)
+        stack.callback(tasks.cancel)
+        run = _Run(tasks, out, on_log, limit)
+        for log, texts in sorted(readable, key=lambda entry: entry[1].start):
+            name = site_name(texts)
+            if name not in sites:
+                sites[name] = _Site(name=name, results=stack.enter_context(SiteResults(out / "sites" / name)))
+            run.add(log, texts, sites[name])
+        run.run()
     keep_parts(out, {log.key for log, _ in logs}, {*sites, _NO_SITE})
-
-
-def _evaluated(run: _SiteRun, texts: LogTexts, steps: LogSteps) -> tuple[list[Result], str | None]:
-    try:
-        return run.evaluate(texts, steps), steps.problem
-    except (MonitorError, UpdaterError) as error:
-        return [], str(error)
-
-
-def _identified(
-    client: "Client", tasks: deque[_Task], folder: Path, stack: ExitStack, limit: float
-) -> Iterator[tuple[str, str, LogSteps, bool]]:
-    """Yield site and key of each log with its steps, as they are ready; new ones are kept in a folder."""
-    from distributed import as_completed
-
-    running: dict[Future[LogSteps], tuple[str, str]] = {}
-    ready = as_completed()
-    stack.callback(lambda: client.cancel(list(running)))
-    left = deque(tasks)
-    most = _WAITING * max(1, len(client.scheduler_info(n_workers=-1)["workers"]))
-    while left or running:
-        while left and len(running) < most:
-            site, log, texts, key = left.popleft()
-            known = steps_of(folder, key)
-            if known is not None:
-                yield site, key, known, True
-                continue
-            future = client.submit(identify_task, log, texts, limit, key=f"identify-{key}", pure=False)
-            running[future] = (site, key)
-            ready.add(future)
-        if not running:
-            continue
-        future = next(ready)
-        site, key = running.pop(future)
-        try:
-            steps: LogSteps = future.result()
-        except Exception as error:  # noqa: BLE001 - a log that ends its workers; the others go on
-            steps = LogSteps(
-                packed=identify_nothing(), n_windows=0, seconds=0.0, problem=f"{type(error).__name__}: {error}"
-            )
-        else:
-            if not steps.late:
-                _write_steps(folder / key, steps)
-        yield site, key, steps, False
-
-
-def steps_of(folder: Path, key: str) -> LogSteps | None:
-    """Return the kept steps of a log; None if there are none, or they are damaged."""
-    try:
-        head, _, packed = (folder / key).read_bytes().partition(b"\n")
-        about = json.loads(head)
-        if about.pop("sha256") != hashlib.sha256(packed).hexdigest():
-            return None
-        return LogSteps(packed=packed, **about)
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _write_steps(path: Path, steps: LogSteps) -> None:
-    about: dict[str, Any] = {"n_windows": steps.n_windows, "seconds": steps.seconds, "problem": steps.problem}
-    about["sha256"] = hashlib.sha256(steps.packed).hexdigest()
-    unfinished = path.with_suffix(".part")
-    unfinished.write_bytes(json.dumps(about).encode() + b"\n" + steps.packed)
-    unfinished.replace(path)
-
-
-def _finish(
-    out: Path,
-    about: AnalysedLog,
-    results: list[Result],
-    on_log: OnLog,
-) -> None:
-    row: Mapping[str, Any] = {
-        "bytes": about.log.size,
-        "windows": about.n_windows,
-        "seconds": about.seconds,
-        "problem": about.problem,
-    }
-    write_tables(out, about.site, about.log.key, about.log.name, results, row)
-    on_log(about, results)

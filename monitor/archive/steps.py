@@ -1,18 +1,19 @@
 """Steps of a log: its events and identified windows, in order, as compact bytes that any process can read."""
 
+import hashlib
 import json
 import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
-
-import zstandard
 
 from daq import AnyLog, Event, LogError, read_log
 from daq.events import DeviceFailed
 from daq.log import absent_devices
 from monitor.analysis.window import IdentifiedWindow, identify_window
+from monitor.archive.packing import Packer, unpack
 from monitor.results.events import event_result
 from monitor.results.service_events import Stopped
 from monitor.results.windows import Spectrum
@@ -20,7 +21,6 @@ from monitor.settings import Settings
 from monitor.watch.memory.codec import decode, encode
 from monitor.watch.pipeline import assembler_of
 
-_LEVEL = 3  # of compression
 Step = int | Event | IdentifiedWindow  #: arrival of the first block [ns UTC], an event, or a window
 
 
@@ -32,7 +32,7 @@ class LogSteps:
     n_windows: int
     seconds: float  #: of data in the windows
     problem: str | None  #: reason why the log was not read to its end
-    late: bool = False  #: whether this reason is the limit of time
+    retry: bool = False  #: whether this reason is the limit of time or the storage: the next run begins anew
 
 
 def identify_log(log: AnyLog, settings: Settings, limit: float = math.inf) -> LogSteps:
@@ -44,22 +44,25 @@ def identify_log(log: AnyLog, settings: Settings, limit: float = math.inf) -> Lo
     settings : of the site
     limit : on the time that this may take [s]; what is identified by then is kept
     """
-    packer = zstandard.ZstdCompressor(level=_LEVEL).compressobj()
-    parts, n_windows, seconds, problem, late = [], 0, 0.0, None, False
+    packer, n_windows, seconds, problem, retry = Packer(), 0, 0.0, None, False
     end = time.monotonic() + limit
     try:
         for step in _steps(log, settings):
-            late = time.monotonic() > end
-            if late:
+            retry = time.monotonic() > end
+            if retry:
                 raise LogError(str(log), f"was not analysed within {limit:g} s: the rest is left out")
             if isinstance(step, IdentifiedWindow):
                 n_windows += 1
                 seconds += (step.recorded.end - step.recorded.start) * 1e-9
-            parts.append(packer.compress(json.dumps(_encoded(step)).encode() + b"\n"))
+            packer.add(_encoded(step))
     except LogError as error:
-        problem = str(error)
-    packed = b"".join([*parts, packer.flush()])
-    return LogSteps(packed=packed, n_windows=n_windows, seconds=seconds, problem=problem, late=late)
+        problem, retry = str(error), retry or isinstance(error.__cause__, OSError)
+    return LogSteps(packed=packer.finish(), n_windows=n_windows, seconds=seconds, problem=problem, retry=retry)
+
+
+def no_steps(problem: str) -> LogSteps:
+    """Return the steps of a log that could not be identified this time."""
+    return LogSteps(packed=Packer().finish(), n_windows=0, seconds=0.0, problem=problem, retry=True)
 
 
 def _steps(log: AnyLog, settings: Settings) -> Iterator[Step]:
@@ -100,9 +103,7 @@ def _encoded(step: Step) -> dict[str, Any]:
 
 def unpacked(packed: bytes) -> Iterator[Step]:
     """Yield the steps in bytes of `identify_log`."""
-    text = zstandard.ZstdDecompressor().decompressobj().decompress(packed)
-    for line in text.decode().splitlines():
-        entry = json.loads(line)
+    for entry in unpack(packed):
         if "first" in entry:
             yield int(entry["first"])
         elif "topic" in entry:
@@ -111,3 +112,24 @@ def unpacked(packed: bytes) -> Iterator[Step]:
             window: IdentifiedWindow = decode(IdentifiedWindow, entry["window"])
             spectrum = entry["spectrum"]
             yield replace(window, spectrum=Spectrum.model_validate(spectrum) if spectrum else None)
+
+
+def read_steps(path: Path) -> LogSteps | None:
+    """Return the kept steps of a log; None if there are none, or they are damaged."""
+    try:
+        head, _, packed = path.read_bytes().partition(b"\n")
+        about = json.loads(head)
+        if about.pop("sha256") != hashlib.sha256(packed).hexdigest():
+            return None
+        return LogSteps(packed=packed, **about)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def write_steps(path: Path, steps: LogSteps) -> None:
+    """Keep the steps of a log."""
+    about: dict[str, Any] = {"n_windows": steps.n_windows, "seconds": steps.seconds, "problem": steps.problem}
+    about["sha256"] = hashlib.sha256(steps.packed).hexdigest()
+    unfinished = path.with_suffix(".part")
+    unfinished.write_bytes(json.dumps(about).encode() + b"\n" + steps.packed)
+    unfinished.replace(path)

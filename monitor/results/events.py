@@ -28,6 +28,11 @@ def result_event(result: Result) -> Event:
     return Event(topic=topic, time=time_ns, payload=result.payload())
 
 
+def is_result(event: Event) -> bool:
+    """Return whether an event of the log is a result."""
+    return event.topic in _TYPES
+
+
 def event_result(event: Event) -> Result | None:
     """Return the result in an event of the log, None if there is none."""
     kind = _TYPES.get(event.topic)

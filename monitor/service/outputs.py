@@ -12,6 +12,7 @@ from monitor.errors import StartError
 from monitor.outputs.history import HistoryRecorder, SiteState
 from monitor.outputs.home_assistant import HomeAssistant
 from monitor.outputs.notices import NoticeSender
+from monitor.outputs.site_report import SiteReporter
 from monitor.results.service_events import ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
 from monitor.results.site_status import SiteStatus
 from monitor.service.servers.live_view import LiveView
@@ -34,6 +35,7 @@ class Outputs:
     def __init__(self, site: Site, live: LiveView | None) -> None:
         self._site, self._live = site, live
         self._history, self._senders, self._home = _history(site), _senders(site), _home(site)
+        self._reporter = SiteReporter(site.name)
         self._web = ExitStack()
         self._server: WebServer | None = None
         self._web_failed: str | None = None  # why there is no server
@@ -62,6 +64,7 @@ class Outputs:
     def put(self, item: Item) -> None:
         """Pass on a logged item; never blocks."""
         FAILURES.attempt("history", self._history.put, item)
+        FAILURES.attempt("report", self._reporter.take, item)
         for sender in self._senders:
             FAILURES.attempt("notices", sender.put, item)
         if self._live:
@@ -69,19 +72,18 @@ class Outputs:
 
     def put_status(self, status: SiteStatus) -> None:
         """Pass on the state of the run, for Home Assistant and for pages of many sites; never blocks."""
-        for home in self._home:
-            home.show(status)
         web, window = self._site.settings.web, status.window
-        self._history.put_state(
-            SiteState(
-                state=status.state,
-                window=window.end if window else None,
-                window_age=status.window_age if window else None,
-                overdue=status.window_overdue,
-                problems=tuple(problems(status)),
-                url=(web.url if web else None) or "",
-            )
+        state = SiteState(
+            state=status.state,
+            window=window.end if window else None,
+            window_age=status.window_age if window else None,
+            overdue=status.window_overdue,
+            problems=tuple(problems(status)),
+            url=(web.url if web else None) or "",
         )
+        self._history.put_state(state)
+        for home in self._home:
+            home.show(status, self._reporter.report(state))
 
     def events(self) -> Iterator[EventPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""

@@ -3,10 +3,12 @@
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, SecretStr, ValidationError
+from pydantic import AfterValidator, Field, SecretStr, ValidationError, field_validator, model_validator
 
 from daq.bounded_text import parse_toml
 from monitor.errors import SettingsError
+from monitor.settings.home_assistant import is_broker
+from monitor.settings.redaction import revealed
 from monitor.settings.schema import listening_address
 from monitor.settings.section import Section, has_place
 
@@ -19,10 +21,12 @@ def _pages(pages: dict[str, str]) -> dict[str, str]:
 
 
 class FleetSettings(Section):
-    """Database of many sites, and the server of their page."""
+    """Sources of the states of many sites, and the server of their page."""
 
-    url: Annotated[SecretStr, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])]
-    """`postgresql://USER@HOST/NAME`."""
+    url: Annotated[SecretStr | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
+    """Database: `postgresql://USER@HOST/NAME`. Required without `mqtt`."""
+    mqtt: Annotated[SecretStr | None, Field(examples=["mqtt://broker.example.org/modalwatch"])] = None
+    """Broker with present states: `mqtt://HOST:PORT/TOPIC`, or `mqtts://` with TLS. All sites are below TOPIC."""
     bind: Annotated[str, AfterValidator(listening_address)] = "127.0.0.1"
     """Address of the server."""
     port: Annotated[int, Field(ge=1, le=65535)] = 8770
@@ -33,6 +37,19 @@ class FleetSettings(Section):
     """Address of the status page of a site, by name. Default: `web.url` of the site, or its page of the history."""
     hidden: tuple[str, ...] = ()
     """Names of sites that are not shown, such as dismantled ones."""
+
+    @field_validator("mqtt")
+    @classmethod
+    def _broker(cls, url: SecretStr | None) -> SecretStr | None:
+        if url is not None and not is_broker(revealed(url)):
+            raise ValueError("expected mqtt://HOST/TOPIC or mqtts://HOST/TOPIC, without wildcards")
+        return url
+
+    @model_validator(mode="after")
+    def _source(self) -> "FleetSettings":
+        if self.url is None and self.mqtt is None:
+            raise ValueError("expected url (a database), mqtt (a broker), or both")
+        return self
 
 
 def load_fleet_settings(path: Path) -> FleetSettings:
@@ -50,6 +67,7 @@ def load_fleet_settings(path: Path) -> FleetSettings:
         message = (
             "no such setting" if first["type"] == "extra_forbidden" else first["msg"].removeprefix("Value error, ")
         )
-        raise SettingsError(path, f"{'.'.join(map(str, first['loc']))}: {message}") from error
+        place = ".".join(map(str, first["loc"]))
+        raise SettingsError(path, f"{place}: {message}" if place else message) from error
     except (OSError, ValueError) as error:
         raise SettingsError(path, f"cannot be read: {error}") from error

@@ -8,6 +8,11 @@ from monitor.settings.redaction import revealed
 from monitor.settings.section import Section, has_place
 
 
+def is_broker(address: str) -> bool:
+    """Return whether an address is that of an MQTT broker, without wildcards in its topic."""
+    return has_place(address, ("mqtt", "mqtts")) and not any(c in address.partition("://")[2] for c in "+#")
+
+
 class HomeAssistantSettings(Section):
     """Entities of the site in Home Assistant, by MQTT discovery. Leave the section out for none."""
 
@@ -23,7 +28,6 @@ class HomeAssistantSettings(Section):
     @field_validator("mqtt")
     @classmethod
     def _address(cls, url: SecretStr) -> SecretStr:
-        address = revealed(url)
-        if not has_place(address, ("mqtt", "mqtts")) or any(c in address.partition("://")[2] for c in "+#"):
+        if not is_broker(revealed(url)):
             raise ValueError("expected mqtt://HOST/TOPIC or mqtts://HOST/TOPIC, without wildcards")
         return url

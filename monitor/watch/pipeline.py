@@ -42,8 +42,7 @@ class Pipeline:
         self._settings, self._skip = settings, skip
         self._late = structure.delays if structure else {}
         self._assembler = assembler_of(settings)
-        offset = memory.thermometer_offset if memory else math.nan
-        self._weather = SiteTemperature(settings.temperature.stale_minutes, offset) if settings.temperature else None
+        self._weather = self._thermometer(memory.thermometer_offset if memory else math.nan)
         self._judge = WindowEvaluator(structure, settings, memory)
         self._resumed = memory is not None  # not reported yet
 
@@ -77,7 +76,14 @@ class Pipeline:
     def begin_log(self) -> None:
         """Continue in another log, as a new pipeline does from the saved state of this one."""
         self._assembler = assembler_of(self._settings)
+        if self._weather:
+            self._weather = self._thermometer(self._weather.offset)
+        self._judge.begin_log()
         self._resumed = True
+
+    def _thermometer(self, offset: float) -> SiteTemperature | None:
+        temperature = self._settings.temperature
+        return SiteTemperature(temperature.stale_minutes, offset) if temperature else None
 
     def resume(self, time: int) -> Iterator[Result]:
         """Report the continued reference at the first block of a log [ns UTC], if there is one."""

@@ -81,6 +81,11 @@ class WindowEvaluator:
             self._structure, self._added = None, f"the structure file is not used: {error}"
             self._learned = learn_baseline(None, *rest)
 
+    def begin_log(self) -> None:
+        """Drop what no saved state has."""
+        self._tests.forget()
+        self._extras = OptionalWork()
+
     @property
     def memory(self) -> Memory:
         """State to continue from after a restart."""

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 
-from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, reanalyse, steps_key, steps_of, texts_of
+from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, read_steps, reanalyse, steps_key, texts_of
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import console
 from monitor.errors import ArgumentError
-from monitor.results.windows import AlarmResult, Result
 from monitor.service.site import load_site
 
 if TYPE_CHECKING:
@@ -54,12 +53,11 @@ def reanalyse_archive(
         problems: list[str] = []
         states: dict[str, str] = {}
 
-        def finished(about: AnalysedLog, results: list[Result]) -> None:
+        def finished(about: AnalysedLog) -> None:
             progress.advance(task, about.log.size)
             problems.extend([about.problem] if about.problem else [])
-            alarms = [result for result in results if isinstance(result, AlarmResult)]
-            states[about.site] = alarms[-1].state if alarms else states.get(about.site, "normal")
-            _say(about, alarms)
+            states[about.site] = about.alarms[-1].state if about.alarms else states.get(about.site, "normal")
+            _say(about)
 
         reanalyse(client, planned, out, finished, math.inf if limit is None else limit)
     console.print(f"results: {out} (Parquet: windows, modes, alarms, logs)", soft_wrap=True)
@@ -104,7 +102,7 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
     for log, texts in planned:
         if isinstance(texts, str):
             state = f"not readable: {texts}"
-        elif steps_of(out / "steps", steps_key(log, texts)):
+        elif read_steps(out / "steps" / steps_key(log, texts)):
             state = "identified by an earlier run"
         else:
             state, new = "to be identified", new + log.size
@@ -112,11 +110,11 @@ def _print_plan(planned: Sequence[tuple[ArchiveLog, LogTexts | str]], out: Path)
     console.print(f"{len(planned)} logs, {new / 1e6:.1f} MB to be read; nothing is written")
 
 
-def _say(about: AnalysedLog, alarms: Sequence[AlarmResult]) -> None:
+def _say(about: AnalysedLog) -> None:
     state = f"{about.n_windows} windows" + (", identified by an earlier run" if about.kept else "")
     if about.problem:
         state += f"; {about.problem}"
     console.print(f"{escape(about.site)}: {escape(about.log.name)}: {escape(state)}", soft_wrap=True)
-    for alarm in alarms:
+    for alarm in about.alarms:
         if alarm.state == "alarm" and not alarm.quiet:
             console.print(f"    {escape(alarm.text)}", soft_wrap=True)

@@ -8,15 +8,16 @@ from monitor.cli.exit_codes import DONE
 
 
 def fleet(
-    target: Annotated[str, Argument(metavar="DATABASE|FLEET.toml", help="Address of the database, or settings.")],
+    target: Annotated[str, Argument(metavar="ADDRESS|FLEET.toml", help="Database or broker, or settings.")],
     port: Annotated[int | None, Option(help="Port of the page. Default: that of FLEET.toml, or 8770.")] = None,
 ) -> int:
-    """Serve a page of all sites of a PostgreSQL database.
+    """Serve a page of all sites of a database or a broker.
 
     Sites that need a person come first: changed structures, then monitors without data or with problems.
 
     Example:
     modalwatch fleet postgresql://modalwatch@localhost/modalwatch
+    modalwatch fleet mqtt://broker.example.org/modalwatch
     """
     from monitor.cli.operation.fleet_page import serve
 

@@ -58,7 +58,7 @@ def _last(days: float) -> Span:
 
 
 def write_csv(path: Path, found: Found) -> None:
-    """Write the trends: a line a mode and window, or day over more than two weeks."""
+    """Write the trends: one line per mode and window, hour (over two days) or day (over two weeks)."""
     try:
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)

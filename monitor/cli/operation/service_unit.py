@@ -1,4 +1,4 @@
-"""Site under a service manager: its unit, and its health."""
+"""Site or page of many sites under a service manager: its unit; the health of a site."""
 
 import json
 import os
@@ -13,8 +13,9 @@ from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.service.servers.web import read_token
 from monitor.service.site import Site, load_site
-from monitor.service.systemd.unit import Access, unit_of
+from monitor.service.systemd.unit import Access, Unit, fleet_unit_of, unit_of
 from monitor.settings import Settings
+from monitor.settings.fleet import load_fleet_settings
 
 _SECONDS = 5.0  # to wait for an answer
 
@@ -33,9 +34,7 @@ def install_unit(path: Path, *, of_user: bool, only_print: bool, run_as: str | N
         If the site could not run as it is, or the unit cannot be written.
     """
     site = load_site(path.absolute())
-    user = None if of_user else _user(site, run_as)
-    if of_user and run_as:
-        raise ArgumentError("--as", "expected without --user: your own service manager runs it as you")
+    user = _user(site.path, run_as, of_user=of_user)
     writable = (site.state.absolute(), (site.folder / site.settings.recorder.folder).absolute())
     for folder in writable:
         if not folder.is_dir():  # systemd mounts writable folders: they must exist
@@ -45,7 +44,26 @@ def install_unit(path: Path, *, of_user: bool, only_print: bool, run_as: str | N
     access = Access(
         user=user.name if user else "", writable=tuple(dict.fromkeys(writable)), ports=_ports(site.settings)
     )
-    unit = unit_of(site.path, access, of_user=of_user)
+    return _install(unit_of(site.path, access, of_user=of_user), of_user=of_user, only_print=only_print)
+
+
+def install_fleet_unit(path: Path, *, of_user: bool, only_print: bool, run_as: str | None) -> int:
+    """Write or print the systemd unit of the page of many sites; parameters as of `install_unit`.
+
+    Raises
+    ------
+    SettingsError, ArgumentError
+        If the page could not be served with these settings, or the unit cannot be written.
+    """
+    path = path.absolute()
+    settings = load_fleet_settings(path)
+    user = _user(path, run_as, of_user=of_user)
+    writable = ((path.parent / settings.token_file).parent,)  # the token is made at the first start
+    access = Access(user=user.name if user else "", writable=writable, ports=())
+    return _install(fleet_unit_of(path, access, of_user=of_user), of_user=of_user, only_print=only_print)
+
+
+def _install(unit: Unit, *, of_user: bool, only_print: bool) -> int:
     if only_print:
         echo(unit.text, nl=False)
         return DONE
@@ -67,21 +85,25 @@ class _User:
     gid: int
 
 
-def _user(site: Site, given: str | None) -> _User:
-    """Return the user of the system's unit: a given one, or the owner of the site's folder.
+def _user(settings: Path, given: str | None, *, of_user: bool) -> _User | None:
+    """Return the user of the system's unit: a given one, or the owner of the folder of the settings; else None.
 
     Raises
     ------
     ArgumentError
-        If there is no such user, or none is given and the folder is root's.
+        If there is no such user, none is given and the folder is root's, or one is given for the user's manager.
     """
+    if of_user:
+        if given:
+            raise ArgumentError("--as", "expected without --user: your own service manager runs it as you")
+        return None
     if given is not None:
         try:
             entry = pwd.getpwnam(given)
         except KeyError as error:
             raise ArgumentError("--as", f"expected a user of this machine, found {given!r}") from error
         return _User(given, entry.pw_uid, entry.pw_gid)
-    folder = site.path.parent
+    folder = settings.parent
     owner = folder.stat()
     if owner.st_uid == 0:
         raise ArgumentError(

@@ -5,7 +5,7 @@ The logs are the complete record; the database answers queries over long times, 
 
 from monitor.outputs.history.engines import database_url
 from monitor.outputs.history.errors import HistoryError
-from monitor.outputs.history.fleet import FleetReader, FleetRow
+from monitor.outputs.history.fleet import FleetReader, FleetRow, LastAlarm
 from monitor.outputs.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
 from monitor.outputs.history.recorder import HistoryRecorder
 from monitor.outputs.history.sites import STATE_SECONDS, SiteState, Writer
@@ -21,6 +21,7 @@ __all__ = [
     "HistoryError",
     "HistoryRecorder",
     "HistoryStore",
+    "LastAlarm",
     "Reader",
     "SiteState",
     "Span",

@@ -17,9 +17,10 @@ from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.sites import NO_SITE, find_site
 
 T = TypeVar("T")
-Every = Literal["window", "day"]
+Every = Literal["window", "hour", "day"]
 _NO_WRITING = "readonly database", "unable to open"  # messages of SQLite without write permission
-_FINE_DAYS = 14  # a longer trend is given by day
+_WINDOW_DAYS, _HOUR_DAYS = 2, 14  # longest spans with a trend per window, and per hour
+_HOUR = schema.DAY // 24
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +32,9 @@ class Span:
 
     @property
     def every(self) -> Every:
-        """Resolution of a trend over it."""
-        return "window" if self.end - self.start <= _FINE_DAYS * schema.DAY else "day"
+        """Resolution of trends over it: at most some thousand points."""
+        days = (self.end - self.start) / schema.DAY
+        return "window" if days <= _WINDOW_DAYS else "hour" if days <= _HOUR_DAYS else "day"
 
     @property
     def days(self) -> tuple[int, int]:
@@ -67,10 +69,10 @@ class DayRow:
 
 @dataclass(frozen=True, kw_only=True)
 class TrendPoint:
-    """A mode in a window, or over a day."""
+    """A mode in a window, or over an hour or a day."""
 
     mode: int
-    time: int  #: end of the window, noon of the day [ns UTC]
+    time: int  #: end of the window, middle of the hour, noon of the day [ns UTC]
     n: int  #: windows that show it
     frequency: float  #: mean [Hz]
     lowest: float  #: [Hz]
@@ -184,16 +186,13 @@ class Reader:
         ]
 
     def trend(self, mode: int, span: Span, every: Every | None = None) -> list[TrendPoint]:
-        """Return a mode over a span of time; per day over more than two weeks by default."""
-        if (every or span.every) == "day":
-            return _made(TrendPoint, self._rows(daily_trend_query(self._site, mode, span)))
-        return _made(TrendPoint, self._rows(trend_query(self._site, mode, span)))
+        """Return a mode over a span of time; by default with the resolution of the span."""
+        return _made(TrendPoint, self._rows(_TREND_QUERIES[every or span.every](self._site, mode, span)))
 
     def trends(self, span: Span) -> dict[int, list[TrendPoint]]:
         """Return all modes over a span of time, as `trend` does each; those without a point are left out."""
-        query = daily_trend_query if span.every == "day" else trend_query
         found: dict[int, list[TrendPoint]] = defaultdict(list)
-        for point in _made(TrendPoint, self._rows(query(self._site, None, span))):
+        for point in _made(TrendPoint, self._rows(_TREND_QUERIES[span.every](self._site, None, span))):
             found[point.mode].append(point)
         return dict(sorted(found.items()))
 
@@ -281,6 +280,24 @@ def trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, .
     return own.where(table.c.end.between(span.start, span.end)).order_by(table.c.end)
 
 
+def hourly_trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
+    """Return the query for a mode, or all of them, over time, per hour; a mean is that of its windows in the hour."""
+    table = schema.modes
+    hour = (table.c.end - 1) // _HOUR  # a window that ends with an hour is of this hour
+    time = (hour * _HOUR + _HOUR // 2).label("time")
+    figures = (
+        func.count().label("n"),
+        func.avg(table.c.frequency).label("frequency"),
+        func.min(table.c.frequency).label("lowest"),
+        func.max(table.c.frequency).label("highest"),
+        func.avg(table.c.damping).label("damping"),
+        func.avg(table.c.shift_percent).label("shift_percent"),
+    )
+    own = select(table.c.mode, time, *figures).where(table.c.site == site)
+    own = own.where(true() if mode is None else table.c.mode == mode, table.c.end.between(span.start, span.end))
+    return own.group_by(table.c.mode, hour).order_by(hour)
+
+
 def daily_trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
     """Return the query for a mode, or all of them, over time, per day."""
     table, (first, last) = schema.mode_days, span.days
@@ -295,3 +312,10 @@ def events_query(site: int, span: Span, topic: str | None = None) -> Select[*tup
     table = schema.events
     found = select(*_columns(table)).where(table.c.site == site, table.c.time.between(span.start, span.end))
     return (found if topic is None else found.where(table.c.topic == topic)).order_by(table.c.time.desc())
+
+
+_TREND_QUERIES: dict[Every, Callable[[int, int | None, Span], Select[*tuple[Any, ...]]]] = {
+    "window": trend_query,
+    "hour": hourly_trend_query,
+    "day": daily_trend_query,
+}

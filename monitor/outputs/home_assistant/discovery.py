@@ -37,6 +37,11 @@ class Topics:
         return f"{self.base}/availability"
 
     @property
+    def report(self) -> str:
+        """Topic of the report for pages of many sites."""
+        return f"{self.base}/site"
+
+    @property
     def identity(self) -> str:
         """Identity of the site in Home Assistant."""
         return re.sub(r"[^A-Za-z0-9_-]", "_", self.base)

@@ -1,4 +1,7 @@
-"""Publisher of the state of a site for Home Assistant: a connection to a broker in a thread of its own."""
+"""Publisher of the state of a site over MQTT: a connection to a broker in a thread of its own.
+
+The states are for Home Assistant, the report is for pages of many sites.
+"""
 
 import json
 import queue
@@ -20,6 +23,7 @@ from monitor.outputs.home_assistant.discovery import (
     states,
 )
 from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
+from monitor.outputs.site_report import SiteReport
 from monitor.results.service_events import HomeAssistantFailed, HomeAssistantRecovered
 from monitor.results.site_status import SiteStatus
 from monitor.settings import HomeAssistantSettings
@@ -32,6 +36,7 @@ _LOOP_SECONDS = 0.2
 _CONNECT_SECONDS = 5.0
 _KEEPALIVE_SECONDS = 15  # the broker publishes the last will after 1.5 times that without a message
 _END_SECONDS = 2.0  # longest wait for the last message
+_REPORT_SECONDS = 45.0  # interval of reports without a change
 _RETRY_FIRST_SECONDS, _RETRY_LONGEST_SECONDS = 2.0, 60.0
 
 
@@ -61,12 +66,13 @@ class HomeAssistant:
         self._backoff = Backoff(retry_seconds, _RETRY_LONGEST_SECONDS)
         self._events: queue.SimpleQueue[EventPayload] = queue.SimpleQueue()
         self._status: SiteStatus | None = None  # the newest
+        self._site_report: SiteReport | None = None  # the newest
         self._thread = SupervisedThread("home assistant", self._run)
         self.problem: str | None = None  #: why nothing is published
 
-    def show(self, status: SiteStatus) -> None:
-        """Take the newest status; never blocks."""
-        self._status = status
+    def show(self, status: SiteStatus, report: SiteReport | None = None) -> None:
+        """Take the newest status, and the newest report for pages of many sites; never blocks."""
+        self._status, self._site_report = status, report
 
     def events(self) -> Iterator[EventPayload]:
         """Yield failures and recoveries of the connection since the last call."""
@@ -115,6 +121,7 @@ class HomeAssistant:
                 self._backoff.reset()
                 self._report(None)
                 session.publish(self._status)
+                session.publish_report(self._site_report)
             elif time.monotonic() > end:
                 raise _BrokerError("the broker does not answer")
         session.end()
@@ -134,6 +141,7 @@ class _Session:
         self._client, self._topics, self._site = client, topics, site
         self._modes: dict[str, Config] = {}  # discovery of modes that is published
         self._published: object = None  # window and state of the last states
+        self._reported: tuple[object, float] | None = None  # content of the last report, and when the next is due [s]
         self._refused = ""
         self.online = False  #: whether the broker has accepted the connection
 
@@ -176,6 +184,14 @@ class _Session:
             self._send(topic, json.dumps(modes[topic]))
         self._send(self._topics.state, json.dumps(states(status)))
         self._modes, self._published = modes, key
+
+    def publish_report(self, report: SiteReport | None) -> None:
+        """Publish the report if it has changed, or after a while."""
+        now = time.monotonic()
+        if report is None or (self._reported and self._reported[0] == report.content and now < self._reported[1]):
+            return
+        self._send(self._topics.report, report.model_dump_json())
+        self._reported = report.content, now + _REPORT_SECONDS
 
     def end(self) -> None:
         """Publish that the monitor is offline, and disconnect: a last will is for those that are killed."""

@@ -1,4 +1,4 @@
-"""The systemd unit of a site: started at boot, watched, and allowed no more than it needs.
+"""The systemd units of a site and of the page of many sites: started at boot, and allowed no more than they need.
 
 References
 ----------
@@ -98,18 +98,24 @@ def unit_of(site: Path, access: Access, *, of_user: bool) -> Unit:
     access : permitted to the run
     of_user : whether it is for the user's manager instead of the system's
     """
-    name = "modalwatch-" + re.sub(r"[^A-Za-z0-9]+", "-", site.parent.name + "-" + site.stem).strip("-")
+    of_site = ["ExecReload=/bin/kill -HUP $MAINPID", "WatchdogSec=60", "TimeoutStartSec=120", "TimeoutStopSec=90"]
+    return _unit(site, "run", "watches", of_site, access, of_user=of_user)
+
+
+def fleet_unit_of(fleet: Path, access: Access, *, of_user: bool) -> Unit:
+    """Return the unit that serves the page of many sites; parameters as of `unit_of`, with FLEET.toml."""
+    return _unit(fleet, "fleet", "serves the page of", ["TimeoutStopSec=30"], access, of_user=of_user)
+
+
+def _unit(path: Path, command: str, does: str, of_service: list[str], access: Access, *, of_user: bool) -> Unit:
+    name = "modalwatch-" + re.sub(r"[^A-Za-z0-9]+", "-", path.parent.name + "-" + path.stem).strip("-")
     folder = Path.home() / ".config" / "systemd" / "user" if of_user else _SYSTEM
-    return Unit(path=folder / f"{name}.service", text=_text(site, access, of_user=of_user))
-
-
-def _text(site: Path, access: Access, *, of_user: bool) -> str:
-    lines = [_MARK, "[Unit]", f"Description=modalwatch watches {_plain(site.parent.name)}/{_plain(site.name)}"]
+    lines = [_MARK, "[Unit]", f"Description=modalwatch {does} {_plain(path.parent.name)}/{_plain(path.name)}"]
     if not of_user:
         lines += ["Wants=network-online.target", "After=network-online.target time-sync.target"]
     lines += ["StartLimitIntervalSec=0", "", "[Service]", "Type=notify", "NotifyAccess=main"]
-    lines += [f"ExecStart={_command()} run {_quoted(site)}", "ExecReload=/bin/kill -HUP $MAINPID"]
-    lines += [f"WorkingDirectory={_plain(site.parent)}", "WatchdogSec=60", "TimeoutStartSec=120", "TimeoutStopSec=90"]
+    lines += [f"ExecStart={_command()} {command} {_quoted(path)}", f"WorkingDirectory={_plain(path.parent)}"]
+    lines += of_service
     lines += ["# settings that are wrong stay wrong: 2 is not tried again, what could not start (3) is"]
     lines += [
         "Restart=on-failure",
@@ -123,7 +129,7 @@ def _text(site: Path, access: Access, *, of_user: bool) -> str:
         lines += [f"User={_plain(access.user)}", *_OF_SYSTEM.splitlines(), *_devices(access.ports)]
         lines += [f"ReadWritePaths={_quoted(folder)}" for folder in access.writable]
     lines += ["", "[Install]", f"WantedBy={'default' if of_user else 'multi-user'}.target"]
-    return "\n".join(lines) + "\n"
+    return Unit(path=folder / f"{name}.service", text="\n".join(lines) + "\n")
 
 
 def _command() -> str:

@@ -64,7 +64,7 @@ def _draw_levels(axes: Axes, found: Found) -> None:
     axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.set_ylabel("novelty / limit" if found.span.every == "window" else "novelty / limit,\nhighest of the day")
+    axes.set_ylabel("novelty / limit,\nhighest of the day" if found.span.every == "day" else "novelty / limit")
 
 
 def _draw_shift(axes: Axes, mode: int, points: list[TrendPoint]) -> None:

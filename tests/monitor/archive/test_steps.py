@@ -9,7 +9,6 @@ from daq import Event, read_attachments, read_log
 from monitor.archive.steps import Step, identify_log, unpacked
 from monitor.results.events import event_result
 from monitor.settings import parse_attached
-from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline
 from updater import parse_structure
 
@@ -46,27 +45,11 @@ def test_results_from_steps_equal_results_from_blocks(log: Path) -> None:
 def test_log_beyond_the_time_limit_is_cut_and_not_kept(log: Path) -> None:
     settings = parse_attached(read_attachments(log)["site.toml"])
     steps = identify_log(log, settings, limit=0.02)
-    assert steps.late
+    assert steps.retry
     assert steps.n_windows < 8
     assert steps.problem is not None
     assert "was not analysed within 0.02 s: the rest is left out" in steps.problem
     assert len(list(unpacked(steps.packed))) >= steps.n_windows
-
-
-@pytest.mark.thorough
-def test_next_log_continues_as_after_a_restart(log: Path) -> None:
-    """A pipeline that goes on in another log gives what a new one gives from its saved state."""
-    attached = read_attachments(log)
-    structure, settings = parse_structure(attached["structure.toml"]), parse_attached(attached["site.toml"])
-    steps = list(unpacked(identify_log(log, settings).packed))
-    kept = Pipeline(structure, settings)
-    _results(kept, steps)
-    new = Pipeline(structure, settings, parse_memory(memory_text(kept.memory)))
-    kept.begin_log()
-    found = _results(kept, steps)
-    assert found == _results(new, steps)
-    assert "nodes" in found[0]  # the reference, reported again
-    assert memory_text(kept.memory) == memory_text(new.memory)
 
 
 def _results(pipeline: Pipeline, steps: list[Step]) -> list[dict[str, Any]]:
@@ -75,3 +58,13 @@ def _results(pipeline: Pipeline, steps: list[Step]) -> list[dict[str, Any]]:
         for step in steps
         for result in (pipeline.resume(step) if isinstance(step, int) else pipeline.push_identified(step))
     ]
+
+
+def test_log_that_cannot_be_read_is_not_kept(log: Path, tmp_path: Path) -> None:
+    """A storage may respond again later; a file that is damaged stays damaged."""
+    settings = parse_attached(read_attachments(log)["site.toml"])
+    (tmp_path / "damaged.mcap").write_bytes(b"not a log")
+    gone, damaged = (identify_log(tmp_path / f"{name}.mcap", settings) for name in ("gone", "damaged"))
+    assert gone.problem is not None
+    assert damaged.problem is not None
+    assert (gone.retry, damaged.retry) == (True, False)

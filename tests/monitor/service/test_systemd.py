@@ -93,10 +93,15 @@ def site(tmp_path: Path) -> Path:
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd is installed")
 @pytest.mark.parametrize("scope", ["system", "user"])
-def test_systemd_accepts_the_unit(modalwatch: Commands, site: Path, scope: str) -> None:
+@pytest.mark.parametrize("kind", ["site", "fleet"])
+def test_systemd_accepts_the_unit(modalwatch: Commands, site: Path, scope: str, kind: str) -> None:
     """systemd's own check of it prints nothing: every key is known, every path can be read."""
     as_whom = ["--user"] if scope == "user" else ["--as", "daemon"]
+    if kind == "fleet":
+        site.write_text('mqtt = "mqtt://h/modalwatch"')
+        as_whom.append("--fleet")
     text = modalwatch("install-service", site, "--print", *as_whom).out
+    assert f' {"run" if kind == "site" else "fleet"} "{site.parent}/bridge 100%%.toml"\n' in text
     unit = site.parent / "modalwatch-test.service"
     unit.write_text(text)
     command = ["systemd-analyze", "verify", "--man=no", f"--{scope}", str(unit)]

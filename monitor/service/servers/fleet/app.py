@@ -1,7 +1,7 @@
 """The routes of the page of many sites."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -11,6 +11,7 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from monitor.outputs.fleet_broker import FleetBroker, FleetBrokerError
 from monitor.outputs.history import FleetReader, FleetRow, HistoryError, Reader
 from monitor.service.servers import web
 from monitor.service.servers.fleet.overview import CONDITIONS, Wanted, overview
@@ -26,21 +27,28 @@ _MAX_WORDS = 200  # characters
 
 @dataclass(frozen=True, kw_only=True)
 class FleetSource:
-    """Data of the pages: the database, and what the settings know of its sites."""
+    """Data of the pages: a database, a broker or both, and what the settings know of the sites."""
 
-    reader: FleetReader
-    url: str = field(repr=False)  #: address of the database, with its password
+    reader: FleetReader | None  #: of the database
+    broker: FleetBroker | None = None  #: its states replace those of the database
+    url: str = field(default="", repr=False)  #: address of the database, with its password
     pages: Mapping[str, str] = field(default_factory=dict)  #: address of the status page of a site, by name
     hidden: tuple[str, ...] = ()  #: names of sites that are not shown
 
     def sites(self) -> list[FleetRow]:
         """Return the sites that are shown."""
-        return [row for row in self.reader.sites() if row.name not in self.hidden]
+        rows = {row.name: row for row in (self.reader.sites() if self.reader else ())}
+        for row in self.broker.sites() if self.broker else ():
+            known = rows.get(row.name)
+            rows[row.name] = replace(row, number=known.number) if known else row
+        return [row for name, row in sorted(rows.items()) if name not in self.hidden]
 
     def content(self, rows: list[FleetRow], wanted: Wanted) -> str:
         """Return the changing part of the page."""
         found = overview(rows, wanted)
-        levels = self.reader.levels([view.row.number for view in found.shown])
+        numbers = [view.row.number for view in found.shown]
+        levels = self.reader.levels([number for number in numbers if number > 0]) if self.reader else {}
+        levels |= self.broker.levels([number for number in numbers if number < 0]) if self.broker else {}
         return sites_html(found, wanted, levels, self.pages)
 
     def site(self, row: FleetRow, span: str) -> str:
@@ -56,7 +64,7 @@ def make_fleet_app(source: FleetSource, *, token: str, open_to_look: bool, token
     async def content(request: Request) -> tuple[str, int]:
         try:
             return await run_in_threadpool(source.content, await rows.get(), _wanted(request)), 200
-        except HistoryError as error:
+        except (HistoryError, FleetBrokerError) as error:
             return failed_html(str(error)), 503
 
     async def page(request: Request) -> Response:
@@ -70,17 +78,17 @@ def make_fleet_app(source: FleetSource, *, token: str, open_to_look: bool, token
         span = request.query_params.get("span", "day")
         try:
             number = int(request.path_params["number"])
-            found = [row for row in await rows.get() if row.number == number]
+            found = [row for row in await rows.get() if row.number == number and number > 0]
             if not found or span not in SPANS:
                 return PlainTextResponse("there is no such page\n", 404)
             return HTMLResponse(await run_in_threadpool(source.site, found[0], span))
-        except HistoryError as error:
+        except (HistoryError, FleetBrokerError) as error:
             return HTMLResponse(fleet_html(Wanted(), failed_html(str(error))), 503)
 
     async def healthz(_: Request) -> Response:
         try:
             await rows.get()
-        except HistoryError as error:
+        except (HistoryError, FleetBrokerError) as error:
             return JSONResponse({"healthy": False, "problems": [str(error)]}, 503)
         return JSONResponse({"healthy": True, "problems": []})
 

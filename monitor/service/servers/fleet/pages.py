@@ -58,7 +58,7 @@ def fleet_html(wanted: Wanted, content: str) -> str:
 
 
 def failed_html(problem: str) -> str:
-    """Return the changing part while the database cannot be read."""
+    """Return the changing part while the states cannot be read."""
     return _ENVIRONMENT.get_template("failed.html").render(problem=problem)
 
 
@@ -91,7 +91,7 @@ def site_html(reader: Reader, row: FleetRow, span: str) -> str:
 
 def _card(view: SiteView, levels: Sequence[float], pages: Mapping[str, str]) -> dict[str, Any]:
     row, state, alarm = view.row, view.row.state, view.row.alarm
-    own = f"/site/{row.number}"
+    own = f"/site/{row.number}" if row.number > 0 else ""  # else there is no history
     given = pages.get(row.name) or (state.url if state else "")
     return {
         "name": row.name,

@@ -11,7 +11,13 @@ from sqlalchemy.dialects import sqlite
 from daq import Event
 from monitor.outputs.history import HistoryError, HistoryStore, Reader, Span, Writer, schema
 from monitor.outputs.history.migrations import NEWEST
-from monitor.outputs.history.queries import daily_trend_query, events_query, trend_query, windows_query
+from monitor.outputs.history.queries import (
+    daily_trend_query,
+    events_query,
+    hourly_trend_query,
+    trend_query,
+    windows_query,
+)
 from tests.support.monitor.history import HOUR, START, change, make_old, rows, run_events, sqlite_url, write_years
 
 EVENTS = run_events()
@@ -208,14 +214,32 @@ def test_queries_over_a_year_use_an_index(url: str) -> None:
         for query in (
             windows_query(1, span),
             trend_query(1, 2, span),
+            hourly_trend_query(1, 2, span),
             daily_trend_query(1, 2, span),
             events_query(1, span),
         ):
             text = str(query.compile(dialect=sqlite.dialect(), compile_kwargs={"literal_binds": True}))
             plan = [str(row[3]) for row in connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {text}")]
             assert plan, text
+            plan = [step for step in plan if not step.startswith("USE TEMP B-TREE")]  # of some thousand rows found
             assert all(step.startswith("SEARCH") and "INDEX" in step for step in plan), (text, plan)
     engine.dispose()
     with Reader(url) as reader:
         assert len(reader.trend(2, span)) == 366
         assert sum(point.n for point in reader.trend(2, span)) == n
+
+
+def test_trend_per_hour_is_that_of_its_windows(url: str) -> None:
+    write_years(url, years=10 / 365, step=HOUR // 6, n_modes=3)
+    span = Span(start=START, end=START + 240 * HOUR)
+    with Reader(url) as reader:
+        assert (span.every, Span(start=START, end=START + 48 * HOUR).every) == ("hour", "window")
+        found, windows = reader.trends(span), reader.trend(2, span, "window")
+        assert found[2] == reader.trend(2, span)
+    assert len(found) == 3
+    assert sum(point.n for point in found[2]) == len(windows) > 1400
+    for point in found[2]:
+        own = [w for w in windows if point.time - HOUR // 2 < w.time <= point.time + HOUR // 2]
+        assert point.n == len(own)
+        assert point.frequency == pytest.approx(sum(w.frequency for w in own) / len(own), rel=1e-12)
+        assert (point.lowest, point.highest) == (min(w.frequency for w in own), max(w.frequency for w in own))

@@ -180,7 +180,7 @@ def test_restarted_database_is_followed(served: Served) -> None:
         until(lambda: served.get("/healthz").status_code == 503)
         answer = served.get("/")
         assert answer.status_code == 503
-        assert "The database cannot be read" in answer.text
+        assert "The states cannot be read" in answer.text
     finally:
         served.database.start()
     until(lambda: served.get("/healthz").status_code == 200)
@@ -213,7 +213,7 @@ def test_monitor_that_stops_becomes_stale(database: Server, tmp_path: Path, monk
     ("target", "says"),
     [
         ("postgresql://me:secret@127.0.0.1:1/none", "error: postgresql://127.0.0.1:1/none: "),
-        ("nonsense", "TARGET: expected postgresql://USER@HOST/NAME or FLEET.toml, found 'nonsense'"),
+        ("nonsense", "TARGET: expected postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml, found 'nonsense'"),
         ("oracle9://me:secret@h/x", "expected sqlite:///FILE or postgresql://USER@HOST/NAME"),
         ("sqlite:///history.sqlite", "expected postgresql://USER@HOST/NAME: a file holds one site"),
         ("nowhere.toml", "nowhere.toml: cannot be read"),
@@ -232,7 +232,9 @@ def test_wrong_database_is_one_error(
     [
         ('url = "postgresql://u:secret@h/x"\nbind = "secret"', "bind: expected an address such as 127.0.0.1"),
         ('url = ["secret"]', "url: Input should be a valid string"),
-        ('ulr = "secret"', "url: Field required"),
+        ('ulr = "secret"', "ulr: no such setting"),
+        ("port = 8771", "expected url (a database), mqtt (a broker), or both"),
+        ('mqtt = "http://me:secret@h/x"', "mqtt: expected mqtt://HOST/TOPIC or mqtts://HOST/TOPIC"),
         ('url = "postgresql://secret@h/x"\n[pages]\na = "javascript:x"', "pages: a: expected http://HOST"),
     ],
 )

@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from monitor.outputs.history import STATE_SECONDS, FleetRow, SiteState
-from monitor.outputs.history.fleet import LastAlarm
+from monitor.outputs.history import STATE_SECONDS, FleetRow, LastAlarm, SiteState
 from monitor.service.servers.fleet.overview import PAGE_SITES, Wanted, overview, view_of
 
 STATE = SiteState(state="normal", window=0, window_age=5.0, overdue=False, problems=(), url="")
