@@ -6,12 +6,18 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from daq.drivers.addresses import OURS, CanAddress, CanPlace, DbcAddress, LogAddress
+from daq.drivers.addresses import OURS, CanAddress, CanPlace, DbcAddress, LogAddress, TextAddress
 from daq.drivers.base import Driver
 
-Place = str | CanPlace | LogAddress  #: location of a device: a serial port, a bus, or a log
+Place = str | CanPlace | TextAddress | LogAddress  #: location of a device: a port, a bus, or a log
 #: name of each kind of location in the settings
-_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc", LogAddress: "log"}
+_SETTINGS: dict[type, str] = {
+    str: "port",
+    TextAddress: "port` and `text",
+    CanAddress: "can",
+    DbcAddress: "can` and `dbc",
+    LogAddress: "log",
+}
 
 
 @dataclass(frozen=True)
@@ -28,6 +34,7 @@ _DRIVERS = {
     "epson-uart": DriverKind({str: "daq.drivers.serial.epson_uart:EpsonUart"}),
     "modalwatch-node": DriverKind({str: "daq.drivers.serial.node:ModalwatchNode"}),
     "replay": DriverKind({LogAddress: "daq.drivers.replay:ReplayedDevice"}),
+    "serial-text": DriverKind({TextAddress: "daq.drivers.serial.text_lines:TextLines"}),
     "witmotion": DriverKind(
         {str: "daq.drivers.serial.witmotion:Witmotion", CanAddress: "daq.drivers.can.witmotion_can:WitmotionCan"},
         low_grade="scans have no number: those that a port loses shift all that follow, unseen",
@@ -58,7 +65,8 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
     Parameters
     ----------
     name : of the driver; one of ours is never replaced by a plug-in
-    place : path of a serial port, node on a CAN bus, sensor on one that a DBC file describes, or device in a log
+    place : path of a serial port, with or without a format of lines, node on a CAN bus, sensor on one that a DBC file
+        describes, or device in a log
     rate : scans a second [Hz]
 
     Raises
