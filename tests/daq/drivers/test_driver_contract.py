@@ -27,9 +27,10 @@ from daq import (
     ScaledClock,
     make_driver,
 )
-from daq.drivers import CanPlace
+from daq.drivers import CanPlace, TextAddress
 from tests.support.daq.can_buses import can_process, wait_for
 from tests.support.daq.emulated_can import imu
+from tests.support.daq.emulated_ports import LINES
 from tests.support.daq.ports import Emulators, emulators
 
 pytestmark = pytest.mark.live
@@ -39,10 +40,11 @@ DBC = Path(__file__).parents[3] / "examples" / "imu.dbc"
 _COARSE = 2**-8  # m/s2 a count: 16 bits up to 13 g
 WIT = CanAddress(interface="slcan", channel="/dev/none", node=0x50, bitrate=250_000)
 #: a place where nothing is, and the serial number of the emulated device, if such a device can tell one
-DRIVERS: dict[str, tuple[str | CanPlace, str | None]] = {
+DRIVERS: dict[str, tuple[str | CanPlace | TextAddress, str | None]] = {
     "epson-uart": ("/dev/none", "E0000000"),
     "modalwatch-node": ("/dev/none", "E0000000"),
     "witmotion": ("/dev/none", None),
+    "serial-text": (TextAddress(port="/dev/none", form=LINES), None),
     "epson-can": (CanAddress(interface="slcan", channel="/dev/none", node=1), "100"),
     "witmotion on CAN": (WIT, None),
     "can-dbc": (DbcAddress(interface="slcan", channel="/dev/none", sensor=imu(DBC)), None),
@@ -59,7 +61,7 @@ SERIAL = [name for name, (place, _) in DRIVERS.items() if isinstance(place, str)
 class Device:
     """An emulated device in another process."""
 
-    place: str | CanPlace
+    place: str | CanPlace | TextAddress
     clock: ScaledClock
     unplug: Callable[[], None]
 
@@ -76,7 +78,7 @@ def ports() -> Iterator[Emulators]:
         yield found
 
 
-def make(name: str, place: str | CanPlace, rate: float) -> Driver:
+def make(name: str, place: str | CanPlace | TextAddress, rate: float) -> Driver:
     """Return the driver of a row of the table."""
     return make_driver(name.partition(" ")[0], place, rate)
 
@@ -88,6 +90,10 @@ def device(name: str, ports: Emulators, folder: Path) -> Iterator[Device]:
     if isinstance(place, str):
         number = SERIAL.index(name)
         yield Device(ports.ports[number], ports.clock, partial(ports.unplug, number))
+        return
+    if isinstance(place, TextAddress):  # it sends from its start on: a pty would hold old lines
+        with emulators(1, kind=name) as own:
+            yield Device(replace(place, port=own.ports[0]), own.clock, partial(own.unplug, 0))
         return
     sensor = {"can-dbc": (str(DBC), "0", "0"), "witmotion on CAN": ("witmotion",)}.get(name, ())
     with can_process(folder, 0 if sensor else 1, dbc=sensor) as bus:
@@ -148,7 +154,7 @@ def check_life(found: Device, name: str) -> None:
     assert identity.payload() == json.loads(json.dumps(identity.payload()))
     assert (identity.serial or None) == DRIVERS[name][1]
     check_stream(driver, RATES[name], TEMPERATURES[name])
-    taken = "no .* answers: the port is in use by another program$" if isinstance(found.place, str) else ""
+    taken = "no .* answers: the port is in use by another program$" if not isinstance(found.place, CanPlace) else ""
     with pytest.raises(DriverError, match=found.where + taken):
         other.open()
     driver.close()

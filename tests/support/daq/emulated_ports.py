@@ -15,9 +15,11 @@ from collections.abc import Callable
 import numpy as np
 
 from daq import HostClock, IntArray, ScaledClock
-from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedWitmotion, serve_all, unplugging
+from daq.drivers import LineFormat
+from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedTextLines, EmulatedWitmotion, serve_all, unplugging
 
-Device = EmulatedEpson | EmulatedNode | EmulatedWitmotion
+Device = EmulatedEpson | EmulatedNode | EmulatedTextLines | EmulatedWitmotion
+LINES = LineFormat(columns=("counter", "time_us", "x", "y", "z", "temperature"), unit="mg")
 
 
 class Ramp:
@@ -46,6 +48,7 @@ def reported() -> list[str]:
 KINDS: dict[str, Callable[[HostClock, str], Device]] = {
     "epson-uart": lambda clock, name: EmulatedEpson(Ramp(), clock, serial_number=name),
     "modalwatch-node": lambda clock, name: EmulatedNode(Ramp(), clock, serial_number=name),
+    "serial-text": lambda clock, _: EmulatedTextLines(Ramp(), clock, LINES, rate=1000.0, checksum=True),
     "witmotion": lambda clock, _: EmulatedWitmotion(Ramp(), clock),
 }
 
