@@ -33,6 +33,7 @@ _DRIVERS = {
     "epson-can": DriverKind({CanAddress: "daq.drivers.can.epson_can:EpsonCan"}),
     "epson-uart": DriverKind({str: "daq.drivers.serial.epson_uart:EpsonUart"}),
     "modalwatch-node": DriverKind({str: "daq.drivers.serial.node:ModalwatchNode"}),
+    "raspberry-shake": DriverKind({str: "daq.drivers.network.raspberry_shake:RaspberryShake"}),
     "replay": DriverKind({LogAddress: "daq.drivers.replay:ReplayedDevice"}),
     "serial-text": DriverKind({TextAddress: "daq.drivers.serial.text_lines:TextLines"}),
     "witmotion": DriverKind(

@@ -4,8 +4,7 @@ import errno
 import select
 import socket
 import time
-from collections.abc import Callable
-from functools import partial
+from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from daq.drivers.serial.buffered_port import BufferedPort
@@ -19,11 +18,23 @@ _DATAGRAM = 65_536  # bytes, at most
 _RECEIVE_BUFFER = 1 << 20  # bytes, for a host that is busy
 _AT_ONCE = 200  # datagrams a read
 
-NetworkPort = Callable[[], "TcpPort | UdpPort"]
+
+@dataclass(frozen=True)
+class NetworkAddress:
+    """A parsed address."""
+
+    text: str  #: as given
+    kind: str  #: tcp or udp
+    host: str  #: of the device, or of this machine for datagrams; empty for all of its addresses
+    port: int
+
+    def open(self) -> "TcpPort | UdpPort":
+        """Open the port; OSError as its class."""
+        return (TcpPort if self.kind == "tcp" else UdpPort)(self)
 
 
-def network_port(address: str) -> NetworkPort | None:
-    """Return the function that opens `tcp://HOST:PORT` or `udp://[HOST]:PORT`, None for the path of a serial port.
+def network_address(address: str) -> NetworkAddress | None:
+    """Return the parts of `tcp://HOST:PORT` or `udp://[HOST]:PORT`, None for the path of a serial port.
 
     Raises
     ------
@@ -37,11 +48,9 @@ def network_port(address: str) -> NetworkPort | None:
         host, port = parts.hostname or "", parts.port
     except ValueError:
         host, port = "", None
-    if port and parts.scheme == "tcp" and host:
-        return partial(TcpPort, address, host, port)
-    if port and parts.scheme == "udp":
-        return partial(UdpPort, address, host, port)
-    raise ValueError(f"port: expected tcp://HOST:PORT or udp://:PORT, found {address!r}")
+    if not port or not (parts.scheme == "udp" or (parts.scheme == "tcp" and host)):
+        raise ValueError(f"port: expected tcp://HOST:PORT or udp://:PORT, found {address!r}")
+    return NetworkAddress(address, parts.scheme, host, port)
 
 
 class TcpPort:
@@ -49,8 +58,7 @@ class TcpPort:
 
     Parameters
     ----------
-    address : for errors
-    host, port : of the device
+    address : of the device
 
     Raises
     ------
@@ -58,9 +66,9 @@ class TcpPort:
         If it does not accept.
     """
 
-    def __init__(self, address: str, host: str, port: int) -> None:
-        self._address = address
-        self._socket = socket.create_connection((host, port), _CONNECT_SECONDS)
+    def __init__(self, address: NetworkAddress) -> None:
+        self._address = address.text
+        self._socket = socket.create_connection((address.host, address.port), _CONNECT_SECONDS)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         self._socket.setblocking(False)
         self._bites = BufferedPort(self._socket.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_MIN_RATE)
@@ -96,9 +104,7 @@ class UdpPort:
 
     Parameters
     ----------
-    address : for errors
-    host : address of this machine, empty for all
-    port : to which the device sends
+    address : of this machine, to which the device sends
 
     Raises
     ------
@@ -106,12 +112,12 @@ class UdpPort:
         If another program has the port.
     """
 
-    def __init__(self, address: str, host: str, port: int) -> None:
-        self._address = address
-        self._socket = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM)
+    def __init__(self, address: NetworkAddress) -> None:
+        self._address = address.text
+        self._socket = socket.socket(socket.AF_INET6 if ":" in address.host else socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
-            self._socket.bind((host, port))
+            self._socket.bind((address.host, address.port))
         except OSError as error:
             self._socket.close()
             if error.errno == errno.EADDRINUSE:
@@ -122,11 +128,7 @@ class UdpPort:
         self._arrived = time.perf_counter_ns()
 
     def read(self) -> bytes:
-        """Return the received datagrams; empty if nothing arrives within `READ_SECONDS`."""
-        return b"".join(self.datagrams())
-
-    def datagrams(self) -> list[bytes]:
-        """Return the received datagrams, each whole.
+        """Return the received datagrams, one after another; empty if nothing arrives within `READ_SECONDS`.
 
         Raises
         ------
@@ -141,12 +143,12 @@ class UdpPort:
                 self._sender = self._sender or sender
                 if sender == self._sender:
                     found.append(content)
-                    self._arrived = time.perf_counter_ns()
         except BlockingIOError:
             pass
         except OSError as error:
             raise DeviceLost(self._address, f"the port is not available: {error}") from error
-        return found
+        self._arrived = time.perf_counter_ns()
+        return b"".join(found)
 
     @property
     def age(self) -> int:

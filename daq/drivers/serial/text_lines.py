@@ -6,7 +6,7 @@ import numpy as np
 
 from daq.drivers.addresses import TextAddress
 from daq.drivers.base import Scans
-from daq.drivers.network.ports import network_port
+from daq.drivers.network.ports import network_address
 from daq.drivers.rates import positive_rate
 from daq.drivers.serial.base import BytePort, SerialDriver
 from daq.drivers.serial.port import SerialPort
@@ -47,10 +47,10 @@ class TextLines(SerialDriver[TextDecoder, BytePort]):
         self.scale = address.form.step  #: [m/s2 per count]
         self._decoder, self._numbers = TextDecoder(self._form), ScanNumbers(self._form, rate)
         self._measured: float | None = None  # rate by the device's clock [Hz]
-        self._network = network_port(address.port)
+        self._network = network_address(address.port)
 
     def _connect(self) -> BytePort:
-        return self._network() if self._network else SerialPort(self._path, self._baud)
+        return self._network.open() if self._network else SerialPort(self._path, self._baud)
 
     def _start(self, port: BytePort) -> DeviceIdentity:
         """Wait for valid lines; check the rate by the device's clock, if the lines have it."""

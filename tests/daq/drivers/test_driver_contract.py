@@ -49,12 +49,23 @@ DRIVERS: dict[str, tuple[str | CanPlace | TextAddress, str | None]] = {
     "witmotion on CAN": (WIT, None),
     "can-dbc": (DbcAddress(interface="slcan", channel="/dev/none", sensor=imu(DBC)), None),
 }
-RATES = dict.fromkeys(DRIVERS, RATE) | {"witmotion": 200.0, "witmotion on CAN": 200.0}
-TEMPERATURES = dict.fromkeys(DRIVERS, 21.0) | {  # [degC]; of two the frames have no room for it
+#: places on a network, and the error of a second driver there; the ports are those of the emulators
+NETWORK: dict[str, tuple[str | TextAddress, str]] = {
+    "serial-text over TCP": (TextAddress(port="", form=LINES), "the connection is closed$"),
+    "serial-text over UDP": (TextAddress(port="", form=LINES), "the port is in use by another program$"),
+    "raspberry-shake": ("", "the port is in use by another program$"),
+}
+RATES = dict.fromkeys((*DRIVERS, *NETWORK), RATE) | {
+    "raspberry-shake": 100.0,
+    "witmotion": 200.0,
+    "witmotion on CAN": 200.0,
+}
+TEMPERATURES = dict.fromkeys((*DRIVERS, *NETWORK), 21.0) | {  # [degC]; of some the frames have no room for it
+    "raspberry-shake": float("nan"),
     "witmotion on CAN": float("nan"),
     "can-dbc": float("nan"),
 }
-SERIAL = [name for name, (place, _) in DRIVERS.items() if isinstance(place, str)]
+SERIAL = [*(name for name, (place, _) in DRIVERS.items() if isinstance(place, str)), *NETWORK]
 
 
 @dataclass(frozen=True)
@@ -73,7 +84,7 @@ class Device:
 
 @pytest.fixture(scope="module")
 def ports() -> Iterator[Emulators]:
-    """Run one device of each kind that is on a serial port."""
+    """Run one device of each kind that is on a serial port or a network."""
     with emulators(1, kind=",".join(SERIAL)) as found:
         yield found
 
@@ -86,15 +97,18 @@ def make(name: str, place: str | CanPlace | TextAddress, rate: float) -> Driver:
 @contextmanager
 def device(name: str, ports: Emulators, folder: Path) -> Iterator[Device]:
     """Run the device that a driver is for."""
-    place = DRIVERS[name][0]
-    if isinstance(place, str):
+    place = (DRIVERS | NETWORK)[name][0]
+    if name in SERIAL:
         number = SERIAL.index(name)
-        yield Device(ports.ports[number], ports.clock, partial(ports.unplug, number))
+        port = ports.ports[number]
+        found = replace(place, port=port) if isinstance(place, TextAddress) else port
+        yield Device(found, ports.clock, partial(ports.unplug, number))
         return
     if isinstance(place, TextAddress):  # it sends from its start on: a pty would hold old lines
         with emulators(1, kind=name) as own:
             yield Device(replace(place, port=own.ports[0]), own.clock, partial(own.unplug, 0))
         return
+    assert isinstance(place, CanPlace)
     sensor = {"can-dbc": (str(DBC), "0", "0"), "witmotion on CAN": ("witmotion",)}.get(name, ())
     with can_process(folder, 0 if sensor else 1, dbc=sensor) as bus:
         yield Device(replace(place, channel=bus.channel), bus.clock, partial(bus.say, "unplug"))
@@ -140,7 +154,8 @@ def check_blocks_until_unplugged(driver: Driver, found: Device, rate: float) -> 
     reader.join(10.0)
     lost = next(item for item in items[1:] if isinstance(item, Event))
     assert lost.topic == "/event/device_failed"
-    assert re.match(found.where, lost.payload["why"])
+    silent = str(found.place).startswith("udp:")  # nothing else tells that such a device is gone
+    assert re.match("d: silent for 1.7 s" if silent else found.where, lost.payload["why"])
     blocks = [item for item in items if isinstance(item, Block)]
     assert {block.scale for block in blocks} == {driver.scale}
     assert blocks[0].first_index == 0
@@ -152,10 +167,11 @@ def check_life(found: Device, name: str) -> None:
     driver, other = (make(name, found.place, RATES[name]) for _ in range(2))
     identity = driver.open()
     assert identity.payload() == json.loads(json.dumps(identity.payload()))
-    assert (identity.serial or None) == DRIVERS[name][1]
+    assert (identity.serial or None) == (None if name in NETWORK else DRIVERS[name][1])
     check_stream(driver, RATES[name], TEMPERATURES[name])
-    taken = "no .* answers: the port is in use by another program$" if not isinstance(found.place, CanPlace) else ""
-    with pytest.raises(DriverError, match=found.where + taken):
+    taken = "the port is in use by another program$" if not isinstance(found.place, CanPlace) else ""
+    taken = NETWORK[name][1] if name in NETWORK else taken
+    with pytest.raises(DriverError, match=f"{found.where}.*{taken}"):
         other.open()
     driver.close()
     driver.close()
@@ -164,7 +180,7 @@ def check_life(found: Device, name: str) -> None:
     check_blocks_until_unplugged(driver, found, RATES[name])
 
 
-@pytest.mark.parametrize("name", DRIVERS)
+@pytest.mark.parametrize("name", [*DRIVERS, *NETWORK])
 def test_driver_satisfies_the_driver_contract(name: str, ports: Emulators, tmp_path: Path) -> None:
     with device(name, ports, tmp_path) as found:
         check_life(found, name)
