@@ -28,6 +28,7 @@ class DriverKind:
     low_grade: str = ""  #: why its data are not to be relied on, if so
 
 
+_UNNUMBERED = "scans have no number: those that a port loses shift all that follow, unseen"
 _DRIVERS = {
     "can-dbc": DriverKind({DbcAddress: "daq.drivers.can.dbc_sensor:CanDbc"}),
     "epson-can": DriverKind({CanAddress: "daq.drivers.can.epson_can:EpsonCan"}),
@@ -38,7 +39,7 @@ _DRIVERS = {
     "serial-text": DriverKind({TextAddress: "daq.drivers.serial.text_lines:TextLines"}),
     "witmotion": DriverKind(
         {str: "daq.drivers.serial.witmotion:Witmotion", CanAddress: "daq.drivers.can.witmotion_can:WitmotionCan"},
-        low_grade="scans have no number: those that a port loses shift all that follow, unseen",
+        low_grade=_UNNUMBERED,
     ),
 }
 _GROUP = "modalwatch.drivers"  # of entry points: drivers of others
@@ -49,8 +50,16 @@ def driver_names() -> tuple[str, ...]:
     return tuple(sorted({*_DRIVERS, *entry_points(group=_GROUP).names}))
 
 
-def low_grade(name: str) -> str:
-    """Return why the data of a driver's devices are not to be relied on for modes; empty if they are."""
+def low_grade(name: str, place: Place | None = None) -> str:
+    """Return why the data of a driver's devices are not to be relied on for modes; empty if they are.
+
+    Parameters
+    ----------
+    name : of the driver
+    place : of the device, whose lines may have no number. Default: that of any device of the driver
+    """
+    if isinstance(place, TextAddress) and not place.form.numbered:
+        return _UNNUMBERED
     return _DRIVERS[name].low_grade if name in _DRIVERS else ""
 
 

@@ -137,28 +137,30 @@ class EmulatedAdapter:
                     part.close()
 
     def _serve_connection(self, server: socket.socket) -> None:
-        try:
+        if self._client is not None and not self._forwarded(self._client):
+            self._client.close()
+            self._client = None
+        with suppress(BlockingIOError):
             client, _ = server.accept()
+            client.setblocking(False)
             if self._client is None:
-                client.setblocking(False)
                 self._client = client
             else:
                 client.close()  # one at a time
-        except BlockingIOError:
-            pass
         if self._client is None:
             self._pending.clear()
-            return
+
+    def _forwarded(self, client: socket.socket) -> bool:
+        """Send what is pending, as far as there is room; return whether the connection is still open."""
         try:
-            if self._pending:
-                del self._pending[: self._client.send(self._pending)]
-            elif not self._client.recv(64):
-                raise ConnectionResetError
-        except BlockingIOError:
-            pass
+            with suppress(BlockingIOError):
+                if not client.recv(64):
+                    return False
+            with suppress(BlockingIOError):
+                del self._pending[: client.send(self._pending)]
         except OSError:
-            self._client.close()
-            self._client = None
+            return False
+        return True
 
     def _datagrams(self) -> list[bytes]:
         """Return whole lines, as many in each datagram as there is room for."""

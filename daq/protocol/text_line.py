@@ -10,7 +10,7 @@ skipped. A line that begins with `#` is a comment. The checksum is the exclusive
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import reduce
 from operator import xor
@@ -33,12 +33,17 @@ _LARGEST = 2**31 - 1
 _LABEL = rb"(?:[A-Za-z]\w{0,15}[ \t]?[:=][ \t]?)?"
 _TALKER = rb"(?:[A-Za-z]\w{0,15}[ \t]?,[ \t]?)?"  # as GPGGA in NMEA 0183
 _SEPARATOR = rb"(?:[ \t]*[,;][ \t]*|[ \t]+)"
-_DECIMAL = rb"([+-]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})(?:[eE][+-]?\d\d?)?)"
+DECIMAL = rb"([+-]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})(?:[eE][+-]?\d\d?)?)"  #: pattern of a number
 _PATTERNS = {
     "counter": rb"(\d{1,10})",
     **dict.fromkeys(TIMES, rb"(\d{1,15}(?:\.\d{0,9})?)"),
     IGNORED: rb"[^,; \t]*",
 }
+
+
+def line_pattern(numbers: Iterable[bytes]) -> re.Pattern[bytes]:
+    """Return the pattern of a line of numbers, each with its own pattern."""
+    return re.compile(rb"[ \t]*" + _TALKER + _SEPARATOR.join(_LABEL + number for number in numbers) + rb"[ \t]*")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +91,14 @@ class LineFormat:
 
     def pattern(self) -> re.Pattern[bytes]:
         """Return the pattern of a line, with a group for each column that is used."""
-        axis = _DECIMAL if self.scale is None else rb"([+-]?\d{1,10})"
-        numbers = (_PATTERNS.get(name, axis if name in AXES else _DECIMAL) for name in self.columns)
-        return re.compile(rb"[ \t]*" + _TALKER + _SEPARATOR.join(_LABEL + number for number in numbers) + rb"[ \t]*")
+        axis = DECIMAL if self.scale is None else rb"([+-]?\d{1,10})"
+        numbers = (_PATTERNS.get(name, axis if name in AXES else DECIMAL) for name in self.columns)
+        return line_pattern(numbers)
+
+    @property
+    def numbered(self) -> bool:
+        """True if missing scans are counted by the counter or the time."""
+        return "counter" in self.columns or self.time is not None
 
 
 @dataclass(frozen=True, eq=False)
