@@ -16,7 +16,6 @@ from daq.types import DeviceIdentity
 
 _WAIT_SECONDS = 3.0  # for a complete set of datagrams, of which there are 4 per second
 _NEAR = 10 * shake.RATE  # scans after which stamps are not followed
-_BACK = 8  # scans
 
 
 class RaspberryShake(SerialDriver[shake.ShakeDecoder, UdpPort]):
@@ -67,13 +66,14 @@ class RaspberryShake(SerialDriver[shake.ShakeDecoder, UdpPort]):
     def _decode(self, data: bytes) -> Scans:
         found = self._decoder.feed(data)
         number = self._numbers.numbers(found.time)
-        if len(number):
-            if number[-1] < self._last - _BACK:
-                raise DeviceLost(self._path, "the clock of the Raspberry Shake was set back")
-            self._last = int(number[-1])
+        latest = np.maximum.accumulate(np.append(self._last, number))
+        if np.any(number < latest[:-1] - shake.RATE):
+            raise DeviceLost(self._path, "the clock of the Raspberry Shake was set back")
+        in_order = number > latest[:-1]  # datagrams may arrive twice or late
+        self._last = int(latest[-1])
         return Scans(
-            counts=found.counts,
-            counter=(number % self.modulus).astype(np.int32),
+            counts=found.counts[in_order],
+            counter=(number[in_order] % self.modulus).astype(np.int32),
             temperature=float("nan"),
             bad_bytes=0,
         )

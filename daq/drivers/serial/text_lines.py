@@ -125,6 +125,7 @@ class ScanNumbers:
         self._stamps = StampCount(rate, wrap=wrap, most=_NEAR) if form.time and not self._counted else None
         self._anchor: tuple[int, int] | None = None  # number and counter of the last valid scan
         self._kept, self._kept_number = no_scans(), np.empty(0, np.intp)  # one scan at most
+        self._late = max(_NEAR, round(rate))  # scans by which datagrams of a network arrive late: a second
         self.restarted = False  #: numbers of scans that confirm each other have gone back
 
     def evaluate(self, scans: TextScans) -> tuple[TextScans, IndexArray, int]:
@@ -140,13 +141,17 @@ class ScanNumbers:
         good = confirmed | np.append(confirmed[1:], False)
         last = slice(len(scans) - (not good[-1]), None)
         self._kept, self._kept_number = scans[last], number[last]
-        refused = int(np.count_nonzero(~good)) - len(self._kept)
+        n = len(scans) - len(self._kept)
         scans, number = scans[good], number[good]
-        if len(scans):
-            steps = np.diff(np.concatenate([np.array(before, np.intp), number]))
-            self.restarted = bool(np.any(steps < -_NEAR))
+        if len(number):
+            before_all = number[0] - 1 if self._anchor is None else self._anchor[0]
+            latest = np.maximum.accumulate(np.append(before_all, number))
+            self.restarted = bool(np.any(number < latest[:-1] - self._late))
+            in_order = number > latest[:-1]
+            scans, number = scans[in_order], number[in_order]
+        if len(number):
             self._anchor = int(number[-1]), int(scans.counter[-1])
-        return scans, number, refused
+        return scans, number, n - len(number)
 
     def _number(self, scans: TextScans) -> IndexArray:
         """Return the numbers of scans; of those that a counter can mean the one nearest to the expected."""
