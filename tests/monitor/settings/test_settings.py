@@ -90,7 +90,7 @@ def test_channels_keep_device_and_axis() -> None:
             GOOD + TEXT.replace('"z"', '"w"'),
             "device.0.text: columns: expected counter, time_s, time_ms, time_us, x, y, z",
         ),
-        (GOOD + TEXT.replace('unit = "g"', ""), "device.0.text: expected one of `unit` and `scale`"),
+        (GOOD + TEXT.replace(', unit = "g"', ""), "device.0.text: expected one of `unit` and `scale`"),
         (GOOD + TEXT.replace('"g"', '"kg"'), "device.0.text: unit: expected m/s2, g, mg, found 'kg'"),
         (GOOD.replace("port =", "# port =") + CAN + TEXT, "device.0: expected `port` with `text`, found `can`"),
         (GOOD + "[analysis]\nband = [400.0, 5.0]\n", "analysis.band: expected 0 < low < high <= 500 Hz"),
