@@ -58,9 +58,9 @@ def run() -> None:
             content = bus.readfrom_mem(SENSOR, FIFO_DATA, 9)
             if content[2] & IS_EMPTY or not content[2] & IS_X:
                 break
+            last = time.ticks_us()  # before the line is sent, which may take long
             send(counter, content)
             counter += 1
-            last = time.ticks_us()
         time.sleep_ms(2)
 
 

@@ -81,7 +81,7 @@ void loop() {
   for (uint8_t k = entries / 3; k > 0; k--) {
     if (!readRegisters(FIFO_DATA, scan, 9) || scan[2] & IS_EMPTY || !(scan[2] & IS_X))
       return;
+    last = micros();  // before the line is sent, which may take long
     sendScan(counter++, scan);
-    last = micros();
   }
 }

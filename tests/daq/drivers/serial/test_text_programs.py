@@ -57,7 +57,7 @@ def read_program(command: Sequence[str | Path]) -> None:
     assert sum(scans.bad_bytes for scans in reads) == 0
     k = np.concatenate([scans.counts[:, 0] for scans in after])
     assert k[-1] - counter[-1] - len(k) > 0.2 * RATE  # lost
-    # A program counts what it lost by its clock: to a scan at either end of a pause, of which a busy machine adds some.
+    # It counts what it lost by its clock: to a scan at either end of the pause; a busy machine may add pauses.
     assert np.abs(np.concatenate([scans.counter for scans in after]) - k).max() <= 8
 
 
