@@ -68,8 +68,7 @@ class TextSettings(Section):
     """Lines of text that a device sends, in addition to `port`."""
 
     columns: Annotated[tuple[str, ...], Field(examples=[["counter", "time_ms", "x", "y", "z"]])]
-    """Numbers of a line in their order: `counter`, `time_s`, `time_ms` or `time_us`, `x`, `y`, `z`, `temperature`,
-    or `-` for a number that is not used."""
+    """Numbers of a line: `counter`, `time_s`, `time_ms`, `time_us`, `x`, `y`, `z`, `temperature`; `-`: not used."""
     unit: Annotated[str | None, Field(examples=["g"])] = None
     """Unit of x, y and z: `m/s2`, `g` or `mg`. Expected if `scale` is not given."""
     scale: Annotated[Positive | None, Field(examples=[0.0006])] = None
@@ -107,8 +106,7 @@ class DeviceSettings(Section):
     driver: Annotated[str, Field(examples=["epson-uart"])]
     """Name of the driver."""
     port: Annotated[str | None, Field(examples=["/dev/serial/by-id/usb-FTDI_A352-if00-port0"])] = None
-    """Serial port, best by `/dev/serial/by-id/`, or `tcp://HOST:PORT` or `udp://:PORT` for lines of text. A device has
-    this, `can = {..}` or `log = {..}`."""
+    """Serial port, best by `/dev/serial/by-id/`, or `tcp://..`, `udp://..`. A device has this, `can` or `log`."""
     can: CanSettings | None = None
     dbc: DbcSettings | None = None
     text: TextSettings | None = None
