@@ -1,7 +1,7 @@
 """Lines of text with one scan each, as microcontrollers print them: both directions side by side.
 
     1042,10420,0.012,-0.981,0.034            counter, time [ms], x, y, z
-    $1042,10420,0.012,-0.981,0.034*5B        the same with the checksum of NMEA 0183
+    $1042,10420,0.012,-0.981,0.034*37        the same with the checksum of NMEA 0183
     x:0.012 y:-0.981 z:0.034                 labels as of the plotter of the Arduino IDE
 
 A line ends with a line feed. Numbers are separated by a comma, a semicolon, blanks or tabs. A label before a number is

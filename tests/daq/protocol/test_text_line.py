@@ -1,14 +1,17 @@
 """Lines of text: numbers and back, whole, damaged and in pieces."""
 
 import itertools
+import re
 from functools import reduce
 from operator import xor
+from pathlib import Path
 
 import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
+from daq.protocol import text_line
 from daq.protocol.text_line import LineFormat, TextDecoder, TextScans, encode_lines, no_scans, unsealed
 
 FORM = LineFormat(columns=("counter", "time_ms", "x", "y", "z", "temperature"), unit="g")
@@ -63,6 +66,13 @@ def test_checksum_is_that_of_published_nmea_sentences() -> None:
     ):
         assert unsealed(sentence) == sentence[1:-3]
         assert unsealed(sentence[:-1] + b"0") is None
+
+
+def test_line_of_the_documentation_has_its_checksum() -> None:
+    page = Path(__file__).parents[3] / "docs" / "howto" / "rig" / "text.md"
+    (line,) = re.findall(r"`(\$1042[^`]*)`", page.read_text(encoding="utf-8"))
+    assert unsealed(line.encode()) == b"1042,10420,0.012,-0.981,0.034"
+    assert line in (text_line.__doc__ or "")
 
 
 @pytest.mark.parametrize(
