@@ -15,6 +15,7 @@ import pytest
 
 from daq import DeviceIdentity, make_driver
 from daq.drivers import LineFormat, TextAddress
+from tests.support.daq.arduino_programs import compiled_program
 
 pytestmark = pytest.mark.live
 
@@ -70,10 +71,7 @@ def test_documented_scale_is_that_of_the_data_sheet() -> None:
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
 def test_driver_reads_the_arduino_sketch(tmp_path: Path) -> None:
-    program, stub = tmp_path / "sketch", SUPPORT / "arduino"
-    flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-O1", f'-DSKETCH="{SKETCH}"', "-I", str(stub)]
-    subprocess.run(["g++", *flags, "-o", str(program), str(stub / "main.cpp")], check=True, timeout=60)
-    read_program([program])
+    read_program([compiled_program(SKETCH, tmp_path)])
 
 
 def test_driver_reads_the_micropython_program() -> None:

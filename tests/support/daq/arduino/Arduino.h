@@ -1,10 +1,13 @@
-// The part of the Arduino core that the sketches of examples/arduino use, on a computer.
+// The part of the Arduino core that the programs of examples/ use, on a computer: the serial port is the terminal.
 #pragma once
+#include <poll.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
+
+enum { LOW, HIGH, OUTPUT };
 
 inline uint64_t host_us() {
   struct timespec t;
@@ -14,12 +17,29 @@ inline uint64_t host_us() {
 
 inline uint32_t micros() { return (uint32_t)host_us(); }
 inline void delay(uint32_t ms) { usleep(1000 * ms); }
+inline void pinMode(uint8_t, uint8_t) {}
+void digitalWrite(uint8_t pin, uint8_t level);
 
 struct SerialPort {
   void begin(unsigned long) {}
-  void println(const char *text) {
-    if (write(1, text, strlen(text)) < 0 || write(1, "\r\n", 2) < 0)
+  int available() {
+    struct pollfd input = {0, POLLIN, 0};
+    return poll(&input, 1, 0) > 0;
+  }
+  int read() {
+    uint8_t byte;
+    if (::read(0, &byte, 1) != 1)
       _exit(0);  // the host has gone
+    return byte;
+  }
+  int availableForWrite() { return 256; }
+  void write(const void *content, size_t n) {
+    if (::write(1, content, n) < 0)
+      _exit(0);
+  }
+  void println(const char *text) {
+    write(text, strlen(text));
+    write("\r\n", 2);
   }
 };
 extern SerialPort Serial;

@@ -1,11 +1,15 @@
-// A sketch, named by SKETCH, as a program on a computer: its serial port is the standard output.
+// A program of examples/, named by PROGRAM, on a computer.
 #include "Arduino.h"
+#include "SPI.h"
 #include "Wire.h"
 
 SerialPort Serial;
+SPIClass SPI;
 TwoWire Wire;
 
-#include SKETCH
+void digitalWrite(uint8_t, uint8_t level) { SPI.select(level == LOW); }
+
+#include PROGRAM
 
 int main() {
   setup();
