@@ -110,17 +110,18 @@ class EmulatedAdapter:
         return self.device.dropped
 
     @property
-    def fill(self) -> float:
-        """Share of the buffer that holds bytes not yet sent."""
-        return len(self._pending) / PORT_BUFFER
+    def unread(self) -> int:
+        """Number of bytes that the device or the adapter has not sent yet."""
+        return self.device.unread + len(self._pending)
 
     def serve(self) -> None:
         """Forward what the device sends, without blocking. No effect once unplugged."""
         if self._unplugged:
             return
         self.device.serve()
-        with suppress(BlockingIOError):
-            self._pending += os.read(self._line, 65_536)
+        if len(self._pending) < PORT_BUFFER:
+            with suppress(BlockingIOError):
+                self._pending += os.read(self._line, 65_536)
         if self._server is not None:
             self._serve_connection(self._server)
         elif self._network is not None:
@@ -182,7 +183,7 @@ class EmulatedShake:
     clock_error : of the sampling against the time stamps, 1e-6 = 1 ppm fast
     """
 
-    fill = 0.0  #: share of a buffer: it has none
+    unread = 0  #: bytes not yet sent: it holds none
 
     def __init__(
         self,
