@@ -56,6 +56,9 @@ NETWORK: dict[str, tuple[str | TextAddress, str]] = {
     "raspberry-shake": ("", "the port is in use by another program$"),
 }
 RATES = dict.fromkeys((*DRIVERS, *NETWORK), RATE) | {
+    "serial-text": 200.0,
+    "serial-text over TCP": 200.0,
+    "serial-text over UDP": 200.0,
     "raspberry-shake": 100.0,
     "witmotion": 200.0,
     "witmotion on CAN": 200.0,
@@ -180,7 +183,12 @@ def check_life(found: Device, name: str) -> None:
     check_blocks_until_unplugged(driver, found, RATES[name])
 
 
-@pytest.mark.parametrize("name", [*DRIVERS, *NETWORK])
+THOROUGH = {"serial-text over UDP"}  # as over TCP, and as the datagrams of a Raspberry Shake
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.thorough] * (n in THOROUGH)) for n in (*DRIVERS, *NETWORK)]
+)
 def test_driver_satisfies_the_driver_contract(name: str, ports: Emulators, tmp_path: Path) -> None:
     with device(name, ports, tmp_path) as found:
         check_life(found, name)

@@ -56,7 +56,7 @@ def reported() -> list[str]:
 
 def text_lines(clock: HostClock) -> EmulatedTextLines:
     """Return a sensor that sends lines of text."""
-    return EmulatedTextLines(Ramp(), clock, LINES, rate=1000.0, checksum=True)
+    return EmulatedTextLines(Ramp(), clock, LINES, rate=200.0, checksum=True)
 
 
 KINDS: dict[str, Callable[[HostClock, str], Device]] = {
