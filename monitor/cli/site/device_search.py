@@ -77,7 +77,8 @@ def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]],
             nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
             who += "".join(f"\nnode {_node(d)}: {d.identity}" for d in nodes)
         system = port.device if port.by_id else ""
-        table.add_row(*(escape(text) for text in (port.path, system, port.description or "serial port", who)))
+        what = port.description or ("network" if "://" in port.path else "serial port")
+        table.add_row(*(escape(text) for text in (port.path, system, what, who)))
     for interface, channel in adapters:
         table.add_row(escape(channel), "", escape(f"CAN, interface {interface}"), "not queried")
     if not ports and not adapters:
