@@ -51,14 +51,15 @@ inline bool nextScan(Scan &scan, uint32_t &lost) {
     return false;
   read(STATUS, &status, 1);
   uint32_t passed = (now - last) / PERIOD_US;
-  if (status & FIFO_OVERRUN && last)
-    lost += passed > waiting ? passed - waiting : 1;
+  uint32_t missing = !(status & FIFO_OVERRUN) || !last ? 0 : passed > waiting ? passed - waiting : 1;
+  lost += missing;
   read(FIFO_DATA, content, 9);
   if (content[2] & IS_EMPTY || !(content[2] & IS_X))
     return false;
   for (int k = 0; k < 3; k++)
     scan.counts[k] = axis(content + 3 * k);
-  scan.us = last = now - (waiting - 1) * PERIOD_US;
+  last = now - (waiting - 1) * PERIOD_US;
+  scan.us = scanTime(last, 1 + missing, PERIOD_US);
   scan.centidegrees = centidegrees();
   return true;
 }

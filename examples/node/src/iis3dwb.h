@@ -70,9 +70,10 @@ inline bool nextScan(Scan &scan, uint32_t &lost) {
   uint8_t status[2], content[7], celsius[2];
   read(FIFO_STATUS, status, 2);
   uint32_t waiting = (uint32_t)(status[1] & 0x03) << 8 | status[0], now = micros();
+  static uint32_t missing = 0;
   if (status[1] & FIFO_OVERRUN && last) {
     uint32_t passed = (uint32_t)((now - last) / periodUs()), here = waiting / DECIMATION;
-    lost += passed > here ? passed - here : 1;
+    missing += passed > here ? passed - here : 1;
     last = now;
   }
   for (; waiting > 0; waiting--) {
@@ -86,7 +87,10 @@ inline bool nextScan(Scan &scan, uint32_t &lost) {
     taken = 0;
     for (int k = 0; k < 3; k++)
       scan.counts[k] = filters[k].take();
-    scan.us = last = now - (uint32_t)(waiting * periodUs() / DECIMATION);
+    last = now - (uint32_t)(waiting * periodUs() / DECIMATION);
+    scan.us = scanTime(last, 1 + missing, periodUs());
+    lost += missing;
+    missing = 0;
     read(TEMPERATURE, celsius, 2);
     scan.centidegrees = (int16_t)(2500 + (int16_t)(celsius[0] | celsius[1] << 8) * 100 / 256);
     return true;

@@ -62,7 +62,7 @@ class SPIClass {
         start_ = host_us();
       return 0;
     }
-    uint64_t n = waiting(26667.0 / 1.0) < 511 ? waiting(26667.0) : 511;
+    uint64_t n = waiting(26667.0) < 511 ? waiting(26667.0) : 511;
     switch (address) {
       case 0x0F: return 0x7B;
       case 0x3A: return (uint8_t)(n >> (8 * k));
