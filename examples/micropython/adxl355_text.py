@@ -51,17 +51,17 @@ def run() -> None:
     counter, last = 0, time.ticks_us()
     while True:
         overrun = bus.readfrom_mem(SENSOR, STATUS, 1)[0] & FIFO_OVERRUN
-        here = bus.readfrom_mem(SENSOR, FIFO_ENTRIES, 1)[0] // 3
+        waiting = bus.readfrom_mem(SENSOR, FIFO_ENTRIES, 1)[0] // 3
+        now = time.ticks_us()
         if overrun:
-            counter += max(time.ticks_diff(time.ticks_us(), last) // PERIOD_US - here, 1)
-        for _ in range(here):
-            content = bus.readfrom_mem(SENSOR, FIFO_DATA, 9)
-            if content[2] & IS_EMPTY or not content[2] & IS_X:
-                break
-            last = time.ticks_us()  # before the line is sent, which may take long
-            send(counter, content)
-            counter += 1
-        time.sleep_ms(2)
+            counter += max(time.ticks_diff(now, last) // PERIOD_US - waiting, 1)
+        content = bus.readfrom_mem(SENSOR, FIFO_DATA, 9) if waiting else b"\0\0\2"
+        if content[2] & IS_EMPTY or not content[2] & IS_X:
+            time.sleep_ms(2)
+            continue
+        last = time.ticks_add(now, -(waiting - 1) * PERIOD_US)  # when it was taken; to send it may take long
+        send(counter, content)
+        counter += 1
 
 
 start()

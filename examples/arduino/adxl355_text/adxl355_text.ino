@@ -74,14 +74,13 @@ void loop() {
   uint8_t status = 0, entries = 0, scan[9];
   if (!readRegisters(STATUS, &status, 1) || !readRegisters(FIFO_ENTRIES, &entries, 1))
     return;
+  uint32_t waiting = entries / 3, now = micros();
   if (status & FIFO_OVERRUN) {
-    uint32_t passed = (micros() - last) / PERIOD_US, here = entries / 3;
-    counter += passed > here ? passed - here : 1;
+    uint32_t passed = (now - last) / PERIOD_US;
+    counter += passed > waiting ? passed - waiting : 1;
   }
-  for (uint8_t k = entries / 3; k > 0; k--) {
-    if (!readRegisters(FIFO_DATA, scan, 9) || scan[2] & IS_EMPTY || !(scan[2] & IS_X))
-      return;
-    last = micros();  // before the line is sent, which may take long
-    sendScan(counter++, scan);
-  }
+  if (waiting == 0 || !readRegisters(FIFO_DATA, scan, 9) || scan[2] & IS_EMPTY || !(scan[2] & IS_X))
+    return;
+  last = now - (waiting - 1) * PERIOD_US;  // when it was taken; to send it may take long
+  sendScan(counter++, scan);
 }

@@ -53,6 +53,7 @@ def main() -> None:
     vars(time).update(
         ticks_us=lambda: time.monotonic_ns() // 1000,
         ticks_diff=lambda after, before: after - before,
+        ticks_add=lambda ticks, more: ticks + more,
         sleep_ms=lambda ms: time.sleep(1e-3 * ms),
     )
     sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]

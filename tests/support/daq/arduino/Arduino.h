@@ -11,16 +11,18 @@ enum { LOW, HIGH, OUTPUT };
 
 // Time of the board. With NEVER_HELD_UP it stands still while a busy computer does not run this program.
 inline uint64_t host_us() {
-  static uint64_t last = 0, held = 0;
   struct timespec t;
   clock_gettime(CLOCK_MONOTONIC, &t);
   uint64_t now = (uint64_t)t.tv_sec * 1000000u + (uint64_t)t.tv_nsec / 1000u;
 #ifdef NEVER_HELD_UP
+  static uint64_t last = 0, held = 0;
   if (last && now - last > 5000)
     held += now - last - 5000;
-#endif
   last = now;
   return now - held;
+#else
+  return now;
+#endif
 }
 
 inline uint32_t micros() { return (uint32_t)host_us(); }
