@@ -1,4 +1,4 @@
-"""Bytes per second of the decoder of burst frames, checksums included: the line in the documentation.
+"""Speed of the decoders of burst frames, checksums included, and of lines of text: the figures in the documentation.
 
 The stream comes in blocks of 4 kB that end amid frames, whole or with one byte in a thousand replaced. CPU time of the
 process counts, so that other work on the machine does not.
@@ -11,9 +11,11 @@ import time
 import numpy as np
 
 from daq.protocol import epson
+from daq.protocol.text_line import LineFormat, TextDecoder, TextScans, encode_lines
 
 N_SCANS, BLOCK, TURNS, SEED = 400_000, 4096, 5, 1
 DAMAGE = 1e-3  # of the bytes
+N_LINES = 20_000
 
 
 def speed(stream: bytes) -> tuple[float, int]:
@@ -25,6 +27,20 @@ def speed(stream: bytes) -> tuple[float, int]:
         found = sum(len(decoder.feed(stream[at : at + BLOCK]).counter) for at in range(0, len(stream), BLOCK))
         rates.append(len(stream) / 1e6 / (time.process_time() - begun))
     return float(np.median(rates)), found
+
+
+def line_seconds(columns: tuple[str, ...], checksum: bool) -> float:
+    """Return the CPU time of a line of text [s], the median of some turns."""
+    form, number = LineFormat(columns=columns, unit="g"), np.arange(N_LINES)
+    counts = np.random.default_rng(SEED).integers(-(10**7), 10**7, (N_LINES, 3)).astype(np.int32)
+    scans = TextScans(counts, number, number / 1000, np.zeros(N_LINES), number)
+    stream, spent = encode_lines(scans, form, checksum=checksum), []
+    for _ in range(TURNS):
+        decoder = TextDecoder(form)
+        begun = time.process_time()
+        found = sum(len(decoder.feed(stream[at : at + BLOCK])) for at in range(0, len(stream), BLOCK))
+        spent.append((time.process_time() - begun) / found)
+    return float(np.median(spent))
 
 
 def main() -> None:
@@ -41,6 +57,10 @@ def main() -> None:
         print(f"| {name} | {rate:.0f} | {100 * found / N_SCANS:.2f} % |")
     intact = N_SCANS - np.count_nonzero(hit.reshape(N_SCANS, epson.FRAME_SIZE).any(1))
     print(f"frames without a damaged byte: {100 * intact / N_SCANS:.2f} %")
+    print("| line of text | µs of a core | with a checksum |\n| --- | ---: | ---: |")
+    for columns in (("x", "y", "z"), ("counter", "time_us", "x", "y", "z")):
+        plain, sealed = (1e6 * line_seconds(columns, checksum) for checksum in (False, True))
+        print(f"| {' '.join(columns)} | {plain:.1f} | {sealed:.1f} |")
 
 
 if __name__ == "__main__":

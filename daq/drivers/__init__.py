@@ -5,13 +5,23 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from daq.drivers.addresses import CanAddress, CanPlace, DbcAddress, DbcSensor, Found, LogAddress, PortAnswer
+    from daq.drivers.addresses import (
+        CanAddress,
+        CanPlace,
+        DbcAddress,
+        DbcSensor,
+        Found,
+        LogAddress,
+        PortAnswer,
+        TextAddress,
+    )
     from daq.drivers.base import Driver, Scans
     from daq.drivers.can.dbc_file import read_layout
     from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
     from daq.drivers.reader import DeviceReader
     from daq.drivers.registry import can_interfaces, driver_names, low_grade, make_driver
     from daq.protocol.epson import SCALE as EPSON_SCALE
+    from daq.protocol.text_line import LineFormat
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
@@ -24,10 +34,12 @@ __all__ = [
     "DeviceReader",
     "Driver",
     "Found",
+    "LineFormat",
     "LogAddress",
     "PortAnswer",
     "Scans",
     "SerialPortInfo",
+    "TextAddress",
     "can_adapters",
     "can_interfaces",
     "driver_names",

@@ -1,9 +1,10 @@
-"""Address of a device on a CAN bus, and the identifiers of its frames."""
+"""Addresses of devices: a bus and the identifiers of its frames, a port and the format of its lines, a log."""
 
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from daq.protocol.text_line import LineFormat
 from daq.types import DeviceIdentity
 
 OURS = "slcan"  #: this name means the bus of `daq.drivers.can.bus`; any other one is opened by python-can
@@ -71,11 +72,23 @@ class DbcAddress(CanPlace):
 
 
 @dataclass(frozen=True, kw_only=True)
+class TextAddress:
+    """A sensor that sends lines of text."""
+
+    port: str  #: serial port, or tcp://HOST:PORT, udp://:PORT
+    form: LineFormat
+    baud: int = 115_200  #: of a serial port [bit/s]
+
+    def __str__(self) -> str:
+        return self.port
+
+
+@dataclass(frozen=True, kw_only=True)
 class Found:
     """A device that answered."""
 
     driver: str
-    place: str | CanAddress
+    place: str | CanAddress | TextAddress
     identity: DeviceIdentity
     rate: float = 1000.0  #: scans a second that it can [Hz]
     axes: tuple[int, ...] = (0, 1, 2)  #: measured axes

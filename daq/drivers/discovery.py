@@ -9,6 +9,7 @@ from serial import Serial
 from serial.tools import list_ports
 
 from daq.drivers.addresses import PortAnswer
+from daq.drivers.network.ports import network_address
 from daq.errors import DriverError
 
 _BY_ID = Path("/dev/serial/by-id")
@@ -18,7 +19,10 @@ _SEARCHES = (
     "daq.drivers.can.search",
     "daq.drivers.serial.node",
     "daq.drivers.serial.witmotion",
+    "daq.drivers.serial.text_search",
 )
+#: devices searched for at an address of a network
+_NETWORK_SEARCHES = ("daq.drivers.network.raspberry_shake", "daq.drivers.serial.text_search")
 #: adapters that python-can finds without waiting for a network
 _INTERFACES = ("socketcan", "pcan", "kvaser", "vector", "ixxat", "neovi")
 
@@ -65,13 +69,13 @@ def can_adapters() -> list[tuple[str, str]]:
 
 
 def search_port(path: str, bitrate: int = 1_000_000) -> PortAnswer | None:
-    """Query a serial port for every known kind of device; None if none answers.
+    """Query a port for every known kind of device; None if none answers.
 
     Each type is queried in its own protocol, which the others ignore as noise. A device that was sampling may stop.
 
     Parameters
     ----------
-    path : of the port
+    path : of the port, or its address on a network
     bitrate : at which nodes are sought, behind a CAN adapter [bit/s]
 
     Raises
@@ -80,10 +84,13 @@ def search_port(path: str, bitrate: int = 1_000_000) -> PortAnswer | None:
         If the port cannot be opened, or is in use.
     """
     try:
-        Serial(path, exclusive=True).close()
-    except OSError as error:
+        if address := network_address(path):
+            address.open().close()
+        else:
+            Serial(path, exclusive=True).close()
+    except (OSError, ValueError) as error:
         raise DriverError(path, f"cannot be opened: {error}") from error
-    for module in _SEARCHES:
+    for module in _NETWORK_SEARCHES if address else _SEARCHES:
         answer: PortAnswer | None = import_module(module).search(path, bitrate)
         if answer is not None:
             return answer

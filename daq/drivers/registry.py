@@ -6,12 +6,18 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from daq.drivers.addresses import OURS, CanAddress, CanPlace, DbcAddress, LogAddress
+from daq.drivers.addresses import OURS, CanAddress, CanPlace, DbcAddress, LogAddress, TextAddress
 from daq.drivers.base import Driver
 
-Place = str | CanPlace | LogAddress  #: location of a device: a serial port, a bus, or a log
+Place = str | CanPlace | TextAddress | LogAddress  #: location of a device: a port, a bus, or a log
 #: name of each kind of location in the settings
-_SETTINGS: dict[type, str] = {str: "port", CanAddress: "can", DbcAddress: "can` and `dbc", LogAddress: "log"}
+_SETTINGS: dict[type, str] = {
+    str: "port",
+    TextAddress: "port` and `text",
+    CanAddress: "can",
+    DbcAddress: "can` and `dbc",
+    LogAddress: "log",
+}
 
 
 @dataclass(frozen=True)
@@ -22,15 +28,18 @@ class DriverKind:
     low_grade: str = ""  #: why its data are not to be relied on, if so
 
 
+_UNNUMBERED = "scans have no number: those that a port loses shift all that follow, unseen"
 _DRIVERS = {
     "can-dbc": DriverKind({DbcAddress: "daq.drivers.can.dbc_sensor:CanDbc"}),
     "epson-can": DriverKind({CanAddress: "daq.drivers.can.epson_can:EpsonCan"}),
     "epson-uart": DriverKind({str: "daq.drivers.serial.epson_uart:EpsonUart"}),
     "modalwatch-node": DriverKind({str: "daq.drivers.serial.node:ModalwatchNode"}),
+    "raspberry-shake": DriverKind({str: "daq.drivers.network.raspberry_shake:RaspberryShake"}),
     "replay": DriverKind({LogAddress: "daq.drivers.replay:ReplayedDevice"}),
+    "serial-text": DriverKind({TextAddress: "daq.drivers.serial.text_lines:TextLines"}),
     "witmotion": DriverKind(
         {str: "daq.drivers.serial.witmotion:Witmotion", CanAddress: "daq.drivers.can.witmotion_can:WitmotionCan"},
-        low_grade="scans have no number: those that a port loses shift all that follow, unseen",
+        low_grade=_UNNUMBERED,
     ),
 }
 _GROUP = "modalwatch.drivers"  # of entry points: drivers of others
@@ -41,8 +50,16 @@ def driver_names() -> tuple[str, ...]:
     return tuple(sorted({*_DRIVERS, *entry_points(group=_GROUP).names}))
 
 
-def low_grade(name: str) -> str:
-    """Return why the data of a driver's devices are not to be relied on for modes; empty if they are."""
+def low_grade(name: str, place: Place | None = None) -> str:
+    """Return why the data of a driver's devices are not to be relied on for modes; empty if they are.
+
+    Parameters
+    ----------
+    name : of the driver
+    place : of the device, whose lines may have no number. Default: that of any device of the driver
+    """
+    if isinstance(place, TextAddress) and not place.form.numbered:
+        return _UNNUMBERED
     return _DRIVERS[name].low_grade if name in _DRIVERS else ""
 
 
@@ -58,7 +75,8 @@ def make_driver(name: str, place: Place, rate: float) -> Driver:
     Parameters
     ----------
     name : of the driver; one of ours is never replaced by a plug-in
-    place : path of a serial port, node on a CAN bus, sensor on one that a DBC file describes, or device in a log
+    place : path of a serial port, with or without a format of lines, node on a CAN bus, sensor on one that a DBC file
+        describes, or device in a log
     rate : scans a second [Hz]
 
     Raises

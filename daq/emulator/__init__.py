@@ -1,27 +1,34 @@
 """The device side of each protocol, on a pty: real bytes between real processes."""
 
-from daq.emulator.can_dbc import EmulatedDbc
+from daq.emulator.can.can_dbc import EmulatedDbc
+from daq.emulator.can.epson_can import EmulatedEpsonCan
+from daq.emulator.can.slcan import EmulatedSlcan
+from daq.emulator.can.witmotion_can import EmulatedWitmotionCan
 from daq.emulator.epson import EmulatedEpson
-from daq.emulator.epson_can import EmulatedEpsonCan
 from daq.emulator.line_faults import LineFaults, LineSpell
+from daq.emulator.network import EmulatedAdapter, EmulatedShake, FaultyNetwork, free_port
 from daq.emulator.node import EmulatedNode
 from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
-from daq.emulator.slcan import EmulatedSlcan
+from daq.emulator.text_lines import EmulatedTextLines
 from daq.emulator.witmotion import EmulatedWitmotion
-from daq.emulator.witmotion_can import EmulatedWitmotionCan
 
 __all__ = [
+    "EmulatedAdapter",
     "EmulatedDbc",
     "EmulatedEpson",
     "EmulatedEpsonCan",
     "EmulatedNode",
     "EmulatedPort",
+    "EmulatedShake",
     "EmulatedSlcan",
+    "EmulatedTextLines",
     "EmulatedWitmotion",
     "EmulatedWitmotionCan",
+    "FaultyNetwork",
     "LineFaults",
     "LineSpell",
     "SampleSource",
+    "free_port",
     "serve_all",
     "unplugging",
 ]

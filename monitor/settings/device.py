@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from daq import CanAddress, DbcAddress, DbcSensor, LogAddress
-from daq.drivers import CanPlace, can_interfaces
+from daq.drivers import CanPlace, LineFormat, TextAddress, can_interfaces
 from daq.log import HOW_TO_PLACE
 from monitor.settings.section import Positive, Section
 
@@ -64,6 +64,31 @@ class DbcSettings(Section):
         return DbcSensor(file=Path(self.file), signals=signals, **rest)
 
 
+class TextSettings(Section):
+    """Lines of text that a device sends, in addition to `port`."""
+
+    columns: Annotated[tuple[str, ...], Field(examples=[["counter", "time_ms", "x", "y", "z"]])]
+    """Numbers of a line: `counter`, `time_s`, `time_ms`, `time_us`, `x`, `y`, `z`, `temperature`; `-`: not used."""
+    unit: Annotated[str | None, Field(examples=["g"])] = None
+    """Unit of x, y and z: `m/s2`, `g` or `mg`. Expected if `scale` is not given."""
+    scale: Annotated[Positive | None, Field(examples=[0.0006])] = None
+    """Acceleration per count [m/s2], if x, y and z are whole numbers without a unit."""
+    counter_bits: int = 32
+    """Bits of the counter: 8, 16 or 32."""
+    baud: Annotated[int, Field(gt=0)] = 115_200
+    """Baud rate of the serial port [bit/s]."""
+
+    @model_validator(mode="after")
+    def _valid(self) -> Self:
+        _ = self.form
+        return self
+
+    @property
+    def form(self) -> LineFormat:
+        """Format of the lines."""
+        return LineFormat(**self.model_dump(exclude={"baud"}))
+
+
 class LogSettings(Section):
     """Recorded device to be played again by the driver `replay`, instead of `port`."""
 
@@ -81,9 +106,10 @@ class DeviceSettings(Section):
     driver: Annotated[str, Field(examples=["epson-uart"])]
     """Name of the driver."""
     port: Annotated[str | None, Field(examples=["/dev/serial/by-id/usb-FTDI_A352-if00-port0"])] = None
-    """Serial port, best by `/dev/serial/by-id/`. A device has this, `can = {..}` or `log = {..}`."""
+    """Serial port, best by `/dev/serial/by-id/`, or `tcp://..`, `udp://..`. A device has this, `can` or `log`."""
     can: CanSettings | None = None
     dbc: DbcSettings | None = None
+    text: TextSettings | None = None
     log: LogSettings | None = None
     rate: Annotated[float, Field(ge=1e-3, le=1e6)] = 1000.0
     """Sampling rate [scans per second]."""
@@ -112,6 +138,8 @@ class DeviceSettings(Section):
             raise ValueError(f"expected one of `port`, `can` and `log`, found {' and '.join(found) or 'none'}")
         if self.dbc is not None and self.can is None:
             raise ValueError(f"expected `can` with `dbc`, found `{found[0]}`")
+        if self.text is not None and self.port is None:
+            raise ValueError(f"expected `port` with `text`, found `{found[0]}`")
         if self.can is not None and (self.can.node is None) == (self.dbc is None):
             raise ValueError(f"expected one of `can.node` and `dbc`, found {'none' if self.dbc is None else 'both'}")
         if self.can is not None and self.can.sync and self.dbc is not None:
@@ -125,6 +153,8 @@ class DeviceSettings(Section):
         for axis in self.channels:
             if self.dbc is not None and axis not in self.dbc.signals:
                 raise ValueError(f"channels: axis {axis} is none of `dbc.signals`, {', '.join(self.dbc.signals)}")
+            if self.text is not None and axis not in self.text.columns:
+                raise ValueError(f"channels: axis {axis} is none of `text.columns`, {', '.join(self.text.columns)}")
         return self
 
     @property
@@ -138,10 +168,12 @@ class DeviceSettings(Section):
         return self.can is not None and self.can.sync == "consumer"
 
     @property
-    def place(self) -> str | CanPlace | LogAddress:
+    def place(self) -> str | CanPlace | TextAddress | LogAddress:
         """Connection of the device."""
         if self.log is not None:
             return LogAddress(path=Path(self.log.file), device=self.log.device)
+        if self.text is not None:
+            return TextAddress(port=self.port or "", form=self.text.form, baud=self.text.baud)
         if self.can is None:
             return self.port or ""
         bus = self.can.model_dump(exclude={"node", "sync"})

@@ -18,7 +18,7 @@ from tests.support.monitor.notices import until
 PLAIN = {
     "daq/signals.py",
     "daq/supervision.py",
-    "daq/emulator/slcan.py",
+    "daq/emulator/can/slcan.py",
     "monitor/service/servers/web/process.py",
     "monitor/cli/demo/rig_process.py",
     "monitor/outputs/notices/deadline.py",

@@ -1,11 +1,16 @@
 """The examples: each runs as it is, and has the expected result."""
 
 import runpy
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+
+from daq import DbcSensor
+from daq.drivers import read_layout
+from daq.protocol.can_scan import encode_scans
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -140,6 +145,17 @@ def test_emulated_dbc() -> None:
     assert 0 < found["missing"] < 0.1 * found["scans"]
     # of a count, 2^-8 m/s2, rounding takes half at the most: 4 / pi of it in the amplitude
     assert abs(np.hypot(*found["found"]) - found["amplitude"]) < 4 / np.pi * 2**-9
+
+
+def test_eds_to_dbc(tmp_path: Path) -> None:
+    """The frames of a scan are those of the mapping in the EDS file: two and one axes, each with the counter."""
+    path = tmp_path / "accelerometer.dbc"
+    path.write_text(run("eds_to_dbc.py")["dbc"], encoding="utf-8")
+    signals = tuple(f"Acceleration_{axis}" for axis in "xyz")
+    layout = read_layout(DbcSensor(file=path, signals=signals, counter="Scan_counter", scale=0.01))
+    frames = encode_scans(layout, np.array([[1, -2, 3]], np.int32), 258)
+    assert list(frames) == [(0x185, struct.pack("<hhH", 1, -2, 258)), (0x285, struct.pack("<hH", 3, 258))]
+    assert layout.scale == 0.01
 
 
 def test_diagnose_change() -> None:

@@ -20,6 +20,11 @@ from pymseed import MS3TraceList
 from scipy.io import mmwrite, wavfile
 
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
+from daq.drivers import LineFormat
+from daq.drivers.serial.text_lines import ScanNumbers
+from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
+from daq.protocol.text_line import TextDecoder
+from daq.timing.stamp_count import StampCount
 from monitor.analysis.modal_table.table import read_table
 from monitor.cli.exit_codes import explain
 from monitor.cli.main import _run
@@ -217,6 +222,11 @@ _DASYLAB = b"DASYLab - V 11.00.00\nDelta: 1.0 sec.\nDate;Measurement time[hh:mm:
 )
 _NUMBERS = b"".join(b"%.2f %.4f %.4f\n" % (k / 100, np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200))
 _NUMBERS_NAMED = b"t a b\n" + _NUMBERS
+_COLUMNS = ("counter", "time_ms", "x", "y", "-")
+_LINES = b"".join(b"%d,%d,%.4f,%.4f,%.2f\r\n" % (k, 10 * k, np.sin(0.7 * k), np.cos(0.3 * k), 20) for k in range(200))
+_SHAKE = b"".join(
+    encode_packet(name, 1_767_225_600 + k / 4, np.arange(25, dtype=np.int32)) for k in range(20) for name in CHANNELS
+)
 _CALIBRATION = b'[a]\nunit = "mV"\nsensitivity = "100 mV/g"\noffset = 0.1\n[b]\nunit = "mm/s"\nscale = -1.5\n'
 
 
@@ -285,6 +295,20 @@ def _scenario(path: Path, _: Random) -> int:
     def read(path: Path) -> None:
         scenario = load_scenario(path)
         World(load_rig_structure(path, scenario), scenario).motion(0, 100, 0)
+
+    return _guarded(read, path)
+
+
+def _sensor_lines(path: Path, random: Random) -> int:
+    """Read what a port or a network would bring, in pieces."""
+    form = LineFormat(columns=random.choice((_COLUMNS, _COLUMNS[1:])), unit="g", counter_bits=random.choice((8, 32)))
+
+    def read(path: Path) -> None:
+        lines, numbers, datagrams = TextDecoder(form), ScanNumbers(form, 100.0), ShakeDecoder()
+        stamps, data = StampCount(100.0), path.read_bytes()
+        for start in range(0, len(data), size := random.randint(1, 3000)):
+            numbers.evaluate(lines.feed(data[start : start + size]))
+            stamps.numbers(datagrams.feed(data[start : start + size]).time)
 
     return _guarded(read, path)
 
@@ -575,6 +599,7 @@ READERS = {
     "universal": Reader(suffix=".uff", seeds=_uff_seeds, read=_import, beside={}),
     "can-log": Reader(suffix=".log", seeds=_can_seeds, read=_can_log, beside={"imu.dbc": _DBC}),
     "dbc": Reader(suffix=".dbc", seeds=lambda: _texts(_DBC), read=_dbc, beside={}),
+    "lines": Reader(suffix=".txt", seeds=lambda: _texts(_LINES, _SHAKE), read=_sensor_lines, beside={}),
     "log": Reader(suffix=".mcap", seeds=_log_seeds, read=_log, beside={**_TOML, "site.toml": _SITE}),
     "state": Reader(suffix=".json", seeds=_state_seeds, read=_state, beside={**_TOML, "site.toml": _SITE}),
 }

@@ -178,7 +178,8 @@ def _open_bus(place: CanPlace) -> can.BusABC:
     try:
         if place.interface == OURS:
             return SlcanBus(place.channel, place.bitrate)
-        return can.Bus(interface=place.interface, channel=place.channel, bitrate=place.bitrate)
+        channel = int(place.channel) if place.interface == "gs_usb" and place.channel.isdigit() else place.channel
+        return can.Bus(interface=place.interface, channel=channel, bitrate=place.bitrate)
     except raised as error:
         raise DriverError(str(place), f"the bus cannot be opened: {error}") from error
 

@@ -1,11 +1,11 @@
-"""Common part of the drivers of devices on serial ports."""
+"""Common part of the drivers of devices on serial ports and of those that send the same bytes over a network."""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import ClassVar, Generic, Protocol, TypeVar
 
 from daq.drivers.base import Scans
-from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.drivers.serial.port import PORT_ERRORS
 from daq.errors import DeviceLost, DriverError
 from daq.types import DeviceIdentity
 
@@ -16,17 +16,39 @@ class Decoder(Protocol):
     bad_bytes: int  #: bytes outside intact frames, so far
 
 
+class BytePort(Protocol):
+    """Open port from which bytes are read."""
+
+    @property
+    def age(self) -> int:
+        """Time since the last read's bytes were here [ns]."""
+        ...
+
+    def read(self) -> bytes:
+        """Return the received bytes; empty if nothing arrives within `READ_SECONDS`; DeviceLost if the port is gone."""
+        ...
+
+    def discard_input(self) -> None:
+        """Discard received bytes."""
+        ...
+
+    def close(self) -> None:
+        """Free the port."""
+        ...
+
+
 D = TypeVar("D", bound=Decoder)
+P = TypeVar("P", bound=BytePort)
 
 
-class SerialDriver(ABC, Generic[D]):
-    """Driver of one device on a serial port.
+class SerialDriver(ABC, Generic[D, P]):
+    """Driver of one device on a port.
 
     A subclass has the constants of the device, connects and configures it, and decodes its data.
 
     Parameters
     ----------
-    port : path of the serial port
+    port : path of the serial port, or its address
     """
 
     product: ClassVar[str]  #: name of the device in error messages
@@ -37,7 +59,7 @@ class SerialDriver(ABC, Generic[D]):
 
     def __init__(self, port: str) -> None:
         self._path = port
-        self._port: SerialPort | None = None
+        self._port: P | None = None
 
     def open(self) -> DeviceIdentity:
         """Open the port, identify and configure the device, start sampling; return the identity.
@@ -80,16 +102,16 @@ class SerialDriver(ABC, Generic[D]):
                 port.close()
 
     @abstractmethod
-    def _connect(self) -> SerialPort:
+    def _connect(self) -> P:
         """Open the port of the device."""
 
     @abstractmethod
-    def _start(self, port: SerialPort) -> DeviceIdentity:
+    def _start(self, port: P) -> DeviceIdentity:
         """Identify and configure the device, start sampling; return the identity."""
 
     @abstractmethod
     def _decode(self, data: bytes) -> Scans:
         """Return the scans in received bytes; `bad_bytes` only of frames that the decoder accepts."""
 
-    def _stop(self, port: SerialPort) -> None:
+    def _stop(self, port: P) -> None:
         """Stop sampling."""

@@ -17,7 +17,7 @@ _REPLY_SECONDS = 1.0
 _SEARCH_SECONDS = 0.3  # time limit of a reply at a port with an unknown device [s]
 
 
-class EpsonUart(SerialDriver[epson.BurstDecoder]):
+class EpsonUart(SerialDriver[epson.BurstDecoder, SerialPort]):
     """Driver of one device.
 
     Parameters

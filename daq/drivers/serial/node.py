@@ -24,7 +24,7 @@ _CLOCK_SLACK = 2000  # us: delay of the time stamp of a busy controller
 _NEIGHBOURS = 10e6  # us: scans further apart are no witness for one another
 
 
-class ModalwatchNode(SerialDriver[node.NodeDecoder]):
+class ModalwatchNode(SerialDriver[node.NodeDecoder, SerialPort]):
     """Driver of one node.
 
     Parameters

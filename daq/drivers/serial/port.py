@@ -76,6 +76,10 @@ class SerialPort:
         """Discard received bytes."""
         self._line.reset_input_buffer()
 
+    def set_baud(self, baud: int) -> None:
+        """Continue at another baud rate [bit/s]; OSError if the port is gone."""
+        self._line.baudrate = baud
+
     def close(self) -> None:
         """Free the port."""
         self._line.close()

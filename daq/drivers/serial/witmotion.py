@@ -21,7 +21,7 @@ _ENOUGH = 2  # packets that make a baud rate the right one
 _BITS_A_BYTE = 10
 
 
-class Witmotion(SerialDriver[wit.WitDecoder]):
+class Witmotion(SerialDriver[wit.WitDecoder, SerialPort]):
     """Driver of one device, configured to send accelerations only.
 
     Parameters

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import CanAddress, DriverError, search_port, serial_ports
-from daq.drivers import Found, PortAnswer, SerialPortInfo, can_adapters
+from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo
@@ -77,7 +77,8 @@ def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]],
             nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
             who += "".join(f"\nnode {_node(d)}: {d.identity}" for d in nodes)
         system = port.device if port.by_id else ""
-        table.add_row(*(escape(text) for text in (port.path, system, port.description or "serial port", who)))
+        what = port.description or ("network" if "://" in port.path else "serial port")
+        table.add_row(*(escape(text) for text in (port.path, system, what, who)))
     for interface, channel in adapters:
         table.add_row(escape(channel), "", escape(f"CAN, interface {interface}"), "not queried")
     if not ports and not adapters:
@@ -112,9 +113,16 @@ def settings_for(found: Sequence[Found]) -> str:
     return "\n".join(lines)
 
 
-def _place(place: str | CanAddress) -> str:
+def _place(place: str | CanAddress | TextAddress) -> str:
     if isinstance(place, str):
         return f"port = {json.dumps(place)}"
+    if isinstance(place, TextAddress):
+        form = place.form
+        words = [f"columns = {json.dumps(form.columns)}"]
+        words.append(f"scale = {form.scale:g}" if form.unit is None else f'unit = "{form.unit}"')
+        if place.baud != TextAddress.baud:
+            words.append(f"baud = {place.baud}")
+        return f"port = {json.dumps(place.port)}\ntext = {{{', '.join(words)}}}"
     words = [f'interface = "{place.interface}"', f"channel = {json.dumps(place.channel)}", f"node = {place.node}"]
     if place.bitrate != 1_000_000:
         words.append(f"bitrate = {place.bitrate}")

@@ -43,7 +43,7 @@ def check_site(path: Path, given: Sequence[str]) -> int:
         raise StartError("; ".join(silent))
     problems = [problem for device in site.settings.device for problem in _problems(device, found[device.name])]
     for device in site.settings.device:
-        if why := low_grade(device.driver):
+        if why := low_grade(device.driver, device.place):
             warn(f"device {device.name} is of low grade: {why}")
     if not site.settings.temperature and not any(_has_thermometer(probe) for probe in found.values()):
         warn(NO_THERMOMETER)

@@ -101,12 +101,16 @@ def _look(
 
 
 def _listen(driver: Driver, identity: DeviceIdentity, speed: float, seconds: float, now: Callable[[], float]) -> Probe:
-    first = driver.read()
-    start = now()
+    """Measure from the arrival of scans to the last arrival: some devices send in bursts of a quarter of a second."""
+    asked, first = now(), driver.read()
+    while not len(first.counts) and now() - asked < seconds:
+        first = driver.read()
+    start = end = now()
     reads = []
     while now() - start < seconds:
         reads.append(driver.read())
-    elapsed = now() - start
+        end = now() if len(reads[-1].counts) else end
+    elapsed = end - start
     counts = np.concatenate([scans.counts for scans in reads]) * driver.scale
     if not len(counts):
         raise DriverError(identity.serial or "device", "answers, but sends no scans")

@@ -47,6 +47,12 @@ def test_missing_or_invalid_port_is_named_in_the_error(tmp_path: Path) -> None:
             search_port(str(path))
 
 
+def test_invalid_network_address_is_named_in_the_error() -> None:
+    for address in ("tcp://host", "tcp://127.0.0.1:1"):
+        with pytest.raises(DriverError, match=f"^{address}: cannot be opened: "):
+            search_port(address)
+
+
 @pytest.mark.live
 def test_search_does_not_disturb_port_in_use() -> None:
     device = EmulatedNode(Ramp(), SystemClock(), serial_number="N")
@@ -68,6 +74,7 @@ def test_echoing_modem_is_not_detected_as_device(monkeypatch: pytest.MonkeyPatch
     """It echoes every line, and responds to it."""
     monkeypatch.setattr("daq.drivers.serial.witmotion.BAUDS", (115_200,))
     monkeypatch.setattr("daq.drivers.serial.node._HELLO_SECONDS", 0.3)
+    monkeypatch.setattr("daq.drivers.serial.text_search._FIRST_SECONDS", 0.2)
     with pty() as (line, path):
         os.set_blocking(line, False)
 

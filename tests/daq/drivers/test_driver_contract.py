@@ -27,9 +27,10 @@ from daq import (
     ScaledClock,
     make_driver,
 )
-from daq.drivers import CanPlace
+from daq.drivers import CanPlace, TextAddress
 from tests.support.daq.can_buses import can_process, wait_for
 from tests.support.daq.emulated_can import imu
+from tests.support.daq.emulated_ports import LINES
 from tests.support.daq.ports import Emulators, emulators
 
 pytestmark = pytest.mark.live
@@ -39,27 +40,42 @@ DBC = Path(__file__).parents[3] / "examples" / "imu.dbc"
 _COARSE = 2**-8  # m/s2 a count: 16 bits up to 13 g
 WIT = CanAddress(interface="slcan", channel="/dev/none", node=0x50, bitrate=250_000)
 #: a place where nothing is, and the serial number of the emulated device, if such a device can tell one
-DRIVERS: dict[str, tuple[str | CanPlace, str | None]] = {
+DRIVERS: dict[str, tuple[str | CanPlace | TextAddress, str | None]] = {
     "epson-uart": ("/dev/none", "E0000000"),
     "modalwatch-node": ("/dev/none", "E0000000"),
     "witmotion": ("/dev/none", None),
+    "serial-text": (TextAddress(port="/dev/none", form=LINES), None),
     "epson-can": (CanAddress(interface="slcan", channel="/dev/none", node=1), "100"),
     "witmotion on CAN": (WIT, None),
     "can-dbc": (DbcAddress(interface="slcan", channel="/dev/none", sensor=imu(DBC)), None),
 }
-RATES = dict.fromkeys(DRIVERS, RATE) | {"witmotion": 200.0, "witmotion on CAN": 200.0}
-TEMPERATURES = dict.fromkeys(DRIVERS, 21.0) | {  # [degC]; of two the frames have no room for it
+#: places on a network, and the error of a second driver there; the ports are those of the emulators
+NETWORK: dict[str, tuple[str | TextAddress, str]] = {
+    "serial-text over TCP": (TextAddress(port="", form=LINES), "the connection is closed$"),
+    "serial-text over UDP": (TextAddress(port="", form=LINES), "the port is in use by another program$"),
+    "raspberry-shake": ("", "the port is in use by another program$"),
+}
+RATES = dict.fromkeys((*DRIVERS, *NETWORK), RATE) | {
+    "serial-text": 200.0,
+    "serial-text over TCP": 200.0,
+    "serial-text over UDP": 200.0,
+    "raspberry-shake": 100.0,
+    "witmotion": 200.0,
+    "witmotion on CAN": 200.0,
+}
+TEMPERATURES = dict.fromkeys((*DRIVERS, *NETWORK), 21.0) | {  # [degC]; of some the frames have no room for it
+    "raspberry-shake": float("nan"),
     "witmotion on CAN": float("nan"),
     "can-dbc": float("nan"),
 }
-SERIAL = [name for name, (place, _) in DRIVERS.items() if isinstance(place, str)]
+SERIAL = [*(name for name, (place, _) in DRIVERS.items() if isinstance(place, str)), *NETWORK]
 
 
 @dataclass(frozen=True)
 class Device:
     """An emulated device in another process."""
 
-    place: str | CanPlace
+    place: str | CanPlace | TextAddress
     clock: ScaledClock
     unplug: Callable[[], None]
 
@@ -71,12 +87,12 @@ class Device:
 
 @pytest.fixture(scope="module")
 def ports() -> Iterator[Emulators]:
-    """Run one device of each kind that is on a serial port."""
+    """Run one device of each kind that is on a serial port or a network."""
     with emulators(1, kind=",".join(SERIAL)) as found:
         yield found
 
 
-def make(name: str, place: str | CanPlace, rate: float) -> Driver:
+def make(name: str, place: str | CanPlace | TextAddress, rate: float) -> Driver:
     """Return the driver of a row of the table."""
     return make_driver(name.partition(" ")[0], place, rate)
 
@@ -84,11 +100,18 @@ def make(name: str, place: str | CanPlace, rate: float) -> Driver:
 @contextmanager
 def device(name: str, ports: Emulators, folder: Path) -> Iterator[Device]:
     """Run the device that a driver is for."""
-    place = DRIVERS[name][0]
-    if isinstance(place, str):
+    place = (DRIVERS | NETWORK)[name][0]
+    if name in SERIAL:
         number = SERIAL.index(name)
-        yield Device(ports.ports[number], ports.clock, partial(ports.unplug, number))
+        port = ports.ports[number]
+        found = replace(place, port=port) if isinstance(place, TextAddress) else port
+        yield Device(found, ports.clock, partial(ports.unplug, number))
         return
+    if isinstance(place, TextAddress):  # it sends from its start on: a pty would hold old lines
+        with emulators(1, kind=name) as own:
+            yield Device(replace(place, port=own.ports[0]), own.clock, partial(own.unplug, 0))
+        return
+    assert isinstance(place, CanPlace)
     sensor = {"can-dbc": (str(DBC), "0", "0"), "witmotion on CAN": ("witmotion",)}.get(name, ())
     with can_process(folder, 0 if sensor else 1, dbc=sensor) as bus:
         yield Device(replace(place, channel=bus.channel), bus.clock, partial(bus.say, "unplug"))
@@ -134,7 +157,8 @@ def check_blocks_until_unplugged(driver: Driver, found: Device, rate: float) -> 
     reader.join(10.0)
     lost = next(item for item in items[1:] if isinstance(item, Event))
     assert lost.topic == "/event/device_failed"
-    assert re.match(found.where, lost.payload["why"])
+    silent = str(found.place).startswith("udp:")  # nothing else tells that such a device is gone
+    assert re.match("d: silent for 1.7 s" if silent else found.where, lost.payload["why"])
     blocks = [item for item in items if isinstance(item, Block)]
     assert {block.scale for block in blocks} == {driver.scale}
     assert blocks[0].first_index == 0
@@ -146,10 +170,11 @@ def check_life(found: Device, name: str) -> None:
     driver, other = (make(name, found.place, RATES[name]) for _ in range(2))
     identity = driver.open()
     assert identity.payload() == json.loads(json.dumps(identity.payload()))
-    assert (identity.serial or None) == DRIVERS[name][1]
+    assert (identity.serial or None) == (None if name in NETWORK else DRIVERS[name][1])
     check_stream(driver, RATES[name], TEMPERATURES[name])
-    taken = "no .* answers: the port is in use by another program$" if isinstance(found.place, str) else ""
-    with pytest.raises(DriverError, match=found.where + taken):
+    taken = "the port is in use by another program$" if not isinstance(found.place, CanPlace) else ""
+    taken = NETWORK[name][1] if name in NETWORK else taken
+    with pytest.raises(DriverError, match=f"{found.where}.*{taken}"):
         other.open()
     driver.close()
     driver.close()
@@ -158,7 +183,12 @@ def check_life(found: Device, name: str) -> None:
     check_blocks_until_unplugged(driver, found, RATES[name])
 
 
-@pytest.mark.parametrize("name", DRIVERS)
+THOROUGH = {"serial-text over UDP"}  # as over TCP, and as the datagrams of a Raspberry Shake
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.thorough] * (n in THOROUGH)) for n in (*DRIVERS, *NETWORK)]
+)
 def test_driver_satisfies_the_driver_contract(name: str, ports: Emulators, tmp_path: Path) -> None:
     with device(name, ports, tmp_path) as found:
         check_life(found, name)

@@ -23,7 +23,8 @@ from daq import (
     SystemClock,
     make_driver,
 )
-from daq.emulator import EmulatedEpson, EmulatedNode, LineFaults, LineSpell
+from daq.drivers import LineFormat, TextAddress
+from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedTextLines, LineFaults, LineSpell
 from daq.emulator.line_faults import FaultyLine
 from daq.emulator.serial_port import SerialEmulator
 from daq.protocol import epson
@@ -35,10 +36,12 @@ from tests.support.daq.readers import running
 RATE = 1000.0
 POOR = LineFaults(flipped=2e-3, lost=1e-3, babble=500, latency=0.016, seed=3)
 
+LINES = LineFormat(columns=("counter", "x", "y", "z"), unit="g")
 
 KINDS: dict[str, Callable[[HostClock, LineFaults], SerialEmulator]] = {
     "epson-uart": lambda clock, faults: EmulatedEpson(Ramp(), clock, serial_number="E", faults=faults),
     "modalwatch-node": lambda clock, faults: EmulatedNode(Ramp(), clock, serial_number="E", faults=faults),
+    "serial-text": lambda clock, faults: EmulatedTextLines(Ramp(), clock, LINES, rate=RATE, faults=faults),
 }
 
 
@@ -81,7 +84,8 @@ def reading(name: str, device: SerialEmulator, clock: HostClock) -> Iterator[lis
     """Let a reader read a device that is served."""
     items: list[Item] = []
     with serving(device.serve):
-        driver = make_driver(name, device.port, RATE)
+        place = TextAddress(port=device.port, form=LINES) if name == "serial-text" else device.port
+        driver = make_driver(name, place, RATE)
         reader = DeviceReader("d", driver, RATE, clock, items.append, block_seconds=0.02)
         with running([reader]):
             yield items
@@ -101,7 +105,9 @@ def payloads(items: list[Item], what: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.live
-@pytest.mark.parametrize(("name", "modulus", "glued"), [("epson-uart", 2**16, 0), ("modalwatch-node", 2**31, 1)])
+@pytest.mark.parametrize(
+    ("name", "modulus", "glued"), [("epson-uart", 2**16, 0), ("modalwatch-node", 2**31, 1), ("serial-text", 2**31, 1)]
+)
 def test_line_losses_give_exact_gaps_and_repeated_frames_are_ignored(name: str, modulus: int, glued: int) -> None:
     clock = ScaledClock(speed=4.0, origin_wall=time.time_ns(), origin=START)
     spells = (

@@ -29,6 +29,7 @@ from daq.emulator import (
     EmulatedEpsonCan,
     EmulatedNode,
     EmulatedSlcan,
+    EmulatedTextLines,
     EmulatedWitmotion,
     EmulatedWitmotionCan,
 )
@@ -37,7 +38,7 @@ from daq.files import CAN_LOGS, LoggedSensor, import_can_log
 from daq.protocol import epson, node
 from tests.support.daq.can_buses import IMU
 from tests.support.daq.emulated_can import imu
-from tests.support.daq.emulated_ports import Ramp
+from tests.support.daq.emulated_ports import LINES, Ramp
 
 #: bytes that are wrong, and where, as a share of the length; and the share that is left of the whole
 Damage = tuple[list[tuple[float, int]], float]
@@ -73,6 +74,7 @@ def emulators() -> list[SerialEmulator]:
     return [
         EmulatedEpson(Ramp(), clock, serial_number="E"),
         EmulatedNode(Ramp(), clock, serial_number="E"),
+        EmulatedTextLines(Ramp(), clock, LINES, rate=10.0),
         EmulatedWitmotion(Ramp(), clock),
     ]
 

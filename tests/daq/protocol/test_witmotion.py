@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 
 from daq import CanAddress, DeviceIdentity, DriverError, SystemClock, driver_names, make_driver
-from daq.drivers import low_grade
+from daq.drivers import LineFormat, TextAddress, low_grade
 from daq.emulator import EmulatedWitmotion, LineFaults
 from daq.protocol import witmotion as wit
 from daq.protocol.frames import can_frames, concatenate
@@ -140,6 +140,9 @@ def test_unsupported_rate_is_refused() -> None:
         make_driver("witmotion", "/dev/none", 1000.0)
 
 
-def test_witmotion_is_the_only_low_grade_driver() -> None:
+def test_witmotion_is_the_only_low_grade_driver_but_for_lines_without_a_number() -> None:
     assert [name for name in driver_names() if low_grade(name)] == ["witmotion"]
+    for columns, is_low in ((("x",), True), (("counter", "x"), False), (("time_ms", "x"), False)):
+        place = TextAddress(port="/dev/none", form=LineFormat(columns=columns, unit="g"))
+        assert bool(low_grade("serial-text", place)) == is_low
     assert low_grade("witmotion").startswith("scans have no number")

@@ -78,6 +78,24 @@ def test_probe_measures_rate_losses_and_levels_of_a_device() -> None:
     assert fast.rate == pytest.approx(10.0)
 
 
+class Bursts(Sending):
+    """Sends 20 scans at once, every 0.2 s; in between a read finds none."""
+
+    def read(self) -> Scans:
+        self._clock.seconds += 0.05
+        if round(self._clock.seconds / 0.05) % 4:
+            return Scans(
+                counts=np.empty((0, 2), np.int32), counter=np.empty(0, np.int32), temperature=20.0, bad_bytes=0
+            )
+        self._clock.seconds -= 0.2
+        return super().read()
+
+
+@pytest.mark.parametrize("seconds", [0.9, 1.0, 1.1])
+def test_probe_measures_the_rate_of_bursts(seconds: float) -> None:
+    assert probe(Bursts(clock := Clock()), seconds=seconds, now=clock).rate == pytest.approx(100.0)
+
+
 def test_probe_reports_a_device_without_scans() -> None:
     clock = Clock()
     device = Sending(clock, silent=True)

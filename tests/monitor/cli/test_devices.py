@@ -10,17 +10,21 @@ import pytest
 from daq import SystemClock, search_port
 from daq.drivers import SerialPortInfo
 from daq.emulator import (
+    EmulatedAdapter,
     EmulatedEpson,
     EmulatedEpsonCan,
     EmulatedNode,
     EmulatedPort,
+    EmulatedShake,
     EmulatedSlcan,
+    EmulatedTextLines,
     serve_all,
     unplugging,
 )
 from monitor.settings import parse_settings
 from tests.support.daq.can_buses import serving
-from tests.support.daq.emulated_ports import Ramp
+from tests.support.daq.emulated_ports import LINES, Ramp
+from tests.support.daq.steady import AtRest
 from tests.support.monitor.cli import Commands
 
 CLOCK = SystemClock()
@@ -28,12 +32,16 @@ CLOCK = SystemClock()
 
 @pytest.fixture
 def plugged() -> Iterator[list[str]]:
-    """Return ports: an A352, a node that measures y and z, one that does not listen, and an adapter with two A552."""
+    """Return ports: an A352, a node that measures y and z, one that does not listen, an adapter with two A552, lines of
+    text behind a network, and a Raspberry Shake.
+    """
     devices: list[EmulatedPort] = [
         EmulatedEpson(Ramp(), CLOCK, serial_number="T0000042"),
         EmulatedNode(Ramp(), CLOCK, serial_number="N 7", axes=(1, 2)),
         EmulatedNode(Ramp(), CLOCK, serial_number="N 7", rate=500.0),
         EmulatedSlcan([EmulatedEpsonCan(Ramp(), CLOCK, node=k, serial_number=100 + k) for k in (3, 120)]),
+        EmulatedAdapter(EmulatedTextLines(AtRest(9_806_650), CLOCK, LINES, rate=1000.0, checksum=True), "tcp"),
+        EmulatedShake(AtRest(3_770_488), CLOCK),
     ]
     with unplugging(devices), serving(lambda: serve_all(devices, 0)):
         yield [device.port for device in devices]
@@ -58,7 +66,13 @@ def test_found_devices_are_listed_with_valid_settings(modalwatch: Commands, plug
         ("device_N_7_3", "modalwatch-node", plugged[2], 500.0, "xyz"),
         ("device_103", "epson-can", f"slcan:{adapter} node 3", 1000.0, "xyz"),
         ("device_220", "epson-can", f"slcan:{adapter} node 120", 1000.0, "xyz"),
+        ("device_6", "serial-text", plugged[4], 1000.0, "xyz"),
+        ("device_7", "raspberry-shake", plugged[5], 100.0, "xyz"),
     ]
+    lines = settings.device[5].text
+    assert lines is not None
+    assert lines.form.columns == (*LINES.columns[:-1], "-")  # a temperature is not recognized
+    assert lines.form.unit == LINES.unit
     found = json.loads((tmp_path / "found.json").read_text(encoding="utf-8"))
     assert [port["device"] for port in found["ports"]] == plugged
     assert found["ports"][3]["devices"][1]["place"]["node"] == 120

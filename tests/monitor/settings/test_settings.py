@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from daq import CanAddress, DbcAddress, DbcSensor
+from daq.drivers import LineFormat, TextAddress
 from monitor.errors import SettingsError
 from monitor.service.site import load_site
 from monitor.settings import load_settings, parse_settings
@@ -25,6 +26,7 @@ can = {interface = "slcan", channel = "/dev/ttyACM0"}
 dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
 """
 WITH_DBC = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DBC)
+TEXT = 'text = {columns = ["counter", "y", "z"], unit = "g"}\n'
 OTHER = '[[device]]\nname = "b"\ndriver = "epson-uart"\nport = "/dev/ttyUSB0"\nchannels = {x = "col_037_x"}\n'
 
 
@@ -32,6 +34,15 @@ def test_device_address_is_a_port_or_a_can_bus() -> None:
     assert parse_settings(GOOD).device[0].place == "/dev/ttyUSB0"
     on_can = parse_settings(GOOD.replace("port =", "# port =") + CAN).device[0].place
     assert on_can == CanAddress(interface="slcan", channel="/dev/ttyACM0", node=3, bitrate=1_000_000)
+
+
+def test_port_with_lines_of_text_has_their_format() -> None:
+    place = parse_settings(GOOD + TEXT.replace('"g"', '"mg", counter_bits = 16, baud = 9600')).device[0].place
+    form = LineFormat(columns=("counter", "y", "z"), unit="mg", counter_bits=16)
+    assert place == TextAddress(port="/dev/ttyUSB0", form=form, baud=9600)
+    assert parse_settings(GOOD + TEXT.replace('unit = "g"', "scale = 0.01")).device[0].place == TextAddress(
+        port="/dev/ttyUSB0", form=LineFormat(columns=("counter", "y", "z"), scale=0.01)
+    )
 
 
 def test_dbc_path_is_relative_to_the_settings_file(tmp_path: Path) -> None:
@@ -74,6 +85,14 @@ def test_channels_keep_device_and_axis() -> None:
         (WITH_DBC.replace(', z = "accZ"', ""), "channels: axis z is none of `dbc.signals`, x, y"),
         (WITH_DBC.replace('x = "accX", ', ""), "signals: expected those of x, of x and y, or of x, y and z"),
         (WITH_DBC.replace("counter", "countr"), "device.0.dbc.countr: no such setting, did you mean 'counter'?"),
+        (GOOD + TEXT.replace('"z"', '"x"'), "channels: axis z is none of `text.columns`, counter, y, x"),
+        (
+            GOOD + TEXT.replace('"z"', '"w"'),
+            "device.0.text: columns: expected counter, time_s, time_ms, time_us, x, y, z",
+        ),
+        (GOOD + TEXT.replace(', unit = "g"', ""), "device.0.text: expected one of `unit` and `scale`"),
+        (GOOD + TEXT.replace('"g"', '"kg"'), "device.0.text: unit: expected m/s2, g, mg, found 'kg'"),
+        (GOOD.replace("port =", "# port =") + CAN + TEXT, "device.0: expected `port` with `text`, found `can`"),
         (GOOD + "[analysis]\nband = [400.0, 5.0]\n", "analysis.band: expected 0 < low < high <= 500 Hz"),
         (GOOD + "[analysis]\nband = [5.0, 900.0]\n", "half the slowest rate, found [5.0, 900.0]"),
         (GOOD + "[analysis]\nband = [480.0, 490.0]\n", "low < 480 Hz, 0.48 of the slowest rate, found 480"),

@@ -65,16 +65,18 @@ def test_example_of_each_temperature_source_is_valid(source: str) -> None:
     assert TemperatureSettings.model_validate({**rest, source: table[source]})
 
 
-@pytest.mark.parametrize("place", ["can", "log", "dbc"])
+@pytest.mark.parametrize("place", ["can", "log", "dbc", "text"])
 def test_example_of_each_device_address_is_valid(place: str) -> None:
     [device] = uncommented()["device"]
-    keep = {"dbc": ("can", "dbc")}.get(place, (place,))
-    rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "log"}}
+    keep = {"dbc": ("can", "dbc"), "text": ("port", "text")}.get(place, (place,))
+    rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "text", "log"}}
     if place == "log":
         del rest["delay_ms"]
     places = {key: device[key] for key in keep}
     if place == "dbc":
         places["can"] = {key: value for key, value in device["can"].items() if key not in {"node", "sync"}}
+    if place == "text":  # unit or scale
+        places["text"] = {key: value for key, value in device["text"].items() if key != "scale"}
     settings = EXAMPLE.model_dump() | {"device": [{**rest, **places}]}
     again = Settings.model_validate(settings)
     assert parse_settings(annotated(again)) == again

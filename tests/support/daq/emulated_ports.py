@@ -15,9 +15,20 @@ from collections.abc import Callable
 import numpy as np
 
 from daq import HostClock, IntArray, ScaledClock
-from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedWitmotion, serve_all, unplugging
+from daq.drivers import LineFormat
+from daq.emulator import (
+    EmulatedAdapter,
+    EmulatedEpson,
+    EmulatedNode,
+    EmulatedShake,
+    EmulatedTextLines,
+    EmulatedWitmotion,
+    serve_all,
+    unplugging,
+)
 
-Device = EmulatedEpson | EmulatedNode | EmulatedWitmotion
+Device = EmulatedEpson | EmulatedNode | EmulatedTextLines | EmulatedWitmotion | EmulatedAdapter | EmulatedShake
+LINES = LineFormat(columns=("counter", "time_us", "x", "y", "z", "temperature"), unit="mg")
 
 
 class Ramp:
@@ -43,9 +54,18 @@ def reported() -> list[str]:
     return os.read(0, 100).decode().split() or ["end"] if ready else []
 
 
+def text_lines(clock: HostClock) -> EmulatedTextLines:
+    """Return a sensor that sends lines of text."""
+    return EmulatedTextLines(Ramp(), clock, LINES, rate=200.0, checksum=True)
+
+
 KINDS: dict[str, Callable[[HostClock, str], Device]] = {
     "epson-uart": lambda clock, name: EmulatedEpson(Ramp(), clock, serial_number=name),
     "modalwatch-node": lambda clock, name: EmulatedNode(Ramp(), clock, serial_number=name),
+    "serial-text": lambda clock, _: text_lines(clock),
+    "serial-text over TCP": lambda clock, _: EmulatedAdapter(text_lines(clock), "tcp"),
+    "serial-text over UDP": lambda clock, _: EmulatedAdapter(text_lines(clock), "udp"),
+    "raspberry-shake": lambda clock, _: EmulatedShake(Ramp(), clock),
     "witmotion": lambda clock, _: EmulatedWitmotion(Ramp(), clock),
 }
 

@@ -1,6 +1,5 @@
-"""Scans of nodes, a reader of their frames that goes byte by byte, and the documented firmware as a program."""
+"""Scans of nodes, a reader of their frames that goes byte by byte, and the firmware as a program."""
 
-import re
 import struct
 import subprocess
 from binascii import crc_hqx
@@ -10,7 +9,7 @@ import numpy as np
 
 from daq.protocol.node import NodeScans
 
-DOCS = Path(__file__).parents[3] / "docs" / "howto" / "rig" / "node.md"
+NODE = Path(__file__).parents[3] / "examples" / "node"
 #: the node's main loop on a computer: a scan k every 1/rate s is (k, -k, 3 k), as that of `emulated_ports.Ramp`
 MAIN = """
 #include <poll.h>
@@ -52,17 +51,22 @@ int main(void) {
 """
 
 
-def firmware() -> str:
-    """Return the C code that docs/howto/rig/node.md shows."""
-    (code,) = re.findall(r"^```c\n(.*?)^```", DOCS.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
-    return str(code)
-
-
 def compiled(folder: Path, main: str) -> Path:
     """Return the firmware with a main of ours as a program."""
     source, program = folder / "node.c", folder / "node"
-    source.write_text(firmware() + main, encoding="utf-8")
-    command = ["cc", "-std=c99", "-D_POSIX_C_SOURCE=200809L", "-Wall", "-Wextra", "-Werror", "-O1", "-o"]
+    source.write_text(f'#include "modalwatch_node.h"\n{main}', encoding="utf-8")
+    command = [
+        "cc",
+        "-std=c99",
+        "-I",
+        str(NODE / "src"),
+        "-D_POSIX_C_SOURCE=200809L",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        "-O1",
+        "-o",
+    ]
     subprocess.run([*command, str(program), str(source)], check=True, timeout=60)
     return program
 

@@ -7,7 +7,9 @@ import time
 import can
 import pytest
 
+from daq.drivers import CanPlace
 from daq.drivers.can.bus import SlcanBus, frames_of, messages_of, read_frames
+from daq.drivers.can.hub import _open_bus
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import encode
 from tests.support.daq.can_buses import pty, read
@@ -107,3 +109,16 @@ def test_python_can_opens_slcan_bus_by_interface_name() -> None:
         message = bus.recv(1.0)
         assert message is not None
         assert bytes(message.data) == b"\xff"
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "passed"), [("gs_usb", "0", 0), ("gs_usb", "canable", "canable"), ("kvaser", "0", "0")]
+)
+def test_channel_of_gs_usb_is_its_number(
+    interface: str, channel: str, passed: str | int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """python-can compares it with the number of adapters."""
+    opened: list[object] = []
+    monkeypatch.setattr(can, "Bus", lambda **options: opened.append(options["channel"]))
+    _open_bus(CanPlace(interface=interface, channel=channel))
+    assert opened == [passed]

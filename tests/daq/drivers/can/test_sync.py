@@ -34,7 +34,7 @@ from daq.drivers import EPSON_SCALE
 from daq.drivers.can.bus import Chunk
 from daq.drivers.can.sync_count import SyncCount, SyncedCounter
 from daq.emulator import EmulatedEpsonCan, EmulatedSlcan
-from daq.emulator.sync import synced_frames
+from daq.emulator.can.sync import synced_frames
 from daq.log import CHANNELS, ChannelMap
 from daq.protocol.epson_can import SYNC, encode_scans
 from daq.protocol.frames import can_frames

@@ -7,8 +7,8 @@ import tty
 import weakref
 from collections.abc import Sequence
 
+from daq.emulator.can.sync import synced_frames
 from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame, bytes_to_read
-from daq.emulator.sync import synced_frames
 from daq.protocol import slcan
 from daq.protocol.frames import can_frames, concatenate
 

@@ -1,0 +1,1 @@
+"""Emulated nodes on a CAN bus, and their adapter."""
