@@ -4,6 +4,8 @@ from updater.fe.assembly import build_model
 from updater.fe.eigen import Modes
 from updater.fe.element import Element, local_axes
 from updater.fe.external.files import Matrices, read_matrices, save_matrices
+from updater.fe.external.groups import group_strains
+from updater.fe.external.programs.opensees import opensees_matrices
 from updater.fe.model import Model
 from updater.fe.redundants import self_stress
 from updater.fe.response import Ambient, AmbientResponse
@@ -20,7 +22,9 @@ __all__ = [
     "Modes",
     "build_model",
     "flexibility",
+    "group_strains",
     "hinges_of",
+    "opensees_matrices",
     "local_axes",
     "parts_between",
     "read_matrices",

@@ -1,8 +1,8 @@
 """Finite element model: stiffness and mass matrices, interpolation and loads at any point."""
 
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -64,6 +64,8 @@ class Model:
     mass: sparse.csc_array  #: (n_dofs, n_dofs)
     twins: tuple[tuple[int, int, Joint], ...] = ()  #: node, its twin on the jointed member, the springs between
     loose: tuple[int, ...] = ()  #: nodes on no member
+    #: parts of the stiffness of external matrices by name, each (n_dofs, n_dofs)
+    groups: Mapping[str, sparse.csc_array] = field(default_factory=dict)
 
     @property
     def n_dofs(self) -> int:

@@ -4,8 +4,8 @@ A DOF table gives the meaning of the rows: node, its position and the axis (x y 
 """
 
 import csv
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -24,6 +24,7 @@ _BLANK, _NEWLINE = ord(" "), ord("\n")
 _DAMAGED = (*DAMAGED_FILE, OSError, DataError)
 _SYMMETRIC = 1e-8  # relative to the largest entry: error of truncated digits in a text file
 _ROUNDING = 1e-8  # relative to a DOF's own mass: error of an eigenvalue of zero by truncated digits
+_OF_WHOLE = 1e-6  # relative excess of a group over the whole by truncated digits
 _DENSE = 300  # DOFs up to which all eigenvalues are solved for
 _COLUMNS = ("node", "x", "y", "z", "axis")
 
@@ -36,6 +37,8 @@ class Matrices:
     mass: sparse.csc_array  #: (n_dofs, n_dofs) [kg, kg m, kg m2]
     nodes: FloatArray  #: (n_nodes, 3) [m]
     dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where there is none
+    #: parts of the stiffness by name, each (n_dofs, n_dofs)
+    groups: Mapping[str, sparse.csc_array] = field(default_factory=dict)
 
 
 def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
@@ -51,6 +54,41 @@ def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
     """
     files = [(path, _changed(path)) for path in (stiffness, mass, table)]
     return _read(*files)
+
+
+def read_group(path: Path, name: str, whole: Matrices) -> sparse.csc_array:
+    """Read the stiffness (n_dofs, n_dofs) of a group from a Matrix Market file, or from an npz of `save_matrices`.
+
+    Raises
+    ------
+    StructureError
+        Naming the file and the group if it cannot be read, does not fit the whole, or is stiffer than the whole.
+    """
+    return _read_group((path, _changed(path)), name, whole)
+
+
+@lru_cache(maxsize=64)
+def _read_group(path: tuple[Path, int], name: str, whole: Matrices) -> sparse.csc_array:
+    matrix, what = _matrix(path[0], f"group_{name}"), f"group {name}"
+    if matrix.shape != whole.stiffness.shape:
+        raise StructureError(path[0], f"{what}: expected {whole.stiffness.shape} entries, found {matrix.shape}")
+    _check_entries(path[0], matrix, whole, what)
+    diagonal, limit = matrix.diagonal(), whole.stiffness.diagonal()
+    wrong = np.flatnonzero((diagonal < -_SYMMETRIC * limit) | (diagonal > (1 + _OF_WHOLE) * limit))
+    if len(wrong):
+        row = int(wrong[0])
+        raise StructureError(
+            path[0],
+            f"{what}: expected 0 to {limit[row]:.6g}, which is the whole, on the diagonal of {_named(whole, row)}, "
+            f"found {diagonal[row]:.6g}",
+        )
+    held = np.flatnonzero(diagonal > _SYMMETRIC * limit)
+    if not len(held):
+        raise StructureError(path[0], f"{what}: there is no stiffness")
+    root = sparse.diags_array(diagonal[held] ** -0.5)
+    if _least(sparse.csc_array(root @ matrix[held][:, held] @ root)) < -_ROUNDING:
+        raise StructureError(path[0], f"{what}: indefinite: some motion has a negative energy")
+    return matrix
 
 
 def _changed(path: Path) -> int:
@@ -94,7 +132,7 @@ def whole_blocks(stiffness: sparse.csc_array, dofs: IntArray) -> sparse.csc_arra
 
 
 def save_matrices(path: Path, matrices: Matrices) -> None:
-    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx and dofs.csv in a folder.
+    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx, group_NAME.mtx and dofs.csv in a folder.
 
     Parameters
     ----------
@@ -103,6 +141,7 @@ def save_matrices(path: Path, matrices: Matrices) -> None:
         `NAME_indptr`, as scipy.sparse has them
     """
     both = {"stiffness": matrices.stiffness, "mass": matrices.mass}
+    both |= {f"group_{name}": sparse.csc_array(matrix) for name, matrix in matrices.groups.items()}
     if path.suffix == ".npz":
         parts = {f"{name}_{part}": getattr(a, part) for name, a in both.items() for part in _PARTS}
         np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, **parts)
@@ -208,7 +247,8 @@ def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, 
     return np.array([*places.values()], float).reshape(-1, 3), np.array([*numbers.values()], np.int32).reshape(-1, 6)
 
 
-def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+def _check_entries(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+    """Check that entries are finite and symmetric."""
     if not np.isfinite(matrix.data).all():
         raise StructureError(path, f"{what}: an entry is not finite")
     skew = abs(matrix - matrix.T).tocoo()
@@ -216,6 +256,10 @@ def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> 
         worst = int(np.argmax(skew.data))
         first, second = _named(found, int(skew.row[worst])), _named(found, int(skew.col[worst]))
         raise StructureError(path, f"{what}: not symmetric between {first} and {second}")
+
+
+def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+    _check_entries(path, matrix, found, what)
     diagonal, filled = matrix.diagonal(), np.diff(matrix.indptr) > 0
     wrong = np.flatnonzero((diagonal < 0) | ((diagonal == 0) & (filled if what == "mass" else True)))
     if len(wrong):

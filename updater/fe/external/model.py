@@ -15,7 +15,7 @@ from scipy.spatial import KDTree
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
 from updater.fe.element import local_axes
-from updater.fe.external.files import Matrices, read_matrices
+from updater.fe.external.files import Matrices, read_group, read_matrices
 from updater.fe.model import Model
 from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support
 
@@ -81,7 +81,8 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
     lines = [_line(member, nodes, tree) for member in structure.member]
     pairs = [pair for line in lines for pair in itertools.pairwise(line.tolist())]
     mass = _particles(found) if lumped else found.mass
-    stiffness = found.stiffness * external.factor + _springs(structure.support, tree, dofs, found.stiffness.shape[0])
+    stiffness, groups = _stiffness(external, found)
+    stiffness = stiffness + _springs(structure.support, tree, dofs, found.stiffness.shape[0])
     held = _held(structure.support, tree, dofs)
     kept = np.setdiff1d(np.arange(stiffness.shape[0]), held)
     return Model(
@@ -93,7 +94,18 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
         stiffness=sparse.csc_array(stiffness[kept][:, kept]),
         mass=sparse.csc_array(mass[kept][:, kept]),
         loose=tuple(np.setdiff1d(np.arange(len(nodes)), np.concatenate(lines)).tolist()),
+        groups={name: sparse.csc_array(part[kept][:, kept]) for name, part in groups.items()},
     )
+
+
+def _stiffness(external: External, found: Matrices) -> tuple[sparse.csc_array, dict[str, sparse.csc_array]]:
+    """Return the stiffness (n, n) with its factors, and that of each group: K = K_rest + sum f_i K_i."""
+    whole, groups = found.stiffness, {}
+    for name, group in external.group.items():
+        own = read_group(group.stiffness, name, found)
+        groups[name] = own * (group.factor * external.factor)
+        whole = whole + own * (group.factor - 1)
+    return whole * external.factor, groups
 
 
 def _elements(pairs: IndexArray, nodes: FloatArray, turning: BoolArray) -> tuple[tuple[int, int, Line], ...]:
