@@ -59,6 +59,7 @@ class External(Entry):
     stiffness: Path  #: Matrix Market, or npz
     mass: Path
     dofs: Path  #: CSV with node, x, y, z, axis of every row, or npz
+    faces: Path | None = None  #: CSV with the nodes a, b, c, d about each face, or npz. Default: those of the npz
     factor: Positive = 1.0  #: factor of the stiffness, as calibrated [-]
     group: dict[str, Group] = Field(default_factory=dict)  #: parts of the stiffness by name; they do not overlap
 
@@ -83,7 +84,8 @@ class External(Entry):
             name: part.model_copy(update={"stiffness": (folder / part.stiffness).resolve()})
             for name, part in self.group.items()
         }
-        return self.model_copy(update=paths | {"group": groups})
+        faces = None if self.faces is None else (folder / self.faces).resolve()
+        return self.model_copy(update=paths | {"group": groups, "faces": faces})
 
     def with_factor(self, group: str, factor: float) -> "External":
         """Return the same with the stiffness of a group, or of all if it is "", multiplied by a factor."""

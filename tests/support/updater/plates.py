@@ -1,4 +1,4 @@
-"""A table: a plate on four feet. The model is of OpenSees' shells, the measured one of scikit-fem's Morley triangles."""
+"""A table: a plate on four feet. The model is of OpenSees' shells, the measured one of scikit-fem's triangles."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ def panel_of(x: float, y: float) -> str:
 
 
 def write_table(folder: Path, *, along: int = 15, across: int = 8) -> Path:
-    """Write the structure file and the matrices of a model of ShellMITC4 elements with its panels and feet as groups."""
+    """Write the structure file and the matrices of a model of ShellMITC4 elements with groups of them."""
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 6)
     ops.section("ElasticMembranePlateSection", 1, MODULUS, POISSON, THICKNESS, DENSITY)

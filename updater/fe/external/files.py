@@ -4,7 +4,7 @@ A DOF table gives the meaning of the rows: node, its position and the axis (x y 
 """
 
 import csv
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -14,19 +14,18 @@ from scipy import sparse
 from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
-from daq import DataError, FloatArray, IndexArray, IntArray
-from daq.files import DAMAGED_FILE, check_archive
+from daq import FloatArray, IndexArray, IntArray
+from daq.files import check_archive
 from updater.errors import StructureError
+from updater.fe.external.tables import DAMAGED, FACE_COLUMNS, TABLE_COLUMNS, read_faces, read_table
 from updater.structure import AXES
 
 _MAX_ROWS = 10_000_000
 _BLANK, _NEWLINE = ord(" "), ord("\n")
-_DAMAGED = (*DAMAGED_FILE, OSError, DataError)
 _SYMMETRIC = 1e-8  # relative to the largest entry: error of truncated digits in a text file
 _ROUNDING = 1e-8  # relative to a DOF's own mass: error of an eigenvalue of zero by truncated digits
 _OF_WHOLE = 1e-6  # relative excess of a group over the whole by truncated digits
 _DENSE = 300  # DOFs up to which all eigenvalues are solved for
-_COLUMNS = ("node", "x", "y", "z", "axis")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -39,12 +38,15 @@ class Matrices:
     dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where there is none
     #: parts of the stiffness by name, each (n_dofs, n_dofs)
     groups: Mapping[str, sparse.csc_array] = field(default_factory=dict)
+    #: (n_faces, 4) nodes about each face of plates, shells and solids; the last is -1 for a triangle
+    faces: IntArray = field(default_factory=lambda: np.empty((0, 4), np.int32))
 
 
-def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
+def read_matrices(stiffness: Path, mass: Path, table: Path, faces: Path | None = None) -> Matrices:
     """Read Matrix Market files and a DOF table (CSV with the columns node, x, y, z, axis, a line a row).
 
-    One npz file may contain all three, as written by `save_matrices`.
+    One npz file may contain all of them, as written by `save_matrices`. Faces are a CSV with the columns a, b, c, d:
+    names of the nodes about each face, d empty for a triangle.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
         Naming the file and the row if one cannot be read, if they do not fit together, or if a matrix is not
         symmetric, not finite, singular by an empty row, or indefinite.
     """
-    files = [(path, _changed(path)) for path in (stiffness, mass, table)]
+    files = [(path, _changed(path)) for path in (stiffness, mass, table, faces or table)]
     return _read(*files)
 
 
@@ -99,15 +101,21 @@ def _changed(path: Path) -> int:
 
 
 @lru_cache(maxsize=4)
-def _read(stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int]) -> Matrices:
+def _read(
+    stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int], faces: tuple[Path, int]
+) -> Matrices:
     """Read the files, once for every change of them."""
     k, m = _matrix(stiffness[0], "stiffness"), _matrix(mass[0], "mass")
-    nodes, dofs = _table(table[0])
+    nodes, dofs, names = read_table(table[0])
+    if faces != table:
+        corners = read_faces(faces[0], names)
+    else:
+        corners = read_faces(table[0], names) if table[0].suffix == ".npz" else np.empty((0, 4), np.int32)
     n = int(dofs.max(initial=-1)) + 1
     for path, matrix in ((stiffness[0], k), (mass[0], m)):
         if matrix.shape != (n, n):
             raise StructureError(path, f"expected {n} x {n} entries as {table[0].name} has rows, found {matrix.shape}")
-    found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs)
+    found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs, faces=corners)
     _check(stiffness[0], k, found, "stiffness")
     _check(mass[0], m, found, "mass")
     return replace(found, stiffness=whole_blocks(k, dofs))
@@ -132,19 +140,21 @@ def whole_blocks(stiffness: sparse.csc_array, dofs: IntArray) -> sparse.csc_arra
 
 
 def save_matrices(path: Path, matrices: Matrices) -> None:
-    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx, group_NAME.mtx and dofs.csv in a folder.
+    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx, group_NAME.mtx, dofs.csv and faces.csv in a folder.
+
+    Nodes without a row are not in dofs.csv, so that faces with such a node need the npz.
 
     Parameters
     ----------
     path : ends in .npz, or an existing folder
-    matrices : to write; the npz holds `nodes`, `dofs` and, of each matrix by columns, `NAME_data`, `NAME_indices` and
+    matrices : to write; the npz holds `nodes`, `dofs`, `faces` and, of each matrix by columns, `NAME_data`, `NAME_indices` and
         `NAME_indptr`, as scipy.sparse has them
     """
     both = {"stiffness": matrices.stiffness, "mass": matrices.mass}
     both |= {f"group_{name}": sparse.csc_array(matrix) for name, matrix in matrices.groups.items()}
     if path.suffix == ".npz":
         parts = {f"{name}_{part}": getattr(a, part) for name, a in both.items() for part in _PARTS}
-        np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, **parts)
+        np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, faces=matrices.faces, **parts)
         return
     for name, a in both.items():
         mmwrite(path / f"{name}.mtx", sparse.coo_array(a), symmetry="symmetric", precision=17)
@@ -152,7 +162,11 @@ def save_matrices(path: Path, matrices: Matrices) -> None:
     order = np.argsort(matrices.dofs[node, axis])
     with (path / "dofs.csv").open("w", newline="", encoding="utf-8") as file:
         lines = ((node[i], *matrices.nodes[node[i]].tolist(), AXES[axis[i]]) for i in order)
-        csv.writer(file).writerows([_COLUMNS, *lines])
+        csv.writer(file).writerows([TABLE_COLUMNS, *lines])
+    if len(matrices.faces):
+        with (path / "faces.csv").open("w", newline="", encoding="utf-8") as file:
+            corners = (["" if node < 0 else node for node in face] for face in matrices.faces.tolist())
+            csv.writer(file).writerows([FACE_COLUMNS, *corners])
 
 
 _PARTS = ("data", "indices", "indptr")
@@ -169,7 +183,7 @@ def _matrix(path: Path, name: str) -> sparse.csc_array:
         else:
             _check_stated(path)
             matrix = sparse.csc_array(mmread(path, spmatrix=False), dtype=float)
-    except _DAMAGED as error:
+    except DAMAGED as error:
         raise StructureError(path, f"{name}: no matrix can be read: {error}".splitlines()[0]) from error
     return matrix
 
@@ -203,48 +217,6 @@ def _check_stated(path: Path) -> None:
     wrong = np.flatnonzero((per_line > 0) & (per_line != n_values))
     if len(wrong):
         raise ValueError(f"expected {n_values} numbers per line, found {per_line[wrong[0]]}")
-
-
-def _table(path: Path) -> tuple[FloatArray, IntArray]:
-    """Return nodes (n_nodes, 3) and the rows of their DOFs (n_nodes, 6)."""
-    if path.suffix == ".npz":
-        try:
-            check_archive(path)
-            with np.load(path) as file:
-                return _checked_table(np.asarray(file["nodes"], float), np.asarray(file["dofs"], np.int32))
-        except _DAMAGED as error:
-            raise StructureError(path, f"no DOF table can be read: {error}") from error
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return _numbered(path, csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise StructureError(path, f"no DOF table can be read: {error}") from error
-
-
-def _checked_table(nodes: FloatArray, dofs: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return nodes (n_nodes, 3) and rows (n_nodes, 6), once each row from 0 on is there once."""
-    if nodes.shape != (len(nodes), 3) or not np.isfinite(nodes).all():
-        raise ValueError(f"nodes: expected finite numbers (n_nodes, 3), found {nodes.shape}")
-    if dofs.shape != (len(nodes), 6) or not np.array_equal(np.sort(dofs[dofs >= 0]), np.arange((dofs >= 0).sum())):
-        raise ValueError(f"dofs: expected ({len(nodes)}, 6) with each row once, found {dofs.shape}")
-    return nodes, dofs
-
-
-def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, IntArray]:
-    places: dict[str, tuple[float, ...]] = {}
-    numbers: dict[str, list[int]] = {}
-    for row, line in enumerate(lines):
-        what = f"line {row + 2}"
-        try:
-            node, axis = line["node"].strip(), AXES.index(line["axis"].strip())
-            place = tuple(float(line[c]) for c in _COLUMNS[1:4])
-        except (KeyError, ValueError, AttributeError, TypeError) as error:
-            raise StructureError(path, f"{what}: expected {', '.join(_COLUMNS)} ({', '.join(AXES)})") from error
-        own = numbers.setdefault(node, [-1] * 6)
-        if own[axis] >= 0 or places.setdefault(node, place) != place:
-            raise StructureError(path, f"{what}: node {node} has {AXES[axis]} already, or is somewhere else")
-        own[axis] = row
-    return np.array([*places.values()], float).reshape(-1, 3), np.array([*numbers.values()], np.int32).reshape(-1, 6)
 
 
 def _check_entries(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:

@@ -15,10 +15,12 @@ from scipy.spatial import KDTree
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
 from updater.fe.element import local_axes
+from updater.fe.external.faces import Faces
 from updater.fe.external.files import Matrices, read_group, read_matrices
 from updater.fe.model import Model
 from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support
 
+_POINTS = 21  # of a member without nodes at its ends, which must be on faces
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -74,11 +76,12 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
     ModelError
         If a member or support is not where the matrices have nodes.
     """
-    found = read_matrices(external.stiffness, external.mass, external.dofs)
+    found = read_matrices(external.stiffness, external.mass, external.dofs, external.faces)
     nodes = _with_feet(structure.support, found.nodes)
     dofs = np.vstack([found.dofs, np.full((len(nodes) - len(found.nodes), 6), -1, np.int32)])
     tree = KDTree(nodes)
-    lines = [_line(member, nodes, tree) for member in structure.member]
+    faces = Faces(nodes, found.faces) if len(found.faces) else None
+    lines = [_line(member, nodes, tree, faces) for member in structure.member]
     pairs = [pair for line in lines for pair in itertools.pairwise(line.tolist())]
     mass = _particles(found) if lumped else found.mass
     stiffness, groups = _stiffness(external, found)
@@ -89,11 +92,12 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
         structure=structure,
         nodes=nodes,
         dofs=_renumbered(dofs, kept),
-        elements=_elements(np.array(pairs, np.intp), nodes, np.any(dofs[:, 3:] >= 0, axis=1)),
+        elements=_elements(np.array(pairs, np.intp).reshape(-1, 2), nodes, np.any(dofs[:, 3:] >= 0, axis=1)),
         member_names=tuple(m.name for m, line in zip(structure.member, lines, strict=True) for _ in line[1:]),
         stiffness=sparse.csc_array(stiffness[kept][:, kept]),
         mass=sparse.csc_array(mass[kept][:, kept]),
         loose=tuple(np.setdiff1d(np.arange(len(nodes)), np.concatenate(lines)).tolist()),
+        faces=faces,
         groups={name: sparse.csc_array(part[kept][:, kept]) for name, part in groups.items()},
     )
 
@@ -124,8 +128,8 @@ def _with_feet(supports: tuple[Support, ...], nodes: FloatArray) -> FloatArray:
     return np.vstack([nodes, np.array(feet, float).reshape(-1, 3)])
 
 
-def _line(member: Member, nodes: FloatArray, tree: KDTree) -> IndexArray:
-    """Return the nodes along a member."""
+def _line(member: Member, nodes: FloatArray, tree: KDTree, faces: Faces | None) -> IndexArray:
+    """Return the nodes along a member; none if it has no node at an end and is on faces."""
     near = np.array(tree.query_ball_point(member.point(member.length / 2), member.length / 2 + ON_MEMBER), np.intp)
     away = np.asarray(nodes[near] - member.start)
     along = away @ (np.subtract(member.end, member.start) / member.length)
@@ -136,8 +140,13 @@ def _line(member: Member, nodes: FloatArray, tree: KDTree) -> IndexArray:
     double = np.flatnonzero(np.diff(along) < ON_MEMBER)
     if len(double):
         raise ModelError(f"member {member.name}: two of the matrices' nodes lie at {nodes[line[double[0]]].tolist()}")
-    if len(line) < 2 or along[0] > ON_MEMBER or along[-1] < member.length - ON_MEMBER:
-        raise ModelError(f"member {member.name}: the matrices need a node at each end of it, found {len(line)} on it")
+    apart = len(line) < 2 or along[0] > ON_MEMBER or along[-1] < member.length - ON_MEMBER
+    if apart and faces is not None and faces.on(member.point(np.linspace(0, member.length, _POINTS))):
+        return np.empty(0, np.intp)
+    if apart:
+        raise ModelError(
+            f"member {member.name}: the matrices need a node at each end of it, or faces all along it, found {len(line)} nodes"
+        )
     return line
 
 
