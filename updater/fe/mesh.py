@@ -173,8 +173,7 @@ class SpanIndex:
         span = np.concatenate([*near, []]).astype(np.intp)
         xi, distance = self._project(points[which], span)
         order = np.lexsort((span, distance, which))
-        found, best = np.unique(which[order], return_index=True)
-        best = order[best]
+        best = order[np.unique(which[order], return_index=True)[1]]
         best = best[distance[best] <= ON_MEMBER]
         return span[best], xi[best], np.setdiff1d(np.arange(len(points)), which[best])
 

@@ -160,4 +160,4 @@ def _quadrilateral(flat: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatA
         local = np.clip(local + step, -3.0, 3.0)
     if np.abs(local).max() > 1 + 2 * _INSIDE:
         return None
-    return weight, np.linalg.solve(jacobian, slope.T).T
+    return weight, np.asarray(np.linalg.solve(jacobian, slope.T).T, float)

@@ -140,15 +140,15 @@ def whole_blocks(stiffness: sparse.csc_array, dofs: IntArray) -> sparse.csc_arra
 
 
 def save_matrices(path: Path, matrices: Matrices) -> None:
-    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx, group_NAME.mtx, dofs.csv and faces.csv in a folder.
+    """Write matrices to one npz file, or to .mtx files, dofs.csv and faces.csv in a folder.
 
     Nodes without a row are not in dofs.csv, so that faces with such a node need the npz.
 
     Parameters
     ----------
     path : ends in .npz, or an existing folder
-    matrices : to write; the npz holds `nodes`, `dofs`, `faces` and, of each matrix by columns, `NAME_data`, `NAME_indices` and
-        `NAME_indptr`, as scipy.sparse has them
+    matrices : to write; the npz holds `nodes`, `dofs`, `faces` and, of each matrix by columns, `NAME_data`,
+        `NAME_indices` and `NAME_indptr`, as scipy.sparse has them
     """
     both = {"stiffness": matrices.stiffness, "mass": matrices.mass}
     both |= {f"group_{name}": sparse.csc_array(matrix) for name, matrix in matrices.groups.items()}

@@ -1,10 +1,10 @@
 """Strains of groups of external matrices: what of each mode's elastic energy is in a group, and how it is shifted.
 
 With K = G^T G the strain of a group is a part of G u. Its modal strains span a few directions, w_k = (E^T G)_k, E
-orthonormal: E from the eigenvectors of Lambda^-1/2 B^T K_i B Lambda^-1/2, so that G itself is not needed. A group with a
-factor f on its stiffness adds the compliance (1 / f - 1) sum_k mu_k mu_k^T, mu_k = w_k b_r / omega_r^2 in modes. Strains
-that no displacement causes are self-stress: S = w K^-1 w^T, I - S = Z Z^T, rows of Z the share of each direction in
-states of self-stress (see `updater.fe.redundants`).
+orthonormal: E from the eigenvectors of Lambda^-1/2 B^T K_i B Lambda^-1/2, so that G itself is not needed. A group
+with a factor f on its stiffness adds the compliance (1 / f - 1) sum_k mu_k mu_k^T, mu_k = w_k b_r / omega_r^2 in
+modes. Strains that no displacement causes are self-stress: S = w K^-1 w^T, I - S = Z Z^T, rows of Z the share of each
+direction in states of self-stress (see `updater.fe.redundants`).
 """
 
 from collections.abc import Mapping

@@ -144,9 +144,8 @@ def _line(member: Member, nodes: FloatArray, tree: KDTree, faces: Faces | None) 
     if apart and faces is not None and faces.on(member.point(np.linspace(0, member.length, _POINTS))):
         return np.empty(0, np.intp)
     if apart:
-        raise ModelError(
-            f"member {member.name}: the matrices need a node at each end of it, or faces all along it, found {len(line)} nodes"
-        )
+        needed = "the matrices need a node at each end of it, or faces all along it"
+        raise ModelError(f"member {member.name}: {needed}, found {len(line)} nodes on it")
     return line
 
 
