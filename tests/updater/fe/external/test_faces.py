@@ -14,10 +14,8 @@ from updater.fe.external.faces import Faces
 CORNERS = np.array([[0, 0, 0], [1.2, 0.1, 0], [1.1, 1.0, 0], [-0.1, 0.8, 0]], float)
 TILT = np.linalg.qr(np.random.default_rng(4).standard_normal((3, 3)))[0]
 QUAD, TRIANGLE = np.array([[0, 1, 2, 3]], np.int32), np.array([[0, 1, 2, -1]], np.int32)
-SHELL, SOLID = (
-    np.arange(24, dtype=np.int32).reshape(4, 6),
-    np.pad(np.arange(12, dtype=np.int32).reshape(4, 3), ((0, 0), (0, 3)), constant_values=-1),
-)
+SHELL = np.arange(24, dtype=np.int32).reshape(4, 6)
+SOLID = np.pad(np.arange(12, dtype=np.int32).reshape(4, 3), ((0, 0), (0, 3)), constant_values=-1)
 
 
 @pytest.mark.parametrize("corners", [QUAD, TRIANGLE])

@@ -1,6 +1,7 @@
 """Matrices as Abaqus, CalculiX, Ansys and Nastran write them."""
 
 import re
+import warnings
 from collections.abc import Sequence
 from io import StringIO
 from pathlib import Path
@@ -104,9 +105,11 @@ def _harwell_boeing(path: Path, text: str, lines: Sequence[str], names: Path) ->
     _check_header(path, lines)
     try:
         whole = _SYMMETRIC_TYPE.sub(r"\1U\2", text, count=1)  # scipy reads the same layout as unsymmetric only
-        matrix = sparse.coo_array(hb_read(StringIO(whole)))
-    except (ValueError, TypeError, IndexError, OverflowError, OSError, AttributeError) as error:
-        raise StructureError(path, f"no Harwell-Boeing matrix can be read: {error}".splitlines()[0]) from error
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a line that is too long
+            matrix = sparse.coo_array(hb_read(StringIO(whole)))
+    except (ValueError, TypeError, IndexError, OverflowError, OSError, AttributeError, Warning) as error:
+        raise StructureError(path, f"no Harwell-Boeing matrix can be read: {error}".splitlines()[0][:200]) from error
     if not np.isrealobj(matrix.data) or not np.isfinite(matrix.data).all():
         raise StructureError(path, "no Harwell-Boeing matrix can be read: expected finite real numbers")
     row, column = (np.asarray(index, np.int64) for index in matrix.coords)
