@@ -81,7 +81,8 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
     dofs = np.vstack([found.dofs, np.full((len(nodes) - len(found.nodes), 6), -1, np.int32)])
     tree = KDTree(nodes)
     faces = Faces(nodes, found.faces) if len(found.faces) else None
-    lines = [_line(member, nodes, tree, faces) for member in structure.member]
+    free = np.any(dofs >= 0, axis=1)
+    lines = [_line(member, nodes, tree, free, faces) for member in structure.member]
     pairs = [pair for line in lines for pair in itertools.pairwise(line.tolist())]
     mass = _particles(found) if lumped else found.mass
     stiffness, groups = _stiffness(external, found)
@@ -96,10 +97,16 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
         member_names=tuple(m.name for m, line in zip(structure.member, lines, strict=True) for _ in line[1:]),
         stiffness=sparse.csc_array(stiffness[kept][:, kept]),
         mass=sparse.csc_array(mass[kept][:, kept]),
-        loose=tuple(np.setdiff1d(np.arange(len(nodes)), np.concatenate(lines)).tolist()),
+        loose=_loose(lines, free),
         faces=faces,
         groups={name: sparse.csc_array(part[kept][:, kept]) for name, part in groups.items()},
     )
+
+
+def _loose(lines: list[IndexArray], free: BoolArray) -> tuple[int, ...]:
+    """Return the nodes on no member; of two at one point, such as both ends of a spring, the one with rows first."""
+    loose = np.setdiff1d(np.arange(len(free)), np.concatenate(lines))
+    return (*loose[free[loose]].tolist(), *loose[~free[loose]].tolist())
 
 
 def _stiffness(external: External, found: Matrices) -> tuple[sparse.csc_array, dict[str, sparse.csc_array]]:
@@ -128,8 +135,11 @@ def _with_feet(supports: tuple[Support, ...], nodes: FloatArray) -> FloatArray:
     return np.vstack([nodes, np.array(feet, float).reshape(-1, 3)])
 
 
-def _line(member: Member, nodes: FloatArray, tree: KDTree, faces: Faces | None) -> IndexArray:
-    """Return the nodes along a member; none if it has no node at an end and is on faces."""
+def _line(member: Member, nodes: FloatArray, tree: KDTree, free: BoolArray, faces: Faces | None) -> IndexArray:
+    """Return the nodes along a member; none if it has no node at an end and is on faces.
+
+    Of two nodes at one point the one without rows, the grounded end of a spring, is left out.
+    """
     near = np.array(tree.query_ball_point(member.point(member.length / 2), member.length / 2 + ON_MEMBER), np.intp)
     away = np.asarray(nodes[near] - member.start)
     along = away @ (np.subtract(member.end, member.start) / member.length)
@@ -138,27 +148,32 @@ def _line(member: Member, nodes: FloatArray, tree: KDTree, faces: Faces | None) 
     line: IndexArray = near[on][order]
     along = along[on][order]
     double = np.flatnonzero(np.diff(along) < ON_MEMBER)
-    if len(double):
+    grounded = np.where(free[line[double]], double + 1, double)
+    if free[line[grounded]].any():
         raise ModelError(f"member {member.name}: two of the matrices' nodes lie at {nodes[line[double[0]]].tolist()}")
+    line, along = np.delete(line, grounded), np.delete(along, grounded)
     apart = len(line) < 2 or along[0] > ON_MEMBER or along[-1] < member.length - ON_MEMBER
     if apart and faces is not None and faces.on(member.point(np.linspace(0, member.length, _POINTS))):
         return np.empty(0, np.intp)
     if apart:
-        needed = "the matrices need a node at each end of it, or faces all along it"
-        raise ModelError(f"member {member.name}: {needed}, found {len(line)} nodes on it")
+        raise ModelError(
+            f"member {member.name}: the matrices need a node at each end of it, or faces all along it, found "
+            f"{len(line)} nodes on it"
+        )
     return line
 
 
-def _node(support: Support, tree: KDTree) -> int:
-    distance, node = tree.query(support.at)
-    if distance > ON_MEMBER:
+def _node(support: Support, tree: KDTree, dofs: IntArray) -> int:
+    """Return the node at a support, one with rows if there is any."""
+    near = tree.query_ball_point(support.at, ON_MEMBER, return_sorted=True)
+    if not near:
         raise ModelError(f"support at {list(support.at)}: the matrices have no node there")
-    return int(node)
+    return int(near[int(np.argmax((dofs[near] >= 0).any(1)))])
 
 
 def _held(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray) -> IntArray:
     """Return the rows (n,) of the file."""
-    rows = [dofs[_node(s, tree), AXES.index(axis)] for s in supports for axis in s.fixed]
+    rows = [dofs[_node(s, tree, dofs), AXES.index(axis)] for s in supports for axis in s.fixed]
     return np.array([row for row in rows if row >= 0], np.int32)
 
 
@@ -167,7 +182,7 @@ def _springs(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray, n: int
     diagonal = np.zeros(n)
     for support in supports:
         for axis, value in support.stiffness.items():
-            row = dofs[_node(support, tree), AXES.index(axis)]
+            row = dofs[_node(support, tree, dofs), AXES.index(axis)]
             if row < 0:
                 raise ModelError(f"support at {list(support.at)}: the matrices have no {axis} there")
             diagonal[row] += value

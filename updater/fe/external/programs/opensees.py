@@ -40,7 +40,8 @@ def opensees_matrices(ops: Any, groups: Mapping[str, Sequence[int]] | None = Non
             raise ModelError(f"group {name}: the domain of OpenSees has no element {missing[0]}")
         known -= set(tags)
     stiffness = _printed(ops, mass=0, stiffness=1)
-    nodes, dofs = _table(ops)
+    tags, nodes, dofs = _table(ops)
+    faces = _faces(ops, {tag: i for i, tag in enumerate(tags)})
     mass = _printed(ops, mass=1, stiffness=0)
     rest, own = stiffness, {}
     for name, tags in chosen.items():
@@ -49,7 +50,7 @@ def opensees_matrices(ops: Any, groups: Mapping[str, Sequence[int]] | None = Non
         less = _printed(ops, mass=0, stiffness=1)
         own[name] = sparse.csc_array(rest - less)
         rest = less
-    return Matrices(stiffness=stiffness, mass=mass, nodes=nodes, dofs=dofs, groups=own)
+    return Matrices(stiffness=stiffness, mass=mass, nodes=nodes, dofs=dofs, groups=own, faces=faces)
 
 
 def _printed(ops: Any, *, mass: float, stiffness: float) -> sparse.csc_array:  # noqa: ANN401
@@ -69,11 +70,19 @@ def _printed(ops: Any, *, mass: float, stiffness: float) -> sparse.csc_array:  #
     return sparse.csc_array((matrix + matrix.T) / 2)
 
 
-def _table(ops: Any) -> tuple[FloatArray, IntArray]:  # noqa: ANN401
-    """Return nodes (n_nodes, 3) and the rows of their DOFs (n_nodes, 6)."""
+def _faces(ops: Any, number: Mapping[int, int]) -> IntArray:  # noqa: ANN401
+    """Return the corners (n_faces, 4) of elements of three or four nodes that have six DOFs each."""
+    every = [ops.eleNodes(tag) for tag in ops.getEleTags() or []]
+    shells = [nodes for nodes in every if len(nodes) in (3, 4) and all(ops.getNDF(node)[0] == 6 for node in nodes)]
+    found = [[*(number[node] for node in nodes), -1][:4] for nodes in shells]
+    return np.array(found, np.int32).reshape(-1, 4)
+
+
+def _table(ops: Any) -> tuple[list[int], FloatArray, IntArray]:  # noqa: ANN401
+    """Return tags and positions of nodes (n_nodes, 3), and the rows of their DOFs (n_nodes, 6)."""
     tied = set(ops.getConstrainedNodes() or [])
-    nodes, dofs = [], []
-    for tag in ops.getNodeTags():
+    tags, nodes, dofs = ops.getNodeTags(), [], []
+    for tag in tags:
         place, rows = ops.nodeCoord(tag), ops.nodeDOFs(tag)
         axes = _AXES.get((len(place), ops.getNDF(tag)[0]))
         if axes is None:
@@ -85,7 +94,6 @@ def _table(ops: Any) -> tuple[FloatArray, IntArray]:  # noqa: ANN401
             axes = tuple(axis for k, axis in enumerate(axes) if k not in held)
         own = np.full(6, -1, np.int32)
         own[list(axes)] = rows[: len(axes)]
-        if (own >= 0).any():
-            nodes.append([*place, 0.0][:3])
-            dofs.append(own)
-    return np.array(nodes, float).reshape(-1, 3), np.array(dofs, np.int32).reshape(-1, 6)
+        nodes.append([*place, 0.0][:3])
+        dofs.append(own)
+    return tags, np.array(nodes, float).reshape(-1, 3), np.array(dofs, np.int32).reshape(-1, 6)
