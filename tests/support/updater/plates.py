@@ -25,7 +25,7 @@ PANELS = (3, 2)
 SENSORS = [(x, y) for x in (0.0, 0.5, 1.0, 1.5) for y in (0.0, 0.4, 0.8)]
 CHANNELS = tuple(f"z{k}" for k in range(len(SENSORS)))
 N_MODES = 9
-LINES = {"y": (0.2, 0.6), "x": (0.3, 1.2)}  # m, along which a mass is sought
+LINES = (0.2, 0.6)  # m, y of the lines along which a mass is sought
 
 
 def panel_of(x: float, y: float) -> str:
@@ -58,10 +58,7 @@ def write_table(folder: Path, *, along: int = 15, across: int = 8) -> Path:
     ops.wipe()
     text = ['name = "table"\n[external]\nmatrices = "table.npz"\n']
     text += [f"[external.group.{n}]\nuncertainty = {0.3 if n in FEET else 0.03}\n" for n in groups]
-    for axis, places in LINES.items():
-        for at in places:
-            ends = ([0, at, 0], [LENGTH, at, 0]) if axis == "y" else ([at, 0, 0], [at, WIDTH, 0])
-            text.append(f'[[member]]\nname = "{axis} = {at}"\nfrom = {ends[0]}\nto = {ends[1]}\n')
+    text += [f'[[member]]\nname = "y = {y}"\nfrom = [0, {y}, 0]\nto = [{LENGTH}, {y}, 0]\n' for y in LINES]
     for channel, (x, y) in zip(CHANNELS, SENSORS, strict=True):
         text.append(f'[[sensor]]\nchannel = "{channel}"\nat = [{x}, {y}, 0]\ndirection = [0, 0, 1]\n')
     (folder / "table.toml").write_text("\n".join(text), encoding="utf-8")

@@ -38,14 +38,14 @@ EFFECTS: dict[str, tuple[dict[str, Any], list[tuple[str, str, str, float, float]
     "looser foot": ({"factors": {"foot_ne": 0.3}}, [("local_stiffness", "foot_ne", "loss", 0.7, 0.03)]),
     "mass": ({"mass": (0.9, 0.6, 0.15)}, [("added_mass", "y = 0.6", "mass", 0.15, 0.02)]),
     "panel and mass": (
-        {"factors": {"panel_01": 0.7}, "mass": (1.2, 0.3, 0.3)},
-        [("added_mass", "x = 1.2", "mass", 0.3, 0.04), ("local_stiffness", "panel_01", "loss", 0.3, 0.03)],
+        {"factors": {"panel_01": 0.7}, "mass": (1.15, 0.2, 0.3)},
+        [("added_mass", "y = 0.2", "mass", 0.3, 0.04), ("local_stiffness", "panel_01", "loss", 0.3, 0.03)],
     ),
     "nothing": ({}, []),
 }
 SEEDS = (1, 2, 3, 4)
 #: seeds of the four that are right (measured); the others are unexplained, none is named wrongly
-RIGHT = {"panel": 4, "loose foot": 4, "looser foot": 2, "mass": 4, "panel and mass": 4, "nothing": 4}
+RIGHT = {"panel": 4, "loose foot": 3, "looser foot": 2, "mass": 4, "panel and mass": 4, "nothing": 4}
 
 
 @pytest.fixture(scope="module")
