@@ -37,7 +37,7 @@ def external(
     out: Annotated[Path, Option("--out", "-o", metavar="FILE", help="File to write.")] = Path("structure.toml"),
     force: Force = False,
 ) -> int:
-    """Write a structure file for the matrices of another finite element program.
+    """Write a structure file for matrices of another program.
 
     The matrices go into one .npz file next to it, with groups and the faces of shells and solids. Then edit the
     structure file: members along which masses are sought, sensors and their channels.
