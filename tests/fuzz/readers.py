@@ -274,7 +274,7 @@ def _matrices(path: Path, _: Random) -> int:
     own = b'material = "steel"\nsection = "bar"\nelements = 6'
     member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
     sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]
-    names = [f"external.matrices = {str(path)!r}\n"]
+    names = [f"external.matrices = {str(path)!r}\n", "external.group.part = {}\n"]
     if path.suffix == ".mtx":
         names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass", "dofs")]
     structure = path.with_name("external.toml")
@@ -464,7 +464,15 @@ def _format_seeds() -> tuple[Seed, ...]:
 def _matrix_seeds() -> tuple[Seed, ...]:
     path = _scratch() / "matrices.npz"
     model = build_model(parse_structure(_FRAME.decode()), shear_flexible=True, mass="consistent")
-    save_matrices(path, Matrices(stiffness=model.stiffness, mass=model.mass, nodes=model.nodes, dofs=model.dofs))
+    matrices = Matrices(
+        stiffness=model.stiffness,
+        mass=model.mass,
+        nodes=model.nodes,
+        dofs=model.dofs,
+        groups={"part": 0.5 * model.stiffness},
+        faces=np.array([[0, 1, 2, -1], [3, 4, 5, 6]], np.int32),
+    )
+    save_matrices(path, matrices)
     mmwrite(_scratch() / "k.mtx", model.stiffness, symmetry="symmetric")
     return (
         Seed(content=path.read_bytes(), mutate=mutated_archive),
