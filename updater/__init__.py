@@ -8,7 +8,16 @@ if TYPE_CHECKING:
     from updater.baseline import learn_reference, nominal_reference
     from updater.diagnosis import Cause, Diagnosis, DiagnosisResult, Gain, diagnose
     from updater.errors import ModalDataError, ModelError, PairingError, StructureError, UpdaterError
-    from updater.fe import Matrices, Model, build_model, read_matrices, save_matrices
+    from updater.fe import (
+        Matrices,
+        Model,
+        ProgramFiles,
+        build_model,
+        opensees_matrices,
+        read_matrices,
+        read_program_files,
+        save_matrices,
+    )
     from updater.localization import MassChange, locate_mass, locate_mass_with_forecast, locate_masses
     from updater.modal_data import (
         Circumstances,
@@ -48,6 +57,7 @@ __all__ = [
     "Model",
     "ModelError",
     "PairingError",
+    "ProgramFiles",
     "Record",
     "Reference",
     "Scatter",
@@ -74,8 +84,10 @@ __all__ = [
     "matched",
     "mean_modes",
     "nominal_reference",
+    "opensees_matrices",
     "parse_structure",
     "read_matrices",
+    "read_program_files",
     "remove_delays",
     "save_matrices",
     "sensor_health",

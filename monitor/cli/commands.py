@@ -17,6 +17,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "demo": ("Start", "demo.demo"),
     "rig": ("Start", "demo.rig"),
     "new structure": ("Start", "new.structure"),
+    "new external": ("Start", "new.external"),
     "new site": ("Start", "new.site"),
     "import": ("Data", "data.importing.import_"),
     "structure": ("Data", "data.structure.structure"),

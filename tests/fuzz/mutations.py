@@ -330,7 +330,7 @@ def mutated_archive(data: bytes, random: Random) -> bytes:
         lambda: array[:-1],
         lambda: array * random.choice((-1, 0, 1e30, 1e-30)),
         lambda: np.full_like(array, random.choice((-1, 0, 2**30))),
-        lambda: array.ravel()[: random.randrange(array.size)],
+        lambda: array.ravel()[: random.randrange(max(array.size, 1))],
         lambda: np.array(["x"]),
         lambda: np.zeros((3, 3, 3)),
         lambda: np.where(np.arange(array.size).reshape(array.shape) == 1, 2**31 - 1, array),

@@ -17,7 +17,8 @@ import pyuff
 from asammdf import MDF, Signal
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from pymseed import MS3TraceList
-from scipy.io import mmwrite, wavfile
+from scipy.io import hb_write, mmwrite, wavfile
+from scipy.sparse import csc_array
 
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
 from daq.drivers import LineFormat
@@ -49,7 +50,7 @@ from tests.support.daq.responses import frequency_response
 from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = (
-    *("data.structure.detectability", "data.importing.measurements", "data.importing.can_traffic"),
+    *("new.external_file", "data.structure.detectability", "data.importing.measurements", "data.importing.can_traffic"),
     *("data.identify.identification", "data.log_views", "logs.summary", "logs.conversion", "logs.repetition"),
     *("site.site_check", "site.monitoring", "operation.service_unit"),
 )
@@ -283,7 +284,7 @@ def _matrices(path: Path, _: Random) -> int:
     own = b'material = "steel"\nsection = "bar"\nelements = 6'
     member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
     sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]
-    names = [f"external.matrices = {str(path)!r}\n"]
+    names = [f"external.matrices = {str(path)!r}\n", "external.group.part = {}\n"]
     if path.suffix == ".mtx":
         names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass", "dofs")]
     structure = path.with_name("external.toml")
@@ -487,13 +488,69 @@ def _format_seeds() -> tuple[Seed, ...]:
 def _matrix_seeds() -> tuple[Seed, ...]:
     path = _scratch() / "matrices.npz"
     model = build_model(parse_structure(_FRAME.decode()), shear_flexible=True, mass="consistent")
-    save_matrices(path, Matrices(stiffness=model.stiffness, mass=model.mass, nodes=model.nodes, dofs=model.dofs))
+    matrices = Matrices(
+        stiffness=model.stiffness,
+        mass=model.mass,
+        nodes=model.nodes,
+        dofs=model.dofs,
+        groups={"part": 0.5 * model.stiffness},
+        faces=np.array([[0, 1, 2, -1], [3, 4, 5, 6]], np.int32),
+    )
+    save_matrices(path, matrices)
     mmwrite(_scratch() / "k.mtx", model.stiffness, symmetry="symmetric")
     return (
         Seed(content=path.read_bytes(), mutate=mutated_archive),
         Seed(content=path.read_bytes(), mutate=mutated_bytes),
         Seed(content=(_scratch() / "k.mtx").read_bytes(), mutate=mutated_text, suffix=".mtx"),
     )
+
+
+@cache
+def _program_files() -> dict[str, bytes]:
+    """Return a chain of three nodes in the formats of other programs, by the endings of their files."""
+    stiffness = np.kron(np.array([[2.0, -1.0], [-1.0, 1.0]]), np.diag([3e4, 2e4, 1e4]))
+    pairs = [(i, j, stiffness[i, j]) for i in range(6) for j in range(i + 1)]
+    hb_write(_scratch() / "k.matrix", csc_array(stiffness))
+    places = [(0, 0.0), (1, 0.5), (2, 1.0)]
+    dense = ["      18      18       6       2KGG     1P,3E23.16"]
+    for column in range(18):
+        own = [2e4 * float(column == i) for i in range(18)]
+        dense += [f"{column + 1:8d}       1      18"]
+        dense += ["".join(f"{value:23.16E}" for value in own[k : k + 3]) for k in range(0, 18, 3)]
+    texts = {
+        ".sti": "\n".join(f"{j + 1} {i + 1} {value:.13e}" for i, j, value in pairs),
+        ".mtx": "\n".join(f"{2 + i // 3},{1 + i % 3}, {2 + j // 3},{1 + j % 3}, {v:.15e}" for i, j, v in pairs),
+        ".dof": "\n".join(f"{node}.{axis}" for node in (2, 3) for axis in (1, 2, 3)),
+        ".mapping": "\n".join(f"{i + 1:12d}{2 + i // 3:12d}   {('UX', 'UY', 'UZ')[i % 3]}" for i in range(6)),
+        ".inp": "*NODE\n" + "\n".join(f"{n + 1}, {x}, 0, 0" for n, x in places) + "\n*ELEMENT, TYPE=S3\n1, 1, 2, 3",
+        ".bdf": "\n".join(f"GRID    {n + 1:8d}        {x:8.3f}{0.0:8.3f}{0.0:8.3f}" for n, x in places),
+        ".frd": "    2C                             3\n"
+        + "\n".join(f" -1{n + 1:10d}{x:12.5E}{0.0:12.5E}{0.0:12.5E}" for n, x in places)
+        + "\n -3",
+        ".op4": "\n".join([*dense, "      19       1       1", " 1.0000000000000000E+00"]),
+    }
+    matrix = (_scratch() / "k.matrix").read_bytes().replace(b"RUA", b"RSA", 1)
+    return {ending: text.encode() for ending, text in texts.items()} | {".matrix": matrix}
+
+
+def _program_seeds() -> tuple[Seed, ...]:
+    return tuple(Seed(content=c, mutate=mutated_text, suffix=ending) for ending, c in _program_files().items())
+
+
+def _program(path: Path, random: Random) -> int:
+    """Read the matrices of another program, of which one file is mutated."""
+    files = {}
+    for ending, content in _program_files().items():
+        files[ending] = path if path.suffix == ending else path.with_name(f"sound{ending}")
+        if path.suffix != ending:
+            files[ending].write_bytes(content)
+    matrix = {".mapping": ".matrix", ".bdf": ".op4"}.get(path.suffix, path.suffix)
+    matrix = matrix if matrix in (".sti", ".mtx", ".op4", ".matrix") else ".sti"
+    nodes = {".frd": ".frd", ".bdf": ".bdf", ".op4": ".bdf"}.get(path.suffix, ".inp")
+    names = {".matrix": ("--rows", files[".mapping"]), ".sti": ("--rows", files[".dof"])}.get(matrix, ())
+    more = random.choice(((), ("--group", f"a={files[matrix]}"), ("--doubled", f"a={files[matrix]}", "--unit", "mm")))
+    out = ("-o", path.with_name("external.toml"))
+    return command("new", "external", files[matrix], files[matrix], "--nodes", files[nodes], *names, *more, *out)
 
 
 def _uff_seeds() -> tuple[Seed, ...]:
@@ -580,6 +637,7 @@ READERS = {
         suffix=".toml", seeds=lambda: _texts(_FRAME, _PORTAL + _OSCILLATOR), read=_structure, beside={}
     ),
     "matrices": Reader(suffix=".npz", seeds=_matrix_seeds, read=_matrices, beside={"frame.toml": _FRAME}),
+    "programs": Reader(suffix=".sti", seeds=_program_seeds, read=_program, beside={}),
     "site": Reader(suffix=".toml", seeds=lambda: _texts(_SITE), read=_site, beside=_TOML),
     "scenario": Reader(suffix=".toml", seeds=lambda: _texts(_SCENARIO), read=_scenario, beside=_TOML),
     "modal-table": Reader(

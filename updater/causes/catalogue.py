@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 
-from updater.causes.base import CatalogueEntry
+from updater.causes.base import CatalogueEntry, Cause
 from updater.causes.mass.added_mass import propose_added_mass
 from updater.causes.mass.attached_oscillator import propose_attached_oscillator
 from updater.causes.mass.distributed_mass import propose_distributed_mass
@@ -24,8 +24,11 @@ from updater.causes.sensors.orientation import propose_sensor_orientation
 from updater.causes.stiffness.added_support import propose_support_spring
 from updater.causes.stiffness.axial_force import propose_axial_force
 from updater.causes.stiffness.connections import propose_joint_stiffness, propose_support_stiffness
+from updater.causes.stiffness.group_stiffness import propose_group_stiffness
 from updater.causes.stiffness.local_stiffness import propose_local_stiffness
 from updater.causes.stiffness.one_axis_stiffness import propose_one_sided_stiffness
+from updater.inference import Comparison
+from updater.reference import Reference
 
 GROUP = "modalwatch.causes"
 _log = logging.getLogger(__name__)
@@ -81,13 +84,18 @@ def _usable(entry: EntryPoint, known: Mapping[str, object]) -> CatalogueEntry | 
     return None
 
 
+def _propose_local_stiffness(reference: Reference, comparison: Comparison) -> Cause | None:
+    """Return stretches of members, or the groups of external matrices."""
+    return propose_local_stiffness(reference, comparison) or propose_group_stiffness(reference, comparison)
+
+
 _OWN: dict[str, CatalogueEntry] = {
     "added_mass": CatalogueEntry(propose=propose_added_mass),
     "global_stiffness": CatalogueEntry(propose=propose_global_stiffness),
     "global_density": CatalogueEntry(propose=propose_global_density),
     "temperature": CatalogueEntry(propose=propose_temperature),
     "sampling_clock": CatalogueEntry(propose=propose_sampling_clock),
-    "local_stiffness": CatalogueEntry(propose=propose_local_stiffness, relaxed=propose_one_sided_stiffness),
+    "local_stiffness": CatalogueEntry(propose=_propose_local_stiffness, relaxed=propose_one_sided_stiffness),
     # a body at a point is twenty times as common as a distributed mass, which lies on the axis here, whereas the
     # offsets of a body are fitted (1 / 15, the prior volume of the offsets)
     "distributed_mass": CatalogueEntry(propose=propose_distributed_mass, rarity=1 / 300, common_form="added_mass"),

@@ -4,6 +4,9 @@ from updater.fe.assembly import build_model
 from updater.fe.eigen import Modes
 from updater.fe.element import Element, local_axes
 from updater.fe.external.files import Matrices, read_matrices, save_matrices
+from updater.fe.external.groups import group_strains
+from updater.fe.external.programs.conversion import ProgramFiles, read_program_files
+from updater.fe.external.programs.opensees import opensees_matrices
 from updater.fe.model import Model
 from updater.fe.redundants import self_stress
 from updater.fe.response import Ambient, AmbientResponse
@@ -18,12 +21,16 @@ __all__ = [
     "Matrices",
     "Model",
     "Modes",
+    "ProgramFiles",
     "build_model",
     "flexibility",
+    "group_strains",
     "hinges_of",
     "local_axes",
+    "opensees_matrices",
     "parts_between",
     "read_matrices",
+    "read_program_files",
     "save_matrices",
     "self_stress",
     "weighted_actions",

@@ -61,7 +61,9 @@ def build_model(structure: Structure, *, shear_flexible: bool = False, mass: Mas
     if structure.recorder is None or structure.recorder.clock == 1:
         return whole
     # stiffness is mass over squared time, and this is the recorder's
-    return replace(whole, stiffness=whole.stiffness * structure.recorder.clock**2)
+    squared = structure.recorder.clock**2
+    groups = {name: part * squared for name, part in whole.groups.items()}
+    return replace(whole, stiffness=whole.stiffness * squared, groups=groups)
 
 
 def _frame(structure: Structure, *, shear_flexible: bool, mass: MassKind) -> Model:
@@ -159,4 +161,6 @@ def _with_oscillators(model: Model) -> Model:
         [[model.stiffness + sparse.csr_array(along).T @ pulled, -pulled.T], [-pulled, sparse.diags_array(spring)]]
     )
     whole = sparse.block_diag([model.mass + at.T @ riding @ at, sparse.diags_array(mass)])
-    return replace(model, stiffness=sparse.csc_array(stiffness), mass=sparse.csc_array(whole))
+    none = sparse.csc_array((len(mass), len(mass)))
+    groups = {name: sparse.csc_array(sparse.block_diag([part, none])) for name, part in model.groups.items()}
+    return replace(model, stiffness=sparse.csc_array(stiffness), mass=sparse.csc_array(whole), groups=groups)

@@ -158,20 +158,24 @@ class SpanIndex:
         ModelError
             If a point lies on none.
         """
+        found, xi, lost = self.nearest(points)
+        if len(lost):
+            point = points[lost[0]]
+            off = self._project(point, np.arange(len(self._length)))[1].min()
+            raise ModelError(f"the point {point.tolist()} lies on no member ({off:.3g} m off)")
+        return found, xi
+
+    def nearest(self, points: FloatArray) -> tuple[IndexArray, FloatArray, IndexArray]:
+        """Return the nearest span of each point (n, 3) that is on one, the share there, and the points on none."""
         reach = self._length.max(initial=0.0) / 2 + ON_MEMBER
         near = self._tree.query_ball_point(points, reach, return_sorted=True)
         which = np.repeat(np.arange(len(points)), [len(spans) for spans in near])
         span = np.concatenate([*near, []]).astype(np.intp)
         xi, distance = self._project(points[which], span)
         order = np.lexsort((span, distance, which))
-        found, best = np.unique(which[order], return_index=True)
-        best = order[best]
-        lost = np.setdiff1d(np.arange(len(points)), found[distance[best] <= ON_MEMBER])
-        if len(lost):
-            point = points[lost[0]]
-            off = self._project(point, np.arange(len(self._length)))[1].min()
-            raise ModelError(f"the point {point.tolist()} lies on no member ({off:.3g} m off)")
-        return span[best], xi[best]
+        best = order[np.unique(which[order], return_index=True)[1]]
+        best = best[distance[best] <= ON_MEMBER]
+        return span[best], xi[best], np.setdiff1d(np.arange(len(points)), which[best])
 
     def _project(self, points: FloatArray, span: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return the share along spans (n,) nearest to points (n, 3), and the distance from it [m]."""

@@ -1,8 +1,8 @@
 """Finite element model: stiffness and mass matrices, interpolation and loads at any point."""
 
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
 
@@ -13,6 +13,7 @@ from daq import FloatArray, IndexArray, IntArray
 from updater.errors import MechanismError, ModelError
 from updater.fe.body import body_mass
 from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
+from updater.fe.external.faces import Faces
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
 from updater.structure import Body, Joint, Member, Structure, sensor_axes
@@ -64,6 +65,9 @@ class Model:
     mass: sparse.csc_array  #: (n_dofs, n_dofs)
     twins: tuple[tuple[int, int, Joint], ...] = ()  #: node, its twin on the jointed member, the springs between
     loose: tuple[int, ...] = ()  #: nodes on no member
+    #: parts of the stiffness of external matrices by name, each (n_dofs, n_dofs)
+    groups: Mapping[str, sparse.csc_array] = field(default_factory=dict)
+    faces: Faces | None = None  #: of external matrices, on which points may be that are on no member
 
     @property
     def n_dofs(self) -> int:
@@ -143,9 +147,20 @@ class Model:
         Raises
         ------
         ModelError
-            If a point lies on no member.
+            If a point lies on no member and no face.
         """
-        found, xi = self._index.locate(np.asarray(points, float).reshape(-1, 3))
+        points = np.asarray(points, float).reshape(-1, 3)
+        if self.faces is None:
+            return self._on_spans(*self._index.locate(points))
+        found, xi, others = self._index.nearest(points)
+        if not len(others):
+            return self._on_spans(found, xi)
+        order = np.argsort(np.concatenate([np.setdiff1d(np.arange(len(points)), others), others]))
+        rows = sparse.vstack([self._on_spans(found, xi), self.faces.reader(points[others], self.dofs, self.n_dofs)])
+        return sparse.csr_array(rows)[(6 * order[:, None] + np.arange(6)).ravel()]
+
+    def _on_spans(self, found: IndexArray, xi: FloatArray) -> sparse.csr_array:
+        """Return the rows (6 n, n_dofs) that read points at shares xi (n,) of the lengths of spans found (n,)."""
         local, axes = np.empty((len(found), 6, 12)), np.empty((len(found), 3, 3))
         for element, direction, here in self._by_kind(found):
             local[here], axes[here] = element.displacement(xi[here]), element.axes(direction)

@@ -19,6 +19,7 @@ import numpy as np
 from daq import FloatArray
 from updater.fe.assembly import build_model
 from updater.fe.element import Element
+from updater.fe.external.groups import group_strains
 from updater.fe.model import Model
 from updater.fe.section_forces import N_ACTIONS
 from updater.structure import AXES, Axis, Joint, Member, Support
@@ -60,13 +61,13 @@ def _spring(connection: Support | Joint, axis: Axis) -> Spring:
 
 @lru_cache(maxsize=8)
 def self_stress(model: Model) -> SelfStress:
-    """Return a model's states of self-stress; none of matrices from elsewhere.
+    """Return a model's states of self-stress; of matrices from elsewhere, those of their groups.
 
     They are those strains of elements and springs, each divided by the root of its compliance, that no displacement
     causes: the part of all strains outside the range of the strain-displacement matrix.
     """
     if model.structure.external is not None:
-        return SelfStress(0, {}, {})
+        return SelfStress(group_strains(model).n_states, {}, {})
     coarse = build_model(model.structure.with_mesh(_AT_ONCE), shear_flexible=True, mass="consistent")
     rows, forces = [], []
     for first, last, element in coarse.elements:

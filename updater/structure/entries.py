@@ -14,6 +14,7 @@ from updater.structure.sensors import Correction, Sensor
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 AXES: tuple[Axis, ...] = ("x", "y", "z", "rx", "ry", "rz")
+GROUP_UNCERTAINTY = 0.03  # as of a material
 _SHORTEST = 1e-5  # m, of a member: ends nearer than a tenth of it are one node
 _ALONG = 1e-6  # sine of the least angle between a member and its local y axis
 
@@ -40,6 +41,15 @@ class Material(Entry):
         return known | ({"shear_modulus": modulus / (2 * (1 + ratio))} if isinstance(modulus, int | float) else {})
 
 
+class Group(Entry):
+    """Named part of the stiffness of external matrices: a panel, a joint, a foot. Its factor can be fitted."""
+
+    stiffness: Path  #: matrix of its own, as large as the whole. Default: the npz file of the whole
+    factor: Positive = 1.0  #: factor of its stiffness [-]
+    #: standard deviation of the logarithm of the factor before the calibration [-]
+    uncertainty: Positive = GROUP_UNCERTAINTY
+
+
 class External(Entry):
     """Stiffness and mass of another program; one npz file may contain all three.
 
@@ -49,20 +59,41 @@ class External(Entry):
     stiffness: Path  #: Matrix Market, or npz
     mass: Path
     dofs: Path  #: CSV with node, x, y, z, axis of every row, or npz
+    faces: Path | None = None  #: CSV with the nodes a, b, c, d about each face, or npz. Default: those of the npz
     factor: Positive = 1.0  #: factor of the stiffness, as calibrated [-]
+    group: dict[str, Group] = Field(default_factory=dict)  #: parts of the stiffness by name; they do not overlap
 
     @model_validator(mode="before")
     @classmethod
     def _one_file(cls, given: Any) -> Any:  # noqa: ANN401 - whatever stands in the file
-        if isinstance(given, dict) and "matrices" in given:
+        if not isinstance(given, dict):
+            return given
+        if "matrices" in given:
             others = {key: value for key, value in given.items() if key != "matrices"}
-            return dict.fromkeys(("stiffness", "mass", "dofs"), given["matrices"]) | others
-        return given
+            given = dict.fromkeys(("stiffness", "mass", "dofs"), given["matrices"]) | others
+        whole, groups = given.get("stiffness"), given.get("group")
+        if not isinstance(groups, dict) or Path(str(whole)).suffix != ".npz":
+            return given
+        own = {name: {"stiffness": whole} | part if isinstance(part, dict) else part for name, part in groups.items()}
+        return given | {"group": own}
 
     def beside(self, folder: Path) -> "External":
         """Return the same with whole paths, those given taken as relative to a folder."""
         paths = {key: (folder / getattr(self, key)).resolve() for key in ("stiffness", "mass", "dofs")}
-        return self.model_copy(update=paths)
+        groups = {
+            name: part.model_copy(update={"stiffness": (folder / part.stiffness).resolve()})
+            for name, part in self.group.items()
+        }
+        faces = None if self.faces is None else (folder / self.faces).resolve()
+        return self.model_copy(update=paths | {"group": groups, "faces": faces})
+
+    def with_factor(self, group: str, factor: float) -> "External":
+        """Return the same with the stiffness of a group, or of all if it is "", multiplied by a factor."""
+        if not group:
+            return self.model_copy(update={"factor": self.factor * factor})
+        part = self.group[group]
+        changed = part.model_copy(update={"factor": part.factor * factor})
+        return self.model_copy(update={"group": {**self.group, group: changed}})
 
 
 class Member(Entry):

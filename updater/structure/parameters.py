@@ -11,7 +11,7 @@ import numpy as np
 from daq import FloatArray
 from updater.errors import SelectionError
 from updater.structure.base import ON_MEMBER, Vector
-from updater.structure.entries import AXES, Axis, Joint, Member, Segment, Support
+from updater.structure.entries import AXES, Axis, Group, Joint, Member, Segment, Support
 from updater.structure.structure import Structure
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
@@ -56,7 +56,7 @@ class ModelParameter:
     def quantity(self) -> str:
         """Physical quantity of the parameter."""
         if self.kind == "stiffness":
-            return "Young's modulus" if self.target else "stiffness"
+            return "stiffness" if self.key.endswith(".K") else "Young's modulus"
         if self.kind == "weld":
             return "stiffness factor of the joint zone"
         if self.axis in TURNS:
@@ -184,14 +184,15 @@ def physical_unit(structure: Structure, knob: ModelParameter) -> str:
 def _filed_modulus(structure: Structure, knob: ModelParameter) -> float:
     """Return Young's modulus of a material [Pa], or the factor of matrices from another program."""
     if structure.external is not None:
-        return structure.external.factor
+        return structure.external.group[knob.target].factor if knob.target else structure.external.factor
     return structure.material[knob.target].youngs_modulus
 
 
 def all_knobs(structure: Structure) -> list[ModelParameter]:
     """Return the parameters of each material, foot, bearing and joint."""
-    if structure.external is not None:  # external matrices have only one factor
-        return [ModelParameter(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")]
+    if structure.external is not None:  # of external matrices only factors are known
+        whole = ModelParameter(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")
+        return [whole, *(_of_group(name, part) for name, part in structure.external.group.items())]
     knobs = [
         ModelParameter(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
         for m in structure.material
@@ -222,6 +223,12 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
             )
         )
     return knobs
+
+
+def _of_group(name: str, group: Group) -> ModelParameter:
+    return ModelParameter(
+        name=f"stiffness of {name}", key=f"{name}.K", prior=group.uncertainty, kind="stiffness", target=name
+    )
 
 
 def may_give(support: Support) -> list[Axis]:
@@ -294,7 +301,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
     external = structure.external
     for knob, value in zip(knobs, x.tolist(), strict=True):
         if knob.kind == "stiffness" and external is not None:
-            external = external.model_copy(update={"factor": external.factor * float(np.exp(value))})
+            external = external.with_factor(knob.target, float(np.exp(value)))
         elif knob.kind == "stiffness":
             old, factor = material[knob.target], float(np.exp(value))
             changed = {"youngs_modulus": old.youngs_modulus * factor, "shear_modulus": old.shear_modulus * factor}

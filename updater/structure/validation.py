@@ -59,7 +59,8 @@ def check_names(structure: Entries) -> None:
     joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in structure.joint]
     for name in structure.sensors:
         _known("sensors", name, "sensor", name, [sensor.channel for sensor in structure.sensor])
-    for known in (names, [sensor.channel for sensor in structure.sensor], structure.channels, joints):
+    groups = list(structure.external.group) if structure.external else []
+    for known in (names + groups, [sensor.channel for sensor in structure.sensor], structure.channels, joints):
         repeated = [name for name, times in Counter(known).items() if times > 1]
         if repeated:
             raise ValueError(f"the name {repeated[0]!r} is given twice")

@@ -16,7 +16,7 @@ _ROOT = Path(__file__).parents[3]
 _CASES = 2
 READERS = (
     *("structure", "matrices", "site", "scenario", "modal-table", "csv", "table", "arrays", "formats", "universal"),
-    *("can-log", "dbc", "log", "state"),
+    *("programs", "can-log", "dbc", "log", "state"),
 )
 
 

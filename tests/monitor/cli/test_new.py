@@ -85,3 +85,47 @@ def test_missing_port_names_its_place(modalwatch: Commands, tmp_path: Path) -> N
     assert modalwatch("new", "structure", *PORTAL, "-o", structure).code == 0
     done = modalwatch("new", "site", structure, "-o", tmp_path / "s.toml", "--driver", "epson-uart", "--port", "a")
     assert_refused(done, "--port: needed: serial port of device left_post_2 at [0, 0, 1.3333] m")
+
+
+CALCULIX = Path(__file__).parents[2] / "updater" / "fe" / "external" / "calculix"
+STRIP = (CALCULIX / "strip.sti", CALCULIX / "strip.mas", "--nodes", CALCULIX / "strip.inp")
+
+
+def test_external_structure_has_the_matrices_of_the_other_program(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "strip.toml"
+    done = modalwatch("new", "external", *STRIP, "--doubled", f"root={CALCULIX / 'doubled.sti'}", "-o", path)
+    assert (done.code, done.err) == (0, "")
+    assert "72 degrees of freedom, 32 nodes, 10 faces, 1 groups, 8 members" in " ".join(done.out.split())
+    sensor = '\n[[sensor]]\nchannel = "a"\nat = [0.22, 0.04, 0.01]\ndirection = [0, 0, 1]\n'
+    path.write_text(path.read_text(encoding="utf-8") + sensor, encoding="utf-8")
+    model = build_model(load_structure(path), mass="consistent")
+    assert model.modes(1).frequency[0] == pytest.approx(104.45, rel=1e-4)  # modes.dat of CalculiX
+    assert list(model.groups) == ["root"]
+    assert model.sensor_rows.sum() == pytest.approx(1.0)  # shares of the corners of a face
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (("--group", "root"), "--group: expected NAME=FILE, found 'root'"),
+        (("--group", "a=x", "--group", "a=y"), "--group: the group 'a' is given twice"),
+        (("--group", "a=x", "--doubled", "a=y"), "--doubled: the group 'a' is given by --group too"),
+        (("--rows", "none.dof"), "none.dof: cannot be read"),
+        (("--unit", "inch"), "--unit: expected"),
+    ],
+)
+def test_external_structure_is_refused_with_the_option(
+    modalwatch: Commands, tmp_path: Path, arguments: tuple[object, ...], expected: str
+) -> None:
+    done = modalwatch("new", "external", *STRIP, *arguments, "-o", tmp_path / "strip.toml")
+    assert_refused(done, expected)
+    assert not list(tmp_path.iterdir())
+
+
+def test_existing_matrices_are_kept_without_force(modalwatch: Commands, tmp_path: Path) -> None:
+    (tmp_path / "strip.npz").write_bytes(b"own")
+    done = modalwatch("new", "external", *STRIP, "-o", tmp_path / "strip.toml")
+    assert_refused(done, "--out:")
+    assert [path.name for path in tmp_path.iterdir()] == ["strip.npz"]
+    assert (tmp_path / "strip.npz").read_bytes() == b"own"
+    assert modalwatch("new", "external", *STRIP, "-o", tmp_path / "strip.toml", "--force").code == 0

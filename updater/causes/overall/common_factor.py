@@ -119,7 +119,7 @@ def stiffened(structure: Structure, factor: float, *, ground: bool = True) -> St
     own = tuple(o.model_copy(update={"frequency": o.frequency * factor**0.5}) for o in structure.oscillator)
     external = structure.external
     if external is not None:
-        external = external.model_copy(update={"factor": external.factor * factor})
+        external = external.with_factor("", factor)
     return structure.model_copy(update={"external": external, "material": material, "oscillator": own, **springs})
 
 

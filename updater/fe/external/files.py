@@ -4,8 +4,8 @@ A DOF table gives the meaning of the rows: node, its position and the axis (x y 
 """
 
 import csv
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,18 +14,18 @@ from scipy import sparse
 from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
-from daq import DataError, FloatArray, IndexArray, IntArray
-from daq.files import DAMAGED_FILE, check_archive
+from daq import FloatArray, IndexArray, IntArray
+from daq.files import check_archive
 from updater.errors import StructureError
+from updater.fe.external.tables import DAMAGED, FACE_COLUMNS, TABLE_COLUMNS, read_faces, read_table
 from updater.structure import AXES
 
 _MAX_ROWS = 10_000_000
 _BLANK, _NEWLINE = ord(" "), ord("\n")
-_DAMAGED = (*DAMAGED_FILE, OSError, DataError)
 _SYMMETRIC = 1e-8  # relative to the largest entry: error of truncated digits in a text file
 _ROUNDING = 1e-8  # relative to a DOF's own mass: error of an eigenvalue of zero by truncated digits
+_OF_WHOLE = 1e-6  # relative excess of a group over the whole by truncated digits
 _DENSE = 300  # DOFs up to which all eigenvalues are solved for
-_COLUMNS = ("node", "x", "y", "z", "axis")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,12 +36,17 @@ class Matrices:
     mass: sparse.csc_array  #: (n_dofs, n_dofs) [kg, kg m, kg m2]
     nodes: FloatArray  #: (n_nodes, 3) [m]
     dofs: IntArray  #: (n_nodes, 6) row of each node's DOF, -1 where there is none
+    #: parts of the stiffness by name, each (n_dofs, n_dofs)
+    groups: Mapping[str, sparse.csc_array] = field(default_factory=dict)
+    #: (n_faces, 4) nodes about each face of plates, shells and solids; the last is -1 for a triangle
+    faces: IntArray = field(default_factory=lambda: np.empty((0, 4), np.int32))
 
 
-def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
+def read_matrices(stiffness: Path, mass: Path, table: Path, faces: Path | None = None) -> Matrices:
     """Read Matrix Market files and a DOF table (CSV with the columns node, x, y, z, axis, a line a row).
 
-    One npz file may contain all three, as written by `save_matrices`.
+    One npz file may contain all of them, as written by `save_matrices`. Faces are a CSV with the columns a, b, c, d:
+    names of the nodes about each face, d empty for a triangle.
 
     Raises
     ------
@@ -49,8 +54,43 @@ def read_matrices(stiffness: Path, mass: Path, table: Path) -> Matrices:
         Naming the file and the row if one cannot be read, if they do not fit together, or if a matrix is not
         symmetric, not finite, singular by an empty row, or indefinite.
     """
-    files = [(path, _changed(path)) for path in (stiffness, mass, table)]
+    files = [(path, _changed(path)) for path in (stiffness, mass, table, faces or table)]
     return _read(*files)
+
+
+def read_group(path: Path, name: str, whole: Matrices) -> sparse.csc_array:
+    """Read the stiffness (n_dofs, n_dofs) of a group from a Matrix Market file, or from an npz of `save_matrices`.
+
+    Raises
+    ------
+    StructureError
+        Naming the file and the group if it cannot be read, does not fit the whole, or is stiffer than the whole.
+    """
+    return _read_group((path, _changed(path)), name, whole)
+
+
+@lru_cache(maxsize=64)
+def _read_group(path: tuple[Path, int], name: str, whole: Matrices) -> sparse.csc_array:
+    matrix, what = _matrix(path[0], f"group_{name}"), f"group {name}"
+    if matrix.shape != whole.stiffness.shape:
+        raise StructureError(path[0], f"{what}: expected {whole.stiffness.shape} entries, found {matrix.shape}")
+    _check_entries(path[0], matrix, whole, what)
+    diagonal, limit = matrix.diagonal(), whole.stiffness.diagonal()
+    wrong = np.flatnonzero((diagonal < -_SYMMETRIC * limit) | (diagonal > (1 + _OF_WHOLE) * limit))
+    if len(wrong):
+        row = int(wrong[0])
+        raise StructureError(
+            path[0],
+            f"{what}: expected 0 to {limit[row]:.6g}, which is the whole, on the diagonal of {_named(whole, row)}, "
+            f"found {diagonal[row]:.6g}",
+        )
+    held = np.flatnonzero(diagonal > _SYMMETRIC * limit)
+    if not len(held):
+        raise StructureError(path[0], f"{what}: there is no stiffness")
+    root = sparse.diags_array(diagonal[held] ** -0.5)
+    if _least(sparse.csc_array(root @ matrix[held][:, held] @ root)) < -_ROUNDING:
+        raise StructureError(path[0], f"{what}: indefinite: some motion has a negative energy")
+    return matrix
 
 
 def _changed(path: Path) -> int:
@@ -61,15 +101,21 @@ def _changed(path: Path) -> int:
 
 
 @lru_cache(maxsize=4)
-def _read(stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int]) -> Matrices:
+def _read(
+    stiffness: tuple[Path, int], mass: tuple[Path, int], table: tuple[Path, int], faces: tuple[Path, int]
+) -> Matrices:
     """Read the files, once for every change of them."""
     k, m = _matrix(stiffness[0], "stiffness"), _matrix(mass[0], "mass")
-    nodes, dofs = _table(table[0])
+    nodes, dofs, names = read_table(table[0])
+    if faces != table:
+        corners = read_faces(faces[0], names)
+    else:
+        corners = read_faces(table[0], names) if table[0].suffix == ".npz" else np.empty((0, 4), np.int32)
     n = int(dofs.max(initial=-1)) + 1
     for path, matrix in ((stiffness[0], k), (mass[0], m)):
         if matrix.shape != (n, n):
             raise StructureError(path, f"expected {n} x {n} entries as {table[0].name} has rows, found {matrix.shape}")
-    found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs)
+    found = Matrices(stiffness=k, mass=m, nodes=nodes, dofs=dofs, faces=corners)
     _check(stiffness[0], k, found, "stiffness")
     _check(mass[0], m, found, "mass")
     return replace(found, stiffness=whole_blocks(k, dofs))
@@ -94,18 +140,21 @@ def whole_blocks(stiffness: sparse.csc_array, dofs: IntArray) -> sparse.csc_arra
 
 
 def save_matrices(path: Path, matrices: Matrices) -> None:
-    """Write matrices to one npz file, or to stiffness.mtx, mass.mtx and dofs.csv in a folder.
+    """Write matrices to one npz file, or to .mtx files, dofs.csv and faces.csv in a folder.
+
+    Nodes without a row are not in dofs.csv, so that faces with such a node need the npz.
 
     Parameters
     ----------
     path : ends in .npz, or an existing folder
-    matrices : to write; the npz holds `nodes`, `dofs` and, of each matrix by columns, `NAME_data`, `NAME_indices` and
-        `NAME_indptr`, as scipy.sparse has them
+    matrices : to write; the npz holds `nodes`, `dofs`, `faces` and, of each matrix by columns, `NAME_data`,
+        `NAME_indices` and `NAME_indptr`, as scipy.sparse has them
     """
     both = {"stiffness": matrices.stiffness, "mass": matrices.mass}
+    both |= {f"group_{name}": sparse.csc_array(matrix) for name, matrix in matrices.groups.items()}
     if path.suffix == ".npz":
         parts = {f"{name}_{part}": getattr(a, part) for name, a in both.items() for part in _PARTS}
-        np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, **parts)
+        np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, faces=matrices.faces, **parts)
         return
     for name, a in both.items():
         mmwrite(path / f"{name}.mtx", sparse.coo_array(a), symmetry="symmetric", precision=17)
@@ -113,7 +162,11 @@ def save_matrices(path: Path, matrices: Matrices) -> None:
     order = np.argsort(matrices.dofs[node, axis])
     with (path / "dofs.csv").open("w", newline="", encoding="utf-8") as file:
         lines = ((node[i], *matrices.nodes[node[i]].tolist(), AXES[axis[i]]) for i in order)
-        csv.writer(file).writerows([_COLUMNS, *lines])
+        csv.writer(file).writerows([TABLE_COLUMNS, *lines])
+    if len(matrices.faces):
+        with (path / "faces.csv").open("w", newline="", encoding="utf-8") as file:
+            corners = (["" if node < 0 else node for node in face] for face in matrices.faces.tolist())
+            csv.writer(file).writerows([FACE_COLUMNS, *corners])
 
 
 _PARTS = ("data", "indices", "indptr")
@@ -130,7 +183,7 @@ def _matrix(path: Path, name: str) -> sparse.csc_array:
         else:
             _check_stated(path)
             matrix = sparse.csc_array(mmread(path, spmatrix=False), dtype=float)
-    except _DAMAGED as error:
+    except DAMAGED as error:
         raise StructureError(path, f"{name}: no matrix can be read: {error}".splitlines()[0]) from error
     return matrix
 
@@ -166,49 +219,8 @@ def _check_stated(path: Path) -> None:
         raise ValueError(f"expected {n_values} numbers per line, found {per_line[wrong[0]]}")
 
 
-def _table(path: Path) -> tuple[FloatArray, IntArray]:
-    """Return nodes (n_nodes, 3) and the rows of their DOFs (n_nodes, 6)."""
-    if path.suffix == ".npz":
-        try:
-            check_archive(path)
-            with np.load(path) as file:
-                return _checked_table(np.asarray(file["nodes"], float), np.asarray(file["dofs"], np.int32))
-        except _DAMAGED as error:
-            raise StructureError(path, f"no DOF table can be read: {error}") from error
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            return _numbered(path, csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise StructureError(path, f"no DOF table can be read: {error}") from error
-
-
-def _checked_table(nodes: FloatArray, dofs: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return nodes (n_nodes, 3) and rows (n_nodes, 6), once each row from 0 on is there once."""
-    if nodes.shape != (len(nodes), 3) or not np.isfinite(nodes).all():
-        raise ValueError(f"nodes: expected finite numbers (n_nodes, 3), found {nodes.shape}")
-    if dofs.shape != (len(nodes), 6) or not np.array_equal(np.sort(dofs[dofs >= 0]), np.arange((dofs >= 0).sum())):
-        raise ValueError(f"dofs: expected ({len(nodes)}, 6) with each row once, found {dofs.shape}")
-    return nodes, dofs
-
-
-def _numbered(path: Path, lines: Iterable[dict[str, str]]) -> tuple[FloatArray, IntArray]:
-    places: dict[str, tuple[float, ...]] = {}
-    numbers: dict[str, list[int]] = {}
-    for row, line in enumerate(lines):
-        what = f"line {row + 2}"
-        try:
-            node, axis = line["node"].strip(), AXES.index(line["axis"].strip())
-            place = tuple(float(line[c]) for c in _COLUMNS[1:4])
-        except (KeyError, ValueError, AttributeError, TypeError) as error:
-            raise StructureError(path, f"{what}: expected {', '.join(_COLUMNS)} ({', '.join(AXES)})") from error
-        own = numbers.setdefault(node, [-1] * 6)
-        if own[axis] >= 0 or places.setdefault(node, place) != place:
-            raise StructureError(path, f"{what}: node {node} has {AXES[axis]} already, or is somewhere else")
-        own[axis] = row
-    return np.array([*places.values()], float).reshape(-1, 3), np.array([*numbers.values()], np.int32).reshape(-1, 6)
-
-
-def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+def _check_entries(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+    """Check that entries are finite and symmetric."""
     if not np.isfinite(matrix.data).all():
         raise StructureError(path, f"{what}: an entry is not finite")
     skew = abs(matrix - matrix.T).tocoo()
@@ -216,6 +228,10 @@ def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> 
         worst = int(np.argmax(skew.data))
         first, second = _named(found, int(skew.row[worst])), _named(found, int(skew.col[worst]))
         raise StructureError(path, f"{what}: not symmetric between {first} and {second}")
+
+
+def _check(path: Path, matrix: sparse.csc_array, found: Matrices, what: str) -> None:
+    _check_entries(path, matrix, found, what)
     diagonal, filled = matrix.diagonal(), np.diff(matrix.indptr) > 0
     wrong = np.flatnonzero((diagonal < 0) | ((diagonal == 0) & (filled if what == "mass" else True)))
     if len(wrong):

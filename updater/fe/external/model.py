@@ -15,10 +15,12 @@ from scipy.spatial import KDTree
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError
 from updater.fe.element import local_axes
-from updater.fe.external.files import Matrices, read_matrices
+from updater.fe.external.faces import Faces
+from updater.fe.external.files import Matrices, read_group, read_matrices
 from updater.fe.model import Model
 from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support
 
+_POINTS = 21  # of a member without nodes at its ends, which must be on faces
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -74,26 +76,47 @@ def external_model(structure: Structure, external: External, *, lumped: bool) ->
     ModelError
         If a member or support is not where the matrices have nodes.
     """
-    found = read_matrices(external.stiffness, external.mass, external.dofs)
+    found = read_matrices(external.stiffness, external.mass, external.dofs, external.faces)
     nodes = _with_feet(structure.support, found.nodes)
     dofs = np.vstack([found.dofs, np.full((len(nodes) - len(found.nodes), 6), -1, np.int32)])
     tree = KDTree(nodes)
-    lines = [_line(member, nodes, tree) for member in structure.member]
+    faces = Faces(nodes, found.faces) if len(found.faces) else None
+    free = np.any(dofs >= 0, axis=1)
+    lines = [_line(member, nodes, tree, free, faces) for member in structure.member]
     pairs = [pair for line in lines for pair in itertools.pairwise(line.tolist())]
     mass = _particles(found) if lumped else found.mass
-    stiffness = found.stiffness * external.factor + _springs(structure.support, tree, dofs, found.stiffness.shape[0])
+    stiffness, groups = _stiffness(external, found)
+    stiffness = stiffness + _springs(structure.support, tree, dofs, found.stiffness.shape[0])
     held = _held(structure.support, tree, dofs)
     kept = np.setdiff1d(np.arange(stiffness.shape[0]), held)
     return Model(
         structure=structure,
         nodes=nodes,
         dofs=_renumbered(dofs, kept),
-        elements=_elements(np.array(pairs, np.intp), nodes, np.any(dofs[:, 3:] >= 0, axis=1)),
+        elements=_elements(np.array(pairs, np.intp).reshape(-1, 2), nodes, np.any(dofs[:, 3:] >= 0, axis=1)),
         member_names=tuple(m.name for m, line in zip(structure.member, lines, strict=True) for _ in line[1:]),
         stiffness=sparse.csc_array(stiffness[kept][:, kept]),
         mass=sparse.csc_array(mass[kept][:, kept]),
-        loose=tuple(np.setdiff1d(np.arange(len(nodes)), np.concatenate(lines)).tolist()),
+        loose=_loose(lines, free),
+        faces=faces,
+        groups={name: sparse.csc_array(part[kept][:, kept]) for name, part in groups.items()},
     )
+
+
+def _loose(lines: list[IndexArray], free: BoolArray) -> tuple[int, ...]:
+    """Return the nodes on no member; of two at one point, such as both ends of a spring, the one with rows first."""
+    loose = np.setdiff1d(np.arange(len(free)), np.concatenate(lines))
+    return (*loose[free[loose]].tolist(), *loose[~free[loose]].tolist())
+
+
+def _stiffness(external: External, found: Matrices) -> tuple[sparse.csc_array, dict[str, sparse.csc_array]]:
+    """Return the stiffness (n, n) with its factors, and that of each group: K = K_rest + sum f_i K_i."""
+    whole, groups = found.stiffness, {}
+    for name, group in external.group.items():
+        own = read_group(group.stiffness, name, found)
+        groups[name] = own * (group.factor * external.factor)
+        whole = whole + own * (group.factor - 1)
+    return whole * external.factor, groups
 
 
 def _elements(pairs: IndexArray, nodes: FloatArray, turning: BoolArray) -> tuple[tuple[int, int, Line], ...]:
@@ -112,8 +135,11 @@ def _with_feet(supports: tuple[Support, ...], nodes: FloatArray) -> FloatArray:
     return np.vstack([nodes, np.array(feet, float).reshape(-1, 3)])
 
 
-def _line(member: Member, nodes: FloatArray, tree: KDTree) -> IndexArray:
-    """Return the nodes along a member."""
+def _line(member: Member, nodes: FloatArray, tree: KDTree, free: BoolArray, faces: Faces | None) -> IndexArray:
+    """Return the nodes along a member; none if it has no node at an end and is on faces.
+
+    Of two nodes at one point the one without rows, the grounded end of a spring, is left out.
+    """
     near = np.array(tree.query_ball_point(member.point(member.length / 2), member.length / 2 + ON_MEMBER), np.intp)
     away = np.asarray(nodes[near] - member.start)
     along = away @ (np.subtract(member.end, member.start) / member.length)
@@ -122,23 +148,32 @@ def _line(member: Member, nodes: FloatArray, tree: KDTree) -> IndexArray:
     line: IndexArray = near[on][order]
     along = along[on][order]
     double = np.flatnonzero(np.diff(along) < ON_MEMBER)
-    if len(double):
+    grounded = np.where(free[line[double]], double + 1, double)
+    if free[line[grounded]].any():
         raise ModelError(f"member {member.name}: two of the matrices' nodes lie at {nodes[line[double[0]]].tolist()}")
-    if len(line) < 2 or along[0] > ON_MEMBER or along[-1] < member.length - ON_MEMBER:
-        raise ModelError(f"member {member.name}: the matrices need a node at each end of it, found {len(line)} on it")
+    line, along = np.delete(line, grounded), np.delete(along, grounded)
+    apart = len(line) < 2 or along[0] > ON_MEMBER or along[-1] < member.length - ON_MEMBER
+    if apart and faces is not None and faces.on(member.point(np.linspace(0, member.length, _POINTS))):
+        return np.empty(0, np.intp)
+    if apart:
+        raise ModelError(
+            f"member {member.name}: the matrices need a node at each end of it, or faces all along it, found "
+            f"{len(line)} nodes on it"
+        )
     return line
 
 
-def _node(support: Support, tree: KDTree) -> int:
-    distance, node = tree.query(support.at)
-    if distance > ON_MEMBER:
+def _node(support: Support, tree: KDTree, dofs: IntArray) -> int:
+    """Return the node at a support, one with rows if there is any."""
+    near = tree.query_ball_point(support.at, ON_MEMBER, return_sorted=True)
+    if not near:
         raise ModelError(f"support at {list(support.at)}: the matrices have no node there")
-    return int(node)
+    return int(near[int(np.argmax((dofs[near] >= 0).any(1)))])
 
 
 def _held(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray) -> IntArray:
     """Return the rows (n,) of the file."""
-    rows = [dofs[_node(s, tree), AXES.index(axis)] for s in supports for axis in s.fixed]
+    rows = [dofs[_node(s, tree, dofs), AXES.index(axis)] for s in supports for axis in s.fixed]
     return np.array([row for row in rows if row >= 0], np.int32)
 
 
@@ -147,7 +182,7 @@ def _springs(supports: tuple[Support, ...], tree: KDTree, dofs: IntArray, n: int
     diagonal = np.zeros(n)
     for support in supports:
         for axis, value in support.stiffness.items():
-            row = dofs[_node(support, tree), AXES.index(axis)]
+            row = dofs[_node(support, tree, dofs), AXES.index(axis)]
             if row < 0:
                 raise ModelError(f"support at {list(support.at)}: the matrices have no {axis} there")
             diagonal[row] += value

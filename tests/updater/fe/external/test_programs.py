@@ -1,0 +1,249 @@
+"""Matrices in the files of other programs: CalculiX, Abaqus, Ansys, Nastran and OpenSees."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import openseespy.opensees as ops
+import pytest
+from scipy import sparse
+from scipy.io import hb_write
+from scipy.optimize import brentq
+from scipy.sparse.linalg import eigsh
+
+from daq import FloatArray
+from tests.support.updater.frames import beam, clamped
+from updater import (
+    Matrices,
+    Model,
+    ModelError,
+    ProgramFiles,
+    StructureError,
+    build_model,
+    opensees_matrices,
+    read_program_files,
+)
+
+HERE = Path(__file__).parent
+CALCULIX = HERE / "calculix"
+STRIP = ProgramFiles(stiffness=CALCULIX / "strip.sti", mass=CALCULIX / "strip.mas", nodes=CALCULIX / "strip.inp")
+
+
+def frequencies(found: Matrices, n: int) -> FloatArray:
+    value = eigsh(found.stiffness, n, found.mass, sigma=0.0, return_eigenvectors=False)
+    return np.sort(np.sqrt(value)) / (2 * np.pi)
+
+
+def test_calculix_matrices_have_the_frequencies_of_calculix() -> None:
+    table = (CALCULIX / "modes.dat").read_text(encoding="utf-8").partition("F A C T O R S")[0]
+    lines = [line.split() for line in table.splitlines()]
+    expected = [float(words[3]) for words in lines if len(words) == 5 and words[0].isdecimal()]
+    found = read_program_files(STRIP)
+    assert len(expected) == 5
+    np.testing.assert_allclose(frequencies(found, 5), expected, rtol=2e-6)  # seven digits are printed
+    assert len(found.faces) == 2 + 4 * 2
+    held = found.nodes[:, 0] == 0
+    assert (found.dofs[held] < 0).all()
+    assert (found.dofs[~held, :3] >= 0).all()
+
+
+def test_group_is_the_difference_of_two_stiffnesses_of_calculix() -> None:
+    found = read_program_files(replace(STRIP, doubled={"root": CALCULIX / "doubled.sti"}))
+    doubled = read_program_files(replace(STRIP, stiffness=CALCULIX / "doubled.sti", rows=CALCULIX / "strip.dof"))
+    root = found.groups["root"]
+    assert abs(found.stiffness + root - doubled.stiffness).max() < 1e-10 * abs(found.stiffness).max()
+    held = found.nodes[(found.dofs[:, 0] >= 0)][np.unique(root.tocoo().coords[0] // 3)]
+    assert held[:, 0].max() == pytest.approx(0.15)  # its free nodes are those of the first brick
+
+
+def simple() -> Model:
+    return build_model(beam(length=1.0, elements=3, support=clamped(), modulus=7e10, density=2.7e3), mass="consistent")
+
+
+def nodes_of(model: Model, path: Path, scale: float = 1.0) -> Path:
+    lines = ["*NODE", *(f"{i + 1}, {x * scale}, {y * scale}, {z * scale}" for i, (x, y, z) in enumerate(model.nodes))]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def rows_of(model: Model) -> list[tuple[int, int]]:
+    node, axis = np.nonzero(model.dofs >= 0)
+    order = np.argsort(model.dofs[node, axis])
+    return [(int(n) + 1, int(a)) for n, a in zip(node[order], axis[order], strict=True)]
+
+
+@pytest.mark.parametrize("millimetres", [False, True])
+def test_abaqus_matrix_input_is_read_in_both_systems_of_units(tmp_path: Path, millimetres: bool) -> None:
+    """One triangle; the fixed node's stiffness is 1e36, as Abaqus writes it."""
+    model = simple()
+    rows = rows_of(model)
+    unit = np.array([1e-3**0.5 if axis < 3 else 1e-3**-0.5 for _, axis in rows]) if millimetres else np.ones(len(rows))
+    for name in ("stiffness", "mass"):
+        entries = sparse.coo_array(
+            sparse.tril(sparse.diags_array(unit) @ getattr(model, name) @ sparse.diags_array(unit))
+        )
+        lines = [
+            f"{rows[i][0]},{rows[i][1] + 1}, {rows[j][0]},{rows[j][1] + 1},  {value:.15e}"
+            for i, j, value in zip(*entries.coords, entries.data, strict=True)
+        ]
+        lines += [f"1,{k}, 1,{k}, 1.000000000000000e+36" for k in range(1, 7)] if name == "stiffness" else []
+        (tmp_path / f"{name}.mtx").write_text("\n".join(lines), encoding="utf-8")
+    found = read_program_files(
+        ProgramFiles(
+            stiffness=tmp_path / "stiffness.mtx",
+            mass=tmp_path / "mass.mtx",
+            nodes=nodes_of(model, tmp_path / "job.inp", 1e3 if millimetres else 1.0),
+            millimetres=millimetres,
+        )
+    )
+    _same(found, model)
+
+
+def _same(found: Matrices, model: Model) -> None:
+    np.testing.assert_allclose(found.nodes, model.nodes, atol=1e-12)
+    order = found.dofs[model.dofs >= 0]
+    for name in ("stiffness", "mass"):
+        expected = getattr(model, name)
+        assert abs(getattr(found, name)[order][:, order] - expected).max() < 1e-12 * abs(expected).max()
+
+
+@pytest.mark.parametrize("kind", ["RUA", "RSA"])
+def test_harwell_boeing_matrices_are_read_with_the_mapping_of_ansys(tmp_path: Path, kind: str) -> None:
+    model = simple()
+    names = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
+    mapping = ["     Matrix Eqn      Node    DOF"]
+    mapping += [f"{i:12d}{node:12d}   {names[axis]}" for i, (node, axis) in enumerate(rows_of(model), start=1)]
+    for name in ("stiffness", "mass"):
+        matrix = getattr(model, name)
+        path = tmp_path / f"{name}.matrix"
+        hb_write(path, sparse.csc_array(sparse.tril(matrix)) if kind == "RSA" else matrix)
+        path.write_text(path.read_text().replace("RUA", kind, 1), encoding="utf-8")
+    (tmp_path / "job.mapping").write_text("\n".join(mapping), encoding="utf-8")
+    listing = [" NODE        X             Y             Z         THXY    THYZ    THZX"]
+    listing += [
+        f"{i + 1:6d} {x:13.6E} {y:13.6E} {z:13.6E}  0.00  0.00  0.00" for i, (x, y, z) in enumerate(model.nodes)
+    ]
+    (tmp_path / "nodes.lis").write_text("\n".join(listing), encoding="utf-8")
+    found = read_program_files(
+        ProgramFiles(
+            stiffness=tmp_path / "stiffness.matrix",
+            mass=tmp_path / "mass.matrix",
+            nodes=tmp_path / "nodes.lis",
+            rows=tmp_path / "job.mapping",
+        )
+    )
+    rounded = replace(found, nodes=np.where(abs(found.nodes - model.nodes) < 1e-6, model.nodes, found.nodes))
+    order = rounded.dofs[model.dofs >= 0]
+    np.testing.assert_allclose(rounded.nodes, model.nodes)
+    # scipy writes as many digits as the largest entry needs
+    assert abs(found.stiffness[order][:, order] - model.stiffness).max() < 1e-7 * abs(model.stiffness).max()
+    np.testing.assert_allclose(frequencies(found, 4), model.modes(4).frequency, rtol=1e-5)
+
+
+def test_nastran_output4_of_pynastran_has_the_frequencies_of_the_cantilever() -> None:
+    """Six rows per grid point and nothing held: the clamp is added as a support of the structure file would be."""
+    folder = HERE / "nastran"
+    found = read_program_files(
+        ProgramFiles(stiffness=folder / "kgg.op4", mass=folder / "mgg.op4", nodes=folder / "beam.bdf")
+    )
+    np.testing.assert_allclose(found.nodes[:, 0], np.linspace(0, 1, 5))
+    free = np.arange(6, 30)
+    clamp = replace(found, stiffness=found.stiffness[free][:, free], mass=found.mass[free][:, free])
+    root = brentq(lambda x: np.cos(x) * np.cosh(x) + 1, 1.5, 2.0)
+    expected = root**2 / (2 * np.pi) * np.sqrt(70e9 * 1.3e-8 / (2700 * 4e-4))
+    # cubic elements with consistent mass are (beta h)^4 / 1440 too stiff
+    excess = (root / 4) ** 4 / 1440
+    np.testing.assert_allclose(frequencies(clamp, 2), expected * (1 + excess), rtol=2e-6)
+
+
+def test_opensees_domain_is_read_with_groups_and_tied_nodes() -> None:
+    """A frame with a rigid floor: two columns, of which one is a group, and a mass at the floor's retained node."""
+    ops.wipe()
+    ops.model("basic", "-ndm", 3, "-ndf", 6)
+    for tag, place in enumerate([(0, 0, 0), (4, 0, 0), (0, 0, 3), (4, 0, 3), (2, 0, 3)], start=1):
+        ops.node(tag, *map(float, place))
+    ops.fix(1, 1, 1, 1, 1, 1, 1)
+    ops.fix(2, 1, 1, 1, 1, 1, 1)
+    ops.fix(5, 0, 0, 1, 1, 1, 0)
+    ops.geomTransf("Linear", 1, 1, 0, 0)
+    for tag, (low, high) in enumerate([(1, 3), (2, 4)], start=1):
+        ops.element("elasticBeamColumn", tag, low, high, 1e-2, 2e11, 8e10, 1e-5, 2e-5, 3e-5, 1)
+    ops.rigidDiaphragm(3, 5, 3, 4)
+    ops.mass(5, 500.0, 500.0, 0.0, 0.0, 0.0, 700.0)
+    found = opensees_matrices(ops, {"column": [1]})
+    ops.wipe()
+    at = [int(np.argmin(np.linalg.norm(found.nodes - place, axis=1))) for place in ([0, 0, 3], [2, 0, 3])]
+    assert (found.dofs[at[0]] >= 0).tolist() == [False, False, True, True, True, False]
+    assert (found.dofs[at[1]] >= 0).tolist() == [True, True, False, False, False, True]
+    sway = found.dofs[at[1], 0]
+    both, one = (matrix[[sway]][:, [sway]].toarray()[0, 0] for matrix in (found.stiffness, found.groups["column"]))
+    assert both == pytest.approx(2 * one, rel=1e-12)
+    assert sorted([12 * 2e11 * second / 27 for second in (2e-5, 3e-5)]) == pytest.approx(
+        sorted(found.groups["column"].diagonal()[found.dofs[at[1], :2]].tolist()), rel=1e-9
+    )
+    assert found.mass.diagonal()[found.dofs[at[1], [0, 1, 5]]].tolist() == [500.0, 500.0, 700.0]
+
+
+def test_opensees_groups_need_elements_of_the_domain() -> None:
+    ops.wipe()
+    ops.model("basic", "-ndm", 3, "-ndf", 6)
+    ops.node(1, 0.0, 0.0, 0.0)
+    with pytest.raises(ModelError, match="group foot: the domain of OpenSees has no element 7"):
+        opensees_matrices(ops, {"foot": [7]})
+    ops.wipe()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("strip.sti", "1 1 x\n", r"strip\.sti: expected 3 numbers per line, found '1 1 x'"),
+        ("strip.sti", "1 900 2.0\n", "expected 72 rows, as many as there are names of them, found row 900"),
+        ("strip.sti", "1 2\n", "expected a matrix of Abaqus, CalculiX, Ansys"),
+        ("strip.sti", "", "the file is empty"),
+        ("strip.dof", "5.1\n5.1\n", r"strip\.dof: node 5: degree of freedom 1 is there twice"),
+        ("strip.dof", "5.9\n", r"strip\.dof: node 5: expected degrees of freedom 1 to 6, found 9"),
+        ("strip.dof", "five\n", r"expected NODE\.AXIS, found 'five'"),
+        ("strip.inp", "*NODE\n1, 0, 0\n", r"node 9 has rows in strip\.sti, and no position"),
+        ("strip.inp", "*NODE\n5, 0, nan\n", "no nodes can be read: node 5 is not finite"),
+        ("strip.inp", "*HEADING\n", "no nodes can be read"),
+    ],
+)
+def test_invalid_files_are_refused_with_the_file_and_the_line(
+    tmp_path: Path, name: str, text: str, message: str
+) -> None:
+    for file in ("strip.sti", "strip.mas", "strip.dof", "strip.inp"):
+        content = text if file == name else (CALCULIX / file).read_text(encoding="utf-8")
+        (tmp_path / file).write_text(content, encoding="utf-8")
+    with pytest.raises(StructureError, match=message):
+        read_program_files(
+            ProgramFiles(
+                stiffness=tmp_path / "strip.sti",
+                mass=tmp_path / "strip.mas",
+                nodes=tmp_path / "strip.inp",
+                rows=tmp_path / "strip.dof",
+            )
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: re.sub(r"^(\s+1)\s+1\s+7", r"\1       0       9", text, flags=re.MULTILINE), "it is sparse"),
+        (
+            lambda text: text.replace("30      30       6       2", "30      30       6       4"),
+            "expected a real matrix",
+        ),
+        (lambda text: text.replace("30      30", "24      24", 1), "expected 30 rows, six per node, found 24 x 24"),
+        (lambda text: text.replace("1P,3E23.16", "          "), "expected a formatted OUTPUT4 file"),
+        (lambda text: text[:400], "expected numbers"),
+    ],
+)
+def test_invalid_output4_files_are_refused(tmp_path: Path, change: object, message: str) -> None:
+    assert callable(change)
+    text = (HERE / "nastran" / "kgg.op4").read_text(encoding="utf-8")
+    (tmp_path / "k.op4").write_text(change(text), encoding="utf-8")
+    with pytest.raises(StructureError, match=message):
+        read_program_files(
+            ProgramFiles(stiffness=tmp_path / "k.op4", mass=tmp_path / "k.op4", nodes=HERE / "nastran" / "beam.bdf")
+        )

@@ -1,0 +1,1 @@
+"""Matrices in the files of other finite element programs."""
