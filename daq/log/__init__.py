@@ -4,6 +4,7 @@ The analysis process is fed by the writer thread: all analysed data are logged.
 """
 
 from daq.log.channel_map import CHANNELS, ChannelMap
+from daq.log.format.progress import progress_reported_to, report_progress
 from daq.log.mcap_log import McapWriter, log_span, read_attachments, read_events, read_log
 from daq.log.naming import as_logs, newest_log
 from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
@@ -43,9 +44,11 @@ __all__ = [
     "log_info",
     "log_span",
     "newest_log",
+    "progress_reported_to",
     "read_attachments",
     "read_channel_map",
     "read_events",
     "read_log",
     "repair_log",
+    "report_progress",
 ]

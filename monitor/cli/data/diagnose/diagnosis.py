@@ -1,8 +1,9 @@
 """Changes since the reference logs, or errors of the structure file."""
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from daq import AnyLog, LogError, Recording, load_recordings
@@ -20,6 +21,7 @@ from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
+from monitor.cli.progress import Work, files_of_logs, progress
 from monitor.cli.terminal import console, echo, warn
 from monitor.errors import ArgumentError, RecordLengthError, StateError, writing
 from monitor.optional import run_optional
@@ -108,28 +110,26 @@ def diagnose_logs(
     structure = selected_structure(structure_path, selection)
     if not (logs.reference or logs.reference_within.whole):
         raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
-    with console.status("reading ...") as status:
+    with progress("reading") as work:
 
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
             if not paths:
                 return None
-            found = _observe(
-                structure, paths, window, lambda n: status.update(f"{what}: window {n}"), selection, within
-            )
+            found = _observe(structure, paths, window, what, work, selection, within)
             return selection.of_observation(found)
 
         after = observed(logs.current, "logs", logs.within)
         before = observed(logs.reference, "reference", logs.reference_within)
         heldout = observed(logs.heldout, "held-out logs")
         assert after is not None  # there is at least one log
-        status.update("weighing the causes ...")
+        work.stage("fitting the model")
         try:
             found = explain(
                 structure,
                 before,
                 after,
                 heldout,
-                lambda name: status.update(f"weighing {plain(name)} ..."),
+                partial(_show_fit, work),
                 only=selection.only,
                 without=selection.without,
             )
@@ -143,7 +143,7 @@ def diagnose_logs(
     for step in diagnosis.reference_steps:
         warn(f"note: {_names(logs.reference)}: {step_text(step)}")
     say_answer(console, diagnosis)
-    with console.status("comparing measured with simulated ..."):
+    with progress("comparing measured with simulated"):
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
@@ -164,10 +164,18 @@ def diagnose_logs(
             style="yellow",
         )
     if out:
-        with console.status("drawing ..."):
+        with progress("drawing"):
             draw(out, diagnosis, compared, found.reference.structure)
         echo("written: " + ", ".join(str(path) for path in written(out, diagnosis)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _show_fit(work: Work, causes: Sequence[str], done: int, planned: int) -> None:
+    """Show which causes are fitted next."""
+    if not done:
+        work.stage("fitting causes")
+    work.note(" and ".join(map(plain, causes)))
+    work.advance(done, planned)
 
 
 def _compared(found: Explanation, after: Observation, heldout: Observation | None) -> DiscrepancyResult:
@@ -250,11 +258,11 @@ def _observe(
     structure: Structure,
     paths: Sequence[Path],
     window: float | None,
-    on_window: Callable[[int], None],
+    what: str,
+    work: Work,
     selection: Selection,
     within: TimeRange,
 ) -> Observation:
-    number = iter(range(1, 1 << 30))
     tables = [path for path in paths if is_table(path)]
     if tables and len(tables) < len(paths):
         raise LogError(tables[0], "expected modal tables only, or logs only, for one state")
@@ -264,9 +272,12 @@ def _observe(
         return read_tables(structure, paths)
     logs = within.of_logs(as_logs(paths), lambda text: echo(f"{_names(paths)}: {text}"))
     try:
-        seconds = window or _window(structure, [log_held(log) for log in logs])
-        recordings = _recordings(structure, logs, seconds, selection.without_channels)
-        return observe(recordings, lambda _: on_window(next(number)), structure.delays)
+        if window is None:
+            work.stage(f"{what}: length", files_of_logs(logs))
+            window = _window(structure, [log_held(log) for log in logs])
+        work.windows_of(what, logs)
+        recordings = _recordings(structure, logs, window, selection.without_channels)
+        return observe(recordings, lambda one: work.window(one.start), structure.delays)
     except (OmaError, RecordLengthError) as error:
         raise LogError(", ".join(map(str, logs)), str(error)) from error
 
