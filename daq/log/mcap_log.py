@@ -449,17 +449,19 @@ def _records(path: Path, wanted: Callable[[str], bool] = _every) -> Iterator[obj
     """Yield the records of a file; messages in chunks only if they are items of wanted topics."""
     try:
         with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(0)
             if file.read(len(MAGIC)) != MAGIC:
                 raise LogError(path, "is not an MCAP log")
-            yield from _until_cut(path, file, ChunkReader(_items_of(wanted)))
+            yield from _until_cut(path, file, size, ChunkReader(_items_of(wanted)))
     except OSError as error:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
-def _until_cut(path: Path, file: IO[bytes], chunks: ChunkReader) -> Iterator[object]:
+def _until_cut(path: Path, file: IO[bytes], size: int, chunks: ChunkReader) -> Iterator[object]:
     """Yield records until the file's end, planned or not."""
     stream = RecordStream(file)
-    records, size = iter(stream), os.fstat(file.fileno()).st_size
+    records = iter(stream)
     while True:
         try:
             record = next(records)

@@ -28,6 +28,7 @@ from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
+from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.causes import cause_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
@@ -41,7 +42,13 @@ from updater.reference import Calibration
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
 
-def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, structure: Structure) -> None:
+def draw(
+    out: Path,
+    diagnosis: DiagnosisAnswer,
+    found: DiscrepancyResult | None,
+    structure: Structure,
+    states: StateComparison | None = None,
+) -> None:
     """Write report, recording and numbers into a folder; failures are logged and left out.
 
     Parameters
@@ -50,6 +57,7 @@ def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None,
     diagnosis : to draw
     found : comparison of measured with simulated modes of the structure; None: not known, and no recording
     structure : that was diagnosed
+    states : shapes and signals before and after, for the recording
 
     Raises
     ------
@@ -65,7 +73,7 @@ def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None,
     def record() -> None:
         if found is not None:
             with writing(out / RECORDING):
-                write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure))
+                write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure), states)
 
     if found is not None:
         write_json(out / NUMBERS, found.model_dump(mode="json"))
@@ -165,7 +173,8 @@ def diagnose_logs(
         )
     if out:
         with progress("drawing"):
-            draw(out, diagnosis, compared, found.reference.structure)
+            states = run_optional("the comparison of both states", lambda: _states(found, before, after))
+            draw(out, diagnosis, compared, found.reference.structure, states)
         echo("written: " + ", ".join(str(path) for path in written(out, diagnosis)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
 
@@ -191,6 +200,14 @@ def _compared(found: Explanation, after: Observation, heldout: Observation | Non
         health or {},
         shaped=after.shaped,
     )
+
+
+def _states(found: Explanation, before: Observation | None, after: Observation) -> StateComparison | None:
+    """Return shapes and signals before and after; None without measured shapes."""
+    if not after.shaped:
+        return None
+    sample = before.sample if before else None
+    return compare_states(found.reference, found.measured, found.explained, sample, after.sample)
 
 
 def _say_extended(path: str, *, fitted: bool) -> None:
