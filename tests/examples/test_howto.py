@@ -42,8 +42,8 @@ NOT_RUN = {
 #: beginnings of commands that take seconds each
 SLOW = (
     "bodies", "diagnose", "replay", "reanalyse /data/archive -o results", "identify run.mcap", "log expand",
-    "structure t_structure.toml --record", "structure structure.toml --target", "structure examples", "view", "report watched",
-    "report run.mcap --pdf", "identify measured.mcap --structure", "identify setup_1",
+    "structure t_structure.toml --record", "structure structure.toml --target", "structure examples", "view",
+    "report watched", "report run.mcap --pdf", "identify measured.mcap --structure", "identify setup_1",
 )  # fmt: skip
 #: exit codes of commands that do not end with 0: a person is needed
 ALARM = {"replay run.mcap": 1, "replay modes.csv": 1, "bodies": 1}

@@ -32,7 +32,7 @@ from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.causes import cause_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
-from monitor.views.report import diagnosis_report
+from monitor.views.report import diagnosis_report, load_typst
 from oma import OmaError
 from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
@@ -43,45 +43,54 @@ REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
 
 def draw(
-    out: Path,
+    out: Path | None,
     diagnosis: DiagnosisAnswer,
     found: DiscrepancyResult | None,
     structure: Structure,
     states: StateComparison | None = None,
+    pdf: Path | None = None,
 ) -> None:
-    """Write report, recording and numbers into a folder; failures are logged and left out.
+    """Write report, recording and numbers into a folder, and the PDF; failures are logged and left out.
 
     Parameters
     ----------
-    out : the folder
+    out : the folder; None for the PDF alone
     diagnosis : to draw
     found : comparison of measured with simulated modes of the structure; None: not known, and no recording
     structure : that was diagnosed
     states : shapes and signals before and after, for the recording
+    pdf : of the report as a PDF
 
     Raises
     ------
     ResultsError
         If one of them cannot be written.
     """
+    for old in (out / name for name in (REPORT, RECORDING, NUMBERS) if out):  # of an earlier diagnosis
+        with writing(old):
+            old.unlink(missing_ok=True)
+    page = out / REPORT if out else None
+    run_optional(
+        REPORT if page else str(pdf),
+        lambda: diagnosis_report(diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf),
+    )
+    if out and found is not None:
+        write_json(out / NUMBERS, found.model_dump(mode="json"))
+        run_optional(RECORDING, partial(_record, out / RECORDING, diagnosis, found, structure, states))
+
+
+def _record(
+    path: Path,
+    diagnosis: DiagnosisAnswer,
+    found: DiscrepancyResult,
+    structure: Structure,
+    states: StateComparison | None,
+) -> None:
+    """Write the recording for the viewer."""
     from monitor.views.viewer import write_diagnosis  # loads rerun: not before there is something to draw
 
-    for name in (REPORT, RECORDING, NUMBERS):  # of an earlier diagnosis
-        with writing(out / name):
-            (out / name).unlink(missing_ok=True)
-
-    def record() -> None:
-        if found is not None:
-            with writing(out / RECORDING):
-                write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure), states)
-
-    if found is not None:
-        write_json(out / NUMBERS, found.model_dump(mode="json"))
-    run_optional(
-        REPORT,
-        lambda: diagnosis_report(diagnosis, out / REPORT, title=structure.name, structure=structure, found=found),
-    )
-    run_optional(RECORDING, record)
+    with writing(path):
+        write_diagnosis(path, diagnosis, found, bare_reference(structure), states)
 
 
 def written(out: Path, diagnosis: DiagnosisAnswer) -> list[Path]:
@@ -113,9 +122,15 @@ def diagnose_logs(
     window: float | None,
     out: Path | None,
     json_path: Path | None,
+    pdf: Path | None = None,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     structure = selected_structure(structure_path, selection)
+    if pdf:
+        try:
+            load_typst()
+        except ImportError as error:
+            raise ArgumentError("--pdf", str(error)) from error
     if not (logs.reference or logs.reference_within.whole):
         raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
     with progress("reading") as work:
@@ -171,11 +186,12 @@ def diagnose_logs(
             "structure without it: what was found then is found again, or its opposite. Give logs recorded since.",
             style="yellow",
         )
-    if out:
+    if out or pdf:
         with progress("drawing"):
             states = run_optional("the comparison of both states", lambda: _states(found, before, after))
-            draw(out, diagnosis, compared, found.reference.structure, states)
-        echo("written: " + ", ".join(str(path) for path in written(out, diagnosis)))
+            draw(out, diagnosis, compared, found.reference.structure, states, pdf)
+        paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
+        echo("written: " + ", ".join(map(str, paths)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
 
 
