@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 from rich.progress import Progress
+from rich.table import Table
 
 from daq import Channel, DataOptions, LogExcerpt, Recording, export_recording, read_log, read_measured, write_recording
 from daq.log import progress_reported_to
 from monitor.cli import progress as shown
 from monitor.cli.progress import Work, progress
+from monitor.cli.terminal import Terminal
 
 SECOND = 10**9
 
@@ -139,3 +141,18 @@ def test_files_and_pipes_get_nothing(capsys: pytest.CaptureFixture[str]) -> None
         work.advance(1, 4)
         print("a result")
     assert capsys.readouterr() == ("a result\n", "")
+
+
+def test_lines_and_cells_for_files_are_whole(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("COLUMNS", raising=False)
+    terminal = Terminal()
+    row = [f"cell number {k}" for k in range(20)]
+    table = Table.grid(padding=1)
+    table.add_row(*row)
+    terminal.print(table)
+    terminal.print("word " * 100)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert lines[0].rstrip() == " ".join(row)
