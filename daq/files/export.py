@@ -80,7 +80,8 @@ def write_recordings(
         if places.count((device, axis)) > 1:
             raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
     known = ChannelMap(channels=first.channels, on_grid=True)
-    writer = McapWriter(Path(path), {CHANNELS: known.to_json(), **(attachments or {})})
+    path = Path(path)
+    writer = McapWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
     for number, recording in enumerate(recordings):
         warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
         skipped = round((recording.start - first.start) * 1e-9 * first.rate)
