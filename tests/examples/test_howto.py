@@ -35,6 +35,7 @@ NOT_RUN = {
     "install-service": "the service manager of the system",
     "new site structure.toml": "a terminal, for its questions; see tests/monitor/cli/test_new.py",
     "fleet": "a PostgreSQL server",
+    "diagnose structure.toml modes.csv": "a table of modes; see tests/monitor/analysis/test_modal_table.py",
     "view rerun+http": "a running monitor",
     "history postgresql": "a PostgreSQL server",
     "reanalyse s3": "object storage and a scheduler; see tests/monitor/archive/test_object_storage.py",
@@ -43,7 +44,8 @@ NOT_RUN = {
 SLOW = (
     "bodies", "diagnose", "replay", "reanalyse /data/archive -o results", "identify run.mcap", "log expand",
     "structure t_structure.toml --record", "structure structure.toml --target", "structure examples", "view",
-    "report watched", "report run.mcap --pdf", "identify measured.mcap --structure", "identify setup_1",
+    "report watched", "report run.mcap --pdf", "identify measured.mcap --structure", "identify measured.mcap --picture",
+    "identify before.mcap", "identify setup_1",
 )  # fmt: skip
 #: exit codes of commands that do not end with 0: a person is needed
 ALARM = {"replay run.mcap": 1, "reanalyse /data/archive -o results": 1, "bodies": 1}
@@ -206,14 +208,18 @@ def tables(path: Path) -> None:
         export_recording(path / f"{k}.csv", Recording(channels=channels, data=part, rate=RATE, start=start))
 
 
-def velocities(path: Path) -> None:
-    """Write a velocity at node 12 along x as a universal file."""
-    t = np.arange(2000) / 100.0
-    signal = frequency_response(
-        np.sin(20 * t), t, func_type=1, rsp_node=12, rsp_dir=1, ref_node=0, ref_dir=0, id1="velocity",
-        abscissa_spec_data_type=17, ordinate_spec_data_type=11, orddenom_spec_data_type=0,
-    )  # fmt: skip
-    pyuff.UFF(str(path)).write_sets([signal], "overwrite")
+def universal(path: Path) -> None:
+    """Write signals of nodes 12, 13, .. along x as a universal file, without a unit."""
+    whole = recorded(SEED, seconds=100)
+    t = np.arange(len(whole.data)) / RATE
+    sets = [
+        frequency_response(
+            whole.data[:, k], t, func_type=1, rsp_node=12 + k, rsp_dir=1, ref_node=0, ref_dir=0, id1=channel.name,
+            abscissa_spec_data_type=17, ordinate_spec_data_type=0, orddenom_spec_data_type=0,
+        )
+        for k, channel in enumerate(whole.channels)
+    ]  # fmt: skip
+    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
 
 
 def modes(path: Path) -> None:
@@ -247,8 +253,9 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "t_structure.toml": text(t_structure_toml()),
     "before.mcap": log_of(SEED),
     "now.mcap": log_of(SEED + 1, MASS),
+    "after.mcap": log_of(SEED + 1, MASS),
     "later.mcap": log_of(SEED + 2, MASS),
-    "measured.mcap": log_of(SEED, seconds=100),
+    "measured.mcap": log_of(SEED),
     "setup_1.mcap": log_of(SEED, seconds=100, places=("top", "mid")),
     "setup_2.mcap": log_of(SEED + 1, seconds=100, places=("top", "low")),
     "setup_3.mcap": log_of(SEED + 2, seconds=100, places=("top", "deck")),
@@ -256,7 +263,9 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "demo-output": folder_of("run.mcap"),
     "archive": folder_of("run.mcap"),
     "measured.csv": table,
-    "measured.uff": velocities,
+    "before.csv": table,
+    "after.csv": table,
+    "measured.uff": universal,
     "logger": tables,
     "before.uff": responses(0.0),
     "after.uff": responses(MASS),
@@ -352,8 +361,9 @@ def test_commands_of_a_page_run(
     provide(page, lines)
     for line in lines:
         words = arguments_of(line)
-        for name in (after for option, after in itertools.pairwise(words) if option == "-o"):
-            Path(name).unlink(missing_ok=True)  # of another command of the page
+        for path in (Path(after) for option, after in itertools.pairwise(words) if option in {"-o", "--out"}):
+            if path.is_file():
+                path.unlink()  # of another command of the page
         done = modalwatch(*words)
         assert done.code in codes_of(line), f"{line}: {done}"
 
