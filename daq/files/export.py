@@ -14,12 +14,14 @@ from daq.files.formats.registry import FORMATS, format_of, write_format
 from daq.files.origin import Origin
 from daq.files.tables.text_table import ORIGIN as ORIGIN_COMMENT
 from daq.log.channel_map import CHANNELS, ChannelMap
+from daq.log.format.progress import report_progress
 from daq.log.mcap_log import McapWriter
 from daq.types import Block, Channel, FloatArray, Recording, find_gaps
 
 _LARGEST = (1 << 30) - 1  # count
 _MIN_SCALE = float(np.finfo(float).tiny)  # smallest scale [m/s2 per count] with finite quotients
 _BLOCK_SECONDS = 1.0
+_ROWS = 10_000  # of a table that are written at once
 
 
 def write_recording(
@@ -78,13 +80,15 @@ def write_recordings(
         if places.count((device, axis)) > 1:
             raise ValueError(f"channels: expected one for axis {axis} of {device}, found more")
     known = ChannelMap(channels=first.channels, on_grid=True)
-    writer = McapWriter(Path(path), {CHANNELS: known.to_json(), **(attachments or {})})
+    path = Path(path)
+    writer = McapWriter(path, {CHANNELS: known.to_json(), **(attachments or {})})
     for number, recording in enumerate(recordings):
         warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
         skipped = round((recording.start - first.start) * 1e-9 * first.rate)
         blocks = [block for device in _devices(recording) for block in _blocks(recording, device, warmth, skipped)]
-        for block in sorted(blocks, key=lambda block: block.first_index):
+        for count, block in enumerate(sorted(blocks, key=lambda block: block.first_index), 1):
             writer.write(block)
+            report_progress(path, number + count / len(blocks), len(recordings))
     writer.close()
 
 
@@ -156,10 +160,12 @@ def _write_csv(path: Path, recording: Recording) -> None:
     row = io.StringIO(newline="")
     row.write(f"{ORIGIN_COMMENT}{origin}\n")
     csv.writer(row, lineterminator="\n").writerow(["t", *names])
-    t = np.arange(len(recording.data)) / recording.rate
+    table = np.column_stack([np.arange(len(recording.data)) / recording.rate, recording.data])
     with path.open("wb") as file:
         file.write(row.getvalue().encode())
-        np.savetxt(file, np.column_stack([t, recording.data]), delimiter=",", fmt=["%.9f", *["%.9g"] * len(names)])
+        for first in range(0, len(table), _ROWS):
+            np.savetxt(file, table[first : first + _ROWS], delimiter=",", fmt=["%.9f", *["%.9g"] * len(names)])
+            report_progress(path, first + _ROWS, len(table))
 
 
 def with_channels(recording: Recording, channels: tuple[Channel, ...]) -> Recording:

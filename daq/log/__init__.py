@@ -4,6 +4,7 @@ The analysis process is fed by the writer thread: all analysed data are logged.
 """
 
 from daq.log.channel_map import CHANNELS, ChannelMap
+from daq.log.format.progress import progress_reported_to, report_progress
 from daq.log.mcap_log import McapWriter, log_span, log_start, read_attachments, read_events, read_log
 from daq.log.naming import as_logs, newest_log
 from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
@@ -44,9 +45,11 @@ __all__ = [
     "log_span",
     "log_start",
     "newest_log",
+    "progress_reported_to",
     "read_attachments",
     "read_channel_map",
     "read_events",
     "read_log",
     "repair_log",
+    "report_progress",
 ]

@@ -32,6 +32,7 @@ from daq.log.format.chunk_index import LeanWriter
 from daq.log.format.chunks import ChunkReader
 from daq.log.format.file_index import file_index
 from daq.log.format.preview import ViewMessage
+from daq.log.format.progress import report_progress
 from daq.log.format.record_stream import RecordStream
 from daq.log.format.ros_messages import ENCODING as VIEW_ENCODING
 from daq.log.format.ros_messages import schema as view_schema
@@ -354,9 +355,14 @@ def _records_within(path: Path, log: LogExcerpt, wanted: Callable[[str], bool]) 
         yield from _records(path, wanted)
         return
     yield from index.channels
-    for chunk in index.with_topics(wanted):
-        if chunk.message_start_time < log.stop + _REACH and chunk.message_end_time > log.start - _REACH:
-            yield from index.messages(chunk, _items_of(wanted))
+    chunks = [
+        chunk
+        for chunk in index.with_topics(wanted)
+        if chunk.message_start_time < log.stop + _REACH and chunk.message_end_time > log.start - _REACH
+    ]
+    for number, chunk in enumerate(chunks, 1):
+        yield from index.messages(chunk, _items_of(wanted))
+        report_progress(path, number, len(chunks))
 
 
 def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[Item]:
@@ -453,14 +459,16 @@ def _records(path: Path, wanted: Callable[[str], bool] = _every) -> Iterator[obj
     """Yield the records of a file; messages in chunks only if they are items of wanted topics."""
     try:
         with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END)
+            file.seek(0)
             if file.read(len(MAGIC)) != MAGIC:
                 raise LogError(path, "is not an MCAP log")
-            yield from _until_cut(path, file, ChunkReader(_items_of(wanted)))
+            yield from _until_cut(path, file, size, ChunkReader(_items_of(wanted)))
     except OSError as error:
         raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
-def _until_cut(path: Path, file: IO[bytes], chunks: ChunkReader) -> Iterator[object]:
+def _until_cut(path: Path, file: IO[bytes], size: int, chunks: ChunkReader) -> Iterator[object]:
     """Yield records until the file's end, planned or not."""
     stream = RecordStream(file)
     records = iter(stream)
@@ -480,3 +488,5 @@ def _until_cut(path: Path, file: IO[bytes], chunks: ChunkReader) -> Iterator[obj
         if isinstance(record, Channel):
             chunks.channel(record)
         yield from opened
+        if isinstance(record, Chunk):
+            report_progress(path, stream.position, size)

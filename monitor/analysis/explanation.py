@@ -1,6 +1,6 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -23,7 +23,7 @@ from updater import (
     nominal_reference,
     sensor_health,
 )
-from updater.diagnosis import ReferenceStep, allowed_causes
+from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
 from updater.structure import Updating
 from updater.validation import SensorHealth, with_acting
 
@@ -72,7 +72,7 @@ def explain(
     before: Observation | None,
     now: Observation,
     heldout: Observation | None = None,
-    on_cause: Callable[[str], None] = lambda _: None,
+    on_cause: OnCause = say_nothing,
     *,
     only: Collection[str] = (),
     without: Collection[str] = (),
@@ -85,7 +85,7 @@ def explain(
     before, now : the reference logs, if there are any, and those to explain; of the reference logs, the windows of
         the state that most of them show are used
     heldout : logs that the fit must not see, to measure the gain on
-    on_cause : called with the name of each cause before it is weighed
+    on_cause : as for `updater.diagnose`
     only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
         own parameters are taken as they are
 

@@ -1,12 +1,15 @@
 """Output on the terminal, with control characters of names and texts shown as escapes."""
 
+import os
 from typing import Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleDimensions
 from rich.text import Text
 
 from daq.bounded_text import printable
+
+_FILE_COLUMNS = 1000  # of lines that no terminal shows
 
 
 class Terminal(Console):
@@ -14,6 +17,18 @@ class Terminal(Console):
 
     def __init__(self) -> None:
         super().__init__(highlight=False)
+
+    @property
+    def size(self) -> ConsoleDimensions:
+        """Size of the terminal; lines for files and other programs are whole."""
+        found = super().size
+        if self.is_terminal or self._width is not None or "COLUMNS" in os.environ:
+            return found
+        return ConsoleDimensions(_FILE_COLUMNS, found.height)
+
+    @size.setter
+    def size(self, new: tuple[int, int]) -> None:
+        self._width, self._height = new
 
     def render_str(self, text: str, **options: Any) -> Text:  # noqa: ANN401 - as rich has them
         """Return the text of a string with markup."""

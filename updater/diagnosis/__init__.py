@@ -20,7 +20,7 @@ from updater.diagnosis.schema import (
     Separation,
     Verdict,
 )
-from updater.diagnosis.weighing import allowed_causes
+from updater.diagnosis.weighing import OnCause, allowed_causes, say_nothing
 
 __all__ = [
     "CalibrationSummary",
@@ -35,6 +35,7 @@ __all__ = [
     "Misfit",
     "ModeFit",
     "NextMeasurement",
+    "OnCause",
     "Pair",
     "ReferenceStep",
     "Rejected",
@@ -43,4 +44,5 @@ __all__ = [
     "allowed_causes",
     "densities",
     "diagnose",
+    "say_nothing",
 ]

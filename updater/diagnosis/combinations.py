@@ -133,12 +133,17 @@ class Compositions:
         Oscillators without a measured mode are left out: they explain too much of other misfits.
         """
         seeds = [s for s in seeds if not any(has_unobserved_mode(c.cause) for c in s.chosen)]
-        found = [
-            self.weighing.faults.attempt(" and ".join((*seed.names, name)), partial(self._promise, seed, name, cause))
+        tried = [
+            (seed, name, cause)
             for seed in itertools.chain(seeds, *(self._at_next_place(seed) for seed in seeds if len(seed.chosen) == 1))
             for name, cause in self.weighing.causes.items()
             if not has_unobserved_mode(cause) and not self._is_full(seed, cause) and not self._is_included(seed, cause)
         ]
+        found = []
+        for done, (seed, name, cause) in enumerate(tried):
+            names = (*seed.names, name)
+            self.weighing.on_cause(names, done, len(tried))
+            found.append(self.weighing.faults.attempt(" and ".join(names), partial(self._promise, seed, name, cause)))
         return sorted((p for p in found if p is not None), key=lambda p: -p.log_evidence)
 
     def at_once(self, only: Collection[str] | None = None) -> list[Candidate]:
@@ -198,7 +203,6 @@ class Compositions:
         return cause.drifting and sum(c.cause.drifting for c in seed.chosen) >= most
 
     def _promise(self, seed: Candidate, name: str, cause: Cause) -> PredictedCandidate | None:
-        self.weighing.on_cause(" and ".join((*seed.names, name)))
         n_own = len(cause.prior_std)
         theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
         beside: JointHypothesis[Cause] = JointHypothesis(cause, seed.chosen)
@@ -241,7 +245,8 @@ class Compositions:
             if key not in found or found[key].log_evidence < fitted.log_evidence:
                 found[key] = fitted
 
-        for promise in promises:
+        for done, promise in enumerate(promises):
+            self.weighing.on_cause(promise.names, done, len(promises))
             keep(self.coordinate_fit(promise.chosen))
         if not found:
             return []

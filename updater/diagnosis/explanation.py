@@ -5,7 +5,7 @@ change is one of the hypotheses. A cause is named at a posterior of 0.8. If the 
 1e-3, of several causes together 0.03; of the frequencies alone a hundredth of that), the diagnosis is unexplained.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -30,7 +30,7 @@ from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_rem
 from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, Verdict
 from updater.diagnosis.search import beside_the_file, closer, fits, judged, nothing_changed, stepwise, within_noise
 from updater.diagnosis.simplification import merged, significant_only
-from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, allowed_causes, ranked, say_nothing
+from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, compare
 from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
@@ -51,7 +51,7 @@ def diagnose(
     every: ModalMean | None = None,
     heldout_every: ModalMean | None = None,
     circumstances: Circumstances = NOTHING_KNOWN,
-    on_cause: Callable[[str], None] = say_nothing,
+    on_cause: OnCause = say_nothing,
     only: Collection[str] = (),
     without: Collection[str] = (),
 ) -> DiagnosisResult:
@@ -64,7 +64,7 @@ def diagnose(
     heldout : (n_tracks,) mean of windows that the fit must not see, to measure the gain on
     every, heldout_every : (n_modes,) all modes of these windows, in any order; if not given those of the tracks
     circumstances : further knowledge of the event
-    on_cause : called with the name of each cause before it is weighed
+    on_cause : called before each fit with its causes, and how many fits of the same kind are done and planned
     only : names of the causes to which the search is limited; all of the catalogue if empty
     without : names of causes that are left out of it
 
@@ -95,7 +95,7 @@ def _diagnosed(
     bare: Calibration | None,
     *,
     circumstances: Circumstances,
-    on_cause: Callable[[str], None],
+    on_cause: OnCause,
     only: Collection[str],
     without: Collection[str],
 ) -> DiagnosisResult:

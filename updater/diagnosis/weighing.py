@@ -84,9 +84,13 @@ def allowed_causes(only: Collection[str] = (), without: Collection[str] = ()) ->
     return allowed
 
 
-def say_nothing(name: str) -> None:
-    """Ignore which cause is being weighed."""
-    del name
+#: called before each fit with its causes, and how many fits of the same kind are done and planned
+OnCause = Callable[[Sequence[str], int, int], None]
+
+
+def say_nothing(names: Sequence[str], done: int, planned: int) -> None:
+    """Ignore which causes are fitted."""
+    del names, done, planned
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +129,7 @@ class EvidenceComparison:
 
     Parameters
     ----------
-    on_cause : called with the name of each cause before it is weighed
+    on_cause : called before each fit with its causes, and how many fits of the same kind are done and planned
     instead : makers of causes that replace those of the catalogue
     allowed : names of the causes that are considered
     faults : collects failures; a cause that has failed alone is not considered further
@@ -133,7 +137,7 @@ class EvidenceComparison:
 
     reference: Reference
     data: Comparison
-    on_cause: Callable[[str], None] = field(default=say_nothing)
+    on_cause: OnCause = field(default=say_nothing)
     instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
     allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
     faults: Faults = field(default_factory=Faults)
@@ -202,10 +206,10 @@ class EvidenceComparison:
     def singles(self, only: Sequence[str] = ()) -> list[Candidate]:
         """Fit every cause alone, or only some, the best first; one that fails is left out."""
         found = []
-        for name, cause in self.causes.items():
-            if not only or name in only:
-                self.on_cause(name)
-                found.append(self.faults.attempt(self.label(name), partial(self._single, name, cause)))
+        causes = [(name, cause) for name, cause in self.causes.items() if not only or name in only]
+        for done, (name, cause) in enumerate(causes):
+            self.on_cause((name,), done, len(causes))
+            found.append(self.faults.attempt(self.label(name), partial(self._single, name, cause)))
         return ranked([candidate for candidate in found if candidate is not None])
 
     def _single(self, name: str, cause: Cause) -> Candidate:

@@ -12,6 +12,7 @@ from typing import IO, TYPE_CHECKING
 
 from daq.errors import DataError
 from daq.files.archive_size import check_unpacked
+from daq.log.format.progress import report_progress
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
@@ -19,6 +20,20 @@ if TYPE_CHECKING:
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DAMAGED = (zlib.error, EOFError, zipfile.BadZipFile, UnicodeError)
 _ENDINGS = (".gz", ".zip")
+
+
+class _WatchedFile(io.FileIO):
+    """File that reports the progress of its reader."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "rb")
+        self._path, self._read, self._size = path, 0, path.stat().st_size
+
+    def readinto(self, buffer: "WriteableBuffer", /) -> int:
+        n_bytes = super().readinto(buffer) or 0
+        self._read += n_bytes
+        report_progress(self._path, self._read, self._size)
+        return n_bytes
 
 
 class _Bounded(io.RawIOBase):
@@ -39,6 +54,10 @@ class _Bounded(io.RawIOBase):
         return len(piece)
 
 
+def _buffered(raw: io.RawIOBase) -> "io.BufferedReader[io.RawIOBase]":
+    return io.BufferedReader(raw)
+
+
 @contextmanager
 def table_text(path: Path) -> Iterator[IO[str]]:
     """Open a table of text: UTF-8 with bytes that are none as surrogates, or UTF-16 if it begins with its mark.
@@ -50,10 +69,10 @@ def table_text(path: Path) -> Iterator[IO[str]]:
     """
     try:
         with ExitStack() as stack:
-            content = stack.enter_context(path.open("rb"))
+            content = stack.enter_context(_buffered(_WatchedFile(path)))
             if path.suffix.lower() in _ENDINGS:
                 unpacked = _unpacked(path, content, stack)
-                content = stack.enter_context(io.BufferedReader(_Bounded(path, unpacked)))
+                content = stack.enter_context(_buffered(_Bounded(path, unpacked)))
             encoding = "utf-16" if content.peek(2)[:2] in _UTF16 else "utf-8-sig"
             errors = "strict" if encoding == "utf-16" else "surrogateescape"
             yield stack.enter_context(io.TextIOWrapper(content, encoding=encoding, errors=errors, newline=""))

@@ -12,6 +12,7 @@ from rich.table import Table
 from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
+from monitor.cli.progress import progress
 from monitor.cli.terminal import console, echo
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text
@@ -22,7 +23,7 @@ _MAX_LISTED = 5  # sets of bodies
 
 def identify_bodies(path: Path, json_path: Path | None) -> int:
     """Identify the bodies; return 0 if the answer is sure, 1 if a person must decide."""
-    with console.status("comparing sets of bodies ..."):
+    with progress("comparing sets of bodies"):
         result = select_known_bodies(path)
     if json_path:
         write_json(json_path, bodies_json(result))

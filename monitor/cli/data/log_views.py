@@ -5,6 +5,8 @@ import shutil
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -12,10 +14,11 @@ from daq import AnyLog, LogExcerpt
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.exit_codes import DONE
+from monitor.cli.progress import Work, files_of_logs, progress
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report
-from monitor.views.run import load_run
+from monitor.views.run import Run, find_log, load_run
 
 _CONNECT_SECONDS = 2.0
 
@@ -25,19 +28,27 @@ def write_report(
 ) -> int:
     """Write the report of a log, or of the newest one in a folder; by default next to it, one page per range."""
     found = load_diagnosis(diagnosis) if diagnosis else None
-    run = load_run(path, within, echo)
-    page = out or _default_page(path, run.log)
-    _spare(run.log, page)
-    if pdf:
-        _spare(run.log, pdf, "--pdf")
-        if pdf.resolve() == page.resolve():
-            raise ArgumentError("--pdf", f"{pdf} is the page itself")
-    try:
-        run_report(run, page, found, pdf=pdf)
-    except ImportError as error:
-        raise ArgumentError("--pdf", str(error)) from error
+    with _loaded(path, within) as (run, work):
+        page = out or _default_page(path, run.log)
+        _spare(run.log, page)
+        if pdf:
+            _spare(run.log, pdf, "--pdf")
+            if pdf.resolve() == page.resolve():
+                raise ArgumentError("--pdf", f"{pdf} is the page itself")
+        work.stage("drawing")
+        try:
+            run_report(run, page, found, pdf=pdf)
+        except ImportError as error:
+            raise ArgumentError("--pdf", str(error)) from error
     echo(f"report: {page}{f', {pdf}' if pdf else ''}")
     return DONE
+
+
+@contextmanager
+def _loaded(path: Path, within: TimeRange) -> Iterator[tuple[Run, Work]]:
+    """Read a run, and show the progress until it is used."""
+    with progress("reading", files_of_logs([find_log(path)])) as work:
+        yield load_run(path, within, echo), work
 
 
 def _default_page(path: Path, log: AnyLog) -> Path:
@@ -65,16 +76,17 @@ def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange) -
 
 
 def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None:
-    run = load_run(path, within, echo)
-    _spare(run.log, file)
-    from monitor.views.viewer import write_recording  # loads rerun: not before the log is known to be good
+    with _loaded(path, within) as (run, work):
+        _spare(run.log, file)
+        work.stage("drawing", [file])
+        from monitor.views.viewer import write_recording  # loads rerun: not before the log is known to be good
 
-    try:
-        if in_cache:
-            file.parent.mkdir(parents=True, exist_ok=True)
-        write_recording(file, run.results)
-    except OSError as error:
-        raise ResultsError(file, f"cannot be written: {error.strerror}") from error
+        try:
+            if in_cache:
+                file.parent.mkdir(parents=True, exist_ok=True)
+            write_recording(file, run.results)
+        except OSError as error:
+            raise ResultsError(file, f"cannot be written: {error.strerror}") from error
 
 
 def _spare(log: AnyLog, out: Path, option: str = "--out") -> None:

@@ -9,7 +9,8 @@ from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.terminal import console, echo
+from monitor.cli.progress import files_of_logs, progress
+from monitor.cli.terminal import echo
 from monitor.views.run import late_devices
 
 
@@ -18,10 +19,12 @@ def export_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:
     whole = one_log(paths)
     log = within.of_log(whole, echo)
     late = late_devices(whole)
-    recordings = list(log_recordings(log, late=late))
-    if not recordings:
-        raise LogError(str(log), "holds less than the two seconds that the clocks need")
-    export_recording(out, recordings[0])
+    with progress("reading", files_of_logs([log])) as work:
+        recordings = list(log_recordings(log, late=late))
+        if not recordings:
+            raise LogError(str(log), "holds less than the two seconds that the clocks need")
+        work.stage("writing", [out])
+        export_recording(out, recordings[0])
     found = recordings[0]
     echo(
         f"{out}: {len(found.channels)} channels, {found.duration:.6g} s at {found.rate:g} Hz, "
@@ -35,8 +38,8 @@ def expand_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:
     """Write the signals of a log, or of a range of it, for stock viewers."""
     whole = one_log(paths)
     log = within.of_log(whole, echo)
-    with console.status("writing ..."):
-        late = late_devices(whole)
+    late = late_devices(whole)
+    with progress("writing", files_of_logs([log])):
         written = expand_log(log, out, late)
     devices = ", ".join(f"/view/{device} {count}" for device, count in written.items())
     echo(f"{out}: {sum(written.values())} messages; {devices}")

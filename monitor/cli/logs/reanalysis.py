@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.markup import escape
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
 
 from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, read_steps, reanalyse, steps_key, texts_of
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.progress import progress
 from monitor.cli.terminal import console
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
@@ -45,16 +45,16 @@ def reanalyse_archive(
         return DONE
     with (
         _client(scheduler, workers) as client,
-        Progress(
-            TextColumn("{task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn(), console=console
-        ) as progress,
+        progress("analysing") as work,
     ):
-        task = progress.add_task("logs", total=sum(log.size for log in logs))
         problems: list[str] = []
         states: dict[str, str] = {}
+        sizes: list[int] = []
 
         def finished(about: AnalysedLog) -> None:
-            progress.advance(task, about.log.size)
+            sizes.append(about.log.size)
+            work.note(f"{len(sizes)} of {len(logs)} logs")
+            work.advance(sum(sizes), sum(log.size for log in logs))
             problems.extend([about.problem] if about.problem else [])
             states[about.site] = about.alarms[-1].state if about.alarms else states.get(about.site, "normal")
             _say(about)

@@ -5,19 +5,20 @@ from pathlib import Path
 
 from rich.markup import escape
 
-from daq import LogError
+from daq import AnyLog, LogError
 from monitor.analysis.modal_table.series import SERIES, read_series
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.modal_series import series_site, watch_series, write_series
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
+from monitor.cli.progress import files_of_logs, progress
 from monitor.cli.site.console_log import line
 from monitor.cli.terminal import console, echo, warn
 from monitor.errors import ArgumentError
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import ReplayReport, replay, write_watched
-from monitor.service.site import load_site
-from monitor.settings import overrides
+from monitor.service.site import Site, load_site
+from monitor.settings import Override, overrides
 
 
 def replay_log(
@@ -37,7 +38,7 @@ def replay_log(
             raise ArgumentError(", ".join(within.options), "not of a series of modes: leave rows out of the file")
         return _replay_series(logs[0], site, given, json_path, watched)
     log = within.of_log(one_log(logs), echo)
-    report = replay(log, load_site(site, given) if site else None, _say, overrides(given, {}))
+    report = _replay(log, load_site(site, given) if site else None, overrides(given, {}))
     if json_path:
         results = [result.payload() for result in report.found]
         compared = report.from_beginning
@@ -51,7 +52,8 @@ def replay_log(
     if note:
         warn(f"note: {note}")
     if watched:
-        write_watched(log, watched, report)
+        with progress("writing", files_of_logs([log])):
+            write_watched(log, watched, report)
         echo(f"written: {watched}, for `report` and `view`")
     elif not (report.logged or note):
         console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
@@ -62,6 +64,19 @@ def replay_log(
     return _exit_code(report.found)
 
 
+def _replay(log: AnyLog, site: Site | None, given: Sequence[Override]) -> ReplayReport:
+    """Replay a log, and print its results."""
+    with progress("replaying") as work:
+        work.windows_of("replaying", [log])
+
+        def show(result: Result) -> None:
+            if isinstance(result, WindowResult):
+                work.window(result.end)
+            _say(result)
+
+        return replay(log, site, show, given)
+
+
 def _replay_series(
     path: Path, site: Path | None, given: Sequence[str], json_path: Path | None, watched: Path | None
 ) -> int:
@@ -70,7 +85,14 @@ def _replay_series(
     for name in series.ignored:
         warn(f"note: column {name} is not used")
     used = series_site(series, site, given)
-    found = watch_series(series, used, _say)
+    with progress("watching") as work:
+
+        def show(result: Result) -> None:
+            if isinstance(result, WindowResult):
+                work.advance(result.index + 1, len(series.time))
+            _say(result)
+
+        found = watch_series(series, used, show)
     if json_path:
         results = [result.payload() for result in found]
         write_json(json_path, {"same_as_live": None, "comparison": None, "results": results})

@@ -16,6 +16,7 @@ from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
+from monitor.cli.progress import progress
 from monitor.cli.terminal import console, echo
 from monitor.errors import StartError
 from monitor.settings import AXES
@@ -34,7 +35,7 @@ def list_devices(paths: Sequence[str], json_path: Path | None, *, probe: bool, e
     ports = _named(paths) if paths else serial_ports()
     adapters = [] if paths else can_adapters()
     wanted = [port for port in ports if probe and (paths or every or port.is_usb)]
-    with console.status(f"asking at {len(wanted)} ports ..."):
+    with progress(f"asking at {len(wanted)} ports"):
         seen = dict(zip((port.path for port in wanted), _asked_at_once(wanted, bitrate), strict=True))
     console.print(_table(ports, adapters, seen))
     found = [device for answer in seen.values() if isinstance(answer, PortAnswer) for device in answer.devices]

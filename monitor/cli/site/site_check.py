@@ -11,6 +11,7 @@ from rich.table import Table
 
 from daq.drivers import low_grade
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.progress import progress
 from monitor.cli.terminal import console, echo, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
@@ -35,7 +36,7 @@ def check_site(path: Path, given: Sequence[str]) -> int:
     """
     site = load_site(path, given)
     _say_plan(site)
-    with console.status(f"asking {len(site.settings.device)} devices ..."):
+    with progress(f"asking {len(site.settings.device)} devices"):
         found = probe_devices(site.settings)
     console.print(_table(site, found))
     silent = [f"device {name}: {what}" for name, what in found.items() if isinstance(what, str)]

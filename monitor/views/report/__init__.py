@@ -20,7 +20,7 @@ from monitor.views.report.svg import styled
 from monitor.views.run import Run
 from updater import Structure
 
-__all__ = ["alarm_report", "diagnosis_report", "load_diagnosis", "run_report"]
+__all__ = ["alarm_report", "diagnosis_report", "load_diagnosis", "load_typst", "run_report"]
 
 
 def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None, *, pdf: Path | None = None) -> None:
@@ -47,27 +47,29 @@ def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None, *
 
 def diagnosis_report(
     diagnosis: DiagnosisAnswer,
-    path: Path,
+    path: Path | None,
     *,
     title: str,
     structure: Structure | None = None,
     found: DiscrepancyResult | None = None,
+    pdf: Path | None = None,
 ) -> None:
     """Write the report of a diagnosis alone; errors as for `run_report`.
 
     Parameters
     ----------
     diagnosis : the answer of `modalwatch diagnose`
-    path : of the page
+    path : of the page; None for none
     title : name of the diagnosed structure
     structure : to draw the causes on
     found : comparison of measured and simulated modes, of the same structure
+    pdf : of a PDF with the content of the page
     """
 
     def values() -> dict[str, Any]:
         return _diagnosis_values(diagnosis, bare_reference(structure) if structure else None, found, title, [])
 
-    _write(path, "diagnosis.html", values)
+    _write(path, "diagnosis.html", values, pdf)
 
 
 def alarm_report(
@@ -127,7 +129,7 @@ def load_diagnosis(path: Path) -> DiagnosisAnswer:
         raise ResultsError(path, f"is no diagnosis: {place + ': ' if place else ''}{first['msg']}") from error
 
 
-def _write(path: Path, template: str, values: Callable[[], dict[str, Any]], pdf: Path | None = None) -> None:
+def _write(path: Path | None, template: str, values: Callable[[], dict[str, Any]], pdf: Path | None = None) -> None:
     """Write a page; where none can be written is refused before anything is drawn, which takes seconds."""
     with ExitStack() as stack:
         parts = {file: stack.enter_context(_part_of(file)) for file in (path, pdf) if file}

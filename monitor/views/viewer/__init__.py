@@ -1,7 +1,12 @@
 """Recordings for the rerun viewer (.rrd). Only this package imports rerun."""
 
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
+from rerun import RecordingStream
+
+from daq.log import report_progress
 from monitor.results.run_results import RunResults, thin
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
@@ -40,25 +45,36 @@ def write_recording(path: Path, run_results: RunResults) -> None:
     """
     with recording_file(path, f"{run_results.name}-{run_results.start}", layout(run_results)) as recording:
         recording.send_recording_name(run_results.name)
-        draw_structure(recording, run_results)
-        draw_spectra(recording, run_results)
-        draw_trends(recording, run_results)
-        draw_legend(recording, run_results)
-        draw_rms(recording, run_results)
-        draw_temperatures(recording, run_results)
-        if run_results.spectra:
-            draw_spectrogram(recording, run_results)
-        draw_states(recording, run_results)
-        write_events(recording, run_results)
-        draw_answers(recording, run_results)
-        draw_increments(recording, run_results)
-        write_cards(recording, run_results)
-        if run_results.reference:
-            write_reference(recording, run_results.reference)
-            draw_auto_mac(recording, run_results.reference)
-            draw_shapes(recording, run_results.reference, run_results.start)
-            draw_window_shapes(recording, run_results.reference, thin(run_results.watched))
-        if run_results.signals:
-            draw_signals(recording, run_results.signals)
-            draw_channel_spectra(recording, run_results.signals, run_results.reference)
-            write_channels(recording, run_results.signals)
+        steps = list(_steps(recording, run_results))
+        for number, draw in enumerate(steps, 1):
+            draw()
+            report_progress(path, number, len(steps))
+
+
+def _steps(recording: RecordingStream, run_results: RunResults) -> Iterator[Callable[[], None]]:
+    """Yield functions that each draw a part."""
+    for draw in (
+        draw_structure,
+        draw_spectra,
+        draw_trends,
+        draw_legend,
+        draw_rms,
+        draw_temperatures,
+        draw_states,
+        write_events,
+        draw_answers,
+        draw_increments,
+        write_cards,
+    ):
+        yield partial(draw, recording, run_results)
+    if run_results.spectra:
+        yield partial(draw_spectrogram, recording, run_results)
+    if run_results.reference:
+        yield partial(write_reference, recording, run_results.reference)
+        yield partial(draw_auto_mac, recording, run_results.reference)
+        yield partial(draw_shapes, recording, run_results.reference, run_results.start)
+        yield partial(draw_window_shapes, recording, run_results.reference, thin(run_results.watched))
+    if run_results.signals:
+        yield partial(draw_signals, recording, run_results.signals)
+        yield partial(draw_channel_spectra, recording, run_results.signals, run_results.reference)
+        yield partial(write_channels, recording, run_results.signals)

@@ -1,5 +1,6 @@
 """Live results and signals, served to any viewer."""
 
+import math
 import os
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -8,6 +9,7 @@ from contextlib import contextmanager, suppress
 import rerun as rr
 
 from daq import Block, Item
+from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.results.events import event_result
 from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
@@ -22,6 +24,7 @@ from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
+from monitor.views.viewer.signals.channels import draw_rms, draw_temperature
 from monitor.views.viewer.signals.traces import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import (
@@ -38,6 +41,7 @@ _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
 _BASELINES, _MIN_WINDOWS = 2.0, 12  # range of a live view's trends
 _KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
 _KEPT_ALARMS = 50
+_TEMPERATURE_SECONDS = 10.0  # between readings that are drawn
 
 
 def serve(structure: str, site: str, items: Iterable[Item]) -> None:
@@ -61,7 +65,10 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
         for item in items:
             if isinstance(item, Block):
                 signals.add(item)
+                results.add_temperature(item.device, item.arrival_time, item.temperature)
                 continue
+            if item.topic == TOPIC_TEMPERATURE:
+                results.add_temperature("site", item.time, float(item.payload["celsius"]))
             result = event_result(item)
             results.add(result)
             if isinstance(result, ReferenceResult):
@@ -106,6 +113,7 @@ class LiveResults:
         self._states: dict[str, tuple[int, str]] = {}  # lane -> time [ns UTC] and state of its last change
         self._told: set[tuple[int, str, str]] = set()  # events that are kept
         self._shown: set[str] = set()
+        self._temperatures: dict[str, int] = {}  # thermometer -> time of the last reading that was drawn [ns UTC]
         self._answered: WindowResult | None = None  # window whose answer holds
         name_states(recording)
 
@@ -126,9 +134,20 @@ class LiveResults:
             self._tell()
             self._lay_out()
 
+    def add_temperature(self, name: str, time: int, celsius: float) -> None:
+        """Draw a reading [degC] of the site or a device, unless the last one is too recent."""
+        if math.isfinite(celsius) and time - self._temperatures.get(name, 0) >= _TEMPERATURE_SECONDS * 1e9:
+            self._temperatures[name] = time
+            number = list(self._temperatures).index(name)
+            draw_temperature(self._recording, name, number, [time], [celsius])
+
     def _results_of(self, windows: list[WindowResult]) -> RunResults:
         return RunResults(
-            name=self._name, reference=self._reference, windows=tuple(windows), alarms=tuple(self._alarms)
+            name=self._name,
+            reference=self._reference,
+            windows=tuple(windows),
+            alarms=tuple(self._alarms),
+            temperatures=dict.fromkeys(self._temperatures, ([], [])),
         )
 
     def _window(self, window: WindowResult) -> None:
@@ -146,6 +165,7 @@ class LiveResults:
         draw_spectra(self._recording, run_results, static=False)
         draw_trends(self._recording, run_results)
         draw_legend(self._recording, run_results, static=False)
+        draw_rms(self._recording, run_results)
         draw_answers(self._recording, run_results, static=False)
         draw_increments(self._recording, run_results, static=False)
         write_cards(self._recording, run_results, self._answered)
@@ -177,6 +197,8 @@ class LiveResults:
             "answer": last.answer,
             "increments": last.increments,
             "diagnosis": last.diagnosis,
+            "rms": last.rms,
+            "temperatures": self._temperatures,
         }
         grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, run_results.tracks)}
         if grown != self._shown:

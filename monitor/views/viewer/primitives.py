@@ -20,6 +20,7 @@ from monitor.views.palette import FAINT, GREY, Colour
 APPLICATION = "modalwatch"
 _logged: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
 TIME, PHASE = "time", "phase"
+_BAR_LINES = 8  # thin lines that fill a bar
 
 
 @contextmanager
@@ -179,6 +180,28 @@ class Axes:
         below = [[a[0][0], bottom + 1] for a in across]
         beside = [[self.left - room, b[0][1] - 4] for b in level]
         text(recording, f"{path}/ticks", [*below, *beside], [*x.values(), *y.values()], [GREY], static=static)
+
+
+def bars(
+    recording: rr.RecordingStream,
+    path: str,
+    ends: Sequence[tuple[float, float, float]],
+    half: float,
+    colours: Sequence[Colour],
+) -> None:
+    """Draw horizontal bars from x to x at y, with square ends: lines have round ones, which are longer than the value.
+
+    Parameters
+    ----------
+    ends : (n, 3) both x and y of each bar
+    half : of a bar's height
+    colours : (n,) of the bars
+    """
+    radius = half / _BAR_LINES
+    offsets = np.linspace(radius - half, half - radius, _BAR_LINES).tolist()
+    strips = [[[a, y + shift], [b, y + shift]] for a, b, y in ends for shift in offsets]
+    every = [colour for colour in colours for _ in offsets]
+    recording.log(path, rr.LineStrips2D(strips, colors=every, radii=1.6 * radius, draw_order=10.0), static=True)
 
 
 def text(

@@ -11,6 +11,7 @@ from monitor.analysis.observation import Observation
 from monitor.analysis.trends import trends_beside
 from monitor.results.comparison import DiscrepancyResult
 from monitor.results.correlation import discrepancy_result
+from monitor.results.state_comparison import compare_states
 from oma.windows import Windows
 from tests.support.monitor import answers
 from tests.support.updater.reference_frame import measure, t_frame, true_model
@@ -168,3 +169,22 @@ def test_trend_over_amplitude_has_its_own_unit() -> None:
     shown = trends_beside(observation(np.full(8, 20.0), rms, -0.1 * rms))
     assert {(t.over, t.unit) for t in shown} == {("amplitude", "mm/s²")}
     assert shown[0].slope == pytest.approx(-0.1 * 100 / 1000, rel=1e-6)
+
+
+def test_shapes_with_the_causes_are_nearer_to_those_measured(
+    found: tuple[Reference, ModalMean, DiagnosisResult],
+) -> None:
+    reference, measured, extended = found
+    states = compare_states(reference, measured, extended, None, None)
+    assert len(states.shapes) == 8
+    frequency = [mode.frequency for mode in states.shapes]
+    np.testing.assert_allclose(frequency, np.sort(np.exp(measured.log_frequency)))
+    before, after = [], []
+    for mode in states.shapes:
+        assert np.abs(mode.now).max() == pytest.approx(1.0)
+        assert mode.with_causes is not None
+        before.append(np.linalg.norm(mode.before - mode.now))
+        after.append(np.linalg.norm(mode.with_causes - mode.now))
+    assert np.linalg.norm(after) < 0.6 * np.linalg.norm(before)  # as the residuals of the sensors above
+    plain = compare_states(reference, measured, DiagnosisResult(answers.diagnosis(), None), None, None)
+    assert all(mode.with_causes is None for mode in plain.shapes)

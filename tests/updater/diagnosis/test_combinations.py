@@ -1,12 +1,14 @@
 """Two causes found at once, to first order, where the likeliest one alone may be neither."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
 from updater.causes import AddedMass, SelectedCause
-from updater.diagnosis.combinations import likeliest_pair
+from updater.diagnosis.combinations import Compositions, likeliest_pair
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
 
@@ -32,6 +34,23 @@ def pair_of(
     found = likeliest_pair(EvidenceComparison(reference, compare(reference, event)))
     assert found is not None
     return list(found)
+
+
+def test_each_fit_is_announced_with_the_number_of_fits(learnt: tuple[Reference, Model]) -> None:
+    reference, model = learnt
+    windows = [measure(model, np.random.default_rng((971, k)), GAIN) for k in range(3)]
+    data = compare(reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 3))))
+    announced: list[tuple[Sequence[str], int, int]] = []
+    names = ("added_mass", "sensor_gain")
+    weighing = EvidenceComparison(reference, data, lambda *fit: announced.append(fit), allowed=names)
+    singles = weighing.singles()
+    assert announced == [((name,), done, 2) for done, name in enumerate(names)]
+    announced.clear()
+    Compositions(weighing).rank_by_linear_prediction(singles[:1])
+    first = singles[0].names
+    assert [fit[0] for fit in announced[:2]] == [(*first, name) for name in names]
+    assert [done for _, done, _ in announced] == list(range(len(announced)))
+    assert {planned for _, _, planned in announced} == {len(announced)}
 
 
 def place(chosen: SelectedCause) -> np.ndarray:

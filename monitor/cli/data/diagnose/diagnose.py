@@ -37,6 +37,9 @@ def diagnose(
     out: Annotated[
         Path | None, Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
     ] = None,
+    pdf: Annotated[
+        Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")
+    ] = None,
     json: Json = None,
     only: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")] = None,
     without: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to leave out. Repeatable.")] = None,
@@ -88,4 +91,4 @@ def diagnose(
         fixed=tuple(fix or ()),
         bounds=dict(map(bound_of, bound or ())),
     )
-    return diagnose_logs(structure, named, selection, window=window, out=out, json_path=json)
+    return diagnose_logs(structure, named, selection, window=window, out=out, json_path=json, pdf=pdf)

@@ -1,8 +1,9 @@
 """Changes since the reference logs, or errors of the structure file."""
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from daq import AnyLog, LogError, Recording, load_recordings
@@ -20,16 +21,18 @@ from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
+from monitor.cli.progress import Work, files_of_logs, progress
 from monitor.cli.terminal import console, echo, warn
 from monitor.errors import ArgumentError, RecordLengthError, StateError, writing
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
+from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.causes import cause_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
-from monitor.views.report import diagnosis_report
+from monitor.views.report import diagnosis_report, load_typst
 from oma import OmaError
 from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
@@ -39,39 +42,55 @@ from updater.reference import Calibration
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
 
-def draw(out: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, structure: Structure) -> None:
-    """Write report, recording and numbers into a folder; failures are logged and left out.
+def draw(
+    out: Path | None,
+    diagnosis: DiagnosisAnswer,
+    found: DiscrepancyResult | None,
+    structure: Structure,
+    states: StateComparison | None = None,
+    pdf: Path | None = None,
+) -> None:
+    """Write report, recording and numbers into a folder, and the PDF; failures are logged and left out.
 
     Parameters
     ----------
-    out : the folder
+    out : the folder; None for the PDF alone
     diagnosis : to draw
     found : comparison of measured with simulated modes of the structure; None: not known, and no recording
     structure : that was diagnosed
+    states : shapes and signals before and after, for the recording
+    pdf : of the report as a PDF
 
     Raises
     ------
     ResultsError
         If one of them cannot be written.
     """
+    for old in (out / name for name in (REPORT, RECORDING, NUMBERS) if out):  # of an earlier diagnosis
+        with writing(old):
+            old.unlink(missing_ok=True)
+    page = out / REPORT if out else None
+    run_optional(
+        REPORT if page else str(pdf),
+        lambda: diagnosis_report(diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf),
+    )
+    if out and found is not None:
+        write_json(out / NUMBERS, found.model_dump(mode="json"))
+        run_optional(RECORDING, partial(_record, out / RECORDING, diagnosis, found, structure, states))
+
+
+def _record(
+    path: Path,
+    diagnosis: DiagnosisAnswer,
+    found: DiscrepancyResult,
+    structure: Structure,
+    states: StateComparison | None,
+) -> None:
+    """Write the recording for the viewer."""
     from monitor.views.viewer import write_diagnosis  # loads rerun: not before there is something to draw
 
-    for name in (REPORT, RECORDING, NUMBERS):  # of an earlier diagnosis
-        with writing(out / name):
-            (out / name).unlink(missing_ok=True)
-
-    def record() -> None:
-        if found is not None:
-            with writing(out / RECORDING):
-                write_diagnosis(out / RECORDING, diagnosis, found, bare_reference(structure))
-
-    if found is not None:
-        write_json(out / NUMBERS, found.model_dump(mode="json"))
-    run_optional(
-        REPORT,
-        lambda: diagnosis_report(diagnosis, out / REPORT, title=structure.name, structure=structure, found=found),
-    )
-    run_optional(RECORDING, record)
+    with writing(path):
+        write_diagnosis(path, diagnosis, found, bare_reference(structure), states)
 
 
 def written(out: Path, diagnosis: DiagnosisAnswer) -> list[Path]:
@@ -103,33 +122,37 @@ def diagnose_logs(
     window: float | None,
     out: Path | None,
     json_path: Path | None,
+    pdf: Path | None = None,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     structure = selected_structure(structure_path, selection)
+    if pdf:
+        try:
+            load_typst()
+        except ImportError as error:
+            raise ArgumentError("--pdf", str(error)) from error
     if not (logs.reference or logs.reference_within.whole):
         raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
-    with console.status("reading ...") as status:
+    with progress("reading") as work:
 
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
             if not paths:
                 return None
-            found = _observe(
-                structure, paths, window, lambda n: status.update(f"{what}: window {n}"), selection, within
-            )
+            found = _observe(structure, paths, window, what, work, selection, within)
             return selection.of_observation(found)
 
         after = observed(logs.current, "logs", logs.within)
         before = observed(logs.reference, "reference", logs.reference_within)
         heldout = observed(logs.heldout, "held-out logs")
         assert after is not None  # there is at least one log
-        status.update("weighing the causes ...")
+        work.stage("fitting the model")
         try:
             found = explain(
                 structure,
                 before,
                 after,
                 heldout,
-                lambda name: status.update(f"weighing {plain(name)} ..."),
+                partial(_show_fit, work),
                 only=selection.only,
                 without=selection.without,
             )
@@ -143,7 +166,7 @@ def diagnose_logs(
     for step in diagnosis.reference_steps:
         warn(f"note: {_names(logs.reference)}: {step_text(step)}")
     say_answer(console, diagnosis)
-    with console.status("comparing measured with simulated ..."):
+    with progress("comparing measured with simulated"):
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
@@ -163,11 +186,21 @@ def diagnose_logs(
             "structure without it: what was found then is found again, or its opposite. Give logs recorded since.",
             style="yellow",
         )
-    if out:
-        with console.status("drawing ..."):
-            draw(out, diagnosis, compared, found.reference.structure)
-        echo("written: " + ", ".join(str(path) for path in written(out, diagnosis)))
+    if out or pdf:
+        with progress("drawing"):
+            states = run_optional("the comparison of both states", lambda: _states(found, before, after))
+            draw(out, diagnosis, compared, found.reference.structure, states, pdf)
+        paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
+        echo("written: " + ", ".join(map(str, paths)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _show_fit(work: Work, causes: Sequence[str], done: int, planned: int) -> None:
+    """Show which causes are fitted next."""
+    if not done:
+        work.stage("fitting causes")
+    work.note(" and ".join(map(plain, causes)))
+    work.advance(done, planned)
 
 
 def _compared(found: Explanation, after: Observation, heldout: Observation | None) -> DiscrepancyResult:
@@ -183,6 +216,14 @@ def _compared(found: Explanation, after: Observation, heldout: Observation | Non
         health or {},
         shaped=after.shaped,
     )
+
+
+def _states(found: Explanation, before: Observation | None, after: Observation) -> StateComparison | None:
+    """Return shapes and signals before and after; None without measured shapes."""
+    if not after.shaped:
+        return None
+    sample = before.sample if before else None
+    return compare_states(found.reference, found.measured, found.explained, sample, after.sample)
 
 
 def _say_extended(path: str, *, fitted: bool) -> None:
@@ -250,11 +291,11 @@ def _observe(
     structure: Structure,
     paths: Sequence[Path],
     window: float | None,
-    on_window: Callable[[int], None],
+    what: str,
+    work: Work,
     selection: Selection,
     within: TimeRange,
 ) -> Observation:
-    number = iter(range(1, 1 << 30))
     tables = [path for path in paths if is_table(path)]
     if tables and len(tables) < len(paths):
         raise LogError(tables[0], "expected modal tables only, or logs only, for one state")
@@ -264,9 +305,12 @@ def _observe(
         return read_tables(structure, paths)
     logs = within.of_logs(as_logs(paths), lambda text: echo(f"{_names(paths)}: {text}"))
     try:
-        seconds = window or _window(structure, [log_held(log) for log in logs])
-        recordings = _recordings(structure, logs, seconds, selection.without_channels)
-        return observe(recordings, lambda _: on_window(next(number)), structure.delays)
+        if window is None:
+            work.stage(f"{what}: length", files_of_logs(logs))
+            window = _window(structure, [log_held(log) for log in logs])
+        work.windows_of(what, logs)
+        recordings = _recordings(structure, logs, window, selection.without_channels)
+        return observe(recordings, lambda one: work.window(one.start), structure.delays)
     except (OmaError, RecordLengthError) as error:
         raise LogError(", ".join(map(str, logs)), str(error)) from error
 

@@ -87,7 +87,7 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
     """
     after = any(m.off_percent_after is not None for m in found.modes)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with causes %", "MAC"] * after:
+    for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with\ncauses %", "MAC"] * after:
         table.add_column(name, justify="right", no_wrap=True)
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "

@@ -11,7 +11,8 @@ from daq import AnyLog, LogError, Recording, read_attachments
 from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.terminal import console, echo
+from monitor.cli.progress import progress
+from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
@@ -157,11 +158,9 @@ def identified(
     """Identify all windows of logs."""
     named = ", ".join(map(str, logs))
     try:
-        with console.status("reading ...") as status:
-            number = iter(range(1, 1 << 30))
-            windows = identify_windows(
-                recordings, method, band, lambda _: status.update(f"window {next(number)} ..."), uncertain=True
-            )
+        with progress("identifying") as work:
+            work.windows_of("identifying", logs)
+            windows = identify_windows(recordings, method, band, lambda one: work.window(one.start), uncertain=True)
         if not windows.estimates:
             raise LogError(named, windows.problems[0])
         return windows, fuse(windows.estimates)

@@ -60,6 +60,7 @@ def identify(
     from monitor.cli.data.identify import identification as work
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
     from monitor.cli.output import write_json
+    from monitor.cli.progress import progress
     from monitor.errors import ArgumentError
     from oma import METHODS as IMPLEMENTED
 
@@ -78,25 +79,27 @@ def identify(
         windows, fused = work.merged(found, window, chosen, band, reference)
     else:
         windows, fused = work.identified(found, recordings, chosen, band)
-    model = work.modes_of_structure(fused.estimate, found[0], structure)
-    shown = Findings(
-        windows=windows,
-        fused=fused,
-        partners=[model.partner(i) if model else None for i in range(fused.estimate.n_modes)],
-        asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
-        change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
-    )
+    with progress("comparing"):
+        model = work.modes_of_structure(fused.estimate, found[0], structure)
+        shown = Findings(
+            windows=windows,
+            fused=fused,
+            partners=[model.partner(i) if model else None for i in range(fused.estimate.n_modes)],
+            asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
+            change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
+        )
     say_modes(found, shown, setups=setups)
     about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
     content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
     if json:
         write_json(json, content)
-    if animate:
-        work.animate_modes(animate, fused.estimate, model)
-    if picture or out:
-        recording, seen = work.first_window(recordings, chosen, band)
+    with progress("drawing"):
+        if animate:
+            work.animate_modes(animate, fused.estimate, model)
+        if picture or out:
+            first = work.first_window(recordings, chosen, band)
         if picture:
-            work.draw_window(picture, recording, seen, fused.estimate)
+            work.draw_window(picture, *first, fused.estimate)
         if out:
-            work.fill_folder(out, () if setups else windows.estimates, fused.estimate, recording, seen, model, content)
+            work.fill_folder(out, () if setups else windows.estimates, fused.estimate, *first, model, content)
     return DONE

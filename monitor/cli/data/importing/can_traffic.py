@@ -7,6 +7,7 @@ from pathlib import Path
 from daq import Channel, DbcSensor
 from daq.files import LoggedSensor, import_can_log
 from monitor.cli.exit_codes import DONE
+from monitor.cli.progress import progress
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
@@ -31,7 +32,9 @@ def import_can_traffic(data: Path, out: Path, source: CanSource, structure: Path
     attachments = source.attachments
     if structure is not None:
         attachments = attachments | {"structure.toml": _structure_text(source.channels, structure)}
-    for found in import_can_log(data, out, source.sensors, source.channels, attachments, start=start):
+    with progress("reading", [data]):
+        written = import_can_log(data, out, source.sensors, source.channels, attachments, start=start)
+    for found in written:
         echo(f"{out}: {found.device}: {found.scans} scans, {found.missing} missing, {found.seconds:.6g} s")
     return DONE
 

@@ -21,6 +21,7 @@ from daq.files import (
 from monitor.analysis.time_range import instant
 from monitor.cli.data.importing.new_site import learning_notes, new_site
 from monitor.cli.exit_codes import DONE
+from monitor.cli.progress import progress
 from monitor.cli.terminal import echo, warn
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
@@ -49,12 +50,14 @@ def import_measurements(
     """
     if new is not None and site is not None:
         raise ArgumentError("--new-site", "expected no --site with it")
-    try:
-        found = read_in_order(data, options)
-    except ValueError as error:  # invalid name or record too short: the other arguments were checked before
-        raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
-    parts, left = _of_sensors(found, _sensors(structure, site))
     with ExitStack() as undone:
+        work = undone.enter_context(progress("reading", data))
+        try:
+            found = read_in_order(data, options)
+        except ValueError as error:  # invalid name or record too short: the other arguments were checked before
+            raise ArgumentError("--velocity", f"{data[0]}: {error}") from error
+        parts, left = _of_sensors(found, _sensors(structure, site))
+        work.stage("writing", [out])
         if new is not None:
             undone.enter_context(new_site(new, structure, out, [part.recording for part in parts]))
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)

@@ -15,6 +15,7 @@ from monitor.cli.data.structure.structure_output import (
     modes_table,
     plan_tables,
 )
+from monitor.cli.progress import progress
 from monitor.cli.terminal import console
 from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
@@ -95,7 +96,7 @@ def plan_for(sight: ModeVisibility, target: Target | None) -> Plan | None:
         return None
     if sight.outlook is None:
         raise ModelError(sight.too_few)
-    with console.status("playing records that are not measured yet"):
+    with progress("simulating records"):
         return plan(sight.outlook, target)
 
 

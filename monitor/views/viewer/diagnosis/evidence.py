@@ -7,10 +7,10 @@ from daq import FloatArray
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.text.quantities import plain
 from monitor.views.palette import ALARM, DIM, GREY, OK, STEEL, TEXT
-from monitor.views.viewer.primitives import text
+from monitor.views.viewer.primitives import bars, text
 
 _LINEAR = 5.0  # log evidence up to which the scale is linear: ratio of 150 to 1
-_WIDTH, _STEP = 120.0, 9.0  # of the longest bar, and between bars
+_WIDTH, _STEP, _BAR = 120.0, 9.0, 2.6  # of the longest bar, between bars, and half of a bar's height
 _NAME, _VALUE = 30.0, 14.0  # places of names to the right of zero, of values to the left of a bar
 
 
@@ -30,9 +30,9 @@ def draw_evidence(recording: rr.RecordingStream, diagnosis: DiagnosisAnswer) -> 
     values = np.array([0.0] * bool(accepted) + [cause.log_evidence for cause in refused])
     scaled = bar_lengths(values)
     y = _STEP * np.arange(len(names))
-    bars = [[[0.0, b], [float(a), b]] for a, b in zip(scaled, y.tolist(), strict=True)]
+    ends = [(0.0, float(a), b) for a, b in zip(scaled, y.tolist(), strict=True)]
     colours = [ALARM if value > 0 else STEEL for value in values]
-    recording.log("/evidence/bars", rr.LineStrips2D(bars, colors=colours, radii=2.6, draw_order=10.0), static=True)
+    bars(recording, "/evidence/bars", ends, _BAR, colours)
     zero = rr.LineStrips2D([[[0.0, -_STEP / 2], [0.0, y[-1] + _STEP / 2]]], colors=[DIM], draw_order=5.0)
     recording.log("/evidence/zero", zero, static=True)
     first = OK if accepted else TEXT

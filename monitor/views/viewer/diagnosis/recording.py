@@ -1,35 +1,46 @@
 """Diagnosis in the viewer: residual forces and causes on the structure, modes, sensors, signals."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import rerun as rr
-from matplotlib.figure import Figure
 
-from daq import FloatArray
+from daq import FloatArray, Recording
 from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
+from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import cause_text
 from monitor.text.quantities import plain
 from monitor.views.geometry import Geometry
-from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, signed_heat
-from monitor.views.report.comparison_figures import offsets_figure, sensors_figure
-from monitor.views.report.svg import png, styled
+from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, Colour, signed_heat
 from monitor.views.viewer.cards import diagnosis_card
+from monitor.views.viewer.diagnosis.bars import draw_named_bars
 from monitor.views.viewer.diagnosis.evidence import draw_evidence
-from monitor.views.viewer.diagnosis.layout import SECONDS_TIMELINE, diagnosis_layout
+from monitor.views.viewer.diagnosis.layout import (
+    SECONDS_TIMELINE,
+    diagnosis_layout,
+    missed_bars,
+    offset_bars,
+    residual_bars,
+)
+from monitor.views.viewer.diagnosis.shapes import draw_state_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_mac
 from monitor.views.viewer.primitives import once, recording_file
 from monitor.views.viewer.scene import TUBE, sensors, supports
+from monitor.views.viewer.signals.spectra import Curves, channel_spectra, draw_spectra_panels
 
 _MARKDOWN = "text/markdown"
 _LIFT = 0.12  # of the structure's size, from a place up to its words
 
 
 def write_diagnosis(
-    path: Path, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, reference: ReferenceResult
+    path: Path,
+    diagnosis: DiagnosisAnswer,
+    found: DiscrepancyResult,
+    reference: ReferenceResult,
+    states: StateComparison | None = None,
 ) -> None:
     """Write a self-contained .rrd file of a diagnosis, with its views laid out.
 
@@ -39,20 +50,27 @@ def write_diagnosis(
     diagnosis : to draw
     found : comparison of measured and simulated modes, of the same structure
     reference : with the structure's geometry
+    states : shapes and signals before and after; None: no shapes were measured
 
     Raises
     ------
     OSError
         If the file cannot be written.
     """
-    with recording_file(path, f"diagnosis-{path.stem}", diagnosis_layout(diagnosis, found, reference)) as recording:
+    layout = diagnosis_layout(diagnosis, found, reference, states)
+    with recording_file(path, f"diagnosis-{path.stem}", layout) as recording:
         recording.send_recording_name("diagnosis")
         _card(recording, "/diagnosis", diagnosis_card(diagnosis))
         _card(recording, "/modes", modes_card(found))
         draw_evidence(recording, diagnosis)
         _mac(recording, found)
-        _figure(recording, "/offsets", lambda: offsets_figure(found))
-        _figure(recording, "/sensors", lambda: sensors_figure(found))
+        draw_named_bars(recording, "/offsets", offset_bars(found))
+        if found.sensors:
+            draw_named_bars(recording, "/sensors/residual", residual_bars(found))
+            if missed := missed_bars(found):
+                draw_named_bars(recording, "/sensors/missed", missed)
+        if states:
+            _states(recording, states)
         _structure(recording, diagnosis, found, reference)
         _signals(recording, found)
 
@@ -68,12 +86,25 @@ def _card(recording: rr.RecordingStream, path: str, words: str) -> None:
     recording.log(path, rr.TextDocument(words, media_type=_MARKDOWN), static=True)
 
 
-def _figure(recording: rr.RecordingStream, path: str, draw: Callable[[], Figure | None]) -> None:
-    """Log a figure of the report as an image."""
-    with styled():
-        figure = draw()
-        if figure is not None:
-            recording.log(path, rr.EncodedImage(contents=png(figure), media_type="image/png"), static=True)
+def _states(recording: rr.RecordingStream, states: StateComparison) -> None:
+    """Draw shapes and spectra before and after."""
+    if states.shapes:
+        draw_state_shapes(recording, states)
+    if states.signals:
+        names = [channel.name for channel in states.signals.channels]
+        both = [(states.signals_before, GREY), (states.signals, SENSOR)]
+        curves = [_curves(signals, names, colour) for signals, colour in both if signals]
+        marks = [(mode.frequency_before, GREY) for mode in states.shapes]
+        marks += [(mode.frequency, SENSOR) for mode in states.shapes]
+        draw_spectra_panels(recording, "/state_spectra", names, curves, marks)
+
+
+def _curves(signals: Recording, names: Sequence[str], colour: Colour) -> Curves:
+    """Return the spectra of channels in the order of names; one that is missing is at the floor."""
+    frequency, level = channel_spectra(signals)
+    own = [channel.name for channel in signals.channels]
+    columns = [level[:, own.index(name)] if name in own else np.full(len(level), level.min()) for name in names]
+    return Curves(frequency=frequency, level=np.column_stack(columns), colour=colour)
 
 
 def modes_card(found: DiscrepancyResult) -> str:

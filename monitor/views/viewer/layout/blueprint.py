@@ -50,8 +50,9 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
         signals = run_results.signals
         span, values = views.last_seconds(signals), signal_span(signals)
         tabs.append(_signals([c.name for c in signals.channels], span, values))
-    if not live and (run_results.signals or run_results.spectra or run_results.temperatures):
-        tabs.append(_channels(run_results, trends))
+    channels = _channels(run_results, trends, drawn_once=not live)
+    if channels:
+        tabs.append(channels)
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.TopPanel(state="expanded"),
@@ -174,20 +175,26 @@ def _signals(channels: Sequence[str], span: rr.TimeRange, values: tuple[float, f
     return _grid([views.signal(channel, span, values) for channel in channels], name="Signals")
 
 
-def _channels(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:
-    """Return spectra and figures of the channels."""
+def _channels(run_results: RunResults, trends: views.TrendViews, *, drawn_once: bool) -> rrb.Horizontal | None:
+    """Return spectra and figures of the channels; None if there are none.
+
+    Parameters
+    ----------
+    drawn_once : with the parts that are drawn at the end of a run
+    """
     right: list[tuple[_Part, float]] = []
-    if run_results.spectra:
+    if drawn_once and run_results.spectra:
         right.append((views.spectrogram(), 3.0))
     if any(window.rms for window in run_results.windows):
         right.append((trends.series("RMS of each channel [m/s²]", "/channels/rms"), 2.0))
     if run_results.temperatures:
         right.append((trends.series("Temperature [°C]", "/channels/temperature"), 1.6))
     parts: list[tuple[_Part, float]] = []
-    if run_results.signals:
+    if drawn_once and run_results.signals:
         right.insert(0, (views.card("Last seconds", "/channels/table"), 4.4))
         parts.append((views.channel_spectra(len(run_results.signals.channels)), 1.2))
-    return _beside("Channels", *parts, *([(_stack(*right), 1.0)] if right else []))
+    parts += [(_stack(*right), 1.0)] if right else []
+    return _beside("Channels", *parts) if parts else None
 
 
 def _grid(plots: Sequence[rrb.View], name: str) -> rrb.Grid:

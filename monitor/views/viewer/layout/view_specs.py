@@ -122,11 +122,6 @@ def drawing_view(name: str, origin: str, bounds: tuple[tuple[float, float], tupl
     )
 
 
-def image_view(name: str, origin: str) -> rrb.Spatial2DView:
-    """Return the view of an image."""
-    return rrb.Spatial2DView(name=name, origin=origin, background=BACKGROUND)
-
-
 def card(name: str, origin: str) -> rrb.TextDocumentView:
     """Return the view of a text."""
     return rrb.TextDocumentView(name=name, origin=origin)

@@ -1,5 +1,7 @@
 """Figures of channels and devices: RMS and temperature over time, and a table of the last seconds."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import rerun as rr
 
@@ -21,9 +23,16 @@ def draw_rms(recording: rr.RecordingStream, run_results: RunResults) -> None:
 def draw_temperatures(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw the temperatures of the site and of devices [degC]."""
     for number, (name, (at, values)) in enumerate(run_results.temperatures.items()):
-        colour = mode_colour(number) if number else WARN
-        path = rr.new_entity_path(["channels", "temperature", name])
-        line(recording, path, name, colour, times(at), values)
+        draw_temperature(recording, name, number, at, values)
+
+
+def draw_temperature(
+    recording: rr.RecordingStream, name: str, number: int, at: Sequence[int], values: Sequence[float]
+) -> None:
+    """Draw temperatures [degC] over their times [ns UTC]; the number of the thermometer gives the colour."""
+    colour = mode_colour(number) if number else WARN
+    path = rr.new_entity_path(["channels", "temperature", name])
+    line(recording, path, name, colour, times(at), values)
 
 
 def write_channels(recording: rr.RecordingStream, signals: Recording) -> None:

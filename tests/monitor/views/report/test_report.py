@@ -21,8 +21,10 @@ from monitor.views.report import diagnosis_report, load_diagnosis, pdf, run_repo
 from monitor.views.run import DeviceQuality, Run, load_run
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
+from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.comparison import shown
 from tests.support.thorough import few_of
+from updater import t_structure_toml
 
 ROOT = Path(__file__).parents[4]
 LOG = ROOT / "replay_data" / "t_frame_added_mass.mcap"
@@ -177,6 +179,24 @@ def test_pdf_is_written_beside_the_page_or_refused_before_anything_is_drawn(
     with pytest.raises(ImportError, match=r"typst is not installed: pip install 'modalwatch\[pdf\]'"):
         run_report(run, tmp_path / "other.html", pdf=tmp_path / "other.pdf")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["page.html", "page.pdf", "run.mcap"]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_pdf_of_a_diagnosis_needs_no_page(tmp_path: Path) -> None:
+    diagnosis_report(answers.diagnosis(), None, title="bridge", found=shown(), pdf=tmp_path / "found.pdf")
+    content = (tmp_path / "found.pdf").read_bytes()
+    assert content.startswith(b"%PDF-")
+    assert b'<rdf:li xml:lang="x-default">bridge' in content
+    assert [path.name for path in tmp_path.iterdir()] == ["found.pdf"]
+
+
+def test_diagnose_without_typst_is_refused_before_logs_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, modalwatch: Commands
+) -> None:
+    monkeypatch.setitem(sys.modules, "typst", None)
+    (tmp_path / "t.toml").write_text(t_structure_toml(), encoding="utf-8")
+    done = modalwatch("diagnose", tmp_path / "t.toml", tmp_path / "none.mcap", "--pdf", tmp_path / "found.pdf")
+    assert_refused(done, "--pdf", "typst is not installed: pip install 'modalwatch[pdf]'")
 
 
 def test_texts_from_outside_are_escaped(page: Page) -> None:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from daq import Channel, Recording
 from monitor.results.convert import bare_reference
+from monitor.results.state_comparison import ModeShapes, StateComparison
 from monitor.views.viewer import write_diagnosis
 from monitor.views.viewer.diagnosis.evidence import bar_lengths
 from tests.support.monitor import answers
@@ -11,19 +13,46 @@ from tests.support.monitor.comparison import NODES, STRUCTURE, shown
 from tests.support.monitor.rrd_reader import Rrd
 
 PEAK = 7
+RATE, F_BEFORE, F_NOW = 200.0, 12.0, 10.0  # Hz
+
+
+def tone(frequency: float) -> Recording:
+    t = np.arange(4000) / RATE
+    data = np.column_stack([np.sin(2 * np.pi * frequency * t), 0.1 * np.cos(2 * np.pi * frequency * t)])
+    channels = tuple(
+        Channel(name=name, device="a", axis=axis) for axis, name in enumerate(("beam_left_z", "col_037_x"))
+    )
+    return Recording(channels=channels, data=data, rate=RATE, start=0)
+
+
+SHAPES = ModeShapes(
+    frequency_before=F_BEFORE,
+    frequency=F_NOW,
+    before=np.array([0.9, -0.5]),
+    now=np.array([1.0, -0.3]),
+    with_causes=np.array([1.0, -0.31]),
+)
+STATES = StateComparison(
+    channels=("beam_left_z", "col_037_x"),
+    shapes=(SHAPES,),
+    measured_before=True,
+    signals_before=tone(F_BEFORE),
+    signals=tone(F_NOW),
+)
 
 
 @pytest.fixture(scope="module")
 def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
     path = tmp_path_factory.mktemp("diagnosed") / "diagnosis.rrd"
-    write_diagnosis(path, answers.diagnosis(), shown(peak=PEAK), bare_reference(STRUCTURE))
+    write_diagnosis(path, answers.diagnosis(), shown(peak=PEAK), bare_reference(STRUCTURE), STATES)
     return Rrd(path)
 
 
 def test_every_view_has_data(rrd: Rrd) -> None:
     origins = {view.origin for view in rrd.views}
     assert origins == {
-        "/structure", "/diagnosis", "/evidence", "/modes", "/offsets", "/mac", "/sensors", "/signals/beam_left_z",
+        "/structure", "/diagnosis", "/evidence", "/modes", "/offsets", "/mac", "/signals/beam_left_z",
+        "/sensors/residual", "/sensors/missed", "/state_shapes", "/state_spectra",
     }  # fmt: skip
     for origin in origins:
         assert any((c.entity_path + "/").startswith(origin + "/") for c in rrd.chunks), origin
@@ -69,3 +98,39 @@ def test_mac_has_the_frequencies_of_both_sides(rrd: Rrd) -> None:
     found = shown(peak=PEAK)
     names = rrd.static("/mac/names", "Points2D:labels")
     assert names == [f"{frequency:.4g}" for frequency in (*found.columns, *found.rows)]
+
+
+def lengths(rrd: Rrd, path: str) -> np.ndarray:
+    """Return the signed lengths of the bars of a drawing."""
+    strips = np.array(rrd.static(path, "LineStrips2D:strips"), float)
+    every = strips[:, 1, 0] - strips[:, 0, 0]
+    return np.asarray(every.reshape(-1, 8)[:, 0])  # of the lines that fill a bar
+
+
+def test_bars_of_frequencies_are_proportional_to_the_values(rrd: Rrd) -> None:
+    pairs = [mode for mode in shown().modes if mode.off_percent is not None]
+    values = [*(mode.off_percent for mode in pairs), *(mode.off_percent_after for mode in pairs)]
+    drawn = lengths(rrd, "/offsets/bars")
+    np.testing.assert_allclose(drawn / drawn[0], np.array(values, float) / float(values[0] or 0), rtol=1e-4)
+    assert rrd.static("/offsets/values", "Points2D:labels") == [f"{value:+.3f}" for value in values]
+    assert rrd.static("/offsets/names", "Points2D:labels") == ["10.4 Hz", "37.2 Hz"]
+
+
+def test_shapes_before_and_now_are_drawn_on_one_scale(rrd: Rrd) -> None:
+    before = lengths(rrd, "/state_shapes/before")
+    points = np.array(rrd.static("/state_shapes/now", "Points2D:positions"))
+    now = points[:, 0] - 50.0  # middle of the first column
+    np.testing.assert_allclose(before / now, SHAPES.before / SHAPES.now, rtol=1e-4)
+    (label,) = rrd.static("/state_shapes/mac", "Points2D:labels")
+    macs = [
+        (a @ SHAPES.now) ** 2 / ((a @ a) * (SHAPES.now @ SHAPES.now)) for a in (SHAPES.before, np.array([1.0, -0.31]))
+    ]
+    assert label == f"MAC {macs[0]:.4f} -> {macs[1]:.4f}"
+
+
+def test_spectra_have_their_peaks_at_the_frequencies_before_and_now(rrd: Rrd) -> None:
+    marks = np.array(rrd.static("/state_spectra/0/modes", "LineStrips2D:strips"), float)[:, 0, 0]
+    curves = [np.array(curve) for curve in rrd.static("/state_spectra/0/curve", "LineStrips2D:strips")]
+    peaks = [curve[np.argmin(curve[:, 1]), 0] for curve in curves]  # y grows downwards
+    line = 100.0 / (1.12 * F_BEFORE) / 4  # one line of the spectrum of 4 s segments, on the axis
+    np.testing.assert_allclose(peaks, marks, atol=line)

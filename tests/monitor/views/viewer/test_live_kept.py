@@ -112,3 +112,31 @@ def test_axes_of_the_live_spectrum_follow_the_windows(run: RunResults, tmp_path:
     assert times.tolist() == [first.end, second.end]
     ends = [float(next(label for label in row if label.endswith(" Hz")).removesuffix(" Hz")) for row in labels]
     assert ends[1] == pytest.approx(2 * ends[0], rel=0.2)
+
+
+def test_live_view_has_the_channels_once_there_are_figures_of_them(run: RunResults, tmp_path: Path) -> None:
+    windows = [w.model_copy(update={"rms": {"beam_left_y": 0.01 * (w.index + 1)}}) for w in run.windows[:3]]
+
+    def recorded(name: str, shown: list[WindowResult], temperatures: list[tuple[int, float]]) -> Rrd:
+        recording = rr.RecordingStream(APPLICATION, recording_id=name)
+        recording.save(tmp_path / f"{name}.rrd")
+        live = LiveResults(recording, run.name, parse_settings(SETTINGS))
+        for time, celsius in temperatures:
+            live.add_temperature("beam_left", time, celsius)
+        for window in shown:
+            live.add(window)
+        recording.disconnect()
+        return Rrd(tmp_path / f"{name}.rrd")
+
+    second = 10**9
+    start = windows[0].start
+    warm = [(start, 20.0), (start + second, 21.0), (start + 2 * second, float("nan")), (start + 11 * second, 22.0)]
+    rrd = recorded("with", windows, warm)
+    assert {"/channels/rms", "/channels/temperature"} <= {view.origin for view in rrd.views}
+    times, rms = rrd.scalars("/channels/rms/beam_left_y")
+    assert times.tolist() == [w.end for w in windows]
+    assert rms.tolist() == pytest.approx([0.01, 0.02, 0.03])
+    times, celsius = rrd.scalars("/channels/temperature/beam_left")
+    assert list(zip(times.tolist(), celsius.tolist(), strict=True)) == [warm[0], warm[3]]
+    bare = [w.model_copy(update={"rms": {}}) for w in windows]
+    assert not any(view.origin.startswith("/channels") for view in recorded("without", bare, []).views)
