@@ -12,7 +12,7 @@ from tests.examiner.designs import DESIGNS
 from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated
 from updater import Reference, learn_reference
-from updater.causes import CATALOGUE, CONNECTIONS, SelectedCause, prediction
+from updater.causes import CATALOGUE, CONNECTIONS, JointHypothesis, SelectedCause, prediction
 from updater.causes.stiffness.connections import Springs
 from updater.fe import build_model
 from updater.inference import Comparison, Fit, compare, fit
@@ -83,6 +83,21 @@ def test_every_spring_set_of_a_connection_has_two_starts(design: str, name: str)
     assert not cause.start[:half].any()
     assert np.exp(cause.log_prior).sum() == pytest.approx(1)
     assert not cause.couple[~cause.active].any()
+
+
+@pytest.mark.parametrize(("design", "name"), EVERY)
+def test_a_spring_changes_once_in_an_answer_of_two_causes(design: str, name: str) -> None:
+    """Two halves of one change would be two causes, each with a size that the structure does not have."""
+    _, cause = springs(design, name)
+    for row in range(len(cause.lower)):
+        together = JointHypothesis(cause, (SelectedCause(cause, row, cause.begun[row]),))
+        shared = [
+            connection.at == cause.connections[row].at
+            and axes == cause.axes[row]
+            and bool((active & cause.active[row]).any())
+            for connection, axes, active in zip(cause.connections, cause.axes, cause.active, strict=True)
+        ]
+        np.testing.assert_array_equal(np.isneginf(together.log_prior), shared)
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
