@@ -60,7 +60,7 @@ def test_errors_relative_to_uncertainty_law_are_within_method_limits(
     assert size[1] < damping
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", few_of(range(2)))
 def test_close_modes_are_separated(seed: int) -> None:
     """A pair 1.7 % apart in 120 s: the bells overlap to half their height."""
     truth = frame()

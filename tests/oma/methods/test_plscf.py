@@ -64,7 +64,7 @@ def test_stated_deviations_cover_errors_near_the_uncertainty_law(seeds: range) -
         assert np.sum(np.abs(error) < 2 * np.array(std)) >= stats.binom.ppf(1e-4, error.size, 0.93)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", few_of(range(2)))
 def test_no_modes_are_identified_in_noise(seed: int) -> None:
     quiet = np.random.default_rng(seed).standard_normal(window(0).data.shape)
     with pytest.raises(IdentificationError, match="no resonance"):

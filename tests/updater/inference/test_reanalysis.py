@@ -87,7 +87,7 @@ def test_negative_flexibility_is_treated_as_very_stiff() -> None:
     np.testing.assert_allclose(value[1], 1.01 * own[data.paired], rtol=1e-6)
 
 
-@pytest.mark.parametrize("own_damping", [0.001, 0.01])
+@pytest.mark.parametrize("own_damping", few_of([0.01, 0.001]))
 def test_modal_damping_follows_the_energy_share_of_an_oscillator(own_damping: float) -> None:
     """Against complex modes where each part loses as much of the energy that it holds, tuned 4 % above a mode."""
     reference, data = compared(6)

@@ -25,7 +25,7 @@ def merged(late: dict[str, float], seed: int) -> Recording:
     return replace(shifted, channels=channels, data=shifted.data[50:-50])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few_of(range(3)))
 def test_delays_of_asynchronous_channels_are_found(seed: int) -> None:
     recording = merged(LATE, seed)
     estimate = identify_all(recording).estimate
