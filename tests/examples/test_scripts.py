@@ -55,6 +55,7 @@ def test_follow_modes(n_windows: int, tmp_path: Path) -> None:
     assert found["mixed"] < 0.2 * (sum(found["counts"].values()) + found["mixed"])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_report_log() -> None:
     found = run("report_log.py")
     answer, truth = found["answer"], found["truth"]

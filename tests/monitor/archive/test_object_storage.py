@@ -68,11 +68,11 @@ def until_open(port: int, process: subprocess.Popen[bytes], seconds: float = 120
     raise AssertionError("the server does not respond")
 
 
-def fill(storage: s3fs.S3FileSystem, folder: str, n: int, size: int) -> None:
-    """Put n logs of this size, each different, and an object that is no log."""
+def fill(storage: s3fs.S3FileSystem, folder: str, n: int) -> None:
+    """Put n logs of three windows, each different, and an object that is no log."""
     whole = RECORDED.read_bytes()
     for k in range(n):
-        storage.pipe_file(f"tower/{folder}/year{k % 4}/log{k:03d}.mcap", whole[: size + k])
+        storage.pipe_file(f"tower/{folder}/year{k % 4}/log{k:03d}.mcap", whole[: FIRST_WINDOWS + k])
     storage.pipe_file(f"tower/{folder}/poisoned.mcap", b"not a log")
 
 
@@ -87,7 +87,7 @@ def test_bucket_is_analysed_as_local_files_and_only_once(
     """
     if n < 10:
         monkeypatch.setattr("distributed.LocalCluster", partial(LocalCluster, processes=False))
-    fill(server, f"of{n}", n, FIRST_WINDOWS // 2 if n < 10 else FIRST_WINDOWS)
+    fill(server, f"of{n}", n)
     server.get(f"tower/of{n}", str(tmp_path / "local"), recursive=True)
     (tmp_path / "local" / "poisoned.mcap").unlink()
     assert modalwatch("reanalyse", tmp_path / "local", "-o", tmp_path / "a", "--workers", 2).code == 0
@@ -96,7 +96,7 @@ def test_bucket_is_analysed_as_local_files_and_only_once(
     assert f"s3://tower/of{n}/poisoned.mcap: is not an MCAP log" in found.out
     modes = [pd.read_parquet(tmp_path / out / "modes").sort_values(["start", "log", "mode"]) for out in "ab"]
     one, other = (frame.drop(columns=["log", "site"]).reset_index(drop=True) for frame in modes)
-    assert len(one) >= 5 * n
+    assert len(one) >= 15 * n
     pd.testing.assert_frame_equal(one, other)
     again = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--dry-run")
     assert again.out.count("identified by an earlier run") == n

@@ -13,15 +13,14 @@ import pytest
 
 from daq import Block, Event, Item, read_log
 from monitor.results.service_events import Stopped
-from monitor.results.windows import Result
 from monitor.service.daemon import RunReport, run
 from monitor.service.site import Site, load_site
-from monitor.service.worker import AnalysisError
-from monitor.settings import parse_settings
+from monitor.service.worker import AnalysisError, SavedState, WorkerMessage
+from monitor.settings import attached_structure, parse_attached
 from monitor.watch.backlog import as_logged
-from monitor.watch.memory import NOTHING, LoadedState, parse_memory
+from monitor.watch.memory import NOTHING, LoadedState, memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline
-from updater import parse_structure, t_structure_toml
+from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
 [recorder]
@@ -150,8 +149,8 @@ class InProcess:
         skipped = options["skipped"]
         assert isinstance(skipped, frozenset)
         known = parse_memory(memory) if memory else None
-        self._pipeline = Pipeline(parse_structure(structure), parse_settings(site), known, as_logged(skipped))
-        self._results: queue.Queue[Result | None] = queue.Queue()
+        self._pipeline = Pipeline(attached_structure(structure), parse_attached(site), known, as_logged(skipped))
+        self._results: queue.Queue[WorkerMessage | None] = queue.Queue()
 
     def __enter__(self) -> Self:
         return self
@@ -163,8 +162,11 @@ class InProcess:
         if isinstance(item, Event) and item.topic == Stopped.topic:
             self._results.put(None)
             return
-        for result in self._pipeline.push(item):
+        results = list(self._pipeline.push(item))
+        for result in results:
             self._results.put(result)
+        if results:
+            self._results.put(SavedState(memory_text(self._pipeline.memory)))
 
-    def results(self, timeout: float) -> Iterator[Result | None]:
+    def results(self, timeout: float) -> Iterator[WorkerMessage | None]:
         yield self._results.get(timeout=60 * timeout)

@@ -359,7 +359,7 @@ def test_same_results_give_the_same_rows(rrd: Rrd, tmp_path: Path) -> None:
 
 
 def test_long_run_keeps_complete_trends_and_thinned_drawings(tmp_path: Path) -> None:
-    n = 400
+    n = 320
     base = WINDOWS[-1]
     windows = [
         base.model_copy(update={"index": i, "start": base.start + i * made.WINDOW, "end": base.end + i * made.WINDOW})
