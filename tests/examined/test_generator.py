@@ -88,7 +88,7 @@ def test_frequencies_converge_with_fourth_order() -> None:
 def test_modes_of_simulated_record_match_stated_modes() -> None:
     """Frequencies within four of the deviations that identification states, damping within a factor of two."""
     state = draw_state(5)
-    found = identify(recorded(state, 120.0, np.random.default_rng(6)))
+    found = identify(recorded(state, 60.0, np.random.default_rng(6)))
     reported = estimated(state, 1, np.random.default_rng(7), noise="law")[0]
     assert found.n_modes >= 8
     for mode in range(2, 8):  # the first two are 0.2 Hz apart and mix

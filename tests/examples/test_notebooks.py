@@ -60,7 +60,7 @@ def test_diagnose() -> None:
     assert len(found["extended"].body) == len(found["structure"].body) + 1
 
 
-@pytest.mark.usefixtures("notebook_folder")
+@pytest.mark.usefixtures("notebook_folder", "undrawn")
 def test_watch() -> None:
     found = run("watch.ipynb")
     answer, rocking = found["answer"], found["rocking"]

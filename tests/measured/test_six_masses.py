@@ -18,6 +18,7 @@ from tests.measured.six_masses import (
     write_bodies_file,
 )
 from tests.support.monitor.cli import Commands
+from tests.support.thorough import few_of
 from updater import build_model
 
 REAL = os.environ.get("MODALWATCH_REAL_DATA")
@@ -71,7 +72,7 @@ def test_clamp_fitted_to_measured_cantilever_predicts_held_out_layouts() -> None
 
 
 @pytest.mark.skipif(not REAL, reason="MODALWATCH_REAL_DATA names no folder")
-@pytest.mark.parametrize(("state", "off"), [("2.96", ["L1"]), ("5.92", ["L1", "L3"])])
+@pytest.mark.parametrize(("state", "off"), few_of([("5.92", ["L1", "L3"]), ("2.96", ["L1"])]))
 def test_bodies_command_identifies_masses_removed_from_measured_cantilever(
     tmp_path: Path, modalwatch: Commands, state: str, off: list[str]
 ) -> None:

@@ -10,6 +10,7 @@ from hypothesis import given
 
 from daq import Block, Flag, IntArray, Scans
 from daq.drivers.block_builder import BlockBuilder
+from tests.support.thorough import few_of
 
 START = 1_767_225_600_000_000_000  # ns UTC
 RATE = 1000.0
@@ -85,8 +86,8 @@ def test_scans_buffered_during_stall_keep_their_indices() -> None:
     assert sum(b.n_scans for b in blocks) == len(index)
 
 
-@pytest.mark.parametrize("false", [1, 12_345, 32_769, 60_000, -3])
-@pytest.mark.parametrize("at", [2_000, 2_003, 2_009])  # first, amid, last of a read
+@pytest.mark.parametrize("false", few_of([1, 32_769, -3, 12_345, 60_000], 3))
+@pytest.mark.parametrize("at", few_of([2_003, 2_000, 2_009]))  # first, amid, last of a read
 def test_wrong_counter_value_loses_at_most_two_reads(false: int, at: int) -> None:
     blocks = BlockBuilder("d", RATE, 1.0, 1 << 16, N)
     found: list[Block] = []

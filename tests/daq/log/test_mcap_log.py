@@ -132,7 +132,7 @@ def test_stock_reader_reads_a_finished_log(whole: Path) -> None:
 
 def test_memory_use_per_chunk_of_open_log_is_small(tmp_path: Path) -> None:
     """Ten bytes per device and 77 of its own are stored in the file; the stock writer keeps 1300."""
-    devices, chunks = [f"device_{k}" for k in range(6)], 300
+    devices, chunks = [f"device_{k}" for k in range(6)], 150
     tracemalloc.start()
     try:
         writer = McapWriter(tmp_path / "log.mcap", {})

@@ -84,6 +84,7 @@ def test_wrong_checksum_of_data_section_loses_no_items(whole: Path) -> None:
     assert contents(read_log(path)) == contents(some_items())
 
 
+@settings(max_examples=40)
 @given(st.data())
 def test_damaged_log_loses_only_the_damaged_chunk(whole: Path, data: st.DataObject) -> None:
     content = bytearray(whole.read_bytes())
@@ -145,11 +146,11 @@ def test_wrong_chunk_times_are_repaired(whole: Path) -> None:
 
 
 def test_damaged_summary_is_rewritten(whole: Path) -> None:
-    """Every byte of it, one bit each: our reader needs none of it, stock readers do."""
+    """Bits all over it: our reader needs none of it, stock readers do."""
     content, every = whole.read_bytes(), contents(some_items())
     start = int.from_bytes(content[-28:-20], "little")
     path = whole.with_name("damaged_summary.mcap")
-    for at in range(start, len(content) - len(b"\x89MCAP0\r\n"), 7):
+    for at in range(start, len(content) - len(b"\x89MCAP0\r\n"), 19):
         damaged = bytearray(content)
         damaged[at] ^= 1 << at % 8
         path.write_bytes(damaged)

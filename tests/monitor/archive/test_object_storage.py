@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import fsspec
@@ -13,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import s3fs
+from distributed import LocalCluster
 
 from daq import read_attachments
 from monitor.archive import find_logs
@@ -77,14 +79,19 @@ def fill(storage: s3fs.S3FileSystem, folder: str, n: int) -> None:
 @pytest.mark.timeout(300)
 @pytest.mark.parametrize("n", [2, pytest.param(200, marks=[pytest.mark.thorough, pytest.mark.timeout(1200)])])
 def test_bucket_is_analysed_as_local_files_and_only_once(
-    n: int, server: s3fs.S3FileSystem, modalwatch: Commands, tmp_path: Path
+    n: int, server: s3fs.S3FileSystem, modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """An object that is no log is reported and stops nothing; the tables are those of the same files on disk."""
+    """An object that is no log is reported and stops nothing; the tables are those of the same files on disk.
+
+    Of two logs the workers are threads: the processes are those of `test_reanalysis.py`.
+    """
+    if n < 10:
+        monkeypatch.setattr("distributed.LocalCluster", partial(LocalCluster, processes=False))
     fill(server, f"of{n}", n)
     server.get(f"tower/of{n}", str(tmp_path / "local"), recursive=True)
     (tmp_path / "local" / "poisoned.mcap").unlink()
-    assert modalwatch("reanalyse", tmp_path / "local", "-o", tmp_path / "a", "--workers", 1).code == 0
-    found = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--workers", 1 if n < 10 else 2)
+    assert modalwatch("reanalyse", tmp_path / "local", "-o", tmp_path / "a", "--workers", 2).code == 0
+    found = modalwatch("reanalyse", f"s3://tower/of{n}", "-o", tmp_path / "b", "--workers", 2)
     assert found.code == 1, found.err  # one object is not a log
     assert f"s3://tower/of{n}/poisoned.mcap: is not an MCAP log" in found.out
     modes = [pd.read_parquet(tmp_path / out / "modes").sort_values(["start", "log", "mode"]) for out in "ab"]
@@ -101,7 +108,7 @@ def test_plan_requests_only_the_ends_of_a_log(
     structure = tmp_path / "structure.toml"
     structure.write_text(t_structure_toml())
     channels = ["col_037_x", "col_074_x", "col_111_x"]
-    data = np.random.default_rng(1).standard_normal((2_000_000, 3))
+    data = np.random.default_rng(1).standard_normal((1_000_000, 3))
     np.savez(tmp_path / "noise.npz", data=data, rate=1000.0, channels=channels)
     log = tmp_path / "noise.mcap"
     options = ["--structure", structure, "--new-site", tmp_path / "site.toml"]

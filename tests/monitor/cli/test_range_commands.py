@@ -1,62 +1,29 @@
 """`replay`, `report`, `view` and `log export` of a range of a log."""
 
-import queue
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from daq import Block, Event, Item, McapWriter, read_data
+from daq import Block, McapWriter, read_data
 from daq.drivers import EPSON_SCALE
 from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
 from monitor.results.events import result_event
 from monitor.results.run_results import RunResults
-from monitor.results.service_events import Stopped
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import replay, write_watched
-from monitor.settings import parse_settings
 from monitor.text.verdicts import changed_between, last_state
 from monitor.views.report.content import run_content
 from monitor.views.run import load_run
-from monitor.watch.backlog import as_logged
-from monitor.watch.memory import MEMORY, parse_memory
-from monitor.watch.pipeline import Pipeline
+from monitor.watch.memory import MEMORY
 from tests.support.monitor.cli import Commands, assert_refused
-from updater import parse_structure
+from tests.support.monitor.runs import InProcess
 
 REPLAY = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 START = 1_767_225_600_000_000_000  # 2026-01-01T00:00:00Z
 SECOND = 10**9
-
-
-class InProcess:
-    """The worker without a process."""
-
-    def __init__(self, structure: str, site: str, memory: str = "", **options: object) -> None:
-        skipped = options["skipped"]
-        assert isinstance(skipped, frozenset)
-        known = parse_memory(memory) if memory else None
-        self._pipeline = Pipeline(parse_structure(structure), parse_settings(site), known, as_logged(skipped))
-        self._results: queue.Queue[Result | None] = queue.Queue()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def feed(self, item: Item) -> None:
-        if isinstance(item, Event) and item.topic == Stopped.topic:
-            self._results.put(None)
-            return
-        for result in self._pipeline.push(item):
-            self._results.put(result)
-
-    def results(self, timeout: float) -> Iterator[Result | None]:
-        yield self._results.get(timeout=60 * timeout)
 
 
 def test_replay_of_a_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

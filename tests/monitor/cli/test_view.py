@@ -24,6 +24,7 @@ def _no_display(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_report_is_written_from_the_log_alone(modalwatch: Commands, tmp_path: Path) -> None:
     done = modalwatch("report", LOG, "-o", tmp_path / "page.html")
     assert done.code == 0, done

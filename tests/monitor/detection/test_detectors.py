@@ -202,7 +202,7 @@ def test_single_and_batched_windows_give_the_same_scores() -> None:
         np.testing.assert_allclose(one.value[:, 0], whole.value[:, k], rtol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", few_of([1, 2, 3]))
 def test_precise_modes_are_not_assigned_heavy_tails(seed: int) -> None:
     """Gaussian windows of 1e-4, a third of the assumed unobserved movements: 1 % is over the limit at once."""
     random = np.random.default_rng(seed)

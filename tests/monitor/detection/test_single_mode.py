@@ -62,10 +62,11 @@ def test_bursts_of_spurious_poles_raise_no_alarm(seed: int, days: int) -> None:
 
 
 @pytest.mark.parametrize("seed", few_of([1, 2]))
+@pytest.mark.parametrize(("n_sites", "days"), few_of([(12, 4), (30, 10)]))
 @pytest.mark.parametrize("busy", few_of([True, False]))
-def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, *, busy: bool) -> None:
+def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, n_sites: int, days: int, *, busy: bool) -> None:
     """0.5 % of one mode, ten deviations, on sites without wrong poles and on sites with bursts of them."""
-    random, n_sites, n = np.random.default_rng(seed), 30, 10 * DAY
+    random, n = np.random.default_rng(seed), days * DAY
     wrong = bursts(random, n_sites, n) if busy else 0.0
     _, watched = watched_days(noise(random, n_sites, n) + wrong, learnt(random, n_sites))
     changed = noise(random, n_sites, DAY)

@@ -11,6 +11,7 @@ from monitor.detection import temperature_law as law_module
 from monitor.detection.detectors import WEIGHTS
 from monitor.detection.temperature_terms import THERMOMETER_STD
 from monitor.detection.window_variance import Scatter
+from tests.support.thorough import few_of
 
 P, STD, STEP, DAY = 8, 5e-4, 600.0, 144
 WATCHING = DetectionSettings(rate=1e-4, overlap=0.0, hold=2)
@@ -31,7 +32,7 @@ def days(n: int, mean: float = 15.0, swing: float = 5.0) -> np.ndarray:
     return np.asarray(mean + swing * np.sin(2 * np.pi * t) + 3 * np.sin(2 * np.pi * t / 5.3))
 
 
-@pytest.mark.parametrize("off", [0.0, 0.4, 0.8])
+@pytest.mark.parametrize("off", few_of([0.0, 0.4, 0.8], 2))
 def test_thermometer_error_is_estimated_from_means_over_hours(off: float) -> None:
     """Half of the modes' deviation per kelvin; 24 days give 144 means, so that a deviation is known to 6 %."""
     found = float(state(days(24), -3e-4, off=off).law.thermometer)

@@ -20,6 +20,7 @@ from monitor.detection.trend import (
     trend_of,
 )
 from tests.examiner.sites import KINDS, SimulatedSites
+from tests.support.thorough import few_of
 
 STEP, N_SITES, WEEK_WINDOWS = 3 * 3600.0, 8, 56
 STEP_UP = 0.01  # of all log frequencies, by an accepted change
@@ -58,7 +59,7 @@ def trends(name: str, drift: float, weeks: int, seed: int, changed: int = 0) -> 
 
 @pytest.mark.parametrize(
     ("name", "largest_std"),
-    [("badly placed thermometer", 3e-4), ("bridge, hourly", 6e-4)],
+    few_of([("badly placed thermometer", 3e-4), ("bridge, hourly", 6e-4)]),
 )
 def test_drift_rate_is_estimated_within_its_standard_deviation(name: str, largest_std: float) -> None:
     """0.2 % per year for 56 weeks: at least as often within two deviations as 95 % let expect, and significant."""

@@ -35,7 +35,7 @@ def test_hostile_templates_are_refused(template: str, stated: str) -> None:
 
 
 def test_failed_template_is_replaced_by_the_default_text() -> None:
-    stated = message([NOTICE], LOOPS).text
+    stated = message([NOTICE], "{{ notice.none.none }}").text
     assert stated.startswith("bridge, then: a mass was added")
     assert "template has failed" in stated
 

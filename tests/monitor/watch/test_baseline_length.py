@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,10 +26,13 @@ N_SITES, SEED = 12, 21
 
 def tracked(log_frequency: FloatArray) -> TrackedModes:
     """Return modes of these log frequencies (n_windows, n_tracks); nothing else of them is looked at."""
-    modes = stack_tracks(
-        [measure(true_model(np.random.default_rng(1), None), np.random.default_rng(1), np.ones(12))], [np.arange(3)]
-    )
-    return replace(modes, log_frequency=log_frequency)
+    return replace(_one_window(), log_frequency=log_frequency)
+
+
+@cache
+def _one_window() -> TrackedModes:
+    random = np.random.default_rng(1)
+    return stack_tracks([measure(true_model(np.random.default_rng(1), None), random, np.ones(12))], [np.arange(3)])
 
 
 def lacking(kind: SiteKind, n: int) -> list[tuple[str, int]]:

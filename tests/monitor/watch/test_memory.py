@@ -19,6 +19,7 @@ from monitor.watch.memory.codec import decode, encode
 from monitor.watch.memory.state import VERSION
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run, site_settings, without_answers
+from tests.support.thorough import few_of
 from updater import Body, parse_structure, t_structure_toml
 
 PUMP = Body(at=(0.0, 0.0, 0.9), mass=0.25)
@@ -156,7 +157,7 @@ def test_saved_state_of_a_different_site_is_refused_with_the_difference(
     assert (recall(tmp_path, heavier, settings).refused or "").startswith("the structure file: ")
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few_of(range(3)))
 def test_damaged_saved_state_is_detected(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """A bit changed, or the end cut off; SHA-256 detects either."""
     path = remembered(tmp_path, monkeypatch)

@@ -1,6 +1,7 @@
 """Contract of every identification method."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -10,13 +11,14 @@ from oma import METHODS, IdentificationError, identify, identify_all
 from tests.support.oma.structures import chain, simulate
 
 
+@cache
 def window() -> Recording:
     return simulate(chain(4), 240.0, 40.0, 11)
 
 
 @pytest.mark.parametrize("name", METHODS)
 def test_chain_modes_are_identified_with_gap_and_constant_channel(name: str) -> None:
-    recording = window()
+    recording = replace(window(), data=window().data.copy())
     recording.data[1000:1200, 1] = np.nan
     recording.data[:, 2] = 0.5
     method = METHODS[name]()

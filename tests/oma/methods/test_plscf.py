@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from daq import FloatArray, Recording
 from oma import PLSCF, IdentificationError, ModalEstimate, identify, mac_matrix
@@ -31,7 +32,7 @@ def estimate(seed: int) -> ModalEstimate:
     return identify(window(seed), PLSCF())
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("seed", few_of(SEEDS, 3))
 def test_all_chain_modes_are_identified_without_false_modes(seed: int) -> None:
     found, truth = estimate(seed), chain()
     assert found.n_modes == 6, found.frequency
@@ -46,22 +47,24 @@ def test_all_frame_modes_with_a_close_pair_are_identified(seed: int) -> None:
     assert np.all(np.diag(mac_matrix(found.shape, frame().shapes)) > 0.9)
 
 
-def test_stated_deviations_cover_errors_near_the_uncertainty_law() -> None:
-    """Of 36 modes, measured on 40 windows: 1.05 times the law for frequencies, 1.2 for damping."""
+@pytest.mark.parametrize("seeds", few_of([SEEDS[:3], SEEDS]), ids=len)
+def test_stated_deviations_cover_errors_near_the_uncertainty_law(seeds: range) -> None:
+    """Chance 1e-4 each; measured on 40 windows: 1.05 times the law for frequencies, 1.2 for damping."""
     truth = chain()
     pairs = zip(truth.frequency, truth.damping, strict=True)
     limits = np.array([uncertainty_law(f, zeta, 300.0) for f, zeta in pairs]).T
-    found = [estimate(seed) for seed in SEEDS]
+    found = [estimate(seed) for seed in seeds]
     frequency = np.array([f.frequency - truth.frequency for f in found])
     damping = np.array([f.damping - truth.damping for f in found])
-    # chi-square of 36 with chance 1e-4: 1.43 times the mean
-    assert np.sqrt(np.mean((frequency / limits[0]) ** 2)) < 1.05 * 1.43
-    assert np.sqrt(np.mean((damping / limits[1]) ** 2)) < 1.2 * 1.43
+    largest = np.sqrt(stats.chi2.ppf(1 - 1e-4, frequency.size) / frequency.size)
+    assert np.sqrt(np.mean((frequency / limits[0]) ** 2)) < 1.05 * largest
+    assert np.sqrt(np.mean((damping / limits[1]) ** 2)) < 1.2 * largest
     for error, std in ((frequency, [f.frequency_std for f in found]), (damping, [f.damping_std for f in found])):
-        assert np.mean(np.abs(error) < 2 * np.array(std)) >= 29 / 36  # chance 1e-4 if 93 % are covered
+        # 93 % are covered at least
+        assert np.sum(np.abs(error) < 2 * np.array(std)) >= stats.binom.ppf(1e-4, error.size, 0.93)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", few_of(range(2)))
 def test_no_modes_are_identified_in_noise(seed: int) -> None:
     quiet = np.random.default_rng(seed).standard_normal(window(0).data.shape)
     with pytest.raises(IdentificationError, match="no resonance"):

@@ -9,6 +9,7 @@ from daq import Channel, Recording
 from oma import aligned, device_delays, identify_all, mac_matrix
 from oma.errors import TooFewChannels
 from tests.support.oma.structures import frame, simulate
+from tests.support.thorough import few_of
 
 LATE = {"beam_left": 4.1e-3, "beam_right": -2.3e-3}  # s: most of a period of the highest mode, 271 Hz
 DEVICES = ("col_037", "col_074", "col_111", "beam_mid", "beam_left", "beam_right")
@@ -19,7 +20,7 @@ def delayed(recording: Recording, late: dict[str, float]) -> Recording:
     return aligned(recording, {name: -late.get(name, 0.0) for name in DEVICES})
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", few_of([1, 2, 3]))
 def test_device_delays_are_estimated_within_0_2_ms(seed: int) -> None:
     """Other windows scatter by 50 us, of noise; 0.2 ms leave modes up to 300 Hz as real as 0.87 (cos^2)."""
     found = device_delays(delayed(simulate(frame(), 40.0, 1000.0, seed), LATE))

@@ -9,6 +9,7 @@ import pytest
 from daq import FloatArray
 from oma import FollowedModes, LongTermTracker, ModalEstimate, Tracks, normalise
 from tests.support.monitor.seasons import FREQUENCY, RARE, STRANGE, WINDOW, Month, month
+from tests.support.thorough import few_of
 
 WEEK = Month(days=5, rare=0.1)  # the whole season's drift in five days
 
@@ -25,7 +26,7 @@ def identities(what: Month, seed: int) -> tuple[dict[int, Counter[int]], Followe
     return found, followed
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", few_of([1, 2]))
 def test_modes_keep_their_identities_through_drift_crossing_and_outages(seed: int) -> None:
     found, last = identities(WEEK, seed)
     real = {mode: count for mode, count in found.items() if mode != STRANGE}

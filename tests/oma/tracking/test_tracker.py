@@ -6,6 +6,7 @@ import pytest
 from daq import FloatArray
 from oma import ModalEstimate, Tracker, identify, normalise
 from tests.support.oma.structures import FRAME_FREQUENCY, frame, simulate
+from tests.support.thorough import few_of
 
 
 def estimate(frequency: FloatArray, shapes: FloatArray, relative_std: float = 1e-3) -> ModalEstimate:
@@ -96,7 +97,7 @@ def test_unrelated_channels_are_refused() -> None:
         Tracker(reference=REFERENCE).assign(other)
 
 
-@pytest.mark.parametrize("seed", [20, 21])
+@pytest.mark.parametrize("seed", few_of([20, 21]))
 def test_modes_of_identified_windows_keep_their_identities(seed: int) -> None:
     found = identify(simulate(frame(), 60.0, 1000.0, seed))
     assigned = Tracker(reference=REFERENCE).assign(found)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from daq import FloatArray
+from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
     Circumstances,
@@ -73,7 +74,7 @@ def in_full(reference: Reference, chosen: SelectedCause, channels: tuple[str, ..
 
 
 @pytest.mark.parametrize("name", [name for name in CATALOGUE if name not in OF_FILES])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few_of(range(3)))
 def test_prediction_matches_the_extended_structure(
     compared: tuple[Reference, Comparison], name: str, seed: int
 ) -> None:

@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from tests.examiner.designs import DESIGNS
 from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated
+from tests.support.thorough import few_of
 from updater import Reference, learn_reference
 from updater.causes import CATALOGUE, CONNECTIONS, JointHypothesis, SelectedCause, prediction
 from updater.causes.stiffness.connections import Springs
@@ -56,7 +57,7 @@ def of_rows(cause: Springs, rows: list[int]) -> Springs:
     return replace(cause, **arrays, **picked)
 
 
-EVERY = [("bridge", "support_stiffness"), ("portal", "support_stiffness"), ("portal", "joint_stiffness")]
+EVERY = [("bridge", "support_stiffness"), ("portal", "joint_stiffness"), ("portal", "support_stiffness")]
 
 
 @pytest.mark.parametrize(("design", "name"), EVERY)
@@ -116,7 +117,7 @@ def test_prior_std_is_a_loose_connection_and_flexibility_is_bounded(design: str,
             assert cause.before_std[row, a] == expected
 
 
-@pytest.mark.parametrize(("design", "name"), EVERY)
+@pytest.mark.parametrize(("design", "name"), few_of(EVERY, 2))
 def test_fits_start_after_one_bounded_gauss_newton_step(design: str, name: str) -> None:
     """Slopes of the frequencies are those of the model with the springs of the extended structure."""
     reference, cause = springs(design, name, log_ratio=-2e-2)

@@ -19,6 +19,7 @@ KINDS = {
     "ambiguous": (203, Change(stiffness=0.97)),
     "unexplained": (204, Change(gain=tuple((c, 0.6) for c in ("col_037_x", "col_074_y", "beam_left_z", "beam_mid_y")))),
 }
+FACTORS = ("global_stiffness", "global_density")
 CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from", "changes"}
 WHERE = {"member", "position", "position_std", "region", "channels"}
 GAIN_PAIRS = {"frequency_error_percent", "one_minus_mac", "log_likelihood", "change_error_percent"}
@@ -30,16 +31,16 @@ PAIR = {"before", "after"}
 
 @cache
 def answer(verdict: str) -> dict[str, Any]:
-    """Output for a verdict of a kind; the event lacks the baseline's fourth mode and has one more."""
+    """Output for a verdict of a kind, of few causes; the event lacks the baseline's fourth mode and has one more."""
     seed, change = KINDS[verdict]
     reference, _, event = learnt(seed)
     current = event(change)
     current.log_frequency[3] = np.nan
     current.shape[3] = np.nan
     extra = replace(current.only(np.array([5])), log_frequency=np.log([200.0]))
-    found: dict[str, Any] = json.loads(
-        diagnosis_answer(diagnose(reference, current, circumstances=Circumstances(extra=extra))).model_dump_json()
-    )
+    only = FACTORS if verdict == "unexplained" else ("added_mass", *FACTORS)
+    diagnosed = diagnose(reference, current, circumstances=Circumstances(extra=extra), only=only)
+    found: dict[str, Any] = json.loads(diagnosis_answer(diagnosed).model_dump_json())
     return found
 
 

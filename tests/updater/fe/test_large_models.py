@@ -7,6 +7,7 @@ import pytest
 from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
+from tests.support.thorough import few_of
 from tests.support.updater.frames import N_MODES, beam, clamped, t_frame, t_truth, unmoved
 from updater import Body, Model, ModelError, build_model, learn_reference, locate_mass, stack_tracks
 from updater.causes import propose_added_mass
@@ -66,7 +67,7 @@ def test_points_read_together_equal_points_read_separately() -> None:
     np.testing.assert_array_equal(together, [model.read(p) for p in points])
 
 
-@pytest.mark.parametrize("seed", [21, 22])
+@pytest.mark.parametrize("seed", few_of([21, 22]))
 @pytest.mark.parametrize("mass", [0.03, 0.3])
 def test_positions_kept_by_first_order_contain_the_posterior(seed: int, mass: float) -> None:
     """A third of all positions, by first order, contains the exact posterior of all: all but 1 % of it."""

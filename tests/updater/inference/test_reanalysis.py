@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import eig, eigh
 
 from daq import FloatArray
+from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, learn_reference, stack_tracks
 from updater.inference import Comparison, Tangent, compare, no_effect, picked, predict, reanalyse
@@ -45,7 +46,7 @@ def test_reanalysis_is_exact_in_all_modes_and_accurate_in_thirty(n: int | None, 
     np.testing.assert_allclose(np.sort(found), expected[:8], rtol=tolerance)
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", few_of([2, 3]))
 def test_derivatives_match_finite_differences(seed: int) -> None:
     """Mass and flexibility changed at once; second order left out is 1e-6 of the change squared."""
     random = np.random.default_rng(seed)
@@ -86,7 +87,7 @@ def test_negative_flexibility_is_treated_as_very_stiff() -> None:
     np.testing.assert_allclose(value[1], 1.01 * own[data.paired], rtol=1e-6)
 
 
-@pytest.mark.parametrize("own_damping", [0.001, 0.01])
+@pytest.mark.parametrize("own_damping", few_of([0.01, 0.001]))
 def test_modal_damping_follows_the_energy_share_of_an_oscillator(own_damping: float) -> None:
     """Against complex modes where each part loses as much of the energy that it holds, tuned 4 % above a mode."""
     reference, data = compared(6)

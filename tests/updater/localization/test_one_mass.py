@@ -42,7 +42,7 @@ def place(change: MassChange) -> np.ndarray:
     return t_frame().member_named(change.member).point(change.distance)
 
 
-@pytest.fixture(scope="module", params=few_of([4, 10]))
+@pytest.fixture(scope="module", params=few_of([3, 10]))
 def many(request: pytest.FixtureRequest) -> list[tuple[Body, MassChange]]:
     """Three bodies on each of some truths; eight windows before, five after."""
     found = []

@@ -11,6 +11,7 @@ from daq import Channel, Recording, write_recording
 from oma import aligned, identify_all, mpc
 from tests.support.monitor.cli import Commands
 from tests.support.oma.structures import frame, simulate
+from tests.support.thorough import few_of
 from updater.modal_data import asynchrony
 
 LATE = {"col_037": 1.0e-3, "col_074": 2.2e-3, "beam_left": 5.0e-3}  # s
@@ -24,7 +25,7 @@ def merged(late: dict[str, float], seed: int) -> Recording:
     return replace(shifted, channels=channels, data=shifted.data[50:-50])
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few_of(range(3)))
 def test_delays_of_asynchronous_channels_are_found(seed: int) -> None:
     recording = merged(LATE, seed)
     estimate = identify_all(recording).estimate
@@ -38,7 +39,7 @@ def test_delays_of_asynchronous_channels_are_found(seed: int) -> None:
         assert abs(value - late) < 4 * std, name
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", few_of(range(3)))
 def test_synchronous_channels_have_no_delays(seed: int) -> None:
     recording = merged({}, seed)
     estimate = identify_all(recording).estimate

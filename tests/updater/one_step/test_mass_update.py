@@ -157,7 +157,7 @@ def test_stated_increment_deviations_match_the_scatter(
         assert np.abs(ratio - 1).max() < 5 * error
 
 
-@pytest.mark.parametrize("baselines", few_of([10, 30]))
+@pytest.mark.parametrize("baselines", few_of([5, 30]))
 def test_at_most_one_per_cent_of_undisturbed_events_are_flagged(rig: Rig, baselines: int) -> None:
     """Four events to a baseline; more flagged than this of one in a hundred has a chance of 2e-4.
 
@@ -175,7 +175,7 @@ def test_at_most_one_per_cent_of_undisturbed_events_are_flagged(rig: Rig, baseli
     assert flagged <= binom.ppf(1 - 2e-4, 4 * baselines, 0.01)
 
 
-@pytest.mark.parametrize("seed", few_of([0, 1, 2, 3], 2))
+@pytest.mark.parametrize("seed", few_of([0, 1, 2, 3]))
 def test_added_mass_is_flagged_at_its_position(seed: int) -> None:
     """304 g at location 1: within two nodes of it, in all directions."""
     rig = Rig(20 + seed)

@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from daq import FloatArray
+from tests.support.thorough import few_of
 from tests.support.updater.frames import t_frame, unmoved
 from tests.support.updater.one_step import Rig
 from updater import Body, calibrate, mean_modes, stack_tracks
@@ -105,7 +106,7 @@ def test_calibration_slope_matches_finite_differences(rig: Rig) -> None:
         np.testing.assert_allclose(slope[:, i], difference, rtol=1e-5, atol=1e-5 * np.abs(slope[:, i]).max())
 
 
-@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("seed", few_of([4, 5]))
 def test_calibrated_frequencies_are_within_the_model_error(seed: int) -> None:
     """Seven parameters with priors, eight frequencies of a frame of another kind: 0.2 % is allowed for the model."""
     truth = Rig(seed).truth

@@ -59,7 +59,7 @@ def test_stated_deviations_match_the_scatter(rigs: int) -> None:
         assert np.mean(np.abs(off) > 3) < 0.05
 
 
-@pytest.mark.parametrize("stiffness", [1.0, 0.3])
+@pytest.mark.parametrize("stiffness", few_of([0.3, 1.0]))
 def test_reversed_and_delayed_channels_are_found_for_any_foot_stiffness(stiffness: float) -> None:
     gain, late = np.ones(12), np.zeros(12)
     gain[3], gain[8], late[10] = -1.0, 0.8, 1e-3

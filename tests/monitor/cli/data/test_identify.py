@@ -260,6 +260,7 @@ def test_a_measured_steel_frame_has_its_published_frequencies(modalwatch: Comman
     assert len(set(nearest)) == len(PUBLISHED)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_logs_of_setups_are_merged(modalwatch: Commands, tmp_path: Path) -> None:
     tower, logs = chain(6, first=1.5, damping=0.01), []
     for k, moved in enumerate(((0, 1), (2, 3))):

@@ -94,6 +94,7 @@ def test_failed_picture_does_not_affect_the_others(tmp_path: Path, caplog: pytes
     assert record.getMessage().startswith("internal error, picture (beam_left_z: spectrum) is left out: ValueError: ")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_missing_results_omit_their_part_of_the_page(tmp_path: Path) -> None:
     bare = shown().model_copy(update={"balance": None, "signals": (), "trends": (), "places": (), "note": "too short"})
     page = page_of(bare, tmp_path)

@@ -17,7 +17,7 @@ from tests.support.monitor import results as made
 from tests.support.monitor.rrd_reader import Rrd
 
 SITE = made.Site()
-N_LEARNING, N_WATCHED = 5, 145
+N_LEARNING, N_WATCHED = 5, 85
 SETTINGS = """structure = "t_structure.toml"
 [analysis]
 baseline_windows = 5
@@ -41,7 +41,7 @@ def run() -> RunResults:
         window = calm.model_copy(update=place)
         windows.append(made.without_modes(window, "channel mid is flat") if index % 29 < 2 else window)
     alarms: list[AlarmResult] = template["alarms"][:1]
-    for index in (60, 110):
+    for index in (40, 70):
         alarms.append(made.alarm(windows[index], "alarm", f"ALARM of window {index}"))
         alarms.append(made.alarm(windows[index + 7], "normal", f"over since window {index + 7}"))
     return RunResults(

@@ -1,6 +1,8 @@
 """The file is read back as any reader of .rrd files would."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +22,6 @@ WINDOWS = RUN["windows"]
 ENDS = [w.end for w in WINDOWS]
 N_LEARNING, N_BEFORE = 8, 4
 WATCHED = WINDOWS[N_LEARNING:]
-
-
-@pytest.fixture(scope="module")
-def rrd(tmp_path_factory: pytest.TempPathFactory) -> Rrd:
-    return written(tmp_path_factory.mktemp("viewer"), RUN | {"signals": made.signals(SITE, ENDS[-1])})
 
 
 def written(folder: Path, run: dict[str, Any]) -> Rrd:
@@ -78,9 +75,20 @@ CASES = {
 }
 
 
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Rrd]:
+    """Return the recording of a case, each of which is written once."""
+    return cache(lambda name: written(tmp_path_factory.mktemp("case"), CASES[name]))
+
+
+@pytest.fixture(scope="module")
+def rrd(recorded: Callable[[str], Rrd]) -> Rrd:
+    return recorded("signals")
+
+
 @pytest.mark.parametrize("name", CASES)
-def test_every_view_has_data(name: str, tmp_path: Path) -> None:
-    rrd = written(tmp_path, CASES[name])
+def test_every_view_has_data(name: str, recorded: Callable[[str], Rrd]) -> None:
+    rrd = recorded(name)
     assert rrd.views
     for view in rrd.views:
         assert rrd.entities(view.origin), f"{view.name} looks at {view.origin}, where nothing is"
@@ -100,8 +108,10 @@ def test_every_view_has_data(name: str, tmp_path: Path) -> None:
         ("signals", {"/signal/col_037_x", "/signal/beam_right_z"}, set()),
     ],
 )
-def test_only_available_results_have_a_view(name: str, there: set[str], not_there: set[str], tmp_path: Path) -> None:
-    origins = {view.origin for view in written(tmp_path, CASES[name]).views}
+def test_only_available_results_have_a_view(
+    name: str, there: set[str], not_there: set[str], recorded: Callable[[str], Rrd]
+) -> None:
+    origins = {view.origin for view in recorded(name).views}
     assert there <= origins
     assert not not_there & origins
 
@@ -349,7 +359,7 @@ def test_same_results_give_the_same_rows(rrd: Rrd, tmp_path: Path) -> None:
 
 
 def test_long_run_keeps_complete_trends_and_thinned_drawings(tmp_path: Path) -> None:
-    n = 400
+    n = 320
     base = WINDOWS[-1]
     windows = [
         base.model_copy(update={"index": i, "start": base.start + i * made.WINDOW, "end": base.end + i * made.WINDOW})

@@ -1,0 +1,25 @@
+"""Windows of the recorded log, which several examples identify: once in a process."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from daq import Recording
+from oma import Identification, Method, identify_all
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _identified_once() -> Iterator[None]:
+    known: dict[tuple[object, ...], Identification] = {}
+
+    def identified(
+        recording: Recording, method: Method | None = None, band: tuple[float, float] | None = None
+    ) -> Identification:
+        key = (recording.data.tobytes(), recording.start, recording.rate, repr(method), band)
+        if key not in known:
+            known[key] = identify_all(recording, method, band)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("oma.windows.identify_all", identified)
+        yield
