@@ -37,6 +37,7 @@ NOT_RUN = {
     "fleet": "a PostgreSQL server",
     "diagnose structure.toml modes.csv": "a table of modes; see tests/monitor/analysis/test_modal_table.py",
     "view rerun+http": "a running monitor",
+    "new external": "files of another program; see tests/updater/fe/external/test_programs.py",
     "history postgresql": "a PostgreSQL server",
     "reanalyse s3": "object storage and a scheduler; see tests/monitor/archive/test_object_storage.py",
 }
