@@ -138,18 +138,23 @@ class EmulatedAdapter:
                     part.close()
 
     def _serve_connection(self, server: socket.socket) -> None:
-        if self._client is not None and not self._forwarded(self._client):
-            self._client.close()
-            self._client = None
+        self._forward()
         with suppress(BlockingIOError):
             client, _ = server.accept()
             client.setblocking(False)
+            self._forward()  # the last connection may have ended before this one began
             if self._client is None:
                 self._client = client
             else:
                 client.close()  # one at a time
         if self._client is None:
             self._pending.clear()
+
+    def _forward(self) -> None:
+        """Send what is pending to the connection, if there is one; close it if its other end has."""
+        if self._client is not None and not self._forwarded(self._client):
+            self._client.close()
+            self._client = None
 
     def _forwarded(self, client: socket.socket) -> bool:
         """Send what is pending, as far as there is room; return whether the connection is still open."""

@@ -64,7 +64,8 @@ def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
     for support in structure.support[:_LABELS]:
         x, y, z = support.at
         axes.text(x, y, z - 0.06 * extent, _held(support), fontsize=7, color=_SUPPORT, ha="center", va="top")
-    axes.legend(loc="upper left", fontsize=8)
+    if axes.get_legend_handles_labels()[0]:  # a model without sensors has nothing to name
+        axes.legend(loc="upper left", fontsize=8)
 
 
 def _held(support: Support) -> str:

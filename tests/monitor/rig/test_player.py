@@ -8,7 +8,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -45,9 +45,10 @@ class RigProcess:
         self.process = subprocess.Popen([*command, str(self._report)], env=quiet, stderr=subprocess.PIPE, text=True)
 
     def ready(self) -> dict[str, Any]:
-        end = time.monotonic() + _READY_SECONDS
+        end, text = time.monotonic() + _READY_SECONDS, ""
         while time.monotonic() < end and self.process.poll() is None:
-            text = self._ports.read_text(encoding="utf-8") if self._ports.exists() else ""
+            with suppress(FileNotFoundError):  # not there yet, or the stale one has just been removed
+                text = self._ports.read_text(encoding="utf-8")
             if text.startswith("{"):
                 found: dict[str, Any] = json.loads(text)
                 return found
