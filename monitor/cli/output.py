@@ -33,8 +33,16 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
 
 
 @contextmanager
-def replacing(path: Path | None, *, force: bool) -> Iterator[None]:
-    """With `force`, set an existing file aside while another is written in its place; restore it if that fails."""
+def replacing(path: Path | None, *, force: bool, option: str = "--out") -> Iterator[None]:
+    """With `force`, set an existing file aside while another is written in its place; restore it if that fails.
+
+    Raises
+    ------
+    ArgumentError
+        If it is there already, without `force`.
+    """
+    if path is not None and not force and path.exists():
+        raise ArgumentError(option, f"{path} exists: give another name, or --force to replace it")
     if path is None or not force or not path.is_file():
         yield
         return
@@ -64,9 +72,7 @@ def write_new(path: Path, text: str, *, force: bool, option: str = "--out") -> N
         If it is there already or cannot be written.
     """
     try:
-        with replacing(path, force=force), path.open("x", encoding="utf-8") as file:
+        with replacing(path, force=force, option=option), path.open("x", encoding="utf-8") as file:
             file.write(text)
-    except FileExistsError as error:
-        raise ArgumentError(option, f"{path} exists: give another name, or --force to replace it") from error
     except OSError as error:
         raise ArgumentError(option, f"{path}: cannot be written: {error.strerror}") from error

@@ -115,7 +115,7 @@ def test_export_of_a_recorded_log(modalwatch: Commands, tmp_path: Path) -> None:
     assert f"12 channels, {found.duration:.6g} s at 500 Hz, " in done.out
     assert f"it starts at {expected.start} ns UTC" in done.out
     done = modalwatch("log", "export", path, "-o", tmp_path / "data.npz")
-    assert_refused(done, tmp_path / "data.npz", "cannot be written: File exists")
+    assert_refused(done, tmp_path / "data.npz", "exists: give another name, or --force")
     size = (tmp_path / "data.npz").stat().st_size
     done = modalwatch("log", "export", path, "--force", "--to", 30, "-o", tmp_path / "data.npz")
     assert done.code == 0, done.err

@@ -241,7 +241,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml: cannot be written: No such file")
     site.parent.mkdir()
     log.write_text("precious")
-    assert_refused(modalwatch(*asked, "--structure", structure), "log.mcap: cannot be written: File exists")
+    assert_refused(modalwatch(*asked, "--structure", structure), "log.mcap exists: give another name, or --force")
     assert not site.exists()  # of a log that is none: the same command is to go once that is seen to
     log.unlink()
     done = modalwatch(*asked, "--structure", structure)
@@ -303,7 +303,7 @@ def test_channels_without_a_signal_are_reported(modalwatch: Commands, table: Pat
 
 def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     (tmp_path / "log.mcap").write_text("precious")
-    assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap"), "log.mcap: cannot be written: File exists")
+    assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap"), "log.mcap exists: give another name, or --force")
     assert (tmp_path / "log.mcap").read_text() == "precious"
     assert modalwatch("import", table, "-o", tmp_path / "log.mcap", "--force").code == 0
     assert (tmp_path / "log.mcap").stat().st_size > 100
