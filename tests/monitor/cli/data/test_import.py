@@ -265,7 +265,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     assert "window   2 learning none of" in done.out
     assert "the same as live, to the last digit" in modalwatch("replay", watched).out
     assert modalwatch("report", watched).code == 0
-    assert_refused(modalwatch("replay", log, "-o", watched), "watched.mcap: cannot be written: File exists")
+    assert_refused(modalwatch("replay", log, "-o", watched), "watched.mcap exists: give another name, or --force")
     assert_refused(modalwatch("replay", log, "--set", "analysis.overlap=x"), "--set analysis.overlap", "found 'x'")
     assert_refused(modalwatch(*asked, "--structure", structure), "site.toml is there already: give it as --site")
 
@@ -303,7 +303,9 @@ def test_channels_without_a_signal_are_reported(modalwatch: Commands, table: Pat
 
 def test_a_log_is_never_overwritten(modalwatch: Commands, table: Path, tmp_path: Path) -> None:
     (tmp_path / "log.mcap").write_text("precious")
-    assert_refused(modalwatch("import", table, "-o", tmp_path / "log.mcap"), "log.mcap exists: give another name, or --force")
+    assert_refused(
+        modalwatch("import", table, "-o", tmp_path / "log.mcap"), "log.mcap exists: give another name, or --force"
+    )
     assert (tmp_path / "log.mcap").read_text() == "precious"
     assert modalwatch("import", table, "-o", tmp_path / "log.mcap", "--force").code == 0
     assert (tmp_path / "log.mcap").stat().st_size > 100
