@@ -300,3 +300,20 @@ def test_high_pass_and_resampling(tmp_path: Path) -> None:
         read_measured(path, DataOptions(high_pass=200.0))
     with pytest.raises(DataError, match="--resample: expected at most the rate of 400 Hz"):
         read_measured(path, DataOptions(resample=500.0))
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "reason"),
+    [(8, 1, "password required"), (10, 99, "compression method is not supported")],
+    ids=["encrypted", "unknown compression"],
+)
+def test_archive_that_cannot_be_unpacked_is_refused(tmp_path: Path, offset: int, value: int, reason: str) -> None:
+    """As zipfile reports by RuntimeError and NotImplementedError, a kind of it; set in the directory of the archive."""
+    path = tmp_path / "beam.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("beam.csv", "t,a\n0,1\n1,2\n")
+    content = bytearray(path.read_bytes())
+    content[content.index(b"PK\x01\x02") + offset] = value
+    path.write_bytes(content)
+    with pytest.raises(DataError, match=rf"beam\.zip: is damaged: .*{reason}"):
+        read_data(path)
