@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from daq import FloatArray
 from tests.examiner.draws import Hidden
 
+_SHORTEST = 1e-3  # m: a region of no length
+_OFF_AXIS = 0.1  # m: by which a place may be beside the axis of a member, to which a region belongs
 RIGHT, ALIAS, WRONG, MISPLACED, REFUSED, MISSED = "right", "alias", "wrong", "misplaced", "refused", "missed"
 
 
@@ -26,6 +29,10 @@ class Score:
     reported: str  #: verdict and names
     away: float | None = None  #: m
     errors: dict[str, float] = field(default_factory=dict)  #: of parameters, as stated less true
+    deviations: dict[str, float] = field(default_factory=dict)  #: stated standard deviations of these parameters
+    inside: bool | None = None  #: whether the true place is in the stated 95 % region; None where there is none
+    probability: float | None = None  #: stated, of the first set of causes; None where nothing is named
+    first_is_right: bool | None = None  #: whether this set is the true one, or holds it as an alternative
 
     @property
     def fine(self) -> bool:
@@ -57,13 +64,31 @@ def score(
         answer = {**answer, "causes": named, "verdict": verdict}
     outcome = _outcome(answer, hidden, kind, near)
     first = answer["causes"][0] if len(answer["causes"]) == 1 and len(hidden) == 1 else None
-    same = first is not None and first["cause"] == hidden[0].cause
+    same = first if first is not None and first["cause"] == hidden[0].cause else None
+    leading = _leading(answer["causes"])
     return Score(
         outcome=outcome,
         reported=_said(answer),
-        away=_away(first, hidden[0]) if first is not None and same else None,
-        errors=_errors(first, hidden[0]) if first is not None and same else {},
+        away=_away(same, hidden[0]) if same else None,
+        errors=_errors(same, hidden[0]) if same else {},
+        deviations={name: same["parameters"][name]["std"] for name in _errors(same, hidden[0])} if same else {},
+        inside=_inside(same, hidden[0]) if same else None,
+        probability=leading[0]["probability"] if leading else None,
+        first_is_right=_is_right(leading, hidden, near) if leading else None,
     )
+
+
+def _leading(causes: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Return the causes of the first set: those that share its probability."""
+    return [cause for cause in causes if cause["probability"] == causes[0]["probability"]]
+
+
+def _is_right(leading: Sequence[Mapping[str, Any]], hidden: Sequence[Hidden], near: float) -> bool:
+    """Return whether the first set of causes is the true one; where it states alternatives, whether it holds it."""
+    if len(leading) != len(hidden):
+        return False
+    sure = not any(cause["cannot_be_told_from"] for cause in leading)
+    return _named(leading, hidden, near, sure=sure) in {RIGHT, ALIAS}
 
 
 def _outcome(answer: Mapping[str, Any], hidden: Sequence[Hidden], kind: str, near: float) -> str:
@@ -110,6 +135,22 @@ def _away(cause: Mapping[str, Any] | None, one: Hidden) -> float | None:
     if cause is None or one.position is None or not cause["where"] or cause["where"]["position"] is None:
         return None
     return float(np.linalg.norm(np.subtract(cause["where"]["position"], one.position)))
+
+
+def _inside(cause: Mapping[str, Any], one: Hidden) -> bool | None:
+    """Return whether a place is in the stated region, by its position along the member."""
+    if _away(cause, one) is None or not cause["where"]["region"]:
+        return None
+    return any(_between(np.array(one.position), *np.array(ends)) for ends in cause["where"]["region"])
+
+
+def _between(point: FloatArray, start: FloatArray, end: FloatArray) -> bool:
+    along = end - start
+    length = float(np.linalg.norm(along))
+    if length < _SHORTEST:
+        return float(np.linalg.norm(point - start)) < _SHORTEST
+    share = float((point - start) @ along) / length**2
+    return 0 <= share <= 1 and float(np.linalg.norm(point - start - share * along)) < _OFF_AXIS
 
 
 def _errors(cause: Mapping[str, Any], one: Hidden) -> dict[str, float]:

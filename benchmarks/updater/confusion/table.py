@@ -3,10 +3,12 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
+from scipy.stats import beta
 
 ROOT = Path(__file__).parents[3]
 OUTCOMES = ("right", "alias", "wrong", "misplaced", "refused", "missed")
@@ -27,6 +29,10 @@ class Result(BaseModel):
     done: str = ""
     away: float | None = None  #: m
     errors: dict[str, float] = {}
+    deviations: dict[str, float] = {}  #: stated standard deviations of the parameters in `errors`
+    inside: bool | None = None  #: whether the true place is in the stated 95 % region
+    probability: float | None = None  #: stated, of the first set of causes
+    first_is_right: bool | None = None
     true: dict[str, float] = {}
     before: float | None = None  #: root mean square error of frequencies held out [%]
     after: float | None = None
@@ -60,7 +66,8 @@ def read_results(path: Path, code: str) -> list[Result]:
 
 def tables(results: Sequence[Result]) -> str:
     """Return the matrix, the shares, the accuracies and the misses as Markdown."""
-    return "\n\n".join([_matrix(results), _shares(results), _accuracies(results), _misses(results)])
+    parts = [_matrix, _shares, _reliability, _coverage, _accuracies, _misses]
+    return "\n\n".join(text for part in parts if (text := part(results)))
 
 
 def _matrix(results: Sequence[Result]) -> str:
@@ -96,6 +103,49 @@ def _shares(results: Sequence[Result]) -> str:
         _share("two causes at once: both right", ">= 90 %", map(fine, of("two"))),
     ]
     return "\n".join(row for row in rows if row)
+
+
+_STATED = (0.0, 0.5, 0.8, 0.9, 0.99, 0.999, 1.0)  # bounds of the classes of stated probabilities
+
+
+def _reliability(results: Sequence[Result]) -> str:
+    """Return the share of right answers by their stated probability, with its 95 % interval (Clopper, Pearson 1934)."""
+    rows = [
+        "| stated probability | mean | answers | right | share right | 95 % interval |",
+        "|:--|---:|---:|---:|---:|---:|",
+    ]
+    named = [r for r in results if r.probability is not None]
+    for low, high in pairwise(_STATED):
+        these = [r for r in named if low <= (r.probability or 0) < high or r.probability == high == 1]
+        if not these:
+            continue
+        n, right, mean = len(these), sum(bool(r.first_is_right) for r in these), np.mean([r.probability for r in these])
+        least = beta.ppf(0.025, right, n - right + 1) if right else 0.0
+        most = beta.ppf(0.975, right + 1, n - right) if right < n else 1.0
+        interval = f"{100 * least:.1f} to {100 * most:.1f} %"
+        rows.append(f"| {low:g} to {high:g} | {mean:.4f} | {n} | {right} | {100 * right / n:.1f} % | {interval} |")
+    return "\n".join(rows) if rows[2:] else ""
+
+
+def _coverage(results: Sequence[Result]) -> str:
+    """Return how many errors are within the stated deviations, and places within the stated regions."""
+    rows = [
+        "| of those named alone and right | n | within 1 deviation | within 2 | wanted |",
+        "|:--|---:|---:|---:|:--|",
+    ]
+    right = [r for r in results if r.outcome in {"right", "alias"}]
+    off: dict[str, list[float]] = {}
+    for r in right:
+        for name, error in r.errors.items():
+            if r.deviations.get(name):
+                off.setdefault(name, []).append(abs(error) / r.deviations[name])
+    for name, values in sorted(off.items()):
+        one, two = (100 * np.mean(np.array(values) <= k) for k in (1, 2))
+        rows.append(f"| {name} | {len(values)} | {one:.0f} % | {two:.0f} % | 68 %, 95 % |")
+    inside = [r.inside for r in right if r.inside is not None]
+    if inside:
+        rows.append(f"| place in the 95 % region | {len(inside)} | | {100 * np.mean(inside):.0f} % | 95 % |")
+    return "\n".join(rows) if rows[2:] else ""
 
 
 _FIGURES: tuple[tuple[str, str, str, str, Callable[[Result], float | None]], ...] = (
