@@ -45,7 +45,8 @@ def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, 
         swing = _swing(geometry, mode)
         recording.log(f"{base}/shape", _shape(geometry, mode, swing))
         colour = (*mode_colour(mode.id), 140)
-        recording.log(f"{base}/ribs", rr.LineStrips3D(ribs_of(geometry, mode, 1.0), colors=[colour], radii=_RIB_RADIUS))
+        (turned,) = ribs_of(geometry, mode, [1.0])
+        recording.log(f"{base}/ribs", rr.LineStrips3D(turned, colors=[colour], radii=_RIB_RADIUS))
         _motion(recording, base, geometry, mode)
 
 
@@ -101,16 +102,19 @@ def shapes_at_sensors(geometry: Geometry, reference: ReferenceResult, channels: 
     return np.asarray(np.sum(displacement[:, nodes] * ways, axis=2))
 
 
-def ribs_of(geometry: Geometry, mode: ReferenceMode, share: float) -> list[FloatArray]:
-    """Return lines across the members at a share of the motion; none without rotations."""
+def ribs_of(geometry: Geometry, mode: ReferenceMode, shares: Sequence[float]) -> list[list[FloatArray]]:
+    """Return lines across the members at each of some shares of the motion; none without rotations."""
     if not mode.rotation:
-        return []
+        return [[] for _ in shares]
     spans = [(int(a), int(b)) for nodes in geometry.lines.values() for a, b in pairwise(nodes)]
     nodes, ways = ribs(geometry.nodes, spans, geometry.side(*SIDE), RIBS_APART * geometry.size)
-    centre = (geometry.nodes + share * _swing(geometry, mode))[nodes]
-    turn = share * _SWING * geometry.size * np.array(mode.rotation, float)[nodes]
-    arms = RIB * geometry.size * (ways + np.cross(turn, ways))
-    return list(np.stack([centre - arms, centre + arms], axis=1))
+    rest, swing = geometry.nodes[nodes], _swing(geometry, mode)[nodes]
+    turn = np.cross(_SWING * geometry.size * np.array(mode.rotation, float)[nodes], ways)
+    both = []
+    for share in shares:
+        centre, arms = rest + share * swing, RIB * geometry.size * (ways + share * turn)
+        both.append(list(np.stack([centre - arms, centre + arms], axis=1)))
+    return both
 
 
 def seen(geometry: Geometry, modes: Sequence[ReferenceMode]) -> FloatArray:
@@ -165,7 +169,7 @@ def _motion(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: 
     radius = float(0.9 * TUBE * geometry.size)
     frames = [geometry.strips(share * swing) for share in shares]
     _cycle(recording, f"{base}/shape", frames, cycle, colour | 0xFF, radius)
-    turned = [ribs_of(geometry, mode, share) for share in shares]
+    turned = ribs_of(geometry, mode, shares.tolist())
     if turned[0]:
         _cycle(recording, f"{base}/ribs", turned, cycle, colour | 140, _RIB_RADIUS)
 

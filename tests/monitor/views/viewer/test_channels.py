@@ -104,14 +104,14 @@ def test_ribs_turn_with_the_torsion_of_their_member() -> None:
     geometry, still = Geometry(reference), [(0.0, 0.0, 0.0)] * len(reference.nodes)
     turning = [(0.0, 0.0, 1.0 if at[2] > 0 else 0.0) for at in reference.nodes]  # about the column's axis
     mode = reference.modes[0].model_copy(update={"displacement": still, "rotation": turning})
-    at_rest, turned = (np.array(ribs_of(geometry, mode, share)) for share in (0.0, 1.0))
+    at_rest, turned = np.array(ribs_of(geometry, mode, [0.0, 1.0]))
     np.testing.assert_allclose(np.linalg.norm(at_rest[:, 1] - at_rest[:, 0], axis=1), 2 * RIB * geometry.size)
     np.testing.assert_allclose(turned.mean(axis=1), at_rest.mean(axis=1))
     arms = (at_rest[:, 1] - at_rest[:, 0]) / 2
     angle = 0.12 * geometry.size  # a displacement of 1 is drawn so long
     moved = np.cross([0.0, 0.0, angle], arms) * (at_rest.mean(axis=1)[:, 2] > 1e-6)[:, None]
     np.testing.assert_allclose((turned - at_rest)[:, 1], moved, atol=1e-12)
-    assert ribs_of(geometry, mode.model_copy(update={"rotation": []}), 1.0) == []
+    assert ribs_of(geometry, mode.model_copy(update={"rotation": []}), [1.0]) == [[]]
     assert ReferenceMode.model_fields["rotation"].default == []
 
 
