@@ -26,7 +26,8 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.causes import CATALOGUE, SelectedCause, prediction
+from updater.causes import CATALOGUE, JointHypothesis, SelectedCause, prediction
+from updater.causes.stiffness.group_stiffness import GroupStiffness
 from updater.fe import Matrices, read_matrices, save_matrices
 from updater.inference import compare
 from updater.reference import channel_rows
@@ -202,6 +203,17 @@ def _coupled(k: sparse.csc_array) -> sparse.csc_array:
     first, second = np.flatnonzero(k.diagonal())[:2].tolist()
     value = 3 * float(k.diagonal().max())
     return sparse.csc_array(([value, value], ([first, second], [second, first])), shape=k.shape)
+
+
+def test_group_changes_once_in_an_answer_of_several_causes(own: Reference) -> None:
+    """Both starts of a chosen group are excluded; those of the others are not."""
+    cause = CATALOGUE["local_stiffness"].propose(own, compare(own, own.baseline))
+    assert isinstance(cause, GroupStiffness)
+    row = cause.group.index("panel_10")
+    joint = JointHypothesis(cause, (SelectedCause(cause, row, np.array([0.3])),))
+    excluded = {i for i, prior in enumerate(joint.log_prior) if not np.isfinite(prior)}
+    assert excluded == {i for i, group in enumerate(cause.group) if group == "panel_10"}
+    assert len(excluded) == 2
 
 
 def test_a_group_needs_a_name_of_its_own(table: Path) -> None:
