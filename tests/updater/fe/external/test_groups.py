@@ -199,6 +199,18 @@ def test_invalid_groups_are_refused_with_their_name(table: Path, tmp_path: Path,
         build_model(parse_structure(text, tmp_path / "t.toml"))
 
 
+def test_groups_that_overlap_are_refused(table: Path, tmp_path: Path) -> None:
+    """Inside a panel that is in two groups their sum is more than there is."""
+    npz = table.with_suffix(".npz")
+    panel = build_model(load_structure(table)).groups["panel_10"]
+    groups = {"one": panel, "two": panel}
+    save_matrices(tmp_path / "table.npz", replace(read_matrices(npz, npz, npz), groups=groups))
+    text = 'name = "t"\n[external]\nmatrices = "table.npz"\n[external.group.one]\n[external.group.two]\n'
+    text += '[[member]]\nname = "m"\nfrom = [0, 0.2, 0]\nto = [1.5, 0.2, 0]\n'
+    with pytest.raises(StructureError, match="group two, with the groups before it: expected 0 to .* is the whole"):
+        build_model(parse_structure(text, tmp_path / "t.toml"))
+
+
 def _coupled(k: sparse.csc_array) -> sparse.csc_array:
     first, second = np.flatnonzero(k.diagonal())[:2].tolist()
     value = 3 * float(k.diagonal().max())
