@@ -103,7 +103,10 @@ class FleetBroker:
         base, name = message.topic.rpartition("/")[::2]
         with self._lock:
             if f"/{name}" == _TOPICS.availability:
-                (self._offline.add if message.payload == OFFLINE.encode() else self._offline.discard)(base)
+                if message.payload != OFFLINE.encode():
+                    self._offline.discard(base)
+                elif len(self._offline) < _MAX_SITES:
+                    self._offline.add(base)
             elif f"/{name}" == _TOPICS.report:
                 self._take_report(base, bytes(message.payload))
 
@@ -120,6 +123,8 @@ class FleetBroker:
     def sites(self) -> list[FleetRow]:
         """Return all sites that have reported, by name; their numbers are negative, as no database has them.
 
+        Of reports with one name, as after a change of a topic, the newest is used.
+
         Raises
         ------
         FleetBrokerError
@@ -129,7 +134,8 @@ class FleetBroker:
             if self._problem:
                 raise self._error(self._problem)
             rows = [_row(found, offline=topic in self._offline) for topic, found in self._reports.items()]
-        return sorted(rows, key=lambda row: row.name)
+        newest = {row.name: row for row in sorted(rows, key=lambda row: -row.age)}
+        return sorted(newest.values(), key=lambda row: row.name)
 
     def levels(self, sites: Sequence[int]) -> dict[int, list[float]]:
         """Return the novelty of the last evaluated windows of some sites over its limit, in the order of time."""

@@ -20,6 +20,7 @@ N_LEVELS = 40  #: windows whose novelty is reported
 _MAX_BYTES = 1 << 16  # of a message
 
 Line = Annotated[str, Field(max_length=2000)]
+Seconds = Annotated[float, Field(le=1e10)]  # some centuries
 
 
 class _Part(BaseModel):
@@ -39,9 +40,9 @@ class SiteReport(_Part):
 
     site: Annotated[str, Field(min_length=1, max_length=200)]
     state: Annotated[str, Field(max_length=16)]  #: of the alarm, or learning
-    lasts: float  #: since it began, or since the start of the monitor [s]
+    lasts: Seconds  #: since it began, or since the start of the monitor [s]
     window: int | None = None  #: end of the last window by the clock of the monitor [ns UTC]
-    window_age: float | None  #: since the last window [s]; None if there was none
+    window_age: Seconds | None  #: since the last window [s]; None if there was none
     overdue: bool  #: whether a window is overdue
     problems: Annotated[tuple[Line, ...], Field(max_length=100)] = ()
     url: Line = ""  #: address of the status page; empty if unknown

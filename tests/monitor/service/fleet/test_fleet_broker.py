@@ -10,11 +10,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from paho.mqtt.client import Client
+from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
 from monitor.outputs.fleet_broker import FleetBroker
-from monitor.outputs.history import FleetReader, FleetRow, SiteState
+from monitor.outputs.history import STATE_SECONDS, FleetReader, FleetRow, SiteState
 from monitor.outputs.home_assistant import HomeAssistant
 from monitor.outputs.site_report import ActiveAlarm, SiteReport, SiteReporter
 from monitor.service.servers.fleet import FleetSource
@@ -177,6 +177,48 @@ def test_states_of_the_broker_replace_those_of_the_database() -> None:
         ("both", 7, "alarm"),
         ("new", -2, "alarm"),
     ]
+
+
+def test_recent_state_of_the_database_replaces_that_of_a_monitor_that_left_the_broker(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A retained report stays for good after `[home_assistant]` is removed from the settings of a site."""
+    left = replace(Live().sites()[0], age=STATE_SECONDS + 1)
+    monkeypatch.setattr(Live, "sites", lambda _: [left])
+    rows = FleetSource(reader=Known(), broker=Live()).sites()
+    assert [(row.name, row.number, row.age) for row in rows] == [("both", 7, 1.0), ("old", 8, 1.0)]
+    old = replace(Known().sites()[0], age=STATE_SECONDS + 2)
+    monkeypatch.setattr(Known, "sites", lambda _: [old])
+    assert [row.age for row in FleetSource(reader=Known(), broker=Live()).sites()] == [STATE_SECONDS + 1]
+
+
+def test_newest_report_of_a_name_is_shown_after_a_change_of_its_topic() -> None:
+    fleet = FleetBroker("mqtt://127.0.0.1:1/modalwatch")
+    fleet._problem = None
+    for topic, content in (("new", "learning"), ("old", "alarm")):  # retained messages arrive in any order
+        sent = report(1).model_copy(update={"state": content}).model_dump_json()
+        fleet._take(fleet._client, None, received(f"modalwatch/{topic}/site", sent))
+    fleet._take(fleet._client, None, received("modalwatch/old/availability", "offline"))
+    assert [row.state and row.state.state for row in fleet.sites()] == ["learning"]
+
+
+def test_messages_that_no_monitor_sends_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.outputs.fleet_broker._MAX_SITES", 3)
+    fleet = FleetBroker("mqtt://127.0.0.1:1/modalwatch")
+    fleet._problem = None
+    for k in range(9):
+        fleet._take(fleet._client, None, received(f"{k}/availability", "offline"))
+        fleet._take(fleet._client, None, received(f"{k}/site", report(k).model_dump_json()))
+    long = report(1).model_dump_json().replace('"lasts":60.0', '"lasts":1e308')
+    fleet._take(fleet._client, None, received("1/site", long))
+    assert len(fleet._offline) == len(fleet.sites()) == 3
+    assert max(row.lasts or 0.0 for row in fleet.sites()) < 61.0
+
+
+def received(topic: str, payload: str) -> MQTTMessage:
+    message = MQTTMessage(topic=topic.encode())
+    message.payload = payload.encode()
+    return message
 
 
 @pytest.mark.parametrize(
