@@ -13,13 +13,14 @@ from daq.drivers.serial.port import SerialPort
 from daq.errors import DeviceLost
 from daq.protocol.text_line import LineFormat, TextDecoder, TextScans, joined, no_scans
 from daq.timing.stamp_count import StampCount
-from daq.types import DeviceIdentity, IndexArray
+from daq.types import DeviceIdentity, FloatArray, IndexArray
 
 _WAIT_SECONDS = 5.0  # for the first lines: an Arduino restarts when its port is opened, and takes 2 s
 _CLOCK_SECONDS = 1.0  # of the device's clock over which its rate is measured
 _LEAST = 5  # scans that are sufficient at the start
 _RATE_TOLERANCE = 0.01  # the time between scans is that of the program of the device, not that of an oscillator
 _LEAP_SECONDS = 10.0  # a device that is silent for less is lost
+_TICK_SECONDS, _MAX_TICK = 1e-3, 0.8  # of the usual clock; of a period: scans are numbered by less than half of one
 _NEAR = 8  # scans between neighbours that confirm each other
 _CLOCK_WRAPS = {"time_ms": 2**32 * 1e-3, "time_us": 2**32 * 1e-6}  # [s]; a clock in s does not wrap
 _SHOWN = 40  # characters of a line in an error
@@ -83,10 +84,13 @@ class TextLines(SerialDriver[TextDecoder, BytePort]):
         return f"{n} lines within {_WAIT_SECONDS:g} s"
 
     def _checked_rate(self, scans: TextScans) -> float:
-        """Return the rate of scans by the clock of their device [Hz]; ValueError if it is another one."""
+        """Return the rate of scans by the clock of their device [Hz]; ValueError if it is another one, or too high."""
         number = scans.line
         if "counter" in self._form.columns:
             scans, number, _ = ScanNumbers(self._form, self._rate).evaluate(scans)
+        elif self._rate * _TICK_SECONDS > _MAX_TICK and _is_whole(scans.time / _TICK_SECONDS):
+            most = _MAX_TICK / _TICK_SECONDS
+            raise ValueError(f"rate: expected up to {most:g} Hz with times in whole ms and without a counter")
         passed = float(np.ptp(scans.time)) if len(scans) else 0.0
         found = float(np.ptp(number)) / passed if passed > 0 else 0.0
         if abs(found / self._rate - 1) > _RATE_TOLERANCE:
@@ -104,6 +108,11 @@ class TextLines(SerialDriver[TextDecoder, BytePort]):
             temperature=float(known.mean()) if len(known) else float("nan"),
             bad_bytes=refused * (self._decoder.length or 1),
         )
+
+
+def _is_whole(values: FloatArray) -> bool:
+    """Return whether values (n,) are whole numbers but for rounding."""
+    return bool(np.all(np.abs(values - np.rint(values)) < 1e-3))
 
 
 class ScanNumbers:
