@@ -2,8 +2,9 @@
 
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING, Self
 
@@ -123,7 +124,8 @@ class FleetBroker:
     def sites(self) -> list[FleetRow]:
         """Return all sites that have reported, by name; their numbers are negative, as no database has them.
 
-        Of reports with one name, as after a change of a topic, the newest is used.
+        Of reports with one name, only the recent ones are used, as after a change of a topic. If several are recent,
+        each name has its topic behind it.
 
         Raises
         ------
@@ -133,15 +135,27 @@ class FleetBroker:
         with self._lock:
             if self._problem:
                 raise self._error(self._problem)
-            rows = [_row(found, offline=topic in self._offline) for topic, found in self._reports.items()]
-        newest = {row.name: row for row in sorted(rows, key=lambda row: -row.age)}
-        return sorted(newest.values(), key=lambda row: row.name)
+            rows = {topic: _row(found, offline=topic in self._offline) for topic, found in self._reports.items()}
+        return sorted(_with_own_names(rows), key=lambda row: row.name)
 
     def levels(self, sites: Sequence[int]) -> dict[int, list[float]]:
         """Return the novelty of the last evaluated windows of some sites over its limit, in the order of time."""
         wanted = set(sites)
         with self._lock:
             return {r.number: list(r.report.levels) for r in self._reports.values() if r.number in wanted}
+
+
+def _with_own_names(rows: Mapping[str, FleetRow]) -> Iterator[FleetRow]:
+    """Yield the rows of topics that are shown, each with a name of its own."""
+    topics = defaultdict(list)
+    for topic, row in sorted(rows.items(), key=lambda item: item[1].age):
+        topics[row.name].append(topic)
+    for name, same in topics.items():
+        recent = [topic for topic in same if rows[topic].age <= STATE_SECONDS]
+        if len(recent) < 2:
+            yield rows[same[0]]
+        else:
+            yield from (replace(rows[topic], name=f"{name} ({topic})") for topic in recent)
 
 
 def _row(found: _Received, *, offline: bool) -> FleetRow:

@@ -66,15 +66,9 @@ def parse_report(payload: bytes) -> SiteReport | None:
 
 
 class SiteReporter:
-    """Makes reports from what is logged; `take` is for the log's thread.
+    """Makes reports from what is logged; `take` is for the log's thread."""
 
-    Parameters
-    ----------
-    site : name of the site
-    """
-
-    def __init__(self, site: str) -> None:
-        self._site = site
+    def __init__(self) -> None:
         self._alarm: ActiveAlarm | None = None
         self._levels: deque[float] = deque(maxlen=N_LEVELS)
         self._state, self._since = "", 0.0  # state of the last report, and when it began, by time.monotonic [s]
@@ -102,13 +96,13 @@ class SiteReporter:
             return known.model_copy(update={"acknowledged": True})
         return known
 
-    def report(self, state: SiteState) -> SiteReport:
-        """Return the report of a state."""
+    def report(self, site: str, state: SiteState) -> SiteReport:
+        """Return the report of a state of a site with a name."""
         now = time.monotonic()
         if state.state != self._state:
             self._state, self._since = state.state, now
         return SiteReport(
-            site=self._site[:200],
+            site=site[:200],
             state=state.state,
             lasts=now - self._since,
             window=state.window,

@@ -89,9 +89,9 @@ def _named(option: str, given: Sequence[str]) -> dict[str, Path]:
 def _lines(npz: Path, given: Given, matrices: Matrices) -> Iterator[str]:
     yield f"name = {json.dumps(given.stiffness.stem)}\n"
     yield "[external]"
-    yield f'matrices = {json.dumps(npz.name)}          # stiffness, mass, nodes and faces, in m, N and kg\n'
+    yield f"matrices = {json.dumps(npz.name)}          # stiffness, mass, nodes and faces, in m, N and kg\n"
     for name in matrices.groups:
-        yield f'[external.group.{json.dumps(name)}]   # its stiffness may change: cause local_stiffness'
+        yield f"[external.group.{json.dumps(name)}]   # its stiffness may change: cause local_stiffness"
         yield "uncertainty = 0.03             # of its stiffness before the calibration; a foot or joint: 0.3 or more\n"
     yield "# Lines along which masses are sought: between two nodes, or between any points on faces."
     for number, (start, end) in enumerate(_straight_lines(matrices), start=1):

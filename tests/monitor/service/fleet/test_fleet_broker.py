@@ -117,7 +117,7 @@ def test_page_of_a_thousand_sites_from_retained_messages(address: str, tmp_path:
 def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_followed(tmp_path: Path) -> None:
     port = free_port()
     settings = HomeAssistantSettings(mqtt=f"mqtt://127.0.0.1:{port}/modalwatch/a")
-    status, reporter = site_status(tmp_path), SiteReporter("bridge")
+    status, reporter = site_status(tmp_path), SiteReporter()
     source: FleetSource | None = None
 
     def conditions() -> tuple[str, ...]:
@@ -126,7 +126,7 @@ def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_follo
         return shown[0].conditions if shown else ()
 
     with HomeAssistant(settings, "bridge", retry_seconds=0.1) as home:
-        home.show(status, reporter.report(STATE))
+        home.show(status, reporter.report("bridge", STATE))
         with broker(tmp_path, port):
             fleet = FleetBroker(f"mqtt://127.0.0.1:{port}/modalwatch").__enter__()
             source = FleetSource(reader=None, broker=fleet)
@@ -135,7 +135,7 @@ def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_follo
         assert "the connection is lost" in _problem(fleet)
         with broker(tmp_path, port):
             until(lambda: not _problem(fleet))
-            home.show(status, reporter.report(replace(STATE, problems=("disk: full",))))
+            home.show(status, reporter.report("bridge", replace(STATE, problems=("disk: full",))))
             until(lambda: conditions() == ("unwell",))
             home.__exit__()
             until(lambda: "stale" in conditions())
@@ -199,7 +199,17 @@ def test_newest_report_of_a_name_is_shown_after_a_change_of_its_topic() -> None:
         sent = report(1).model_copy(update={"state": content}).model_dump_json()
         fleet._take(fleet._client, None, received(f"modalwatch/{topic}/site", sent))
     fleet._take(fleet._client, None, received("modalwatch/old/availability", "offline"))
-    assert [row.state and row.state.state for row in fleet.sites()] == ["learning"]
+    assert [(row.name, row.state and row.state.state) for row in fleet.sites()] == [("structure 0001", "learning")]
+
+
+def test_two_monitors_with_one_name_are_both_shown() -> None:
+    """Structure files of many sites have the same name."""
+    fleet = FleetBroker("mqtt://127.0.0.1:1/modalwatch")
+    fleet._problem = None
+    for topic in ("modalwatch/a", "modalwatch/b"):
+        fleet._take(fleet._client, None, received(f"{topic}/site", report(1).model_dump_json()))
+    rows = FleetSource(reader=None, broker=fleet).sites()
+    assert [row.name for row in rows] == ["structure 0001 (modalwatch/a)", "structure 0001 (modalwatch/b)"]
 
 
 def test_messages_that_no_monitor_sends_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

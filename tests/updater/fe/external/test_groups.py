@@ -207,7 +207,7 @@ def test_groups_that_overlap_are_refused(table: Path, tmp_path: Path) -> None:
     save_matrices(tmp_path / "table.npz", replace(read_matrices(npz, npz, npz), groups=groups))
     text = 'name = "t"\n[external]\nmatrices = "table.npz"\n[external.group.one]\n[external.group.two]\n'
     text += '[[member]]\nname = "m"\nfrom = [0, 0.2, 0]\nto = [1.5, 0.2, 0]\n'
-    with pytest.raises(StructureError, match="group two, with the groups before it: expected 0 to .* is the whole"):
+    with pytest.raises(StructureError, match=r"group two, with the groups before it: expected 0 to .* is the whole"):
         build_model(parse_structure(text, tmp_path / "t.toml"))
 
 
