@@ -61,7 +61,8 @@ def site_name(texts: LogTexts) -> str:
 def _site_name(site: str, structure: str) -> str:
     attached = attached_structure(structure)
     name = attached.name if attached else parse_attached(site).history.site or ""
-    return "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name) or "unnamed"
+    safe = "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
+    return safe.lstrip(".") or "unnamed"  # the name of a folder
 
 
 def steps_key(log: ArchiveLog, texts: LogTexts) -> str:

@@ -2,8 +2,9 @@
 
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING, Self
 
@@ -103,7 +104,10 @@ class FleetBroker:
         base, name = message.topic.rpartition("/")[::2]
         with self._lock:
             if f"/{name}" == _TOPICS.availability:
-                (self._offline.add if message.payload == OFFLINE.encode() else self._offline.discard)(base)
+                if message.payload != OFFLINE.encode():
+                    self._offline.discard(base)
+                elif len(self._offline) < _MAX_SITES:
+                    self._offline.add(base)
             elif f"/{name}" == _TOPICS.report:
                 self._take_report(base, bytes(message.payload))
 
@@ -120,6 +124,9 @@ class FleetBroker:
     def sites(self) -> list[FleetRow]:
         """Return all sites that have reported, by name; their numbers are negative, as no database has them.
 
+        Of reports with one name, only the recent ones are used, as after a change of a topic. If several are recent,
+        each name has its topic behind it.
+
         Raises
         ------
         FleetBrokerError
@@ -128,14 +135,27 @@ class FleetBroker:
         with self._lock:
             if self._problem:
                 raise self._error(self._problem)
-            rows = [_row(found, offline=topic in self._offline) for topic, found in self._reports.items()]
-        return sorted(rows, key=lambda row: row.name)
+            rows = {topic: _row(found, offline=topic in self._offline) for topic, found in self._reports.items()}
+        return sorted(_with_own_names(rows), key=lambda row: row.name)
 
     def levels(self, sites: Sequence[int]) -> dict[int, list[float]]:
         """Return the novelty of the last evaluated windows of some sites over its limit, in the order of time."""
         wanted = set(sites)
         with self._lock:
             return {r.number: list(r.report.levels) for r in self._reports.values() if r.number in wanted}
+
+
+def _with_own_names(rows: Mapping[str, FleetRow]) -> Iterator[FleetRow]:
+    """Yield the rows of topics that are shown, each with a name of its own."""
+    topics = defaultdict(list)
+    for topic, row in sorted(rows.items(), key=lambda item: item[1].age):
+        topics[row.name].append(topic)
+    for name, same in topics.items():
+        recent = [topic for topic in same if rows[topic].age <= STATE_SECONDS]
+        if len(recent) < 2:
+            yield rows[same[0]]
+        else:
+            yield from (replace(rows[topic], name=f"{name} ({topic})") for topic in recent)
 
 
 def _row(found: _Received, *, offline: bool) -> FleetRow:

@@ -20,6 +20,7 @@ N_LEVELS = 40  #: windows whose novelty is reported
 _MAX_BYTES = 1 << 16  # of a message
 
 Line = Annotated[str, Field(max_length=2000)]
+Seconds = Annotated[float, Field(le=1e10)]  # some centuries
 
 
 class _Part(BaseModel):
@@ -39,9 +40,9 @@ class SiteReport(_Part):
 
     site: Annotated[str, Field(min_length=1, max_length=200)]
     state: Annotated[str, Field(max_length=16)]  #: of the alarm, or learning
-    lasts: float  #: since it began, or since the start of the monitor [s]
+    lasts: Seconds  #: since it began, or since the start of the monitor [s]
     window: int | None = None  #: end of the last window by the clock of the monitor [ns UTC]
-    window_age: float | None  #: since the last window [s]; None if there was none
+    window_age: Seconds | None  #: since the last window [s]; None if there was none
     overdue: bool  #: whether a window is overdue
     problems: Annotated[tuple[Line, ...], Field(max_length=100)] = ()
     url: Line = ""  #: address of the status page; empty if unknown
@@ -65,15 +66,9 @@ def parse_report(payload: bytes) -> SiteReport | None:
 
 
 class SiteReporter:
-    """Makes reports from what is logged; `take` is for the log's thread.
+    """Makes reports from what is logged; `take` is for the log's thread."""
 
-    Parameters
-    ----------
-    site : name of the site
-    """
-
-    def __init__(self, site: str) -> None:
-        self._site = site
+    def __init__(self) -> None:
         self._alarm: ActiveAlarm | None = None
         self._levels: deque[float] = deque(maxlen=N_LEVELS)
         self._state, self._since = "", 0.0  # state of the last report, and when it began, by time.monotonic [s]
@@ -101,13 +96,13 @@ class SiteReporter:
             return known.model_copy(update={"acknowledged": True})
         return known
 
-    def report(self, state: SiteState) -> SiteReport:
-        """Return the report of a state."""
+    def report(self, site: str, state: SiteState) -> SiteReport:
+        """Return the report of a state of a site with a name."""
         now = time.monotonic()
         if state.state != self._state:
             self._state, self._since = state.state, now
         return SiteReport(
-            site=self._site[:200],
+            site=site[:200],
             state=state.state,
             lasts=now - self._since,
             window=state.window,

@@ -35,7 +35,7 @@ class Outputs:
     def __init__(self, site: Site, live: LiveView | None) -> None:
         self._site, self._live = site, live
         self._history, self._senders, self._home = _history(site), _senders(site), _home(site)
-        self._reporter = SiteReporter(site.name)
+        self._reporter = SiteReporter()
         self._web = ExitStack()
         self._server: WebServer | None = None
         self._web_failed: str | None = None  # why there is no server
@@ -83,7 +83,7 @@ class Outputs:
         )
         self._history.put_state(state)
         for home in self._home:
-            home.show(status, self._reporter.report(state))
+            home.show(status, self._reporter.report(self._site.writer.site or self._site.name, state))
 
     def events(self) -> Iterator[EventPayload]:
         """Yield events since the last call; failed servers are restarted after a while."""

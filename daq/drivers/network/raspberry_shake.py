@@ -16,6 +16,7 @@ from daq.types import DeviceIdentity
 
 _WAIT_SECONDS = 3.0  # for a complete set of datagrams, of which there are 4 per second
 _NEAR = 10 * shake.RATE  # scans after which stamps are not followed
+_LEAP = 10 * shake.RATE  # scans that cannot be missing: a device that is silent for less is lost
 
 
 class RaspberryShake(SerialDriver[shake.ShakeDecoder, UdpPort]):
@@ -67,8 +68,8 @@ class RaspberryShake(SerialDriver[shake.ShakeDecoder, UdpPort]):
         found = self._decoder.feed(data)
         number = self._numbers.numbers(found.time)
         latest = np.maximum.accumulate(np.append(self._last, number))
-        if np.any(number < latest[:-1] - shake.RATE):
-            raise DeviceLost(self._path, "the clock of the Raspberry Shake was set back")
+        if np.any((number < latest[:-1] - shake.RATE) | (number > latest[:-1] + _LEAP)):
+            raise DeviceLost(self._path, "the clock of the Raspberry Shake was set")
         in_order = number > latest[:-1]  # datagrams may arrive twice or late
         self._last = int(latest[-1])
         return Scans(

@@ -13,12 +13,14 @@ from daq.drivers.serial.port import SerialPort
 from daq.errors import DeviceLost
 from daq.protocol.text_line import LineFormat, TextDecoder, TextScans, joined, no_scans
 from daq.timing.stamp_count import StampCount
-from daq.types import DeviceIdentity, IndexArray
+from daq.types import DeviceIdentity, FloatArray, IndexArray
 
 _WAIT_SECONDS = 5.0  # for the first lines: an Arduino restarts when its port is opened, and takes 2 s
 _CLOCK_SECONDS = 1.0  # of the device's clock over which its rate is measured
 _LEAST = 5  # scans that are sufficient at the start
 _RATE_TOLERANCE = 0.01  # the time between scans is that of the program of the device, not that of an oscillator
+_LEAP_SECONDS = 10.0  # a device that is silent for less is lost
+_TICK_SECONDS, _MAX_TICK = 1e-3, 0.8  # of the usual clock; of a period: scans are numbered by less than half of one
 _NEAR = 8  # scans between neighbours that confirm each other
 _CLOCK_WRAPS = {"time_ms": 2**32 * 1e-3, "time_us": 2**32 * 1e-6}  # [s]; a clock in s does not wrap
 _SHOWN = 40  # characters of a line in an error
@@ -82,10 +84,13 @@ class TextLines(SerialDriver[TextDecoder, BytePort]):
         return f"{n} lines within {_WAIT_SECONDS:g} s"
 
     def _checked_rate(self, scans: TextScans) -> float:
-        """Return the rate of scans by the clock of their device [Hz]; ValueError if it is another one."""
+        """Return the rate of scans by the clock of their device [Hz]; ValueError if it is another one, or too high."""
         number = scans.line
         if "counter" in self._form.columns:
             scans, number, _ = ScanNumbers(self._form, self._rate).evaluate(scans)
+        elif self._rate * _TICK_SECONDS > _MAX_TICK and _is_whole(scans.time / _TICK_SECONDS):
+            most = _MAX_TICK / _TICK_SECONDS
+            raise ValueError(f"rate: expected up to {most:g} Hz with times in whole ms and without a counter")
         passed = float(np.ptp(scans.time)) if len(scans) else 0.0
         found = float(np.ptp(number)) / passed if passed > 0 else 0.0
         if abs(found / self._rate - 1) > _RATE_TOLERANCE:
@@ -95,7 +100,7 @@ class TextLines(SerialDriver[TextDecoder, BytePort]):
     def _decode(self, data: bytes) -> Scans:
         scans, number, refused = self._numbers.evaluate(self._decoder.feed(data))
         if self._numbers.restarted:
-            raise DeviceLost(self._path, "the counter or the clock of the sensor has restarted")
+            raise DeviceLost(self._path, "the counter or the clock of the sensor has restarted or was set")
         known = scans.temperature[~np.isnan(scans.temperature)]
         return Scans(
             counts=scans.counts,
@@ -103,6 +108,11 @@ class TextLines(SerialDriver[TextDecoder, BytePort]):
             temperature=float(known.mean()) if len(known) else float("nan"),
             bad_bytes=refused * (self._decoder.length or 1),
         )
+
+
+def _is_whole(values: FloatArray) -> bool:
+    """Return whether values (n,) are whole numbers but for rounding."""
+    return bool(np.all(np.abs(values - np.rint(values)) < 1e-3))
 
 
 class ScanNumbers:
@@ -126,7 +136,8 @@ class ScanNumbers:
         self._anchor: tuple[int, int] | None = None  # number and counter of the last valid scan
         self._kept, self._kept_number = no_scans(), np.empty(0, np.intp)  # one scan at most
         self._late = max(_NEAR, round(rate))  # scans by which datagrams of a network arrive late: a second
-        self.restarted = False  #: numbers of scans that confirm each other have gone back
+        self._leap = max(10 * _NEAR, round(_LEAP_SECONDS * rate))  # scans that cannot be missing
+        self.restarted = False  #: numbers of scans that confirm each other have gone back, or too far ahead
 
     def evaluate(self, scans: TextScans) -> tuple[TextScans, IndexArray, int]:
         """Return the valid scans with their numbers, and how many were refused."""
@@ -146,7 +157,7 @@ class ScanNumbers:
         if len(number):
             before_all = number[0] - 1 if self._anchor is None else self._anchor[0]
             latest = np.maximum.accumulate(np.append(before_all, number))
-            self.restarted = bool(np.any(number < latest[:-1] - self._late))
+            self.restarted = bool(np.any((number < latest[:-1] - self._late) | (number > latest[:-1] + self._leap)))
             in_order = number > latest[:-1]
             scans, number = scans[in_order], number[in_order]
         if len(number):

@@ -88,7 +88,7 @@ def _columns(values: FloatArray, arriving: float) -> tuple[LineFormat, float] | 
             names[k] = "counter"
         elif np.median(step) > 0 and np.mean(step > 0) > _NEARLY_ALL and (unit := _time_unit(step, arriving)):
             names[k], clocked = unit, True
-            rate = len(step) / (float(column[-1] - column[0]) * TIMES[unit])
+            rate = 1 / (_period(step) * TIMES[unit])
         else:
             rest.append(k)
     for axis, k in zip(AXES, rest, strict=False):
@@ -99,9 +99,14 @@ def _columns(values: FloatArray, arriving: float) -> tuple[LineFormat, float] | 
 
 def _time_unit(step: FloatArray, arriving: float) -> str | None:
     """Return the column of times with these steps, at about a rate [Hz]."""
-    ratio = {name: abs(math.log(float(step.mean()) * unit * max(arriving, 1e-9))) for name, unit in TIMES.items()}
+    ratio = {name: abs(math.log(_period(step) * unit * max(arriving, 1e-9))) for name, unit in TIMES.items()}
     best = min(ratio, key=lambda name: ratio[name])
     return best if ratio[best] < math.log(2) else None
+
+
+def _period(step: FloatArray) -> float:
+    """Return the mean of steps (n,) of a clock, without those at which it wraps."""
+    return float(step[step >= 0].mean())
 
 
 def _meaning(names: Sequence[str], axes: FloatArray) -> LineFormat | None:

@@ -1,5 +1,6 @@
 """Structure file and matrices made of the files of another finite element program."""
 
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,10 +35,13 @@ def write_external(path: Path, given: Given, *, groups: Sequence[str], doubled: 
     Raises
     ------
     ArgumentError
-        If a group is not NAME=FILE or named twice, or a file exists.
+        If a group is not NAME=FILE or named twice, the structure file has the ending of matrices, or a file exists.
     StructureError
         If a file of the program cannot be read; names the file and the node or row.
     """
+    npz = path.with_suffix(".npz")
+    if npz == path:
+        raise ArgumentError("--out", f"expected the structure file, such as {path.with_suffix('.toml')}, found {path}")
     own, twice = _named("--group", groups), _named("--doubled", doubled)
     repeated = sorted(own.keys() & twice.keys())
     if repeated:
@@ -52,7 +56,6 @@ def write_external(path: Path, given: Given, *, groups: Sequence[str], doubled: 
         millimetres=given.unit == "mm",
     )
     matrices = read_program_files(files)
-    npz = path.with_suffix(".npz")
     text = "\n".join(_lines(npz, given, matrices))
     loaded = parse_structure(text, path)
     if npz.exists() and not force:
@@ -84,11 +87,11 @@ def _named(option: str, given: Sequence[str]) -> dict[str, Path]:
 
 
 def _lines(npz: Path, given: Given, matrices: Matrices) -> Iterator[str]:
-    yield f'name = "{given.stiffness.stem}"\n'
+    yield f"name = {json.dumps(given.stiffness.stem)}\n"
     yield "[external]"
-    yield f'matrices = "{npz.name}"          # stiffness, mass, nodes and faces, in m, N and kg\n'
+    yield f"matrices = {json.dumps(npz.name)}          # stiffness, mass, nodes and faces, in m, N and kg\n"
     for name in matrices.groups:
-        yield f'[external.group."{name}"]   # its stiffness may change: cause local_stiffness'
+        yield f"[external.group.{json.dumps(name)}]   # its stiffness may change: cause local_stiffness"
         yield "uncertainty = 0.03             # of its stiffness before the calibration; a foot or joint: 0.3 or more\n"
     yield "# Lines along which masses are sought: between two nodes, or between any points on faces."
     for number, (start, end) in enumerate(_straight_lines(matrices), start=1):

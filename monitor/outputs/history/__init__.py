@@ -8,7 +8,7 @@ from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.fleet import FleetReader, FleetRow, LastAlarm
 from monitor.outputs.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
 from monitor.outputs.history.recorder import HistoryRecorder
-from monitor.outputs.history.sites import STATE_SECONDS, SiteState, Writer
+from monitor.outputs.history.sites import STATE_SECONDS, SiteState, StateSchedule, Writer
 from monitor.outputs.history.store import HistoryStore
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "Reader",
     "SiteState",
     "Span",
+    "StateSchedule",
     "TrendPoint",
     "WindowRow",
     "Writer",

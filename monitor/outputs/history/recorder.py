@@ -13,7 +13,7 @@ from daq.events import EventPayload
 from daq.supervision import SupervisedThread
 from monitor.outputs.history.engines import file_of, shown_url
 from monitor.outputs.history.errors import HistoryError
-from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer
+from monitor.outputs.history.sites import ONLY_SITE, SiteState, StateSchedule, Writer
 from monitor.outputs.history.sqlite.renewal import Takeover, renew_file
 from monitor.outputs.history.store import HistoryStore
 from monitor.outputs.spool import Spool
@@ -26,7 +26,6 @@ _BATCH = 500  # items a transaction
 _POLL = 0.5  # s
 _MUTE = 15.0  # s that a database may take over a batch: longer than it may be locked, or gone
 _FORGET = 3600.0  # s between looks at whether there are too many events or diagnoses
-_STATE = 45.0  # s between two writings of a state that has not changed
 _LAST = 5.0  # s that an end waits for it
 
 
@@ -57,8 +56,7 @@ class HistoryRecorder:
         self._keep_events, self._keep_days, self._forget_due = keep_events, keep_days, 0.0
         self._writer = writer
         self._state: SiteState | None = None  # the newest
-        self._written_state: SiteState | None = None
-        self._state_due = 0.0  # monotonic time at which an unchanged one is written again [s]
+        self._schedule = StateSchedule()
         self._queue: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
         self._events: queue.SimpleQueue[EventPayload] = queue.SimpleQueue()
         self._thread = SupervisedThread("history", self._run)
@@ -229,10 +227,10 @@ class HistoryRecorder:
 
     def _write_state(self) -> None:
         """Write the state if it has changed, or after a while; not while the database is in trouble."""
-        state, before = self._state, self._written_state
+        state = self._state
         if state is None or self._given_up or (self._failed and time.monotonic() < self._due):
             return
-        if before and _content(before) == _content(state) and time.monotonic() < self._state_due:
+        if not self._schedule.is_due(state.content):
             return
         self._asked = time.monotonic()
         try:
@@ -241,7 +239,7 @@ class HistoryRecorder:
         except HistoryError as error:
             self._fail(error)
         else:
-            self._written_state, self._state_due = state, time.monotonic() + _STATE
+            self._schedule.note_written(state.content)
         finally:
             self._asked = None
 
@@ -274,11 +272,6 @@ class HistoryRecorder:
 
     def _keep(self, batch: list[Event]) -> None:
         self.dropped += self._spool.append(_to_line(item) for item in batch)
-
-
-def _content(state: SiteState) -> tuple[object, ...]:
-    """Return what is written at once if it changes; texts of problems may contain ages."""
-    return state.state, state.window, state.overdue, len(state.problems), state.url
 
 
 def _to_line(item: Event) -> str:

@@ -12,7 +12,8 @@ from sqlalchemy.exc import IntegrityError
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.schema import sites, states
 
-STATE_SECONDS = 120.0  #: age of a state beyond which its monitor is not running; one is written every 45 s
+STATE_SECONDS = 120.0  #: age of a state beyond which its monitor is not running
+_REPEAT_SECONDS = 45.0  # between two writings of a state that has not changed
 NO_SITE = -1  #: number of a site that has no rows
 
 
@@ -43,6 +44,27 @@ class SiteState:
     overdue: bool  #: whether a window is overdue
     problems: tuple[str, ...]
     url: str  #: address of the status page; empty if unknown
+
+    @property
+    def content(self) -> tuple[object, ...]:
+        """Part whose change is written at once; texts of problems may contain ages."""
+        return self.state, self.window, self.overdue, len(self.problems), self.url
+
+
+class StateSchedule:
+    """Times at which the present state of a site is written: at once if it has changed, else after a while."""
+
+    def __init__(self) -> None:
+        self._written: object = None
+        self._due = 0.0  # monotonic time [s]
+
+    def is_due(self, content: object) -> bool:
+        """Return whether a state with this content is to be written now."""
+        return content != self._written or time.monotonic() >= self._due
+
+    def note_written(self, content: object) -> None:
+        """Note that it is written."""
+        self._written, self._due = content, time.monotonic() + _REPEAT_SECONDS
 
 
 def register_site(connection: Connection, name: str) -> int:

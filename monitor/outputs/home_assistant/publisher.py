@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 from daq.events import EventPayload
 from daq.supervision import Backoff, SupervisedThread
 from monitor.errors import MonitorError
+from monitor.outputs.history import StateSchedule
 from monitor.outputs.home_assistant.discovery import (
     OFFLINE,
     ONLINE,
@@ -36,7 +37,6 @@ _LOOP_SECONDS = 0.2
 _CONNECT_SECONDS = 5.0
 _KEEPALIVE_SECONDS = 15  # the broker publishes the last will after 1.5 times that without a message
 _END_SECONDS = 2.0  # longest wait for the last message
-_REPORT_SECONDS = 45.0  # interval of reports without a change
 _RETRY_FIRST_SECONDS, _RETRY_LONGEST_SECONDS = 2.0, 60.0
 
 
@@ -141,7 +141,7 @@ class _Session:
         self._client, self._topics, self._site = client, topics, site
         self._modes: dict[str, Config] = {}  # discovery of modes that is published
         self._published: object = None  # window and state of the last states
-        self._reported: tuple[object, float] | None = None  # content of the last report, and when the next is due [s]
+        self._schedule = StateSchedule()  # of reports
         self._refused = ""
         self.online = False  #: whether the broker has accepted the connection
 
@@ -187,11 +187,9 @@ class _Session:
 
     def publish_report(self, report: SiteReport | None) -> None:
         """Publish the report if it has changed, or after a while."""
-        now = time.monotonic()
-        if report is None or (self._reported and self._reported[0] == report.content and now < self._reported[1]):
-            return
-        self._send(self._topics.report, report.model_dump_json())
-        self._reported = report.content, now + _REPORT_SECONDS
+        if report is not None and self._schedule.is_due(report.content):
+            self._send(self._topics.report, report.model_dump_json())
+            self._schedule.note_written(report.content)
 
     def end(self) -> None:
         """Publish that the monitor is offline, and disconnect: a last will is for those that are killed."""

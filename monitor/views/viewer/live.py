@@ -136,7 +136,7 @@ class LiveResults:
 
     def add_temperature(self, name: str, time: int, celsius: float) -> None:
         """Draw a reading [degC] of the site or a device, unless the last one is too recent."""
-        if math.isfinite(celsius) and time - self._temperatures.get(name, 0) >= _TEMPERATURE_SECONDS * 1e9:
+        if math.isfinite(celsius) and abs(time - self._temperatures.get(name, 0)) >= _TEMPERATURE_SECONDS * 1e9:
             self._temperatures[name] = time
             number = list(self._temperatures).index(name)
             draw_temperature(self._recording, name, number, [time], [celsius])

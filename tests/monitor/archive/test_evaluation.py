@@ -10,7 +10,7 @@ from daq import read_attachments
 from monitor.archive import evaluation, reanalyse, steps_key
 from monitor.archive.catalog import ArchiveLog
 from monitor.archive.evaluation import EvaluatedLog, evaluate_log
-from monitor.archive.log_texts import LogTexts
+from monitor.archive.log_texts import LogTexts, site_name
 from monitor.archive.reanalysis import AnalysedLog
 from monitor.archive.steps import LogSteps, identify_log, write_steps
 from monitor.results.events import is_result
@@ -57,6 +57,15 @@ def chain(texts: LogTexts, steps: LogSteps, *, same_worker: bool) -> list[Evalua
     if not same_worker:
         forget()
     return [first, evaluate_log(log_of("a", 2), texts, first.memory, steps)]
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"), [("..", "unnamed"), (".", "unnamed"), ("../../etc", "_.._etc"), ("Brücke v1.2", "Brücke_v1.2")]
+)
+def test_results_of_a_site_stay_in_a_folder_of_their_own(name: str, folder: str) -> None:
+    """The name is part of an archived log, whoever wrote it."""
+    settings = read_attachments(RECORDED)["site.toml"] + f'\n[history]\nsite = "{name}"\n'
+    assert site_name(LogTexts(site=settings, structure="")) == folder
 
 
 def test_next_log_is_evaluated_alike_by_any_worker(texts: LogTexts, tmp_path: Path) -> None:

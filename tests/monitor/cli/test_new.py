@@ -104,6 +104,19 @@ def test_external_structure_has_the_matrices_of_the_other_program(modalwatch: Co
     assert model.sensor_rows.sum() == pytest.approx(1.0)  # shares of the corners of a face
 
 
+def test_names_with_quotes_are_written_as_they_are(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / 'a "strip".toml'
+    done = modalwatch("new", "external", *STRIP, "--doubled", f'ro"ot={CALCULIX / "doubled.sti"}', "-o", path)
+    assert (done.code, done.err) == (0, "")
+    assert list(build_model(load_structure(path)).groups) == ['ro"ot']
+
+
+def test_structure_file_and_matrices_are_two_files(modalwatch: Commands, tmp_path: Path) -> None:
+    done = modalwatch("new", "external", *STRIP, "-o", tmp_path / "strip.npz")
+    assert_refused(done, "--out: expected the structure file, such as")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [

@@ -21,15 +21,15 @@ def alarm(state: str, kind: str = "state", since: int | None = None) -> AlarmRes
 
 
 def test_report_has_the_alarm_as_last_diagnosed_and_the_levels() -> None:
-    reporter = SiteReporter("bridge")
+    reporter = SiteReporter()
     events = run_events()
     for event in events:
         reporter.take(event)
-    assert (first := reporter.report(STATE).alarm)
+    assert (first := reporter.report("bridge", STATE).alarm)
     assert first.text.startswith("ALARM: the structure has changed")
     last = WindowResult.model_validate(events[-1].payload)
     reporter.take(result_event(last.model_copy(update={"diagnosis": diagnosis()})))
-    report = parse_report(reporter.report(STATE).model_dump_json().encode())
+    report = parse_report(reporter.report("bridge", STATE).model_dump_json().encode())
     assert report is not None
     assert (report.site, report.state, report.window, report.problems) == ("bridge", "alarm", 7, ("disk: full",))
     assert report.alarm is not None
@@ -40,20 +40,22 @@ def test_report_has_the_alarm_as_last_diagnosed_and_the_levels() -> None:
 
 
 def test_alarm_is_acknowledged_continued_and_ended() -> None:
-    reporter = SiteReporter("bridge")
+    reporter = SiteReporter()
     found = []
     for change in (alarm("alarm", "resumed", since=3), alarm("alarm", "acknowledged"), alarm("normal")):
         reporter.take(result_event(change))
-        active = reporter.report(STATE).alarm
+        active = reporter.report("bridge", STATE).alarm
         found.append(active and (active.raised, active.acknowledged))
     assert found == [(3, False), (3, True), None]
 
 
 def test_age_alone_is_no_change() -> None:
-    reporter = SiteReporter("bridge")
-    first = reporter.report(STATE)
-    assert reporter.report(replace(STATE, window_age=9.0, problems=("disk: fuller",))).content == first.content
-    assert reporter.report(replace(STATE, overdue=True)).content != first.content
+    reporter = SiteReporter()
+    first = reporter.report("bridge", STATE)
+    assert (
+        reporter.report("bridge", replace(STATE, window_age=9.0, problems=("disk: fuller",))).content == first.content
+    )
+    assert reporter.report("bridge", replace(STATE, overdue=True)).content != first.content
 
 
 @pytest.mark.parametrize(
@@ -69,7 +71,7 @@ def test_age_alone_is_no_change() -> None:
     ],
 )
 def test_message_that_is_no_report_is_left_out(change: dict[str, object]) -> None:
-    content = json.loads(SiteReporter("bridge").report(STATE).model_dump_json())
+    content = json.loads(SiteReporter().report("bridge", STATE).model_dump_json())
     assert parse_report(json.dumps(content).encode()) is not None
     assert parse_report(json.dumps(content | change).encode()) is None
     assert parse_report(b"\xff{") is None

@@ -8,11 +8,13 @@ import threading
 import time
 from pathlib import Path
 from typing import cast
+from unittest.mock import MagicMock
 
 import pytest
 
 from daq import Item, SystemClock
 from monitor.outputs.notices import NoticeSender
+from monitor.outputs.site_report import SiteReport
 from monitor.results.service_events import HomeAssistantFailed, ViewerFailed, ViewerRecovered, WebFailed, WebRecovered
 from monitor.results.site_status import FILE_NAME, Counters, PartProblems
 from monitor.service.outputs import Outputs
@@ -21,7 +23,7 @@ from monitor.service.site import Site, load_site
 from monitor.service.status import MonitorStatus
 from monitor.settings import NotifySettings
 from tests.support.monitor.history import change, rows, run_events
-from tests.support.monitor.service.status import PACE
+from tests.support.monitor.service.status import PACE, site_status
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -99,6 +101,21 @@ def test_reload_begins_and_ends_home_assistant(site: Site) -> None:
         assert list(outputs.renew(load_site(site.path), analysed_alike=True)) == ["home_assistant"]
         assert outputs.problems["home_assistant"] is None
     assert "home assistant" not in {thread.name for thread in threading.enumerate()}
+
+
+def test_site_has_one_name_in_the_database_and_at_the_broker(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a page of both would show it twice; a SQLite file without `history.site` has no name."""
+    found: list[SiteReport | None] = []
+    home = MagicMock()
+    home.show = lambda _, report: found.append(report)
+    monkeypatch.setattr("monitor.service.outputs._home", lambda _: [home])
+    with Outputs(site, None) as outputs:
+        for history, name in (("", "t_structure"), ('[history]\nsite = "bridge 7"\n', "bridge 7")):
+            site.path.write_text(SITE + history, encoding="utf-8")
+            list(outputs.renew(load_site(site.path), analysed_alike=True))
+            outputs.put_status(site_status(site.folder))
+            assert found[-1] is not None
+            assert found[-1].site == name
 
 
 @pytest.mark.live

@@ -5,13 +5,12 @@ modes and in states of self-stress (`updater.fe.external.groups`).
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-import numpy.typing as npt
 
 from daq import FloatArray, IndexArray, IntArray
-from updater.causes.base import Discrete
+from updater.causes.base import BoolArray, Discrete
 from updater.fe import group_strains
 from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
 from updater.quantities import Quantity, Where, vector
@@ -56,6 +55,10 @@ class GroupStiffness(Discrete):
     def neutral_start(self) -> FloatArray:
         """Nothing is done to any."""
         return np.zeros(self.begun.shape)
+
+    def repeats(self, other: Self, row: int) -> BoolArray:
+        """Return both alternatives of the same group: a group changes once."""
+        return np.array([group == other.group[row] for group in self.group])
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
@@ -135,6 +138,6 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
     )
 
 
-def _nodes_of(dofs: IntArray, held: npt.NDArray[np.bool_]) -> IndexArray:
+def _nodes_of(dofs: IntArray, held: BoolArray) -> IndexArray:
     """Return the nodes (n,) with a DOF among those held (n_dofs,)."""
     return np.flatnonzero(np.append(held, False)[dofs].any(1))

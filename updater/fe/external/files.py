@@ -75,22 +75,34 @@ def _read_group(path: tuple[Path, int], name: str, whole: Matrices) -> sparse.cs
     if matrix.shape != whole.stiffness.shape:
         raise StructureError(path[0], f"{what}: expected {whole.stiffness.shape} entries, found {matrix.shape}")
     _check_entries(path[0], matrix, whole, what)
-    diagonal, limit = matrix.diagonal(), whole.stiffness.diagonal()
-    wrong = np.flatnonzero((diagonal < -_SYMMETRIC * limit) | (diagonal > (1 + _OF_WHOLE) * limit))
-    if len(wrong):
-        row = int(wrong[0])
-        raise StructureError(
-            path[0],
-            f"{what}: expected 0 to {limit[row]:.6g}, which is the whole, on the diagonal of {_named(whole, row)}, "
-            f"found {diagonal[row]:.6g}",
-        )
-    held = np.flatnonzero(diagonal > _SYMMETRIC * limit)
+    diagonal = matrix.diagonal()
+    check_part(path[0], what, diagonal, whole)
+    held = np.flatnonzero(diagonal > _SYMMETRIC * whole.stiffness.diagonal())
     if not len(held):
         raise StructureError(path[0], f"{what}: there is no stiffness")
     root = sparse.diags_array(diagonal[held] ** -0.5)
     if _least(sparse.csc_array(root @ matrix[held][:, held] @ root)) < -_ROUNDING:
         raise StructureError(path[0], f"{what}: indefinite: some motion has a negative energy")
     return matrix
+
+
+def check_part(path: Path, what: str, diagonal: FloatArray, whole: Matrices) -> None:
+    """Check that the diagonal (n_dofs,) of a part of the stiffness is between zero and that of the whole.
+
+    Raises
+    ------
+    StructureError
+        Naming the file, the part and the row.
+    """
+    limit = whole.stiffness.diagonal()
+    wrong = np.flatnonzero((diagonal < -_SYMMETRIC * limit) | (diagonal > (1 + _OF_WHOLE) * limit))
+    if len(wrong):
+        row = int(wrong[0])
+        raise StructureError(
+            path,
+            f"{what}: expected 0 to {limit[row]:.6g}, which is the whole, on the diagonal of {_named(whole, row)}, "
+            f"found {diagonal[row]:.6g}",
+        )
 
 
 def _changed(path: Path) -> int:

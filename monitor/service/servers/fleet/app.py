@@ -12,7 +12,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp
 
 from monitor.outputs.fleet_broker import FleetBroker, FleetBrokerError
-from monitor.outputs.history import FleetReader, FleetRow, HistoryError, Reader
+from monitor.outputs.history import STATE_SECONDS, FleetReader, FleetRow, HistoryError, Reader
 from monitor.service.servers import web
 from monitor.service.servers.fleet.overview import CONDITIONS, Wanted, overview
 from monitor.service.servers.fleet.pages import SPANS, failed_html, fleet_html, site_html, sites_html
@@ -30,7 +30,7 @@ class FleetSource:
     """Data of the pages: a database, a broker or both, and what the settings know of the sites."""
 
     reader: FleetReader | None  #: of the database
-    broker: FleetBroker | None = None  #: its states replace those of the database
+    broker: FleetBroker | None = None  #: its states replace those of the database, unless only these are recent
     url: str = field(default="", repr=False)  #: address of the database, with its password
     pages: Mapping[str, str] = field(default_factory=dict)  #: address of the status page of a site, by name
     hidden: tuple[str, ...] = ()  #: names of sites that are not shown
@@ -40,6 +40,8 @@ class FleetSource:
         rows = {row.name: row for row in (self.reader.sites() if self.reader else ())}
         for row in self.broker.sites() if self.broker else ():
             known = rows.get(row.name)
+            if known and known.state and known.age <= STATE_SECONDS < row.age:
+                continue  # its monitor has left the broker
             rows[row.name] = replace(row, number=known.number) if known else row
         return [row for name, row in sorted(rows.items()) if name not in self.hidden]
 

@@ -11,7 +11,7 @@ import pytest
 
 from daq import DeviceIdentity, DeviceLost, Driver, DriverError, SystemClock, make_driver
 from daq.drivers import LineFormat, TextAddress
-from daq.drivers.serial.text_lines import ScanNumbers
+from daq.drivers.serial.text_lines import ScanNumbers, TextLines
 from daq.emulator import EmulatedTextLines
 from daq.protocol.text_line import TextScans
 from tests.support.daq.can_buses import pty, serving
@@ -68,8 +68,9 @@ def test_restart_is_found_but_not_in_a_false_or_repeated_line(form: LineFormat) 
     k = np.r_[np.arange(100, 200), 150, np.arange(201, 300), 299, np.arange(300, 400)]
     harmless = numbered(k, k / 100.0)
     assert fed(ScanNumbers(form, 100.0), harmless, [50, 101, 250])[3] is False
-    restarted = np.r_[np.arange(100, 200), np.arange(3)]
-    assert fed(ScanNumbers(form, 100.0), numbered(restarted, restarted / 100.0), [101, 102])[3] is True
+    for first in (0, 1300):  # ahead: a clock that was set, since a sensor that is silent for 11 s is lost before
+        restarted = np.r_[np.arange(100, 200), first + np.arange(3)]
+        assert fed(ScanNumbers(form, 100.0), numbered(restarted, restarted / 100.0), [101, 102])[3] is True
 
 
 @pytest.mark.parametrize("form", [COUNTED, CLOCKED, PLAIN], ids=["counter", "time", "line"])
@@ -104,6 +105,23 @@ def test_sensor_with_another_rate_is_refused() -> None:
         pytest.raises(DriverError, match=rf"^{port}: no sensor .* answers: rate: expected 200 Hz, found 197 by the cl"),
     ):
         driver_of(port, CLOCKED).open()
+
+
+@pytest.mark.parametrize(("rate", "wrong"), [(800.0, False), (1000.0, True)])
+def test_times_in_whole_milliseconds_number_scans_up_to_800_hz(rate: float, wrong: bool) -> None:
+    """With an oscillator 0.05 % fast; beyond, the rounding of a time may be half a period."""
+    form = LineFormat(columns=("time_ms", "x"), unit="g")
+    k, true = np.arange(20_000), rate * 1.0005
+    scans = numbered(k, np.floor(1e3 * k / true + 0.37) * 1e-3)
+    which, found, *_ = fed(ScanNumbers(form, true), scans, list(range(200, len(k), 200)))
+    assert (which != found) is wrong
+    driver = driver_of("/dev/none", form, rate)
+    assert isinstance(driver, TextLines)
+    if not wrong:
+        assert driver._checked_rate(scans[:2000]) == pytest.approx(true, rel=1e-3)
+        return
+    with pytest.raises(ValueError, match="rate: expected up to 800 Hz with times in whole ms and without a counter"):
+        driver._checked_rate(scans[:2000])
 
 
 @pytest.mark.live

@@ -4,11 +4,12 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
+import numpy as np
 import pytest
 
 from daq import SystemClock
 from daq.drivers import LineFormat, PortAnswer, TextAddress
-from daq.drivers.serial.text_search import search
+from daq.drivers.serial.text_search import _columns, search
 from daq.emulator import EmulatedAdapter, EmulatedPort, EmulatedTextLines, serve_all, unplugging
 from tests.support.daq.can_buses import pty, serving
 from tests.support.daq.steady import AtRest
@@ -45,6 +46,14 @@ def test_columns_unit_and_rate_are_found() -> None:
         assert found.place == TextAddress(port=device.port, form=taken or form)
         assert (found.driver, found.rate, found.axes) == ("serial-text", rate, (0, 1, 2))
         assert answer.who.startswith("lines of text: ")
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_clock_that_wraps_while_its_rate_is_measured_is_found(bits: int) -> None:
+    time = (2**bits - 500 + 10 * np.arange(100)) % 2**bits
+    values = np.column_stack([time, np.zeros(100), np.zeros(100), np.ones(100)])
+    expected = LineFormat(columns=("time_ms", "x", "y", "z"), unit="g")
+    assert _columns(values, 97.0) == (expected, 100.0)
 
 
 def write(master: int, line: bytes) -> None:

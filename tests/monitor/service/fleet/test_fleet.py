@@ -189,7 +189,7 @@ def test_restarted_database_is_followed(served: Served) -> None:
 
 def test_monitor_that_stops_becomes_stale(database: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By a real recorder, with times that are shortened."""
-    monkeypatch.setattr(recorder, "_STATE", 0.2)
+    monkeypatch.setattr("monitor.outputs.history.sites._REPEAT_SECONDS", 0.2)
     monkeypatch.setattr(recorder, "_POLL", 0.1)
     monkeypatch.setattr(overview_, "STATE_SECONDS", 1.5)
     with FleetReader(database.url) as reader:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from paho.mqtt.client import Client
+from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
 from monitor.outputs.fleet_broker import FleetBroker
-from monitor.outputs.history import FleetReader, FleetRow, SiteState
+from monitor.outputs.history import STATE_SECONDS, FleetReader, FleetRow, SiteState
 from monitor.outputs.home_assistant import HomeAssistant
 from monitor.outputs.site_report import ActiveAlarm, SiteReport, SiteReporter
 from monitor.service.servers.fleet import FleetSource
@@ -117,7 +117,7 @@ def test_page_of_a_thousand_sites_from_retained_messages(address: str, tmp_path:
 def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_followed(tmp_path: Path) -> None:
     port = free_port()
     settings = HomeAssistantSettings(mqtt=f"mqtt://127.0.0.1:{port}/modalwatch/a")
-    status, reporter = site_status(tmp_path), SiteReporter("bridge")
+    status, reporter = site_status(tmp_path), SiteReporter()
     source: FleetSource | None = None
 
     def conditions() -> tuple[str, ...]:
@@ -126,7 +126,7 @@ def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_follo
         return shown[0].conditions if shown else ()
 
     with HomeAssistant(settings, "bridge", retry_seconds=0.1) as home:
-        home.show(status, reporter.report(STATE))
+        home.show(status, reporter.report("bridge", STATE))
         with broker(tmp_path, port):
             fleet = FleetBroker(f"mqtt://127.0.0.1:{port}/modalwatch").__enter__()
             source = FleetSource(reader=None, broker=fleet)
@@ -135,7 +135,7 @@ def test_monitor_reports_and_becomes_stale_as_it_ends_and_a_lost_broker_is_follo
         assert "the connection is lost" in _problem(fleet)
         with broker(tmp_path, port):
             until(lambda: not _problem(fleet))
-            home.show(status, reporter.report(replace(STATE, problems=("disk: full",))))
+            home.show(status, reporter.report("bridge", replace(STATE, problems=("disk: full",))))
             until(lambda: conditions() == ("unwell",))
             home.__exit__()
             until(lambda: "stale" in conditions())
@@ -177,6 +177,58 @@ def test_states_of_the_broker_replace_those_of_the_database() -> None:
         ("both", 7, "alarm"),
         ("new", -2, "alarm"),
     ]
+
+
+def test_recent_state_of_the_database_replaces_that_of_a_monitor_that_left_the_broker(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A retained report stays for good after `[home_assistant]` is removed from the settings of a site."""
+    left = replace(Live().sites()[0], age=STATE_SECONDS + 1)
+    monkeypatch.setattr(Live, "sites", lambda _: [left])
+    rows = FleetSource(reader=Known(), broker=Live()).sites()
+    assert [(row.name, row.number, row.age) for row in rows] == [("both", 7, 1.0), ("old", 8, 1.0)]
+    old = replace(Known().sites()[0], age=STATE_SECONDS + 2)
+    monkeypatch.setattr(Known, "sites", lambda _: [old])
+    assert [row.age for row in FleetSource(reader=Known(), broker=Live()).sites()] == [STATE_SECONDS + 1]
+
+
+def test_newest_report_of_a_name_is_shown_after_a_change_of_its_topic() -> None:
+    fleet = FleetBroker("mqtt://127.0.0.1:1/modalwatch")
+    fleet._problem = None
+    for topic, content in (("new", "learning"), ("old", "alarm")):  # retained messages arrive in any order
+        sent = report(1).model_copy(update={"state": content}).model_dump_json()
+        fleet._take(fleet._client, None, received(f"modalwatch/{topic}/site", sent))
+    fleet._take(fleet._client, None, received("modalwatch/old/availability", "offline"))
+    assert [(row.name, row.state and row.state.state) for row in fleet.sites()] == [("structure 0001", "learning")]
+
+
+def test_two_monitors_with_one_name_are_both_shown() -> None:
+    """Structure files of many sites have the same name."""
+    fleet = FleetBroker("mqtt://127.0.0.1:1/modalwatch")
+    fleet._problem = None
+    for topic in ("modalwatch/a", "modalwatch/b"):
+        fleet._take(fleet._client, None, received(f"{topic}/site", report(1).model_dump_json()))
+    rows = FleetSource(reader=None, broker=fleet).sites()
+    assert [row.name for row in rows] == ["structure 0001 (modalwatch/a)", "structure 0001 (modalwatch/b)"]
+
+
+def test_messages_that_no_monitor_sends_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("monitor.outputs.fleet_broker._MAX_SITES", 3)
+    fleet = FleetBroker("mqtt://127.0.0.1:1/modalwatch")
+    fleet._problem = None
+    for k in range(9):
+        fleet._take(fleet._client, None, received(f"{k}/availability", "offline"))
+        fleet._take(fleet._client, None, received(f"{k}/site", report(k).model_dump_json()))
+    long = report(1).model_dump_json().replace('"lasts":60.0', '"lasts":1e308')
+    fleet._take(fleet._client, None, received("1/site", long))
+    assert len(fleet._offline) == len(fleet.sites()) == 3
+    assert max(row.lasts or 0.0 for row in fleet.sites()) < 61.0
+
+
+def received(topic: str, payload: str) -> MQTTMessage:
+    message = MQTTMessage(topic=topic.encode())
+    message.payload = payload.encode()
+    return message
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,14 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from daq import Block, Event, Item
 from daq.drivers import EPSON_SCALE
 from monitor.results.events import result_event
 from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import Settings, parse_settings
+from monitor.views.viewer.live import LiveResults
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
 from tests.support.monitor.rrd_reader import Rrd
@@ -191,6 +193,15 @@ def check_signals(rrd: Rrd) -> None:
     times, values = rrd.scalars("/signal/beam_left_y")
     np.testing.assert_array_equal(values[:1000], EPSON_SCALE * np.arange(1000))
     np.testing.assert_allclose(times[:1000] - made.START, np.arange(1000) / RATE * 1e9, atol=1e-3 / RATE * 1e9)
+
+
+def test_temperatures_are_drawn_on_after_the_clock_is_set_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[int] = []
+    monkeypatch.setattr("monitor.views.viewer.live.draw_temperature", lambda *given: drawn.extend(given[3]))
+    live = LiveResults(rr.RecordingStream("test"), "bridge", parse_settings(site_text(1)))
+    for second in (7200, 7205, 7211, 3600, 3603):
+        live.add_temperature("site", second * 10**9, 20.0)
+    assert drawn == [second * 10**9 for second in (7200, 7211, 3600)]
 
 
 def test_port_in_use_is_reported_and_no_view_is_served() -> None:

@@ -26,7 +26,8 @@ from updater import (
     parse_structure,
     stack_tracks,
 )
-from updater.causes import CATALOGUE, SelectedCause, prediction
+from updater.causes import CATALOGUE, JointHypothesis, SelectedCause, prediction
+from updater.causes.stiffness.group_stiffness import GroupStiffness
 from updater.fe import Matrices, read_matrices, save_matrices
 from updater.inference import compare
 from updater.reference import channel_rows
@@ -198,10 +199,33 @@ def test_invalid_groups_are_refused_with_their_name(table: Path, tmp_path: Path,
         build_model(parse_structure(text, tmp_path / "t.toml"))
 
 
+def test_groups_that_overlap_are_refused(table: Path, tmp_path: Path) -> None:
+    """Inside a panel that is in two groups their sum is more than there is."""
+    npz = table.with_suffix(".npz")
+    panel = build_model(load_structure(table)).groups["panel_10"]
+    groups = {"one": panel, "two": panel}
+    save_matrices(tmp_path / "table.npz", replace(read_matrices(npz, npz, npz), groups=groups))
+    text = 'name = "t"\n[external]\nmatrices = "table.npz"\n[external.group.one]\n[external.group.two]\n'
+    text += '[[member]]\nname = "m"\nfrom = [0, 0.2, 0]\nto = [1.5, 0.2, 0]\n'
+    with pytest.raises(StructureError, match=r"group two, with the groups before it: expected 0 to .* is the whole"):
+        build_model(parse_structure(text, tmp_path / "t.toml"))
+
+
 def _coupled(k: sparse.csc_array) -> sparse.csc_array:
     first, second = np.flatnonzero(k.diagonal())[:2].tolist()
     value = 3 * float(k.diagonal().max())
     return sparse.csc_array(([value, value], ([first, second], [second, first])), shape=k.shape)
+
+
+def test_group_changes_once_in_an_answer_of_several_causes(own: Reference) -> None:
+    """Both starts of a chosen group are excluded; those of the others are not."""
+    cause = CATALOGUE["local_stiffness"].propose(own, compare(own, own.baseline))
+    assert isinstance(cause, GroupStiffness)
+    row = cause.group.index("panel_10")
+    joint = JointHypothesis(cause, (SelectedCause(cause, row, np.array([0.3])),))
+    excluded = {i for i, prior in enumerate(joint.log_prior) if not np.isfinite(prior)}
+    assert excluded == {i for i, group in enumerate(cause.group) if group == "panel_10"}
+    assert len(excluded) == 2
 
 
 def test_a_group_needs_a_name_of_its_own(table: Path) -> None:

@@ -24,6 +24,7 @@ from updater import (
     opensees_matrices,
     read_program_files,
 )
+from updater.fe.external.programs.meshes import read_mesh
 
 HERE = Path(__file__).parent
 CALCULIX = HERE / "calculix"
@@ -247,3 +248,23 @@ def test_invalid_output4_files_are_refused(tmp_path: Path, change: object, messa
         read_program_files(
             ProgramFiles(stiffness=tmp_path / "k.op4", mass=tmp_path / "k.op4", nodes=HERE / "nastran" / "beam.bdf")
         )
+
+
+def test_node_in_the_basic_coordinate_system_by_its_number_is_read(tmp_path: Path) -> None:
+    (tmp_path / "m.bdf").write_text("GRID           1       0      0.   1.5-3      0.       0\n", encoding="utf-8")
+    assert read_mesh(tmp_path / "m.bdf").nodes == {1: (0.0, 1.5e-3, 0.0)}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("*NODE\n1,0,0\n*NODE\n1,5,0\n", "node 1 is at two places, as in several parts"),
+        ("*NODE\n1,0,0\n*INSTANCE, NAME=a-1, PART=a\n0.,0.,7.\n", "an instance of a part is moved"),
+    ],
+)
+def test_parts_with_positions_of_their_own_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "m.inp").write_text(text, encoding="utf-8")
+    with pytest.raises(StructureError, match=f"m.inp: no nodes can be read: {message}"):
+        read_mesh(tmp_path / "m.inp")
+    (tmp_path / "m.inp").write_text(text.replace("7.", "0.").replace("1,5,0", "2,5,0"), encoding="utf-8")
+    assert read_mesh(tmp_path / "m.inp").nodes[1] == (0.0, 0.0, 0.0)

@@ -116,7 +116,12 @@ def _abaqus(lines: Sequence[str]) -> FileMesh:
             held = ""
         elif keyword == "*NODE":
             words = [*line.split(","), "0", "0", "0"]
-            found.nodes[int(words[0])] = _point([word.strip() or "0" for word in words[1:4]])
+            node, place = int(words[0]), _point([word.strip() or "0" for word in words[1:4]])
+            if found.nodes.setdefault(node, place) != place:
+                raise ValueError(f"node {node} is at two places, as in several parts: expected a file without parts")
+        elif keyword == "*INSTANCE":
+            if any(float(word) for word in line.split(",")[:3] if word.strip()):
+                raise ValueError("an instance of a part is moved: expected a file without parts")
         elif keyword == "*ELEMENT":
             if line.endswith(","):
                 held += line
@@ -148,7 +153,7 @@ def _nastran(lines: Sequence[str]) -> FileMesh:
         name = card[0]
         if name == "GRID":
             words = [*card, "", "", "", ""]
-            if words[2] or (words[6] and words[6] != "0"):
+            if not {words[2], words[6]} <= {"", "0"}:
                 raise ValueError(f"node {words[1]}: coordinate systems are not read, expected the basic one")
             found.nodes[int(words[1])] = _point([_nastran_number(word) for word in words[3:6]])
         elif name in _NASTRAN:

@@ -96,11 +96,11 @@ def checked_rows(path: Path, rows: Iterable[Row]) -> tuple[Row, ...]:
     StructureError
         Naming the node.
     """
-    found = tuple(rows)
-    for node, axis in found:
+    found: dict[Row, None] = {}
+    for node, axis in rows:
         if not 0 <= axis < 6:
             raise StructureError(path, f"node {node}: expected degrees of freedom 1 to 6, found {axis + 1}")
-    if len(set(found)) < len(found):
-        twice = next(row for i, row in enumerate(found) if row in found[:i])
-        raise StructureError(path, f"node {twice[0]}: degree of freedom {twice[1] + 1} is there twice")
-    return found
+        if (node, axis) in found:
+            raise StructureError(path, f"node {node}: degree of freedom {axis + 1} is there twice")
+        found[node, axis] = None
+    return tuple(found)
