@@ -53,7 +53,7 @@ def _problem(site: str, structure: str) -> str | None:
 
 
 def site_name(texts: LogTexts) -> str:
-    """Return the name of a site: that of its structure; without one that of its history."""
+    """Return the name of a site: that of its structure; without one that of its history; usable for a folder."""
     return _site_name(texts.site, texts.structure)
 
 
@@ -61,8 +61,10 @@ def site_name(texts: LogTexts) -> str:
 def _site_name(site: str, structure: str) -> str:
     attached = attached_structure(structure)
     name = attached.name if attached else parse_attached(site).history.site or ""
-    safe = "".join(letter if letter.isalnum() or letter in "-_." else "_" for letter in name)
-    return safe.lstrip(".") or "unnamed"  # the name of a folder
+    safe = "".join(letter if letter.isalnum() or letter in " -_." else "_" for letter in name).strip(" .")
+    if safe == name:
+        return name
+    return f"{safe or 'unnamed'}-{hashlib.sha256(name.encode()).hexdigest()[:6]}" if name else "unnamed"  # of a folder
 
 
 def steps_key(log: ArchiveLog, texts: LogTexts) -> str:

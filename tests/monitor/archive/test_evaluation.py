@@ -19,7 +19,7 @@ from monitor.watch.memory import parse_memory
 
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 SITE = "T-shaped steel frame"
-SITES = {"a": SITE.replace(" ", "_"), "b": "other"}  # folders
+SITES = {"a": SITE, "b": "other"}  # folders
 
 
 def log_of(site: str, number: int) -> ArchiveLog:
@@ -60,7 +60,14 @@ def chain(texts: LogTexts, steps: LogSteps, *, same_worker: bool) -> list[Evalua
 
 
 @pytest.mark.parametrize(
-    ("name", "folder"), [("..", "unnamed"), (".", "unnamed"), ("../../etc", "_.._etc"), ("Brücke v1.2", "Brücke_v1.2")]
+    ("name", "folder"),
+    [
+        ("..", "unnamed-5ec1f7"),
+        (".", "unnamed-cdb4ee"),
+        ("../../etc", "_.._etc-74ccf3"),
+        ("Brücke v1.2", "Brücke v1.2"),
+        ("Brücke_v1.2", "Brücke_v1.2"),
+    ],
 )
 def test_results_of_a_site_stay_in_a_folder_of_their_own(name: str, folder: str) -> None:
     """The name is part of an archived log, whoever wrote it."""

@@ -20,7 +20,7 @@ from tests.support.monitor.cli import Commands
 pytestmark = pytest.mark.timeout(300)
 
 RECORDED = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
-SITE = "T-shaped_steel_frame"
+SITE = "T-shaped steel frame"
 
 
 def archive(folder: Path, n: int) -> Path:
