@@ -18,6 +18,7 @@ from monitor.analysis.stationarity import step_text
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.analysis.trends import trends_beside
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
+from monitor.cli.data.diagnose.held_out import check_independent
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
@@ -133,6 +134,8 @@ def diagnose_logs(
             raise ArgumentError("--pdf", str(error)) from error
     if not (logs.reference or logs.reference_within.whole):
         raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
+    if logs.heldout:
+        _check_held_out(logs)
     with progress("reading") as work:
 
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
@@ -193,6 +196,15 @@ def diagnose_logs(
         paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
         echo("written: " + ", ".join(map(str, paths)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _check_held_out(logs: Logs) -> None:
+    """Refuse held-out logs that are not independent of the fit."""
+    fitted: list[AnyLog] = []
+    for paths, within in ((logs.current, logs.within), (logs.reference, logs.reference_within)):
+        if within.whole or not any(map(is_table, paths)):  # else refused as it is read
+            fitted += within.of_logs(as_logs(paths))
+    check_independent(as_logs(logs.heldout), fitted)
 
 
 def _show_fit(work: Work, causes: Sequence[str], done: int, planned: int) -> None:
