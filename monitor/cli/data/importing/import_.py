@@ -36,7 +36,7 @@ def import_(
         Option(metavar="FILE", help="TOML file with unit, sensitivity, scale (negative: sign) and offset per sensor."),
     ] = None,
     start: Annotated[
-        str | None, Option(help="Time of the first sample, ISO 8601. Default: that of DATA (dates, or a line before the table), else 1970.")
+        str | None, Option(help="Time of the first sample, ISO 8601. Default: that of DATA, else 1970.")
     ] = None,
     time: Annotated[
         str | None, Option(metavar="NAME", help="Column of times. Default: t or time (t_ms, time [s]).")
