@@ -8,6 +8,7 @@ import numpy as np
 from daq.notebook import number_text
 from monitor.results.comparison import BalanceResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
+from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain, MassChange, Structure
 from updater.diagnosis import CalibrationSummary, Failed, Pair
@@ -58,21 +59,35 @@ def parameter_text(name: str, quantity: Quantity) -> str:
 
 
 def where_text(where: Where | None) -> str:
-    """Return the place of a cause; empty for one that has none."""
+    """Return the place of a cause by the structure's names and its position; empty for one that has none."""
     if where is None:
         return ""
-    parts = [f"on the {where.member}"] if where.member else []
+    named = at_place(where.name)
+    parts = [f"on the {where.member}"] if where.member else [f"{named},"] if named else []
     std = where.position_std or 0.0
     if where.position:
         fine = 3 if std == 0.0 or std >= _COARSE else math.ceil(-math.log10(std))
-        parts.append(f"at ({', '.join(f'{x:.{fine}f}' for x in where.position)}) m")
+        at = "" if parts and not where.member else "at "
+        parts.append(f"{at}({', '.join(f'{x:.{fine}f}' for x in where.position)}) m")
     if std >= _METRES:
         parts.append(f"± {std:.1f} m")
     elif std:
         parts.append(f"± {1000 * std:.0f} mm" if std >= _COARSE else f"± {1000 * std:.1g} mm")
     if where.channels:
         parts.append(f"in {', '.join(where.channels)}")
-    return " ".join(parts)
+    text = " ".join(parts)
+    if not where.member or where.name in ("", where.member):
+        return text
+    sensors = where.name.removeprefix(f"{where.member} at ")
+    return f"{text}, {named if sensors == where.name else f'at {sensors}'}"
+
+
+def at_place(name: str) -> str:
+    """Return the name of a place with its preposition: `at the foot of the left post`, `on the beam at sensor A3`."""
+    if not name:
+        return ""
+    begins = ("foot of", "joint of", "support ", "start of", "end of", "lower end of", "upper end of")
+    return f"{'at' if name.startswith(begins) else 'on'} the {name}"
 
 
 def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
@@ -87,6 +102,8 @@ def _parameter_name(cause: Cause, change: ParameterChange) -> str:
     """Return the quantity, with its place if the cause itself has none."""
     if cause.where is not None:
         return change.quantity
+    if change.place:
+        return f"{change.quantity} {at_place(change.place)}"
     place = " at ({:g}, {:g}, {:g}) m".format(*change.position) if change.position else ""
     return f"{change.quantity} of {change.of}{place}"
 
@@ -102,11 +119,17 @@ def change_texts(change: ParameterChange) -> tuple[str, str]:
     shown = bound if open_above else change.after
     size, prefix = next(pair for pair in _PREFIXES if abs(shown) >= pair[0])
     scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
-    before = "rigid" if change.before is None else f"{scale * change.before:.4g}"
+    before = "rigid" if change.before is None else number_text(scale * change.before, scale * change.before_std)
     if open_above:
         return before, f"over {scale * bound:.3g}{unit} (95 %)"
-    percent = "" if change.before is None else f" ({100 * (change.after / change.before - 1):+.1f} %)"
+    relative = change.relative
+    percent = f" ({signed_text(100 * relative[0], 100 * relative[1])} %)" if relative else ""
     return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}"
+
+
+def signed_text(value: float, std: float) -> str:
+    """Return a change and its standard deviation, with the sign of an increase."""
+    return f"{'+' if value > 0 else ''}{number_text(value, std)}"
 
 
 def cause_text(cause: Cause) -> str:
@@ -122,6 +145,13 @@ def cause_text(cause: Cause) -> str:
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""
     )
+
+
+def placed_text(cause: Cause) -> str:
+    """Return a cause with the name of its place, for a label at that place."""
+    what = cause_text(cause).split(" on the ")[0].split(" at ")[0]
+    place = at_place(cause.where.name) if cause.where else ""
+    return f"{what} {place}".rstrip()
 
 
 MARK = "*"  #: mark of a mode that is not `compared`
@@ -178,7 +208,7 @@ def change_text(diagnosis: Diagnosis) -> str:
         return "too little to name a cause"
     if not diagnosis.causes:
         return "no cause known here explains how"
-    return "; ".join(cause_text(c) + _aliases(c) for c in diagnosis.causes)
+    return "; ".join(cause_text(c) + _aliases(c) for c in listed_causes(diagnosis.causes))
 
 
 def _aliases(cause: Cause) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.text.quantities import MIN_P
+from monitor.text.quantities import MIN_P, plain
 from updater import DiagnosisResult
 from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
 from updater.quantities import SIGNIFICANT
@@ -109,8 +109,11 @@ def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:
     """Return the names of the causes by which each hypothesis differs from the others."""
     common = set[str].intersection(*map(set, hypotheses))
     own = [[name for name in each if name not in common] for each in hypotheses]
-    return [_joint(dict.fromkeys(each)) for each in (own if all(own) else hypotheses)]
+    if all(own):
+        return [_joint(dict.fromkeys(each)) for each in own]
+    others = dict.fromkeys(name for each in own for name in each)
+    return [_joint(dict.fromkeys(each)) if each else f"no {_joint(others, ' or ')}" for each in own]
 
 
-def _joint(causes: Iterable[str]) -> str:
-    return " and ".join(causes).replace("_", " ")
+def _joint(causes: Iterable[str], word: str = " and ") -> str:
+    return word.join(map(plain, causes))

@@ -32,6 +32,7 @@ from updater.structure.parameters import (
     welded,
     with_springs,
 )
+from updater.structure.place_names import NamedPlaces, place_name
 from updater.structure.sections import Section
 from updater.structure.sensors import Correction, Sensor, sensor_axes
 from updater.structure.structure import Structure, extent, fineness, size
@@ -51,6 +52,7 @@ __all__ = [
     "Material",
     "Member",
     "ModelParameter",
+    "NamedPlaces",
     "Oscillator",
     "Recorder",
     "Section",
@@ -78,6 +80,7 @@ __all__ = [
     "physical_slope",
     "physical_unit",
     "physical_value",
+    "place_name",
     "portable_text",
     "rounded",
     "sensor_axes",

@@ -21,11 +21,12 @@ _NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid
 _NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, which changes frequencies by 1e-5
 
 
-def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structure:
+def simplified(structure: Structure, knobs: Sequence[ModelParameter], own: Structure) -> Structure:
     """Return the structure without springs and welds that change nothing.
 
     Parameters
     ----------
+    own : structure of the file, whose segments stay
     knobs : parameters of the file that the structure was made from
     """
     supports, joints = list(structure.support), list(structure.joint)
@@ -46,7 +47,7 @@ def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structu
         update={
             "support": tuple(supports),
             "joint": tuple(joint for joint in joints if joint.stiffness),
-            "segment": tuple(segment for segment in structure.segment if not _does_nothing(segment)),
+            "segment": tuple(s for s in structure.segment if s in own.segment or not _does_nothing(s)),
         }
     )
 
@@ -73,7 +74,7 @@ def _others(stiffness: Mapping[Any, float], axis: Axis) -> dict[Any, float]:
 def _does_nothing(segment: Segment) -> bool:
     factors = (segment.stiffness, *segment.bending, segment.torsion, segment.shear_stiffness)
     off = max(abs(factor - 1) for factor in factors)
-    return not segment.mass and 0 < off < _NO_WELD  # a file's own segments of factor 1 stay
+    return not segment.mass and off < _NO_WELD
 
 
 def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[str, float]) -> Structure:

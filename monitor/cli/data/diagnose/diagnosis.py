@@ -30,6 +30,7 @@ from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
+from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
@@ -368,7 +369,9 @@ def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str
     """Return comments on the origin of an extended model."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
-    lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in found.diagnosis.causes]
+    lines += [
+        f"{cause_text(c)} (probability {share_text(c.probability)})" for c in listed_causes(found.diagnosis.causes)
+    ]
     if found.calibration is not None:
         lines.append(_LIFTED)
     if logs.reference:

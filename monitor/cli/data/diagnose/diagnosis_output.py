@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
+from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
@@ -34,7 +35,7 @@ _MAX = 6  # refused causes that are listed individually
 def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
     """Print verdict, causes and the next step."""
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
-    for cause in diagnosis.causes:
+    for cause in listed_causes(diagnosis.causes):
         console.print(_cause(cause))
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")

@@ -38,7 +38,7 @@ def check_independent(held_out: Sequence[AnyLog], fitted: Sequence[AnyLog]) -> N
 
 def _share_samples(one: AnyLog, other: AnyLog) -> bool:
     paths = [log for log in (one, other) if isinstance(log, Path)]
-    if len(paths) == 2 and all(path.is_file() for path in paths) and filecmp.cmp(*paths, shallow=False):
+    if len(paths) == 2 and all(path.is_file() for path in paths) and filecmp.cmp(paths[0], paths[1], shallow=False):
         return True
     if any(path.suffix != _LOG for path in paths):  # modes have no samples
         return False
