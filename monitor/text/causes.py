@@ -1,7 +1,7 @@
 """Findings in sentences: shared by the loop, the report, the viewer and the terminal."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -30,7 +30,7 @@ SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
 
 def fit_text(answer: MassAnswer) -> str:
     """Return the quality of the fit of a mass, and the number of windows."""
-    p = f"= {answer.p_value:.2g}" if answer.p_value > MIN_P else f"under {MIN_P:.0e}"
+    p = f"= {answer.p_value:.2g}" if answer.p_value > MIN_P else f"< {MIN_P:.0e}"
     return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
 
 
@@ -197,7 +197,7 @@ def forecast_text(forecast: AccuracyForecast) -> str:
     least = f"{1e3 * forecast.least_distance_std:.0f} mm and {1e3 * forecast.least_mass_std:.0f} g"
     if forecast.limited_by == "windows":
         until = f"up to about {forecast.enough} windows: {least} at best"
-        return f"more windows reduce the deviation with their square root, {until}"
+        return f"the deviation decreases with the square root of the number of windows, {until}"
     what = {"baseline": "a longer baseline", "model": "a better model or another sensor"}[forecast.limited_by]
     return f"more windows will not reduce the deviation under {least}; {what} would"
 
@@ -205,9 +205,9 @@ def forecast_text(forecast: AccuracyForecast) -> str:
 def change_text(diagnosis: Diagnosis) -> str:
     """Return the change, if there is one, as a part of a sentence."""
     if diagnosis.verdict == "nothing_to_explain":
-        return "too little to name a cause"
+        return "too small for a cause to be named"
     if not diagnosis.causes:
-        return "no cause known here explains how"
+        return "no known cause explains it"
     return "; ".join(cause_text(c) + _aliases(c) for c in listed_causes(diagnosis.causes))
 
 
@@ -254,7 +254,8 @@ def change_gain_text(gain: Gain) -> str:
     error = gain.change_error_percent
     if error is None or error.before is None or error.after is None:
         return ""
-    return f"frequency changes mispredicted by {error.before:.3g} -> {error.after:.3g} % rms ({change_data_text(gain)})"
+    errors = f"{error.before:.3g} -> {error.after:.3g} % rms"
+    return f"frequency changes predicted with an error of {errors} ({change_data_text(gain)})"
 
 
 def change_data_text(gain: Gain) -> str:
@@ -278,13 +279,23 @@ def _root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
+def position_text(position: Vector, name: str = "") -> str:
+    """Return a position [m] with its preposition, after the name of its place if it has one."""
+    x, y, z = position
+    place = f"({x:.2f}, {y:.2f}, {z:.2f}) m"
+    return f"{at_place(name)}, {place}" if name else f"at {place}"
+
+
+def left_over_text(
+    balance: BalanceResult, nodes: Sequence[Vector], name: Callable[[Vector], str] = lambda _: ""
+) -> str:
     """Return where residual forces are largest, in the interpretation favoured by the modes; empty if not significant.
 
     Parameters
     ----------
     balance : of the nodes
     nodes : their positions [m]; nothing is stated for those of another model
+    name : returns the name of a place
     """
     if abs(balance.log_odds) <= CLEAR_ODDS or len(nodes) != len(balance.loss):
         return ""
@@ -293,11 +304,11 @@ def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
     known = [(v, s, at) for v, s, at in zip(values, stds, nodes, strict=True) if v is not None and s is not None]
     if not known:
         return ""
-    value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
+    value, std, at = max(known, key=lambda one: abs(one[0]))
     if abs(value) <= SIGNIFICANT * std:
         return ""
     what = f"{'excess' if of_mass == (value > 0) else 'missing'} {'mass' if of_mass else 'stiffness'}"
-    return f"residual forces indicate {what}, largest at ({x:.2f}, {y:.2f}, {z:.2f}) m (no cause assumed)"
+    return f"residual forces indicate {what}, largest {position_text(at, name(at))} (no cause assumed)"
 
 
 def increment_text(increments: MassIncrements) -> str:
@@ -314,7 +325,7 @@ def place_text(place: IncrementPlace | None) -> str:
     if place is None:
         return ""
     if not place.fits:
-        p = f"p = {place.p_value:.2g}" if place.p_value > MIN_P else f"p under {MIN_P:.0e}"
+        p = f"p = {place.p_value:.2g}" if place.p_value > MIN_P else f"p < {MIN_P:.0e}"
         return f"not located: the increments do not fit one mass ({p})"
     x, y, z = place.position
     if place.located:

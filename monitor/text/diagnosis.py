@@ -36,8 +36,8 @@ def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = 
 def rejection_text(rejected: Rejected) -> str:
     """Return why a cause is refused."""
     if rejected.reason == "poor_fit":
-        p = f"p {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p under {MIN_P:.0e}"
-        return f"rejected: poor fit, {p}"
+        p = f"p = {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p < {MIN_P:.0e}"
+        return f"rejected: poor fit ({p})"
     if rejected.reason == "less_probable":
         return f"fits, {_ratio_text(-rejected.log_evidence)} times less probable"
     return _REASONS[rejected.reason]

@@ -307,7 +307,7 @@ def _diagnosis(
                 "text": cause_text(c),
                 "name": plain(c.cause),
                 "probability": share_text(c.probability),
-                "where": where_text(c.where) or "nowhere in particular",
+                "where": where_text(c.where) or "–",
                 "parameters": parameter_texts(c),
                 "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
             }

@@ -174,7 +174,7 @@ def diagnose_logs(
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
-    say_evidence(console, diagnosis, compared, bare_reference(found.reference.structure).nodes)
+    say_evidence(console, diagnosis, compared, found.reference.structure)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         if found.explained.calibration is not None:
