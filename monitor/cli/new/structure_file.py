@@ -278,8 +278,10 @@ def _lines(
     longest = max(sum((b - a) ** 2 for a, b in zip(m.start, m.end, strict=True)) ** 0.5 for m in frame.members)
     yield f"element_length = {longest / _ELEMENTS:.3g}          # longest element [m]\n"
     yield f"[material.{material}]\n{_MATERIALS[material]}\n"
+    yield "# Sections: width is along the local y axis of a member (horizontal; of an upright member out of the plane of"
+    yield "# the frame), height across it."
     for name, text in sections.items():
-        yield f"[section.{name}]                # width along the local y axis (horizontal), height along z\n{text}\n"
+        yield f"[section.{name}]\n{text}\n"
     yield "# Members are joined where one ends on another."
     for member in frame.members:
         yield f'[[member]]\nname = "{member.name}"\nfrom = {_point(member.start)}\nto = {_point(member.end)}'
