@@ -279,10 +279,9 @@ def _root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def position_text(position: Vector, name: str = "") -> str:
+def position_text(position: Vector, name: str = "", digits: int = 2) -> str:
     """Return a position [m] with its preposition, after the name of its place if it has one."""
-    x, y, z = position
-    place = f"({x:.2f}, {y:.2f}, {z:.2f}) m"
+    place = f"({', '.join(f'{x:.{digits}f}' for x in position)}) m"
     return f"{at_place(name)}, {place}" if name else f"at {place}"
 
 

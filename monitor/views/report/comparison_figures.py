@@ -158,7 +158,7 @@ def balance_text(reference: ReferenceResult, balance: BalanceResult, reading: st
     if peak is None:
         return f"nowhere beyond {SIGNIFICANT:g} standard deviations"
     at = reference.nodes[peak[0]]
-    return f"largest {peak[1]} {position_text(at, Geometry(reference).names.name(at))}"
+    return f"largest {peak[1]} {position_text(at, Geometry(reference).names.name(at), 3)}"
 
 
 def _peak(balance: BalanceResult, reading: str) -> tuple[FloatArray, tuple[int, str] | None]:
