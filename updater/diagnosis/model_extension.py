@@ -129,7 +129,7 @@ def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit
         if isinstance(part.hypotheses, Parametric):
             std |= part.hypotheses.physical_std(part)
     knobs = calibration.knobs
-    return rounded(simplified(extended, knobs, calibration.nominal), knobs, std)
+    return rounded(simplified(extended, knobs), knobs, std)
 
 
 def _turn(chosen: SelectedCause) -> int:

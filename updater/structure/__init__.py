@@ -38,7 +38,7 @@ from updater.structure.sensors import Correction, Sensor, sensor_axes
 from updater.structure.structure import Structure, extent, fineness, size
 from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.structure.unit_check import odd_units
-from updater.structure.written_structure import rounded, simplified
+from updater.structure.written_structure import rounded, simplified, without_empty_segments
 
 __all__ = [
     "AXES",
@@ -89,4 +89,5 @@ __all__ = [
     "t_structure_toml",
     "welded",
     "with_springs",
+    "without_empty_segments",
 ]

@@ -21,12 +21,11 @@ _NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid
 _NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, which changes frequencies by 1e-5
 
 
-def simplified(structure: Structure, knobs: Sequence[ModelParameter], own: Structure) -> Structure:
+def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structure:
     """Return the structure without springs and welds that change nothing.
 
     Parameters
     ----------
-    own : structure of the file, whose segments stay
     knobs : parameters of the file that the structure was made from
     """
     supports, joints = list(structure.support), list(structure.joint)
@@ -47,7 +46,7 @@ def simplified(structure: Structure, knobs: Sequence[ModelParameter], own: Struc
         update={
             "support": tuple(supports),
             "joint": tuple(joint for joint in joints if joint.stiffness),
-            "segment": tuple(s for s in structure.segment if s in own.segment or not _does_nothing(s)),
+            "segment": tuple(segment for segment in structure.segment if not _does_nothing(segment)),
         }
     )
 
@@ -72,9 +71,18 @@ def _others(stiffness: Mapping[Any, float], axis: Axis) -> dict[Any, float]:
 
 
 def _does_nothing(segment: Segment) -> bool:
+    return not segment.mass and 0 < _largest_change(segment) < _NO_WELD  # a file's own segments of factor 1 stay
+
+
+def _largest_change(segment: Segment) -> float:
     factors = (segment.stiffness, *segment.bending, segment.torsion, segment.shear_stiffness)
-    off = max(abs(factor - 1) for factor in factors)
-    return not segment.mass and off < _NO_WELD
+    return max(abs(factor - 1) for factor in factors)
+
+
+def without_empty_segments(structure: Structure, own: Structure) -> Structure:
+    """Return the structure without segments that change nothing, but for those of the file that it was made from."""
+    segments = (s for s in structure.segment if s in own.segment or s.mass or _largest_change(s) > 0)
+    return structure.model_copy(update={"segment": tuple(segments)})
 
 
 def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[str, float]) -> Structure:

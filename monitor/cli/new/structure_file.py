@@ -278,8 +278,7 @@ def _lines(
     longest = max(sum((b - a) ** 2 for a, b in zip(m.start, m.end, strict=True)) ** 0.5 for m in frame.members)
     yield f"element_length = {longest / _ELEMENTS:.3g}          # longest element [m]\n"
     yield f"[material.{material}]\n{_MATERIALS[material]}\n"
-    yield "# Sections: width is along the local y axis of a member (horizontal; of an upright member out of the plane of"
-    yield "# the frame), height across it."
+    yield "# Sections: width is along the local y axis of a member (horizontal; of an upright member out of the plane)."
     for name, text in sections.items():
         yield f"[section.{name}]\n{text}\n"
     yield "# Members are joined where one ends on another."

@@ -40,6 +40,7 @@ from updater import DiagnosisResult, Structure, dump_structure, load_structure, 
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
 from updater.reference import Calibration
+from updater.structure import without_empty_segments
 
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
@@ -394,8 +395,10 @@ def _write(
         if found.explained.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
-            own = parse_structure(given).updating  # without parameters fixed and bounded on the command line
-            text = dump_structure(found.explained.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
+            own = parse_structure(given, structure_path)
+            extended = without_empty_segments(found.explained.extended, own)
+            extended = extended.model_copy(update={"updating": own.updating})  # not as limited on the command line
+            text = dump_structure(extended, given, note=_EXTENDED)
             path.write_text(_provenance(found.explained, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:
