@@ -32,7 +32,7 @@ def number_text(value: float, std: float) -> str:
     power = math.floor(math.log10(std))
     digits = -power + (std < 2.95 * 10.0**power)
     shown = max(0, digits)
-    return f"{round(value, digits):.{shown}f} ± {round(std, digits):.{shown}f}"
+    return f"{round(value, digits) + 0.0:.{shown}f} ± {round(std, digits):.{shown}f}"  # no minus before 0
 
 
 def utc_text(time: int) -> str:

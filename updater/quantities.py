@@ -1,5 +1,7 @@
 """Quantities, places and parameters as plain values, in the units of engineers."""
 
+import math
+
 from pydantic import BaseModel, ConfigDict
 
 from daq import FloatArray
@@ -38,6 +40,7 @@ class Where(PlainValue):
     position_std: float | None = None  #: along the member [m]
     region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
     channels: tuple[str, ...] = ()
+    name: str = ""  #: of the place, such as `foot of the right post`; empty where there is none
 
 
 class ParameterChange(PlainValue):
@@ -51,6 +54,22 @@ class ParameterChange(PlainValue):
     before: float | None  #: None for a connection that was rigid
     after: float
     std: float  #: standard deviation of `after`
+    before_std: float = 0.0  #: standard deviation of `before`; 0 for a value of the file
+    place: str = ""  #: name of the place, such as `foot of the right post`; empty where there is none
+
+    @property
+    def relative(self) -> tuple[float, float] | None:
+        """Relative change and its standard deviation; None for a connection that was rigid.
+
+        The deviation of `after` contains that of `before`: flexibilities add, with independent errors.
+        """
+        if self.before is None or self.after == 0:
+            return None
+        before, after = 1 / self.before, 1 / self.after
+        of_before, of_after = self.before_std * before**2, self.std * after**2
+        of_change = math.sqrt(max(of_after**2 - of_before**2, 0.0))
+        std = math.hypot((after - before) * of_before, before * of_change) / after**2
+        return self.after / self.before - 1, std
 
     @property
     def significant(self) -> bool:

@@ -28,7 +28,9 @@ from daq.files.measured import Measured, processed
 from daq.files.options import DataOptions
 from daq.files.origin import Origin
 from daq.files.tables.layout import Layout
+from daq.files.tables.preamble import StatedStart, stated_start
 from daq.files.tables.text_table import read_rows, table_layout
+from daq.notebook import utc_text
 from daq.types import Channel, FloatArray, Recording, find_gaps
 
 _MAX_VALUE = 1e20  # m/s2
@@ -113,7 +115,8 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
     _check_rates(path, found.rate, options)
     temperature = mean_temperature(path, found.warm, found.warmth, found.rate)
     stated = found.origin.start if found.origin else None
-    start = next((start for start in (options.start, found.began, stated) if start is not None), 0)
+    preamble = found.stated.time if found.stated else None
+    start = next((start for start in (options.start, found.began, stated, preamble) if start is not None), 0)
     if not 0 <= start <= _MAX_TIME - len(data) / found.rate * 1e9:
         raise DataError(path, f"time: expected dates from 1970 to 2115, found {start * 1e-9:.6g} s after 1970")
     recording = Recording(
@@ -132,6 +135,7 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
         differentiation_remark(found.signals, scales, options.velocities),
         temperature_remark(found.warm, temperature),
         found.origin.remark if found.origin else None,
+        _start_remark(found.stated) if found.stated and start == preamble else None,
         *found.remarks,
         f"columns left out: {', '.join(found.left)}" if found.left else None,
     ]
@@ -139,7 +143,7 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
         recording=recording,
         temperature=temperature,
         remarks=tuple(remark for remark in texts if remark),
-        dated=found.began is not None or stated is not None,
+        dated=found.began is not None or stated is not None or (found.stated is not None and found.stated.with_clock),
         derivatives=tuple(scale.derivatives for scale in scales),
     )
 
@@ -171,6 +175,7 @@ class Columns:
     time: str | None = None  #: name of the column of times; None if the rate was given
     began: int | None = None  #: when its first date was [ns UTC], if it holds dates
     origin: Origin | None = None  #: origin of an exported file
+    stated: StatedStart | None = None  #: start that the preamble of a table states
     left: tuple[str, ...] = ()  #: descriptions of columns that are left out
     remarks: tuple[str, ...] = ()  #: on the place and the rate of the columns
 
@@ -221,7 +226,13 @@ def _table(path: Path, options: DataOptions) -> Columns:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     preamble = f"sampling rate of the preamble: {known:.6g} Hz" if known is not None and rate is None else ""
     left = (*(text for name, text in others.items() if name or options.names is None), *left)
-    texts: dict[str, Any] = {"left": left, "remarks": (layout.remark, preamble), "origin": origin}
+    stated, unclear = (None, "") if table.dated else _stated_start(layout, options)
+    texts: dict[str, Any] = {
+        "left": left,
+        "remarks": (layout.remark, preamble, unclear),
+        "origin": origin,
+        "stated": stated,
+    }
     if known is not None and not timed:
         return Columns(signals, warm, table.values, known, **texts)
     if time is None or known is not None:
@@ -238,6 +249,23 @@ def _table(path: Path, options: DataOptions) -> Columns:
         return Columns(signals, warm, data, even_rate, time, **texts)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
+
+
+def _stated_start(layout: Layout, options: DataOptions) -> tuple[StatedStart | None, str]:
+    """Return the start of the preamble, and a remark on a date that cannot be read with certainty."""
+    found = None if options.start is not None else stated_start(layout.preamble, options.date_order)
+    if found is None or isinstance(found, StatedStart):
+        return found, ""
+    return None, (
+        f"start date {found.text!r:.40} in line {found.line} not used: it may have the day or the month first; give "
+        "--date-order dmy or mdy"
+    )
+
+
+def _start_remark(stated: StatedStart) -> str:
+    """Return a remark on the start time of a preamble."""
+    day = "" if stated.with_clock else " (no time of day: midnight)"
+    return f"start time from line {stated.line}: {utc_text(stated.time)}{day}"
 
 
 def _foreign_columns(layout: Layout, used: Collection[str | None]) -> dict[str, str]:

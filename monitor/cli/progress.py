@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
 from rich.text import Text
 
 from daq import AnyLog, LogError, LogExcerpt
@@ -18,16 +18,19 @@ _SECOND = 10**9  # ns by which a window may begin before the first scan
 _REFRESHES = 4.0  # per second
 
 
-class _TimeLeft(ProgressColumn):
-    """Estimated time left, once it is known."""
+class _Time(ProgressColumn):
+    """Elapsed time of a stage, and the estimated time left, once it is known."""
 
     def render(self, task: Task) -> Text:
-        seconds = task.time_remaining
-        if seconds is None or task.finished:
-            return Text("")
-        minutes, rest = divmod(round(seconds), 60)
-        hours, minutes = divmod(minutes, 60)
-        return Text(f"{hours}:{minutes:02}:{rest:02} left" if hours else f"{minutes}:{rest:02} left")
+        elapsed = f"{_clock(task.elapsed or 0.0)} elapsed"
+        left = task.time_remaining
+        return Text(elapsed if left is None or task.finished else f"{elapsed}, {_clock(left)} left")
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
 class Work:
@@ -115,8 +118,7 @@ def progress(text: str, files: Iterable[Path] = ()) -> Iterator[Work]:
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),
         TaskProgressColumn(show_speed=False),
-        TimeElapsedColumn(),
-        _TimeLeft(),
+        _Time(),
     )
     bar = Progress(
         *columns,

@@ -1,13 +1,14 @@
 """Findings in sentences: shared by the loop, the report, the viewer and the terminal."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from daq.notebook import number_text
 from monitor.results.comparison import BalanceResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
+from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain, MassChange, Structure
 from updater.diagnosis import CalibrationSummary, Failed, Pair
@@ -29,7 +30,7 @@ SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
 
 def fit_text(answer: MassAnswer) -> str:
     """Return the quality of the fit of a mass, and the number of windows."""
-    p = f"= {answer.p_value:.2g}" if answer.p_value > MIN_P else f"under {MIN_P:.0e}"
+    p = f"= {answer.p_value:.2g}" if answer.p_value > MIN_P else f"< {MIN_P:.0e}"
     return f"fit p {p} from {answer.n_windows} window{'s' * (answer.n_windows > 1)}"
 
 
@@ -58,21 +59,35 @@ def parameter_text(name: str, quantity: Quantity) -> str:
 
 
 def where_text(where: Where | None) -> str:
-    """Return the place of a cause; empty for one that has none."""
+    """Return the place of a cause by the structure's names and its position; empty for one that has none."""
     if where is None:
         return ""
-    parts = [f"on the {where.member}"] if where.member else []
+    named = at_place(where.name)
+    parts = [f"on the {where.member}"] if where.member else [f"{named},"] if named else []
     std = where.position_std or 0.0
     if where.position:
         fine = 3 if std == 0.0 or std >= _COARSE else math.ceil(-math.log10(std))
-        parts.append(f"at ({', '.join(f'{x:.{fine}f}' for x in where.position)}) m")
+        at = "" if parts and not where.member else "at "
+        parts.append(f"{at}({', '.join(f'{x:.{fine}f}' for x in where.position)}) m")
     if std >= _METRES:
         parts.append(f"± {std:.1f} m")
     elif std:
         parts.append(f"± {1000 * std:.0f} mm" if std >= _COARSE else f"± {1000 * std:.1g} mm")
     if where.channels:
         parts.append(f"in {', '.join(where.channels)}")
-    return " ".join(parts)
+    text = " ".join(parts)
+    if not where.member or where.name in ("", where.member):
+        return text
+    sensors = where.name.removeprefix(f"{where.member} at ")
+    return f"{text}, {named if sensors == where.name else f'at {sensors}'}"
+
+
+def at_place(name: str) -> str:
+    """Return the name of a place with its preposition: `at the foot of the left post`, `on the beam at sensor A3`."""
+    if not name:
+        return ""
+    begins = ("foot of", "joint of", "support ", "start of", "end of", "lower end of", "upper end of")
+    return f"{'at' if name.startswith(begins) else 'on'} the {name}"
 
 
 def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
@@ -87,6 +102,8 @@ def _parameter_name(cause: Cause, change: ParameterChange) -> str:
     """Return the quantity, with its place if the cause itself has none."""
     if cause.where is not None:
         return change.quantity
+    if change.place:
+        return f"{change.quantity} {at_place(change.place)}"
     place = " at ({:g}, {:g}, {:g}) m".format(*change.position) if change.position else ""
     return f"{change.quantity} of {change.of}{place}"
 
@@ -102,11 +119,17 @@ def change_texts(change: ParameterChange) -> tuple[str, str]:
     shown = bound if open_above else change.after
     size, prefix = next(pair for pair in _PREFIXES if abs(shown) >= pair[0])
     scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
-    before = "rigid" if change.before is None else f"{scale * change.before:.4g}"
+    before = "rigid" if change.before is None else number_text(scale * change.before, scale * change.before_std)
     if open_above:
         return before, f"over {scale * bound:.3g}{unit} (95 %)"
-    percent = "" if change.before is None else f" ({100 * (change.after / change.before - 1):+.1f} %)"
+    relative = change.relative
+    percent = f" ({signed_text(100 * relative[0], 100 * relative[1])} %)" if relative else ""
     return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}"
+
+
+def signed_text(value: float, std: float) -> str:
+    """Return a change and its standard deviation, with the sign of an increase."""
+    return f"{'+' if value > 0 else ''}{number_text(value, std)}"
 
 
 def cause_text(cause: Cause) -> str:
@@ -122,6 +145,13 @@ def cause_text(cause: Cause) -> str:
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""
     )
+
+
+def placed_text(cause: Cause) -> str:
+    """Return a cause with the name of its place, for a label at that place."""
+    what = cause_text(cause).split(" on the ")[0].split(" at ")[0]
+    place = at_place(cause.where.name) if cause.where else ""
+    return f"{what} {place}".rstrip()
 
 
 MARK = "*"  #: mark of a mode that is not `compared`
@@ -167,7 +197,7 @@ def forecast_text(forecast: AccuracyForecast) -> str:
     least = f"{1e3 * forecast.least_distance_std:.0f} mm and {1e3 * forecast.least_mass_std:.0f} g"
     if forecast.limited_by == "windows":
         until = f"up to about {forecast.enough} windows: {least} at best"
-        return f"more windows reduce the deviation with their square root, {until}"
+        return f"the deviation decreases with the square root of the number of windows, {until}"
     what = {"baseline": "a longer baseline", "model": "a better model or another sensor"}[forecast.limited_by]
     return f"more windows will not reduce the deviation under {least}; {what} would"
 
@@ -175,10 +205,10 @@ def forecast_text(forecast: AccuracyForecast) -> str:
 def change_text(diagnosis: Diagnosis) -> str:
     """Return the change, if there is one, as a part of a sentence."""
     if diagnosis.verdict == "nothing_to_explain":
-        return "too little to name a cause"
+        return "too small for a cause to be named"
     if not diagnosis.causes:
-        return "no cause known here explains how"
-    return "; ".join(cause_text(c) + _aliases(c) for c in diagnosis.causes)
+        return "no known cause explains it"
+    return "; ".join(cause_text(c) + _aliases(c) for c in listed_causes(diagnosis.causes))
 
 
 def _aliases(cause: Cause) -> str:
@@ -224,7 +254,8 @@ def change_gain_text(gain: Gain) -> str:
     error = gain.change_error_percent
     if error is None or error.before is None or error.after is None:
         return ""
-    return f"frequency changes mispredicted by {error.before:.3g} -> {error.after:.3g} % rms ({change_data_text(gain)})"
+    errors = f"{error.before:.3g} -> {error.after:.3g} % rms"
+    return f"frequency changes predicted with an error of {errors} ({change_data_text(gain)})"
 
 
 def change_data_text(gain: Gain) -> str:
@@ -248,13 +279,22 @@ def _root_mean_square(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
+def position_text(position: Vector, name: str = "", digits: int = 2) -> str:
+    """Return a position [m] with its preposition, after the name of its place if it has one."""
+    place = f"({', '.join(f'{x:.{digits}f}' for x in position)}) m"
+    return f"{at_place(name)}, {place}" if name else f"at {place}"
+
+
+def left_over_text(
+    balance: BalanceResult, nodes: Sequence[Vector], name: Callable[[Vector], str] = lambda _: ""
+) -> str:
     """Return where residual forces are largest, in the interpretation favoured by the modes; empty if not significant.
 
     Parameters
     ----------
     balance : of the nodes
     nodes : their positions [m]; nothing is stated for those of another model
+    name : returns the name of a place
     """
     if abs(balance.log_odds) <= CLEAR_ODDS or len(nodes) != len(balance.loss):
         return ""
@@ -263,11 +303,11 @@ def left_over_text(balance: BalanceResult, nodes: Sequence[Vector]) -> str:
     known = [(v, s, at) for v, s, at in zip(values, stds, nodes, strict=True) if v is not None and s is not None]
     if not known:
         return ""
-    value, std, (x, y, z) = max(known, key=lambda one: abs(one[0]))
+    value, std, at = max(known, key=lambda one: abs(one[0]))
     if abs(value) <= SIGNIFICANT * std:
         return ""
     what = f"{'excess' if of_mass == (value > 0) else 'missing'} {'mass' if of_mass else 'stiffness'}"
-    return f"residual forces indicate {what}, largest at ({x:.2f}, {y:.2f}, {z:.2f}) m (no cause assumed)"
+    return f"residual forces indicate {what}, largest {position_text(at, name(at))} (no cause assumed)"
 
 
 def increment_text(increments: MassIncrements) -> str:
@@ -284,7 +324,7 @@ def place_text(place: IncrementPlace | None) -> str:
     if place is None:
         return ""
     if not place.fits:
-        p = f"p = {place.p_value:.2g}" if place.p_value > MIN_P else f"p under {MIN_P:.0e}"
+        p = f"p = {place.p_value:.2g}" if place.p_value > MIN_P else f"p < {MIN_P:.0e}"
         return f"not located: the increments do not fit one mass ({p})"
     x, y, z = place.position
     if place.located:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.text.quantities import MIN_P
+from monitor.text.quantities import MIN_P, plain
 from updater import DiagnosisResult
 from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
 from updater.quantities import SIGNIFICANT
@@ -36,8 +36,8 @@ def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = 
 def rejection_text(rejected: Rejected) -> str:
     """Return why a cause is refused."""
     if rejected.reason == "poor_fit":
-        p = f"p {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p under {MIN_P:.0e}"
-        return f"rejected: poor fit, {p}"
+        p = f"p = {rejected.p_value:.0e}" if rejected.p_value > MIN_P else f"p < {MIN_P:.0e}"
+        return f"rejected: poor fit ({p})"
     if rejected.reason == "less_probable":
         return f"fits, {_ratio_text(-rejected.log_evidence)} times less probable"
     return _REASONS[rejected.reason]
@@ -109,8 +109,11 @@ def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:
     """Return the names of the causes by which each hypothesis differs from the others."""
     common = set[str].intersection(*map(set, hypotheses))
     own = [[name for name in each if name not in common] for each in hypotheses]
-    return [_joint(dict.fromkeys(each)) for each in (own if all(own) else hypotheses)]
+    if all(own):
+        return [_joint(dict.fromkeys(each)) for each in own]
+    others = dict.fromkeys(name for each in own for name in each)
+    return [_joint(dict.fromkeys(each)) if each else f"no {_joint(others, ' or ')}" for each in own]
 
 
-def _joint(causes: Iterable[str]) -> str:
-    return " and ".join(causes).replace("_", " ")
+def _joint(causes: Iterable[str], word: str = " and ") -> str:
+    return word.join(map(plain, causes))

@@ -32,7 +32,7 @@ def trend_text(trend: TrendResult | None) -> str:
     each = ", ".join(f"mode {m.mode} {_rate(m.percent_per_year, m.std_percent_per_year)}" for m in named)
     return (
         f"slow trend of the frequencies over {trend.weeks:.0f} weeks, the effects of temperature and season removed: "
-        f"{mean} % per year in the mean over all modes{f' ({each})' if each else ''}; the temperature "
+        f"{mean} % per year on average over all modes{f' ({each})' if each else ''}; the temperature "
         "model adapts to it; it raises no alarm"
     )
 

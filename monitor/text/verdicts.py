@@ -2,6 +2,7 @@
 
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
+from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text, change_text, mass_text
 from monitor.text.modal_change import modal_change_headline
 from monitor.text.quantities import utc
@@ -17,7 +18,7 @@ VERDICTS = {
     "nothing_to_explain": "Nothing to explain: the data agree with the model.",
     "explained": "Explained",
     "ambiguous": "Explained, but the data cannot distinguish some causes",
-    "unexplained": "The data disagree with the model in a way that no cause known here explains.",
+    "unexplained": "Unexplained: no known cause explains the difference between data and model.",
 }
 
 
@@ -30,7 +31,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the diagnosis in one sentence."""
     if not diagnosis.causes:
         return VERDICTS[diagnosis.verdict]
-    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(cause_text(c) for c in diagnosis.causes)}."
+    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(map(cause_text, listed_causes(diagnosis.causes)))}."
 
 
 def changed_between(run_results: RunResults) -> tuple[int, int] | None:
@@ -65,7 +66,7 @@ def headline(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
     """Return the verdict of a run in one sentence."""
     state, n = last_state(run_results), len(run_results.watched)
     if state == "learning":
-        return f"Still learning: {len(run_results.windows)} windows so far, nothing is judged yet."
+        return f"Still learning: {len(run_results.windows)} windows so far, no window has been evaluated yet."
     if state == "alarm":
         return f"The structure has changed: {_what(run_results, diagnosis)}.{_when(run_results)}"
     if state == "watch":
@@ -73,7 +74,7 @@ def headline(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
     unsure = unsure_now(run_results)
     if change := run_results.closed_by:
         since = sum(window.end > run_results.accepted_at(change) for window in run_results.watched)
-        then = f"nothing has changed in {since} windows since" if since else "no window has been judged since"
+        then = f"nothing has changed in {since} windows since" if since else "no window has been evaluated since"
         return f"A change was accepted {accepted_text(change, run_results.accepted_at(change))}; {unsure or then}."
     if any(alarm.state == "alarm" for alarm in run_results.alarms):
         return f"Back to normal after an alarm, {n} windows watched{f'; {unsure}' if unsure else ''}."
@@ -82,7 +83,7 @@ def headline(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
         return f"No large change: {unsure}{f'; {trend}' if trend else ''}."
     if trend:
         return f"No sudden change in {n} windows; {trend}."
-    return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been judged yet."
+    return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been evaluated yet."
 
 
 def _what(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
@@ -90,9 +91,9 @@ def _what(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
         return change_text(diagnosis)
     if not run_results.answers:
         change = run_results.last_change
-        return modal_change_headline(change) if change else "where is not known yet"
+        return modal_change_headline(change) if change else "location not yet known"
     answer = run_results.answers[-1][1]
-    doubt = " (a mass alone explains it badly)" if answer.p_value < _DOUBTFUL else ""
+    doubt = " (a mass alone fits poorly)" if answer.p_value < _DOUBTFUL else ""
     return mass_text(answer) + doubt
 
 

@@ -7,6 +7,8 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from monitor.results.windows import ReferenceResult
+from updater.quantities import vector
+from updater.structure import NamedPlaces
 
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of the viewer's eye
 RIB = 0.035  #: of the structure's size: half the length of a line across a member, which shows its torsion
@@ -38,6 +40,17 @@ class Geometry:
         self.size = float(np.linalg.norm(self.extent)) or 1.0
         self.centre: FloatArray = (self.nodes.min(0) + self.nodes.max(0)) / 2
         self.held = _held(reference)
+        self._sensors = {channel: place for channel, (place, _) in reference.sensors.items()}
+
+    @property
+    def names(self) -> NamedPlaces:
+        """Names of places."""
+        at = [vector(node) for node in self.nodes]
+        return NamedPlaces(
+            members={name: (at[line[0]], at[line[-1]]) for name, line in self.lines.items()},
+            supports=[at[node] for node in self.held.tolist()],
+            sensors=self._sensors,
+        )
 
     def strips(self, displacement: FloatArray | None = None) -> list[FloatArray]:
         """Return one polyline a member, displaced by (n_nodes, 3) [m]."""

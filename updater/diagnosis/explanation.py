@@ -23,6 +23,7 @@ from updater.diagnosis.naming import (
     modes_of,
     named_causes,
     rejected_causes,
+    with_place_names,
 )
 from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
@@ -229,6 +230,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     extended = extended_structure(calibration, others, best.parts)
     if any(CATALOGUE[name].of_the_file for name in best.names):
         named = tuple(as_written(cause, extended) for cause in named)
+    named = tuple(with_place_names(cause, case.reference.structure) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults
     fit = faults.attempt(

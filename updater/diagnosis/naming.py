@@ -35,7 +35,7 @@ from updater.inference import Comparison, beside, residual
 from updater.modal_data import ModalMean
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector
 from updater.reference import ModelFit, Reference, match_nominal_modes
-from updater.structure import Structure, size
+from updater.structure import Structure, place_name, size
 
 if TYPE_CHECKING:
     from updater import causes
@@ -343,6 +343,18 @@ def as_written(cause: Cause, structure: Structure) -> Cause:
             }
     changes = [c.model_copy(update={"after": q.value, "std": q.std}) for c, q in _with_quantities(cause.changes, found)]
     return cause.model_copy(update={"parameters": found, "changes": tuple(changes)})
+
+
+def with_place_names(cause: Cause, structure: Structure) -> Cause:
+    """Return a cause with the names of its place, and of the places of the parameters that it changes."""
+    where = cause.where
+    if where and where.position:
+        where = where.model_copy(update={"name": place_name(structure, where.position)})
+    changes = tuple(
+        change.model_copy(update={"place": place_name(structure, change.position)}) if change.position else change
+        for change in cause.changes
+    )
+    return cause.model_copy(update={"where": where, "changes": changes})
 
 
 def _with_quantities(

@@ -37,6 +37,7 @@ from updater.structure import (
     model_parameters_of,
     physical_unit,
     physical_value,
+    place_name,
     welded,
 )
 
@@ -111,6 +112,7 @@ class Calibration:
             quantity=knob.quantity,
             of=knob.of,
             position=knob.position,
+            place=place_name(self.structure, knob.position) if knob.position else "",
             unit=physical_unit(self.structure, knob),
             before=before,
             after=after,

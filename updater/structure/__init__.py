@@ -32,12 +32,13 @@ from updater.structure.parameters import (
     welded,
     with_springs,
 )
+from updater.structure.place_names import NamedPlaces, place_name
 from updater.structure.sections import Section
 from updater.structure.sensors import Correction, Sensor, sensor_axes
 from updater.structure.structure import Structure, extent, fineness, size
 from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.structure.unit_check import odd_units
-from updater.structure.written_structure import rounded, simplified
+from updater.structure.written_structure import rounded, simplified, without_empty_segments
 
 __all__ = [
     "AXES",
@@ -51,6 +52,7 @@ __all__ = [
     "Material",
     "Member",
     "ModelParameter",
+    "NamedPlaces",
     "Oscillator",
     "Recorder",
     "Section",
@@ -78,6 +80,7 @@ __all__ = [
     "physical_slope",
     "physical_unit",
     "physical_value",
+    "place_name",
     "portable_text",
     "rounded",
     "sensor_axes",
@@ -86,4 +89,5 @@ __all__ = [
     "t_structure_toml",
     "welded",
     "with_springs",
+    "without_empty_segments",
 ]

@@ -86,8 +86,13 @@ def _merge(table: Any, old: Content, new: Content) -> None:  # noqa: ANN401  tom
 def _set(table: MutableMapping[str, Any], key: str, value: object) -> None:
     if value is None:
         table.pop(key, None)
-    else:
+    elif key in table or not isinstance(table, Table):
         table[key] = _item(value)
+    else:  # before blank lines and comments at the end, which belong to the following entry
+        tail = _cut_tail(table)
+        table[key] = _item(value)
+        for item in tail:
+            table.value.append(None, item)
 
 
 def _item(value: object) -> Item:

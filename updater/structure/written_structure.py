@@ -71,9 +71,18 @@ def _others(stiffness: Mapping[Any, float], axis: Axis) -> dict[Any, float]:
 
 
 def _does_nothing(segment: Segment) -> bool:
+    return not segment.mass and 0 < _largest_change(segment) < _NO_WELD  # a file's own segments of factor 1 stay
+
+
+def _largest_change(segment: Segment) -> float:
     factors = (segment.stiffness, *segment.bending, segment.torsion, segment.shear_stiffness)
-    off = max(abs(factor - 1) for factor in factors)
-    return not segment.mass and 0 < off < _NO_WELD  # a file's own segments of factor 1 stay
+    return max(abs(factor - 1) for factor in factors)
+
+
+def without_empty_segments(structure: Structure, own: Structure) -> Structure:
+    """Return the structure without segments that change nothing, but for those of the file that it was made from."""
+    segments = (s for s in structure.segment if s in own.segment or s.mass or _largest_change(s) > 0)
+    return structure.model_copy(update={"segment": tuple(segments)})
 
 
 def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[str, float]) -> Structure:

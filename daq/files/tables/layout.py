@@ -17,6 +17,7 @@ from daq.errors import DataError
 from daq.files.columns.headings import parted
 from daq.files.columns.time_column import TIME_UNITS
 from daq.files.columns.units import TEMPERATURES, parse_unit, plain
+from daq.files.tables.preamble import Line, stated_rate
 
 MAX_PREAMBLE = 500  #: lines in which the table begins
 _MAX_COLUMNS = 10_000
@@ -35,18 +36,6 @@ _OTHER_UNITS = {  # of quantities that are no motion
     *("rad", "mrad", "deg", "°", "a", "ma", "mv/v", "lb", "lbf", "psi", "rpm", "1/min", "w", "kw", "ohm", "epsilon"),
 }
 _UNIT_LABEL = re.compile(r"y_unit_label|units?|einheit(en)?", re.IGNORECASE)
-_RATE = re.compile(
-    r"\W*(sampl\w*|scan|abtast\w*|mess|measurement|acquisition)[\s_-]*(rate|frequency|freq|frequenz)\b[^\d\n]{0,40}?"
-    r"(?P<rate>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<kilo>k)?(hz)?\b.*",
-    re.IGNORECASE,
-)
-_STEP = re.compile(
-    r"\W*(delta_x|delta|sampl\w*[\s_-]*(interval|period|time))\b[^\d\n]{0,40}?"
-    r"(?P<step>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<unit>ms|us|s|sec)?\b.*",
-    re.IGNORECASE,
-)
-
-Line = tuple[int, str]  # number, counted from 1, and text
 Kind = Literal["value", "text", "empty"]
 
 
@@ -63,6 +52,7 @@ class Layout:
     head: tuple[tuple[str, ...], ...]  #: cells of the first rows
     commented: bool = False  #: whether rows may have a comment after the last column
     rate: float | None = None  #: sampling rate that the preamble states [Hz]
+    preamble: tuple[Line, ...] = ()  #: lines before the first row
 
     @property
     def remark(self) -> str:
@@ -104,7 +94,8 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
         first=first,
         kinds=found.kinds,
         head=tuple(tuple(cells) for cells in found.cells[found.begin :] if len(cells) == width),
-        rate=_stated_rate(lines[: found.begin]),
+        rate=stated_rate(lines[: found.begin]),
+        preamble=tuple(sorted([*comments, *lines[: found.begin]])),
     )
     if names is not None:
         if len(names) != width:
@@ -236,25 +227,6 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 def _with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if name and unit and not parted(name)[1] else name
-
-
-def _stated_rate(preamble: Sequence[Line]) -> float | None:
-    """Return the sampling rate that a preamble states [Hz], None if it states none."""
-    for _, text in preamble:
-        if found := _RATE.match(text[:200]):
-            return _positive(found["rate"], 1e3 if found["kilo"] else 1.0)
-        if found := _STEP.match(text[:200]):
-            step = _positive(found["step"], TIME_UNITS[(found["unit"] or "s").lower().removesuffix("ec")])
-            return None if step is None else 1 / step
-    return None
-
-
-def _positive(text: str, factor: float) -> float | None:
-    try:
-        value = float(text.rstrip(".,").replace(",", ".")) * factor
-    except ValueError:
-        return None
-    return value if 0 < value < float("inf") else None
 
 
 def cells_of(text: str, delimiter: str | None) -> list[str]:

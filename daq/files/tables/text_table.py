@@ -13,8 +13,9 @@ import numpy as np
 from daq.errors import DataError
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, reads, slashed
 from daq.files.origin import Origin, parse_origin
-from daq.files.tables.layout import MAX_PREAMBLE, Layout, Line, find_layout, missing
+from daq.files.tables.layout import MAX_PREAMBLE, Layout, find_layout, missing
 from daq.files.tables.packed import table_text
+from daq.files.tables.preamble import Line
 from daq.types import FloatArray, IndexArray
 
 ORIGIN = "# modalwatch "  #: begins the comment that states the origin of an exported table

@@ -19,8 +19,9 @@ def structure(
         str | None,
         Option(
             metavar="SHAPE:DIMENSIONS",
-            help="Section of all members [m]: rectangle:WIDTH,HEIGHT; box:WIDTH,HEIGHT,THICKNESS; circle:DIAMETER; "
-            "tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE.",
+            help="Section of all members [m]: rectangle:WIDTH,HEIGHT; box:WIDTH,HEIGHT,THICKNESS[,RADIUS]; "
+            "circle:DIAMETER; tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE. RADIUS: outer corner radius, default "
+            "2 THICKNESS.",
         ),
     ] = None,
     beam_section: Annotated[
@@ -30,6 +31,14 @@ def structure(
     sensors: Annotated[
         int, Option(metavar="N", help="Measured places of a member, at equal distances.", min=1, max=20)
     ] = 2,
+    sensors_at: Annotated[
+        list[str] | None,
+        Option(
+            metavar="MEMBER:DISTANCE,..",
+            help="Measured places of one member, from its start [m], such as 'left post:0.7,1.4'. Repeatable. Default: "
+            "--sensors.",
+        ),
+    ] = None,
     pinned: Annotated[
         bool, Option("--pinned", help="Feet that can turn in the plane of the frame. Default: fixed feet.")
     ] = False,
@@ -42,11 +51,18 @@ def structure(
 
     Example:
     modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003
-    modalwatch new structure cantilever --height 1.2 --section rectangle:0.05,0.005 --sensors 3 -o cantilever.toml
+    modalwatch new structure cantilever --height 1.2 --section rectangle:0.05,0.005 --sensors-at column:0.5,1.1
     """
     from monitor.cli.new import structure_file as work
 
     given = {"height": height, "length": length, "storeys": storeys, "section": section}
     return work.write_structure(
-        out, kind, given, beam_section=beam_section, material=material, sensors=sensors, pinned=pinned, force=force
+        out,
+        kind,
+        given,
+        beam_section=beam_section,
+        material=material,
+        sensors=work.places_of(sensors, sensors_at or []),
+        pinned=pinned,
+        force=force,
     )

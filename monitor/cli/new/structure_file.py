@@ -1,6 +1,7 @@
 """Structure files of common kinds of frames, with comments."""
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,11 +23,13 @@ _MATERIALS = {
 }
 _DIMENSIONS = {
     "rectangle": ("width", "height"),
-    "box": ("width", "height", "thickness"),
+    "box": ("width", "height", "thickness", "corner_radius"),
     "circle": ("diameter",),
     "tube": ("diameter", "thickness"),
     "i": ("width", "height", "web", "flange"),
 }
+_NOTES = {"corner_radius": "          # outer; 0 for sharp corners, about 2 thicknesses for cold-formed tubes"}
+_RADIUS = 2.0  # thicknesses: outer corner radius of cold-formed tubes up to 6 mm, EN 10219-2
 _QUESTIONS = {
     "height": "height of a column, post or storey [m]",
     "length": "length of the beam [m]",
@@ -40,6 +43,7 @@ _NEEDED = {
     "storeys": ("height", "length", "storeys"),
     "t-frame": ("height", "length"),
 }
+_ROUNDING = 1e-9  # relative: distances up to the end of a member
 _ELEMENTS = 20  # of the longest member: a static shape function each, exact at its nodes
 
 
@@ -71,6 +75,53 @@ class _Member:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SensorPlaces:
+    """Measured places of the members."""
+
+    number: int  #: places of a member, at equal distances
+    distances: Mapping[str, tuple[float, ...]]  #: from the start of a member [m], by its name, in place of these
+
+    def of(self, member: _Member) -> list[Point]:
+        """Return the measured points of a member.
+
+        Raises
+        ------
+        ArgumentError
+            If a distance is beyond its end.
+        """
+        if member.name not in self.distances:
+            return [member.at(share) for share in member.places(self.number)]
+        length = math.dist(member.start, member.end)
+        for distance in self.distances[member.name]:
+            if not 0 <= distance <= length * (1 + _ROUNDING):
+                raise ArgumentError(
+                    "--sensors-at", f"{member.name}: expected distances from 0 to {length:g} m, found {distance:g}"
+                )
+        return [member.at(min(distance / length, 1.0)) for distance in self.distances[member.name]]
+
+
+def places_of(number: int, given: Sequence[str]) -> SensorPlaces:
+    """Return the measured places that options give as MEMBER:DISTANCE,..
+
+    Raises
+    ------
+    ArgumentError
+        If one of them has another form.
+    """
+    distances: dict[str, tuple[float, ...]] = {}
+    for text in given:
+        member, colon, listed = text.rpartition(":")
+        try:
+            found = tuple(float(value) for value in listed.split(","))
+        except ValueError:
+            found = ()
+        if not (member and colon and found):
+            raise ArgumentError("--sensors-at", f"expected MEMBER:DISTANCE,.. in m, found {text!r}")
+        distances[member] = found
+    return SensorPlaces(number=number, distances=distances)
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Frame:
     members: tuple[_Member, ...]
     feet: tuple[Point, ...]  #: fixed, or pinned if so wanted
@@ -84,7 +135,7 @@ def write_structure(
     *,
     beam_section: str | None,
     material: str,
-    sensors: int,
+    sensors: "SensorPlaces",
     pinned: bool,
     force: bool,
 ) -> int:
@@ -106,6 +157,10 @@ def write_structure(
     frame = _FRAMES[kind](sizes)
     if pinned and len(frame.feet) < 2:
         raise ArgumentError("--pinned", f"a {kind} needs fixed feet, or it can move without deformation")
+    names = [member.name for member in frame.members]
+    for name in sensors.distances:
+        if name not in names:
+            raise ArgumentError("--sensors-at", f"no member is named {name!r}; there are {', '.join(names)}")
     has_beams = any(member.section == "beam" for member in frame.members)
     if beam_section is not None and not has_beams:
         raise ArgumentError("--beam-section", f"a {kind} has one section: give it as --section")
@@ -146,9 +201,14 @@ def _section(option: str, text: str) -> str:
         numbers = [float(value) for value in values]
     except ValueError:
         numbers = []
+    if shape == "box" and len(numbers) == len(names) - 1:
+        width, height, thickness = numbers
+        radius = _RADIUS * thickness
+        numbers.append(radius if radius < min(width, height) / 2 else 0.0)
     if len(numbers) != len(names):
-        raise ArgumentError(option, f"expected {shape}:{','.join(names).upper()} in m, found {text!r}")
-    dimensions = (f"{name} = {number:g}" for name, number in zip(names, numbers, strict=True))
+        form = ",".join(names).upper().replace(",CORNER_RADIUS", "[,CORNER_RADIUS]")
+        raise ArgumentError(option, f"expected {shape}:{form} in m, found {text!r}")
+    dimensions = (f"{n} = {number:g}{_NOTES.get(n, '')}" for n, number in zip(names, numbers, strict=True))
     return "\n".join([f'shape = "{shape}"', *dimensions])
 
 
@@ -209,7 +269,7 @@ _FRAMES: dict[str, Callable[[Mapping[str, float]], _Frame]] = {
 
 
 def _lines(
-    kind: str, frame: _Frame, sections: Mapping[str, str], material: str, sensors: int, *, pinned: bool
+    kind: str, frame: _Frame, sections: Mapping[str, str], material: str, sensors: SensorPlaces, *, pinned: bool
 ) -> Iterator[str]:
     yield "# Structure file of modalwatch. Axes: x along the beam, y out of the plane of the frame, z up."
     yield "# SI units throughout: m, kg, N, Pa. `modalwatch structure FILE` draws it and lists its modes."
@@ -218,8 +278,9 @@ def _lines(
     longest = max(sum((b - a) ** 2 for a, b in zip(m.start, m.end, strict=True)) ** 0.5 for m in frame.members)
     yield f"element_length = {longest / _ELEMENTS:.3g}          # longest element [m]\n"
     yield f"[material.{material}]\n{_MATERIALS[material]}\n"
+    yield "# Sections: width is along the local y axis of a member (horizontal; of an upright member out of the plane)."
     for name, text in sections.items():
-        yield f"[section.{name}]                # width along the local y axis (horizontal), height along z\n{text}\n"
+        yield f"[section.{name}]\n{text}\n"
     yield "# Members are joined where one ends on another."
     for member in frame.members:
         yield f'[[member]]\nname = "{member.name}"\nfrom = {_point(member.start)}\nto = {_point(member.end)}'
@@ -233,15 +294,15 @@ def _lines(
     yield "# Attached bodies whose mass is known, such as clamps and sensors:"
     yield "# [[body]]\n# at = [0.0, 0.0, 1.0]\n# mass = 0.25\n"
     yield "# Sensors: one entry per measured axis. `channel` is its name in the data; the direction is positive."
+    yield "# `at` is the position on the axis of a member. Replace names and positions by those of your sensors."
     yield from _sensors(frame, sensors)
 
 
-def _sensors(frame: _Frame, n: int) -> Iterator[str]:
+def _sensors(frame: _Frame, places: SensorPlaces) -> Iterator[str]:
     taken: set[tuple[Point, str]] = set()
     held = {*frame.feet, *(at for at, _ in frame.supports)}
     for member in frame.members:
-        for number, share in enumerate(member.places(n), 1):
-            at = member.at(share)
+        for number, at in enumerate(places.of(member), 1):
             for axis in member.directions:
                 if at in held or (at, axis) in taken:
                     continue

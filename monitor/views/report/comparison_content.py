@@ -72,25 +72,26 @@ def _worst(sensors: tuple[SensorComparison, ...]) -> str:
     worst = max(sensors, key=lambda s: s.residual / max(s.noise, 1e-12))
     ratio = worst.residual / max(worst.noise, 1e-12)
     if ratio < 3:
-        return "No sensor lies farther from the simulated shapes than three times what noise leaves."
+        return "No sensor deviates from the simulated shapes by more than three times the expected noise."
     text = (
-        f"{worst.channel} lies farthest from the simulated shapes: {100 * worst.residual:.1f} % of a typical component"
+        f"Largest deviation from the simulated shapes: {worst.channel}, {100 * worst.residual:.1f} % of a typical "
+        "component"
     )
-    return f"{text}, {ratio:.1f} times what noise leaves."
+    return f"{text}, {ratio:.1f} times the expected noise."
 
 
 def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> list[dict[str, Any]]:
     if found.balance is None or reference is None or len(found.balance.loss) != len(reference.nodes):
         return []
-    readings = {"added": "as mass that is on top", "loss": "as stiffness that is lacking"}
-    if abs(found.balance.log_odds) > CLEAR_ODDS:  # one reading explains all modes together far better
+    readings = {"added": "excess mass", "loss": "missing stiffness"}
+    if abs(found.balance.log_odds) > CLEAR_ODDS:  # one interpretation explains all modes together far better
         readings.pop("loss" if found.balance.log_odds > 0 else "added")
     parts = []
     for reading, name in readings.items():
         text = beside.balance_text(reference, found.balance, reading)
         if text:
-            odds = f" (log evidence {abs(found.balance.log_odds):.0f} over the other reading)" * (len(readings) == 1)
-            title = f"Residual forces, read {name}{odds}: {text}"
+            odds = f" (log evidence {abs(found.balance.log_odds):.0f} over the other interpretation)"
+            title = f"Residual forces as {name}{odds * (len(readings) == 1)}: {text}"
             drawn = picture(partial(beside.balance_figure, reference, found.balance, reading), title)
             parts.append({"picture": drawn, "text": title + "."})
     return parts

@@ -14,7 +14,8 @@ from monitor.results.comparison import (
     SignalComparison,
 )
 from monitor.results.windows import ReferenceResult
-from monitor.text.causes import SIGNIFICANT
+from monitor.text.causes import SIGNIFICANT, position_text
+from monitor.views.geometry import Geometry
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, WIDTH, mode_colour, new_figure
 
@@ -28,12 +29,13 @@ def mac_figure(found: DiscrepancyResult) -> Figure | None:
     if not mac.size:
         return None
     rows, columns = mac.shape
-    figure = new_figure(WIDTH, 0.9 + min(4.0, WIDTH * 0.72 * rows / max(columns, 1)))
+    figure = new_figure(WIDTH, _mac_height(found))
     axes = figure.subplots()
     axes.grid(visible=False)
     image = axes.imshow(mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     axes.set_xticks(range(columns), [f"{f:.4g}" for f in found.columns], rotation=90, fontsize=7)
     axes.set_yticks(range(rows), [f"{f:.4g}" for f in found.rows], fontsize=7)
+    axes.set_title("MAC of simulated with measured modes")
     axes.set_xlabel("measured [Hz]")
     axes.set_ylabel("simulated [Hz]")
     if max(rows, columns) <= _WRITTEN:
@@ -47,6 +49,11 @@ def mac_figure(found: DiscrepancyResult) -> Figure | None:
     return figure
 
 
+def _mac_height(found: DiscrepancyResult) -> float:
+    """Return the height of the picture of the MAC [inches], so that its cells are nearly square."""
+    return 0.9 + min(4.0, WIDTH * 0.72 * len(found.rows) / max(len(found.columns), 1))
+
+
 def _matrix(rows: tuple[tuple[float | None, ...], ...]) -> FloatArray:
     return np.array([[np.nan if v is None else v for v in row] for row in rows], float)
 
@@ -56,7 +63,7 @@ def offsets_figure(found: DiscrepancyResult) -> Figure | None:
     pairs = [m for m in found.modes if m.off_percent is not None]
     if not pairs:
         return None
-    figure = new_figure(WIDTH, 2.9)
+    figure = new_figure(WIDTH, max(_mac_height(found), 2.9))
     axes = figure.subplots()
     number = np.arange(len(pairs))
     off = np.array([m.off_percent for m in pairs], float)
@@ -68,10 +75,11 @@ def offsets_figure(found: DiscrepancyResult) -> Figure | None:
         axes.errorbar(
             number + 0.12, after, 2 * std, fmt="o", markersize=5, color=OK, capsize=3, label="with the causes"
         )
-        axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+        figure.legend(fontsize=7, loc="outside lower center", ncols=2)
     axes.set_xticks(number, [f"{m.measured:.4g}" for m in pairs], rotation=90, fontsize=7)
     axes.set_xlabel("measured mode [Hz]")
-    axes.set_ylabel("measured is off the model by [%]")
+    axes.set_title("Measured frequencies relative to the model")
+    axes.set_ylabel("difference [%]")
     return figure
 
 
@@ -94,7 +102,11 @@ def sensors_figure(found: DiscrepancyResult) -> Figure | None:
     ):
         last.plot(np.maximum(values, _MIN), level + shift, "o", markersize=4.5, color=colour)
     last.set_xscale("log")
-    last.set_xlabel("1 - COMAC")
+    last.set_xlabel("1 - COMAC [-]")
+    titles = ("Shape residual", "Prediction error", "COMAC") if has_prediction else ("Shape residual", "COMAC")
+    for panel, title in zip(panels, titles, strict=True):
+        panel.set_title(title, fontsize=8)
+    panels[0].set_ylabel("sensor")
     panels[0].set_yticks(level, names, fontsize=7)
     panels[0].invert_yaxis()
     return figure
@@ -131,6 +143,7 @@ def balance_figure(reference: ReferenceResult, balance: BalanceResult, reading: 
     figure = new_figure(WIDTH, 4.4)
     axes, frame = figure.subplots(), Frame(reference)
     what = "missing stiffness [%]" if reading == "loss" else "excess mass [%]"
+    axes.set_title(f"Residual forces as {what.partition(' [')[0]}")
     frame.draw_values(axes, 100 * values, what)
     if peak is not None:
         frame.draw_note(axes, reference.nodes[peak[0]], peak[1])
@@ -144,8 +157,8 @@ def balance_text(reference: ReferenceResult, balance: BalanceResult, reading: st
         return ""
     if peak is None:
         return f"nowhere beyond {SIGNIFICANT:g} standard deviations"
-    x, y, z = reference.nodes[peak[0]]
-    return f"strongest {peak[1]} at ({x:.3f}, {y:.3f}, {z:.3f}) m"
+    at = reference.nodes[peak[0]]
+    return f"largest {peak[1]} {position_text(at, Geometry(reference).names.name(at), 3)}"
 
 
 def _peak(balance: BalanceResult, reading: str) -> tuple[FloatArray, tuple[int, str] | None]:
@@ -161,22 +174,22 @@ def _peak(balance: BalanceResult, reading: str) -> tuple[FloatArray, tuple[int, 
 
 def signal_figure(signal: SignalComparison) -> Figure:
     """Return a sensor's signal in time, measured and predicted."""
-    figure = new_figure(WIDTH, 2.2)
+    figure = new_figure(WIDTH, 2.5)
     axes = figure.subplots()
     t = 1000 * signal.step * np.arange(len(signal.measured))
     unit, name = (1000.0, "mm/s²") if np.abs(signal.measured).max() < 0.1 else (1.0, "m/s²")
     axes.plot(t, unit * np.array(signal.measured), color=INK, linewidth=1.3, label="measured")
     axes.plot(t, unit * np.array(signal.predicted), color=SENSOR, linewidth=1.0, label="predicted from the others")
-    axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=2)
-    axes.set_title(signal.channel, fontsize=8.5)
+    figure.legend(fontsize=7, loc="outside lower center", ncols=2)
+    axes.set_title(f"{signal.channel}: signal", fontsize=8.5)
     axes.set_xlabel(f"time from {signal.start:.1f} s [ms]")
-    axes.set_ylabel(name)
+    axes.set_ylabel(f"acceleration [{name}]")
     return figure
 
 
 def spectrum_figure(signal: SignalComparison) -> Figure:
     """Return amplitude densities about the resonances, side by side, with equal widths."""
-    figure = new_figure(WIDTH, 2.2)
+    figure = new_figure(WIDTH, 2.5)
     axes = figure.subplots()
     frequency = _column(signal.frequency)
     place, ticks = _side_by_side(frequency)
@@ -185,10 +198,11 @@ def spectrum_figure(signal: SignalComparison) -> Figure:
         curves.append(("prediction error with the causes", signal.missed_after, OK, 0.9))
     for name, values, colour, width in curves:
         axes.semilogy(place, np.sqrt(_column(values)), color=colour, linewidth=width, label=name)
-    axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 0.98), ncols=3)
+    figure.legend(fontsize=7, loc="outside lower center", ncols=3)
     axes.set_xticks(list(ticks), list(ticks.values()), fontsize=7)
-    axes.set_xlabel("about each resonance [Hz]")
-    axes.set_ylabel("m/s²/√Hz")
+    axes.set_title(f"{signal.channel}: spectrum", fontsize=8.5)
+    axes.set_xlabel("frequency near each resonance [Hz]")
+    axes.set_ylabel("spectral density [m/s²/√Hz]")
     return figure
 
 
@@ -220,6 +234,7 @@ def trends_figure(trends: tuple[FrequencyTrend, ...], over: str) -> Figure | Non
         label = f"{trend.mode:.4g} Hz: {number_text(trend.slope, trend.slope_std)} %/{trend.unit}"
         axes.plot(ends, trend.slope * (ends - middle), color=colour, linewidth=1.1, label=label)
     axes.set_xlabel(f"{over} [{'°C' if mine[0].unit == 'K' else mine[0].unit}]")
-    axes.set_ylabel("frequency from its mean [%]")
+    axes.set_title(f"Frequencies over {over}")
+    axes.set_ylabel("difference from the mean [%]")
     axes.legend(fontsize=6.5, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
     return figure

@@ -13,6 +13,7 @@ from daq.notebook import number_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
+from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     cause_text,
     change_data_text,
@@ -144,7 +145,7 @@ def _windows(run: Run) -> str:
 
 def _pictures(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> dict[str, Picture | None]:
     reference, answer = run_results.structure, last_answer(run_results)
-    causes = diagnosis.causes if diagnosis else ()
+    causes = listed_causes(diagnosis.causes) if diagnosis else ()
     spectra = run_results.spectra
     return {
         "structure": picture(
@@ -282,7 +283,7 @@ def diagnosis_content(
 ) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
     drawn = picture(
-        lambda: fits.causes_figure(reference, diagnosis.causes) if reference else None,
+        lambda: fits.causes_figure(reference, listed_causes(diagnosis.causes)) if reference else None,
         "The structure with the causes where they are",
     )
     return _diagnosis(diagnosis, reference, found) | {"places": drawn}
@@ -306,11 +307,11 @@ def _diagnosis(
                 "text": cause_text(c),
                 "name": plain(c.cause),
                 "probability": share_text(c.probability),
-                "where": where_text(c.where) or "nowhere in particular",
+                "where": where_text(c.where) or "–",
                 "parameters": parameter_texts(c),
                 "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
             }
-            for c in diagnosis.causes
+            for c in listed_causes(diagnosis.causes)
         ],
         "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
         "failed": [failed_text(failed) for failed in diagnosis.failed],

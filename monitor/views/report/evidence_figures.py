@@ -40,7 +40,8 @@ def evidence_figure(diagnosis: DiagnosisAnswer) -> Figure | None:
     axes.spines["left"].set_visible(False)
     axes.xaxis.set_major_locator(SymmetricalLogLocator(base=10.0, linthresh=_LINEAR))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
-    axes.set_xlabel("log evidence against the best explanation")
+    axes.set_title("Evidence relative to the best explanation")
+    axes.set_xlabel("log evidence [-]")
     axes.set_box_aspect(None)
     return figure
 
@@ -50,6 +51,7 @@ def density_figure(reference: ReferenceResult, places: PlaceDensity) -> Figure:
     figure = new_figure(WIDTH, 4.4)
     axes, frame = figure.subplots(), Frame(reference)
     frame.draw(axes, names=True)
+    axes.set_title(f"Places of {plain(places.cause)}")
     frame.draw_density(axes, places)
     best = int(np.argmax(places.density))
     frame.draw_note(axes, places.position[best], plain(places.cause))

@@ -6,6 +6,8 @@ from matplotlib.figure import Figure
 
 from daq import FloatArray
 from monitor.results.windows import Interval, ReferenceResult
+from monitor.text.causes import at_place
+from monitor.text.quantities import plain
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, OK, SOFT, new_figure
 from updater import Cause, Diagnosis
@@ -26,6 +28,8 @@ def fits_figure(diagnosis: Diagnosis) -> Figure | None:
     left.errorbar(number, np.zeros(len(number)), 2 * np.array(std), fmt="none", ecolor=SOFT, capsize=4)
     _pairs(left, number, [_off(m, m.frequency.before) for m in diagnosis.modes], "without", ALARM)
     _pairs(left, number, [_off(m, m.frequency.after) for m in diagnosis.modes], "with the causes", OK)
+    left.set_title("Frequency error of the model")
+    right.set_title("Shape error of the model")
     left.set_ylabel("model off by [%]")
     _pairs(right, number, [_far(m.mac.before) for m in diagnosis.modes], "without", ALARM)
     _pairs(right, number, [_far(m.mac.after) for m in diagnosis.modes], "with the causes", OK)
@@ -34,7 +38,7 @@ def fits_figure(diagnosis: Diagnosis) -> Figure | None:
     for axes in (left, right):
         axes.set_xticks(number, [f"{n:g}" for n in number])
         axes.set_xlabel("mode")
-        axes.legend(fontsize=7, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+    figure.legend(*left.get_legend_handles_labels(), fontsize=7, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -63,12 +67,23 @@ def causes_figure(reference: ReferenceResult, causes: tuple[Cause, ...]) -> Figu
         return None
     figure = new_figure(4.6, 4.2)
     axes, frame = figure.subplots(), Frame(reference)
+    axes.set_title("Places of the causes")
     frame.draw(axes, names=True)
-    for number, cause in enumerate(placed, 1):
-        where = cause.where
-        if where is None or where.position is None:
-            continue
-        region = [Interval(member=where.member or "", start=start, end=end) for start, end in where.region]
-        frame.draw_place(axes, where.position, region, f"{number}: {cause.cause.replace('_', ' ')}")
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=2, fontsize=7)
+    places = [
+        (
+            cause.where.position,
+            [Interval(member=cause.where.member or "", start=start, end=end) for start, end in cause.where.region],
+            _label(cause),
+        )
+        for cause in placed
+        if cause.where and cause.where.position
+    ]
+    frame.draw_places(axes, places)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=3, fontsize=7)
     return figure
+
+
+def _label(cause: Cause) -> str:
+    """Return the cause, and its place on a second line where that has a name."""
+    place = at_place(cause.where.name) if cause.where else ""
+    return "\n".join(filter(None, (plain(cause.cause), place)))

@@ -19,6 +19,7 @@ def structure_figure(reference: ReferenceResult, answer: MassAnswer | None) -> F
     """Return the structure, with the place and its 95 % region if there is an answer."""
     figure = new_figure(4.6, 4.4)
     axes, frame = figure.subplots(), Frame(reference)
+    axes.set_title("Position of the mass" if answer else "Structure and sensors")
     frame.draw(axes, names=True)
     if answer:
         frame.draw_answer(axes, answer)
@@ -44,6 +45,7 @@ def profile_figure(answer: MassAnswer, unit: tuple[float, str]) -> Figure | None
         lower.plot(x, mass, color=colour, linewidth=1.4)
         middle = unrolled.offset[member] + unrolled.length[member] / 2
         upper.text(middle, 1.01, member, transform=upper.get_xaxis_transform(), ha="center", color=colour)
+    figure.suptitle("Misfit and best mass along the members", fontsize=9, fontweight="bold", x=0.02, ha="left")
     _mark_best(upper, lower, unrolled, answer, unit[0])
     upper.set_ylim(worst, -0.4)
     upper.set_ylabel("misfit compared with the best place [σ]")

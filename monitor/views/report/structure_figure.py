@@ -1,5 +1,6 @@
 """Figure of the structure in parallel projection."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +22,9 @@ _HEAT = LinearSegmentedColormap.from_list("heat", ["#cc3340", "#f08a3c", "#f2c35
 _SIGNED = LinearSegmentedColormap.from_list("signed", [REMOVED, "#d5dae0", ADDED])
 _PAPER = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
 _LEADER = {"arrowstyle": "-", "color": INK, "linewidth": 0.7, "shrinkB": 4}
+_ARROW = {"arrowstyle": "->", "color": SOFT, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
+_TRIAD = 0.1  # of the structure's size: length of the arrows of the directions
+_SAME_LABEL = 0.08  # of the structure's size: places that are nearer have one label
 _FAR = 6.0  # sigmas: from here on a place is drawn as cold
 
 
@@ -50,10 +54,22 @@ class Frame:
                 axes.annotate(name, (x, y), (4, 4), textcoords="offset points", color=SOFT, fontsize=7)
         feet = self.flat(self.geometry.nodes[self.geometry.held])
         axes.plot(*feet.T, linestyle="none", marker="^", markersize=7, color=SOFT, zorder=2)
+        self._directions(axes)
         if names:
             places = self.flat(np.array([place for place, _ in self.reference.sensors.values()]).reshape(-1, 3))
             axes.plot(*places.T, "o", markersize=5, color=SENSOR, markeredgecolor="white", zorder=4, label="sensor")
         axes.margins(0.1)
+
+    def _directions(self, axes: Axes) -> None:
+        """Draw the directions of the axes next to the structure."""
+        drawn = self.flat(self.geometry.nodes)
+        origin = drawn.min(0) - (0.1 * self.geometry.size, 0.0)
+        for name, along in zip("xyz", self.flat(_TRIAD * self.geometry.size * np.eye(3)), strict=True):
+            tip = origin + along
+            axes.annotate("", tip, origin, arrowprops=_ARROW, zorder=2)
+            x, y = origin + 1.3 * along
+            axes.text(x, y, name, color=SOFT, fontsize=7, ha="center", va="center")
+            axes.update_datalim([tip, origin + 1.3 * along])
 
     def draw_answer(self, axes: Axes, answer: MassAnswer) -> None:
         """Draw the likelihood's answer: warm where the mass may be, the 95 % region, the best place."""
@@ -79,15 +95,29 @@ class Frame:
             bar.ax.invert_yaxis()
             bar.outline.set_visible(False)
 
-    def draw_place(self, axes: Axes, position: Vector, region: list[Interval], name: str) -> None:
-        """Draw one of several places with its 95 % region."""
-        self._region(axes, region)
-        x, y = self.flat(np.array(position))
-        axes.plot(x, y, "o", markersize=9, color=ADDED, markeredgecolor="white", zorder=6)
-        axes.annotate(name, (x, y), (8, -16), textcoords="offset points", fontsize=8, zorder=7)
+    def draw_places(self, axes: Axes, places: Sequence[tuple[Vector, list[Interval], str]]) -> None:
+        """Draw places, each with its 95 % region and its name; the names of places that coincide are one label."""
+        self._region(axes, [stretch for _, region, _ in places for stretch in region])
+        labels: list[tuple[FloatArray, list[str]]] = []
+        for position, _, name in places:
+            at = self.flat(np.array(position))
+            near = (names for other, names in labels if np.linalg.norm(other - at) < _SAME_LABEL * self.geometry.size)
+            if (names := next(near, None)) is None:
+                labels.append((at, [name]))
+                axes.plot(*at, "o", markersize=9, color=ADDED, markeredgecolor="white", zorder=6)
+            else:
+                names.append(name)
+        middle = self.flat(self.geometry.nodes).mean(0)
+        for (x, y), names in labels:
+            left = x > middle[0]
+            axes.annotate(
+                "\n".join(names), (x, y), (-9 if left else 9, -4), textcoords="offset points", fontsize=8, zorder=7,
+                ha="right" if left else "left", va="top", bbox=_PAPER,
+            )  # fmt: skip
 
     def _region(self, axes: Axes, region: list[Interval]) -> None:
-        for number, stretch in enumerate(region):
+        extended = [stretch for stretch in region if stretch.start != stretch.end]
+        for number, stretch in enumerate(extended):
             ends = self.flat(np.array([stretch.start, stretch.end]))
             label = "95 % region" if number == 0 else None
             axes.plot(*ends.T, color=REGION, linewidth=9, alpha=0.8, zorder=2.5, label=label)

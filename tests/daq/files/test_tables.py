@@ -68,10 +68,43 @@ def test_labview_table_without_times_has_the_rate_of_its_preamble(tmp_path: Path
     assert found.recording.rate == 100.0
     assert found.remarks == (
         "from the columns: left, right 1 in g",
+        "start time from line 6: 2026-02-01 17:18:18 UTC",
         "the table begins in line 19",
         "sampling rate of the preamble: 100 Hz",
         "columns left out: X_Value (empty)",
     )
+
+
+@pytest.mark.parametrize(
+    ("preamble", "order", "start"),
+    [
+        ("Messung Halle 3\nDatum: 01.02.2026\nAbtastrate: 256 Hz", None, "2026-02-01T00:00:00"),
+        ("Date: 2026-02-01", None, "2026-02-01T00:00:00"),
+        ("Datum;1.2.26\nUhrzeit;9:05:00", None, "2026-02-01T09:05:00"),
+        ("Start Date/Time: 2/24/2026 3:07:09 PM", None, "2026-02-24T15:07:09"),
+        ("Fecha: 24-02-2026 10:00", None, "2026-02-24T10:00:00"),
+        ("Date de d\u00e9but: 01/02/2026", "dmy", "2026-02-01T00:00:00"),
+        ('"Messbeginn:";"2026-02-01T12:00:00+01:00"', None, "2026-02-01T11:00:00"),
+        ("# Date: 2026-02-01", None, "2026-02-01T00:00:00"),
+        ("Export date: 2026-02-01\nKalibrierung Datum: 2026-01-01\nMesszeit: 300 s", None, "1970-01-01T00:00:00"),
+        ("Date de d\u00e9but: 01/02/2026", None, "1970-01-01T00:00:00"),
+    ],
+)
+def test_start_is_that_of_the_preamble(tmp_path: Path, preamble: str, order: str | None, start: str) -> None:
+    path = tmp_path / "beam.csv"
+    rows = [";".join((f"{k / 256:.6f}".replace(".", ","), *row)) for k, row in enumerate(comma(DATA))]
+    path.write_text(f"{preamble}\n\nZeit;left;right\n" + "\n".join(rows), encoding="utf-8")
+    found = read_measured(path, DataOptions(date_order=order))
+    assert str(np.datetime64(found.recording.start, "ns"))[:19] == start
+    said = [remark for remark in found.remarks if "start" in remark]
+    if start.startswith("1970"):
+        assert not said or said[0].startswith("start date '01/02/2026' in line 1 not used")
+    else:
+        assert said[0].startswith("start time from line")
+        assert said[0].endswith("midnight)") == start.endswith("00:00:00")
+    assert found.dated == (not start.endswith("00:00:00"))
+    given = read_measured(path, DataOptions(start=START)).recording
+    assert given.start == START
 
 
 def test_labview_table_with_times(tmp_path: Path) -> None:

@@ -35,6 +35,20 @@ def test_structure_of_each_kind_has_a_model(
     build_model(found)  # refuses a mechanism
 
 
+def test_structure_has_given_sensors_and_corner_radius(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "frame.toml"
+    places = ("--sensors-at", "left post:1.2", "--sensors-at", "beam:0.8,3", "--sensors", 1)
+    assert modalwatch("new", "structure", *PORTAL, *places, "-o", path).code == 0
+    found = load_structure(path)
+    at = {sensor.channel: sensor.at for sensor in found.sensor}
+    assert at["left_post_1_x"] == (0.0, 0.0, 1.2)
+    assert (at["beam_1_z"], at["beam_2_z"]) == ((0.8, 0.0, 2.0), (3.0, 0.0, 2.0))
+    assert at["right_post_1_y"] == (3.0, 0.0, 1.0)
+    assert "corner_radius = 0.006 " in path.read_text(encoding="utf-8")
+    assert modalwatch("new", "structure", *PORTAL[:-1], "box:0.06,0.04,0.003,0.005", "-o", path, "--force").code == 0
+    assert "corner_radius = 0.005 " in path.read_text(encoding="utf-8")
+
+
 def test_site_has_a_device_per_place_and_its_channels(modalwatch: Commands, tmp_path: Path) -> None:
     structure, path = tmp_path / "frame.toml", tmp_path / "sites" / "site.toml"
     path.parent.mkdir()
@@ -56,8 +70,14 @@ def test_site_has_a_device_per_place_and_its_channels(modalwatch: Commands, tmp_
         (("portal", "--height", 2, "--section", "circle:0.1"), "--length: needed: length of the beam [m]"),
         (("arch",), "KIND: expected one of cantilever, beam, portal, storeys, t-frame, found 'arch'"),
         ((*PORTAL, "--storeys", 2), "--storeys: is no dimension of a portal"),
-        ((*PORTAL[:-1], "box:0.1,0.1"), "--section: expected box:WIDTH,HEIGHT,THICKNESS in m, found 'box:0.1,0.1'"),
+        (
+            (*PORTAL[:-1], "box:0.1,0.1"),
+            "--section: expected box:WIDTH,HEIGHT,THICKNESS[,CORNER_RADIUS] in m, found",
+        ),
         ((*PORTAL[:-1], "box:0.1,0.1,0.2"), "thickness"),
+        ((*PORTAL, "--sensors-at", "left post"), "--sensors-at: expected MEMBER:DISTANCE,.. in m, found 'left post'"),
+        ((*PORTAL, "--sensors-at", "post:1"), "--sensors-at: no member is named 'post'; there are left post, right"),
+        ((*PORTAL, "--sensors-at", "beam:3.5"), "--sensors-at: beam: expected distances from 0 to 3 m, found 3.5"),
         (("cantilever", "--height", -1, "--section", "circle:0.1"), "--height: expected a positive number, found -1"),
         (("cantilever", "--height", 1, "--section", "circle:0.1", "--pinned"), "--pinned: a cantilever needs fixed"),
     ],

@@ -46,7 +46,7 @@ def test_a_value_is_rounded_by_its_standard_deviation(value: float, std: float, 
     ("before", "after", "std", "unit", "texts"),
     [
         (None, 6.02e4, 2.9e3, "N m/rad", ("rigid", "60.2 ± 2.9 kN m/rad")),
-        (2.1e11, 2.031e11, 4e8, "Pa", ("210", "203.1 ± 0.4 GPa (-3.3 %)")),
+        (2.1e11, 2.031e11, 4e8, "Pa", ("210", "203.1 ± 0.4 GPa (-3.29 ± 0.19 %)")),
         (1.181e7, 2.15e9, 2.2e11, "N m/rad", ("11.81", "over 12.7 MN m/rad (95 %)")),
     ],
 )
@@ -64,7 +64,7 @@ def test_very_small_p_value_is_shown_as_an_upper_bound() -> None:
     site = made.Site()
     answer = site.answer(site.mass * site.sensitivity[:, site.node(site.place)], 3)
     assert fit_text(answer) == "fit p = 0.4 from 3 windows"
-    assert fit_text(answer.model_copy(update={"p_value": 2e-130, "n_windows": 1})) == "fit p under 1e-12 from 1 window"
+    assert fit_text(answer.model_copy(update={"p_value": 2e-130, "n_windows": 1})) == "fit p < 1e-12 from 1 window"
 
 
 @pytest.mark.parametrize("explained", [False, True])
@@ -147,7 +147,7 @@ def test_gain_of_an_extended_model_covers_all_modes() -> None:
     )
     assert not change_gain_text(gain)
     fitted = gain.model_copy(update={"heldout": False, "change_error_percent": Pair(before=5.8, after=0.13)})
-    text = "frequency changes mispredicted by 5.8 -> 0.13 % rms (cross-validated: each mode from the others)"
+    text = "frequency changes predicted with an error of 5.8 -> 0.13 % rms (cross-validated: each mode from the others)"
     assert change_gain_text(fitted) == text
 
 

@@ -23,7 +23,7 @@ def test_located_mass_is_stated_with_its_region() -> None:
     )
 
 
-@pytest.mark.parametrize(("p", "words"), [(2.3e-3, "p = 0.0023"), (0.0, "p under 1e-12")])
+@pytest.mark.parametrize(("p", "words"), [(2.3e-3, "p = 0.0023"), (0.0, "p < 1e-12")])
 def test_increments_not_fitting_one_mass_are_not_located(p: float, words: str) -> None:
     reported = text(fits=False, located=False, p_value=p)
     assert reported == (f"one-step update flags {N} nodes, not located: the increments do not fit one mass ({words})")

@@ -41,7 +41,7 @@ def test_trend_is_reported_once_and_raises_no_alarm(monkeypatch: pytest.MonkeyPa
     assert (event.state, event.quiet) == ("normal", True)
     assert event.text == (
         "slow trend of the frequencies over 52 weeks, the effects of temperature and season removed: "
-        "-0.200 ± 0.005 % per year in the mean over all modes (mode 1 -0.200 ± 0.010, mode 2 -0.200 ± 0.010, "
+        "-0.200 ± 0.005 % per year on average over all modes (mode 1 -0.200 ± 0.010, mode 2 -0.200 ± 0.010, "
         "mode 3 -0.200 ± 0.010); the temperature model adapts to it; it raises no alarm"
     )
     last = judged(found)[-1]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from daq.notebook import number_text
 from monitor.analysis.explanation import explain
 from monitor.text.causes import cause_text
 from tests.examiner.cases import draw
@@ -96,4 +97,5 @@ def test_loosened_foot_is_reported_with_values_before_and_after() -> None:
     assert change.before == before
     assert change.after == cause.parameters["stiffness_rx"].value
     assert change.after < before
-    assert f"rotational stiffness about x {before / 1e3:.4g} -> " in cause_text(cause)
+    assert change.place == "foot of the column"
+    assert f"rotational stiffness about x {number_text(before / 1e3, change.before_std / 1e3)} -> " in cause_text(cause)

@@ -21,7 +21,7 @@ KINDS = {
 }
 FACTORS = ("global_stiffness", "global_density")
 CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from", "changes"}
-WHERE = {"member", "position", "position_std", "region", "channels"}
+WHERE = {"member", "position", "position_std", "region", "channels", "name"}
 GAIN_PAIRS = {"frequency_error_percent", "one_minus_mac", "log_likelihood", "change_error_percent"}
 GAIN = {"heldout", "n_modes", "n_measured", "noise_percent", "exceeds_noise", *GAIN_PAIRS}
 ADDED = {"calibration", "reference_steps", "failed"}  # since the contract was agreed

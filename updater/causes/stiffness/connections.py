@@ -108,10 +108,16 @@ class Springs(Discrete):
                 before=_stiffness(connection)[knob.axis],
                 after=after[f"stiffness_{knob.axis}"].value,
                 std=after[f"stiffness_{knob.axis}"].std,
+                before_std=self._std_before(fit.best, knob.axis),
             )
             for knob in all_knobs(self.structure)
             if is_of(self.structure, connection, knob) and f"stiffness_{knob.axis}" in after
         )
+
+    def _std_before(self, row: int, axis: Axis) -> float:
+        """Return the standard deviation of a spring before the change."""
+        stiffness = _stiffness(self.connections[row])[axis]
+        return float(self.before_std[row, self.axes[row].index(axis)]) * stiffness**2
 
     def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
         """Return the standard deviations of the springs."""

@@ -18,6 +18,7 @@ from monitor.analysis.stationarity import step_text
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.analysis.trends import trends_beside
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
+from monitor.cli.data.diagnose.held_out import check_independent
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
@@ -29,6 +30,7 @@ from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
+from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
@@ -38,6 +40,7 @@ from updater import DiagnosisResult, Structure, dump_structure, load_structure, 
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
 from updater.reference import Calibration
+from updater.structure import without_empty_segments
 
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
 
@@ -133,6 +136,8 @@ def diagnose_logs(
             raise ArgumentError("--pdf", str(error)) from error
     if not (logs.reference or logs.reference_within.whole):
         raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
+    if logs.heldout:
+        _check_held_out(logs)
     with progress("reading") as work:
 
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
@@ -170,7 +175,7 @@ def diagnose_logs(
         compared = run_optional(
             "the comparison of measured with simulated modes", lambda: _compared(found, after, heldout)
         )
-    say_evidence(console, diagnosis, compared, bare_reference(found.reference.structure).nodes)
+    say_evidence(console, diagnosis, compared, found.reference.structure)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         if found.explained.calibration is not None:
@@ -193,6 +198,15 @@ def diagnose_logs(
         paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
         echo("written: " + ", ".join(map(str, paths)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _check_held_out(logs: Logs) -> None:
+    """Refuse held-out logs that are not independent of the fit."""
+    fitted: list[AnyLog] = []
+    for paths, within in ((logs.current, logs.within), (logs.reference, logs.reference_within)):
+        if within.whole or not any(map(is_table, paths)):  # else refused as it is read
+            fitted += within.of_logs(as_logs(paths))
+    check_independent(as_logs(logs.heldout), fitted)
 
 
 def _show_fit(work: Work, causes: Sequence[str], done: int, planned: int) -> None:
@@ -356,7 +370,9 @@ def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str
     """Return comments on the origin of an extended model."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
-    lines += [f"{cause_text(c)} (probability {share_text(c.probability)})" for c in found.diagnosis.causes]
+    lines += [
+        f"{cause_text(c)} (probability {share_text(c.probability)})" for c in listed_causes(found.diagnosis.causes)
+    ]
     if found.calibration is not None:
         lines.append(_LIFTED)
     if logs.reference:
@@ -379,8 +395,10 @@ def _write(
         if found.explained.extended and folder:
             path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
             given = structure_path.read_text(encoding="utf-8")
-            own = parse_structure(given).updating  # without parameters fixed and bounded on the command line
-            text = dump_structure(found.explained.extended.model_copy(update={"updating": own}), given, note=_EXTENDED)
+            own = parse_structure(given, structure_path)
+            extended = without_empty_segments(found.explained.extended, own)
+            extended = extended.model_copy(update={"updating": own.updating})  # not as limited on the command line
+            text = dump_structure(extended, given, note=_EXTENDED)
             path.write_text(_provenance(found.explained, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
     except OSError as error:

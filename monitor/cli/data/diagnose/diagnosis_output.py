@@ -1,6 +1,6 @@
 """Output of a diagnosis in the terminal: verdict, then evidence."""
 
-from collections.abc import Sequence
+from functools import partial
 
 from rich import box
 from rich.console import Console, RenderableType
@@ -8,6 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
+from monitor.results.convert import bare_reference
+from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
@@ -22,8 +24,8 @@ from monitor.text.causes import (
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_text
 from monitor.text.verdicts import verdict_text
-from updater import Cause, Gain
-from updater.quantities import Vector
+from updater import Cause, Gain, Structure
+from updater.structure import place_name
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
@@ -34,36 +36,38 @@ _MAX = 6  # refused causes that are listed individually
 def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
     """Print verdict, causes and the next step."""
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
-    for cause in diagnosis.causes:
+    for cause in listed_causes(diagnosis.causes):
         console.print(_cause(cause))
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
 
 
 def say_evidence(
-    console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, nodes: Sequence[Vector]
+    console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult | None, structure: Structure
 ) -> None:
     """Print the basis of a diagnosis: residual forces, modes, sensors, gain and refused causes.
 
     Parameters
     ----------
     found : comparison of measured with simulated modes; None: not known
-    nodes : of the model [m]
+    structure : that was diagnosed
     """
     if diagnosis.calibration is not None:
         console.print(calibration_text(diagnosis.calibration), markup=False)
     if found is not None:
-        _compared(console, diagnosis, found, nodes)
+        _compared(console, diagnosis, found, structure)
     if line := _gain(diagnosis, found.gain_std if found else None):
         console.print(escape(line))
     _refused(console, diagnosis)
 
 
-def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, nodes: Sequence[Vector]) -> None:
+def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyResult, structure: Structure) -> None:
     """Print measured modes and sensors compared with simulated ones."""
     known = diagnosis.verdict != "unexplained"
-    if not known and found.balance and (where := left_over_text(found.balance, nodes)):
-        console.print(escape(where))
+    if not known and found.balance:
+        nodes = bare_reference(structure).nodes
+        if where := left_over_text(found.balance, nodes, partial(place_name, structure)):
+            console.print(escape(where))
     console.print(_modes(found))
     if not all(mode.compared for mode in found.modes):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
@@ -116,8 +120,8 @@ def _sensor(found: DiscrepancyResult) -> str:
         return ""
     after = "" if worst.residual_after is None else f", {100 * worst.residual_after:.1f} % with the causes"
     return (
-        f"sensor farthest from the simulated shapes: {worst.channel}, {100 * worst.residual:.1f} % of a typical "
-        f"component{after} (noise leaves {100 * worst.noise:.1f} %)"
+        f"largest deviation from the simulated shapes: sensor {worst.channel}, {100 * worst.residual:.1f} % of a "
+        f"typical component{after} (expected from noise: {100 * worst.noise:.1f} %)"
     )
 
 
@@ -125,7 +129,7 @@ def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> str:
     """Return the gain of the written model with standard deviations; or that it may be chance."""
     gain = diagnosis.gain
     if gain is None:
-        return "on data that were not used to find them the causes do not improve the fit significantly" * bool(
+        return "the causes do not improve the fit significantly on data that were not used to find them" * bool(
             diagnosis.causes
         )
     data = "on held-out logs" if gain.heldout else "on the logs that its causes were fitted to"
@@ -136,9 +140,11 @@ def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> str:
 def _refused(console: Console, diagnosis: DiagnosisAnswer) -> None:
     """Print the causes that were refused, the nearest first; the hopeless ones only by name, and those that failed."""
     nearest = sorted(diagnosis.rejected, key=lambda r: -r.log_evidence)
+    if nearest:
+        console.print("other causes, the most probable first:", style="dim")
     for rejected in nearest[:_MAX]:
-        console.print(f"  not {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
+        console.print(f"  {plain(rejected.cause)}: {escape(rejected.why)}", style="dim")
     if len(nearest) > _MAX:
-        console.print(f"  nor {', '.join(plain(r.cause) for r in nearest[_MAX:])}", style="dim")
+        console.print(f"  less probable than these: {', '.join(plain(r.cause) for r in nearest[_MAX:])}", style="dim")
     for failed in diagnosis.failed:
         console.print(escape(failed_text(failed)), style="yellow")

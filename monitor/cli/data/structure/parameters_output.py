@@ -49,7 +49,8 @@ def changes_table(changes: Sequence[ParameterChange], title: str) -> Table:
         table.add_column(name, justify="right", no_wrap=True)
     for change in changes:
         before, after = change_texts(change)
-        table.add_row(escape(change.name), change.quantity, before, after)
+        quantity = f"{change.quantity}, {change.place}" if change.place else change.quantity
+        table.add_row(escape(change.name), escape(quantity), before, after)
     return table
 
 

@@ -93,12 +93,12 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
     """Return, member by member, the weakest mass that raises the alarm, and how sure a body's place will be."""
     mass, record = sight.typical_mass, outlook.record
     title = (
-        f"A mass put on: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
+        f"Added mass: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
         f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
     )
     table = Table(box=SIMPLE_HEAD, title=title)
     table.add_column("member")
-    for name in ("smallest detectable", "at, m", "half of it detects", f"{mass_words(mass)} located to ±"):
+    for name in ("smallest detectable", "at, m", "median over the member", f"{mass_words(mass)} located to ±"):
         table.add_column(name, justify="right")
     table.add_column("blind, m")
     place, _ = outlook.bound(mass)
@@ -132,8 +132,8 @@ def helper_words(sight: ModeVisibility) -> str:
     after, mass = sight.helper.mean_position_std, mass_words(sight.typical_mass)
     found = f"{mass} anywhere located to ± {1000 * after:.3g} mm instead of {1000 * before:.3g} mm"
     if after > _WORTH_IT * before:
-        return f"one more sensor would hardly help: {found} at best (geometric mean over all places)"
-    return f"one more sensor helps most at {_at(sight.helper.changed)}: {found} (geometric mean over all places)"
+        return f"an additional sensor improves this only slightly: {found} at best (geometric mean over all places)"
+    return f"best place of an additional sensor: {_at(sight.helper.changed)}: {found} (geometric mean over all places)"
 
 
 def plan_tables(planned: Plan) -> Iterator[RenderableType]:
@@ -142,7 +142,7 @@ def plan_tables(planned: Plan) -> Iterator[RenderableType]:
     what = f"{mass_words(target.mass)} found within {1000 * target.within:g} mm in {100 * target.chance:g} of 100 cases"
     table = Table(box=SIMPLE_HEAD, title=f"{what}, alarm included")
     table.add_column("record before and after", justify="right")
-    table.add_column("on so much of the members' length", justify="right")
+    table.add_column("share of the members' length", justify="right")
     shares = [planned.present.share_found(float(s)) for s in planned.records]
     for k, (seconds, share) in enumerate(zip(planned.records, shares, strict=True)):
         if k in (0, len(shares) - 1) or share > shares[k - 1]:
@@ -156,9 +156,9 @@ def plan_tables(planned: Plan) -> Iterator[RenderableType]:
         table.add_row(str(len(sensors.channels)), *_needed(sensors))
     yield table
     more = Sensor(channel="new", at=planned.more_at, direction=planned.more_along)
-    yield Text(f"{len(planned.more.channels)} sensors: one more at {_at(more)}")
+    yield Text(f"{len(planned.more.channels)} sensors: with an additional one at {_at(more)}")
     if planned.left_out:
-        yield Text("fewer: left out in this order " + ", ".join(planned.left_out))
+        yield Text("fewer sensors: removed in this order " + ", ".join(planned.left_out))
 
 
 def _needed(sensors: SensorSet) -> list[str]:

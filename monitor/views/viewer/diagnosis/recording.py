@@ -11,7 +11,8 @@ from daq import FloatArray, Recording
 from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
-from monitor.text.causes import cause_text
+from monitor.text.cause_list import listed_causes
+from monitor.text.causes import placed_text
 from monitor.text.quantities import plain
 from monitor.views.geometry import Geometry
 from monitor.views.palette import ALARM, GREY, REGION, SENSOR, STEEL, TEXT, Colour, signed_heat
@@ -153,17 +154,16 @@ def _causes(
 ) -> None:
     """Draw a ball and words at each cause's place, its 95 % region, and a ring about each channel that one names."""
     above = np.array([0.0, 0.0, _LIFT * geometry.size])
-    placed = [c for c in diagnosis.causes if c.where and c.where.position]
+    listed = listed_causes(diagnosis.causes)
+    placed = [c for c in listed if c.where and c.where.position]
     places = np.array([c.where.position for c in placed if c.where], float).reshape(-1, 3)
-    placed_channels = [
-        (name, c) for c in diagnosis.causes if c.where for name in c.where.channels if name in reference.sensors
-    ]
+    placed_channels = [(name, c) for c in listed if c.where for name in c.where.channels if name in reference.sensors]
     at = np.array([reference.sensors[name][0] for name, _ in placed_channels], float).reshape(-1, 3)
     balls = rr.Points3D(places, radii=2.2 * TUBE * geometry.size, colors=[ALARM])
     recording.log("/structure/causes", balls, static=True)
     rings = rr.Points3D(at, radii=2.0 * TUBE * geometry.size, colors=[REGION])
     recording.log("/structure/channels", rings, static=True)
-    words = [cause_text(c).split(" on the ")[0].split(" at ")[0] for c in placed]
+    words = [placed_text(c) for c in placed]
     words += [f"{plain(c.cause)}: {name}" for name, c in placed_channels]
     spots = np.concatenate([places, at]) + above
     labels = rr.Points3D(spots, radii=0.0, colors=[TEXT], labels=words, show_labels=True)

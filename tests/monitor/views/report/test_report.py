@@ -222,10 +222,10 @@ def test_lost_data_are_reported(page: Page) -> None:
 
 
 CASES = {
-    "learning": (made.learning_run(SITE), "Still learning: 5 windows so far, nothing is judged yet."),
+    "learning": (made.learning_run(SITE), "Still learning: 5 windows so far, no window has been evaluated yet."),
     "learnt": (
         WHOLE | {"windows": WHOLE["windows"][:8], "alarms": WHOLE["alarms"][:1]},
-        "A baseline is learnt; no window has been judged yet.",
+        "A baseline is learnt; no window has been evaluated yet.",
     ),
     "normal": (
         WHOLE | {"windows": WHOLE["windows"][:12], "alarms": WHOLE["alarms"][:1]},
@@ -237,7 +237,7 @@ CASES = {
     ),
     "no answer": (
         WHOLE | {"windows": [w.model_copy(update={"answer": None}) for w in WHOLE["windows"]]},
-        "The structure has changed: where is not known yet.",
+        "The structure has changed: location not yet known.",
     ),
     "back": (
         WHOLE | {"alarms": [*WHOLE["alarms"], made.alarm(WHOLE["windows"][-1], "normal", "back to normal")]},
@@ -245,7 +245,7 @@ CASES = {
     ),
     "nothing identified": (
         made.learning_run(SITE) | {"windows": [made.without_modes(w, "flat") for w in WHOLE["windows"][:3]]},
-        "Still learning: 3 windows so far, nothing is judged yet.",
+        "Still learning: 3 windows so far, no window has been evaluated yet.",
     ),
     "footbridge": (
         made.whole_run(made.Site(text=made.BRIDGE, n_modes=14, place=(6.0, 2.0, 3.0), mass=-60.0)),
@@ -336,7 +336,7 @@ def test_each_alternative_location_is_listed_and_drawn(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("undrawn")
 def test_accuracy_forecast_is_shown_if_present(tmp_path: Path) -> None:
-    reported = "more windows reduce the deviation with their square root, up to about 4 windows: 4 mm and 8 g at best"
+    reported = "the deviation decreases with the square root of the number of windows, up to about 4 windows"
     last = WHOLE["windows"][-1]
     stated = last.model_copy(update={"answer": last.answer.model_copy(update={"outlook": reported})})
     found = page_of(WHOLE | {"windows": [*WHOLE["windows"][:-1], stated]}, tmp_path)
@@ -358,7 +358,7 @@ def test_diagnosis_without_a_run_has_a_page(tmp_path: Path) -> None:
     nothing = answers.diagnosis().model_copy(update={"verdict": "unexplained", "causes": (), "gain": None, "modes": ()})
     diagnosis_report(nothing, tmp_path / "page.html", title="T")
     found = headline(Page(tmp_path / "page.html"))
-    assert found == "The data disagree with the model in a way that no cause known here explains."
+    assert found == "Unexplained: no known cause explains the difference between data and model."
 
 
 def test_diagnosis_is_read_back_and_an_invalid_file_is_named(tmp_path: Path) -> None:

@@ -1,0 +1,115 @@
+"""Sampling rate and start time that the lines before a table state."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed
+from daq.files.columns.time_column import TIME_UNITS
+
+Line = tuple[int, str]  # number, counted from 1, and text
+
+_RATE = re.compile(
+    r"\W*(sampl\w*|scan|abtast\w*|mess|measurement|acquisition)[\s_-]*(rate|frequency|freq|frequenz)\b[^\d\n]{0,40}?"
+    r"(?P<rate>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<kilo>k)?(hz)?\b.*",
+    re.IGNORECASE,
+)
+_STEP = re.compile(
+    r"\W*(delta_x|delta|sampl\w*[\s_-]*(interval|period|time))\b[^\d\n]{0,40}?"
+    r"(?P<step>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<unit>ms|us|s|sec)?\b.*",
+    re.IGNORECASE,
+)
+_LABELLED = re.compile(r"(?P<label>[^\d:;=,\t]{0,60}(?:\bT0)?)[\s:;=,]+(?P<value>\d.*)", re.IGNORECASE)
+_STARTS = re.compile(  # in English, German, French, Spanish, Italian, Portuguese, Dutch and the languages of the north
+    r"\b(t0|(start|mess|measurement|acquisition|record\w*|test|trigger|aufnahme)?"
+    r"(date|datum|fecha|data|dato|time|timestamp|zeit|uhrzeit|zeitpunkt|heure|hora|ora|tijd|tid|start|begin\w*))\b",
+    re.IGNORECASE,
+)
+_OTHER_TIMES = re.compile(
+    r"\b(end|ende|stop|fin|fine|fim|slut|interval\w*|step|duration|dauer|calib\w*|kalib\w*|export\w*|print\w*|delta|"
+    r"gedruckt|created|erstellt|modified|version)\b",
+    re.IGNORECASE,
+)
+_DASHED = re.compile(r"^(\d{1,2})-(\d{1,2})-(\d{4})")  # the day or the month is first, as with slashes
+_MAX_LENGTH = 200  # characters of a line that is searched
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedStart:
+    """Start time that a preamble states."""
+
+    time: int  #: [ns UTC]; midnight if there is no time of day
+    line: int  #: number of the line with the date
+    with_clock: bool  #: whether a time of day is stated
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnclearDate:
+    """Start date of a preamble whose order of day and month is not certain."""
+
+    text: str
+    line: int  #: its number
+
+
+def stated_rate(preamble: Sequence[Line]) -> float | None:
+    """Return the sampling rate that a preamble states [Hz], None if it states none."""
+    for _, text in preamble:
+        if found := _RATE.match(text[:_MAX_LENGTH]):
+            return _positive(found["rate"], 1e3 if found["kilo"] else 1.0)
+        if found := _STEP.match(text[:_MAX_LENGTH]):
+            step = _positive(found["step"], TIME_UNITS[(found["unit"] or "s").lower().removesuffix("ec")])
+            return None if step is None else 1 / step
+    return None
+
+
+def _positive(text: str, factor: float) -> float | None:
+    try:
+        value = float(text.rstrip(".,").replace(",", ".")) * factor
+    except ValueError:
+        return None
+    return value if 0 < value < float("inf") else None
+
+
+def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | UnclearDate | None:
+    """Return the start that a preamble states by its first date and its first time of day; None without a date.
+
+    Parameters
+    ----------
+    preamble : lines before the table, such as `Datum: 04.05.2026` or `Start time;2026-05-04 10:00:00`
+    order : order of day and month in dates as 04/05/2026. Default: the only one that is possible
+    """
+    day: tuple[float, int] | None = None
+    clock: float | None = None
+    for number, text in preamble:
+        value = _start_value(text)
+        if not value:
+            continue
+        if slashed(value):
+            order = order or date_order([value])
+            if order is None:
+                return UnclearDate(text=value, line=number)
+        if day is None and (date := _read(DAY, value, order)) is not None:
+            day = date, number
+        elif day is None and (moment := _read(MOMENT, value, order)) is not None:
+            return StatedStart(time=round(1e6 * moment) * 1000, line=number, with_clock=True)
+        elif clock is None:
+            clock = _read(CLOCK, value, order)
+    if day is None:
+        return None
+    seconds = day[0] + (clock or 0.0)
+    return StatedStart(time=round(1e6 * seconds) * 1000, line=day[1], with_clock=clock is not None)
+
+
+def _start_value(text: str) -> str:
+    """Return the value of a line whose label is that of a date or a time of day; empty for another line."""
+    found = _LABELLED.match(text[:_MAX_LENGTH].replace('"', "").lstrip("# "))
+    if not found or not _STARTS.search(found["label"]) or _OTHER_TIMES.search(found["label"]):
+        return ""
+    return _DASHED.sub(r"\1/\2/\3", re.sub(r"[;\s]+", " ", found["value"]).strip(" ,"))
+
+
+def _read(kind: Dated, text: str, order: str | None) -> float | None:
+    try:
+        return kind.ordered(order).read(text)
+    except ValueError:
+        return None
