@@ -115,7 +115,7 @@ class DeviceSource:
 def lowpass(half: int, cutoff: float) -> FloatArray:
     """Return the taps (2 half + 1,) of a filter of linear phase, by Kaiser's window.
 
-    numpy has what it takes; importing scipy.signal takes a third of the rig's start.
+    numpy has what it takes; importing scipy.signal takes two fifths of the rig's start.
 
     Parameters
     ----------
