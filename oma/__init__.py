@@ -1,14 +1,21 @@
 """Recordings in, modes with uncertainty out: operational modal analysis without a user."""
 
-from oma.errors import IdentificationError, NoCommonModes, OmaError, TooShort
-from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
-from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
-from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method, identify_responses
-from oma.preparation import ChannelFault, WindowQuality, channel_faults
-from oma.spectral import Resonance, aligned, device_delays, fit_resonance, singular_values
-from oma.tracking import FollowedModes, LongTermTracker, Tracker, Tracks, match_setups, merge, pair_modes
-from oma.types import ComplexArray, ModalEstimate
-from oma.uff import Place, places_by_name, write_universal
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from oma.errors import IdentificationError, NoCommonModes, OmaError, TooShort
+    from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
+    from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
+    from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method, identify_responses
+    from oma.preparation import ChannelFault, WindowQuality, channel_faults
+    from oma.spectral import Resonance, aligned, device_delays, fit_resonance, singular_values
+    from oma.tracking import FollowedModes, LongTermTracker, Tracker, Tracks, match_setups, merge, pair_modes
+    from oma.types import ComplexArray, ModalEstimate
+    from oma.uff import Place, places_by_name, write_universal
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "EFDD",

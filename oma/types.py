@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import xarray
 
 ComplexArray = npt.NDArray[np.complex128]
+SAME_AS = "the same as "  #: beginning of the text of a channel's fault that ends with the name of another channel
 _LISTED = 8  # frequencies in a short description
 _PER_MODE = {
     "frequency": "Hz",

@@ -1,16 +1,23 @@
 """The device side of each protocol, on a pty: real bytes between real processes."""
 
-from daq.emulator.can.can_dbc import EmulatedDbc
-from daq.emulator.can.epson_can import EmulatedEpsonCan
-from daq.emulator.can.slcan import EmulatedSlcan
-from daq.emulator.can.witmotion_can import EmulatedWitmotionCan
-from daq.emulator.epson import EmulatedEpson
-from daq.emulator.line_faults import LineFaults, LineSpell
-from daq.emulator.network import EmulatedAdapter, EmulatedShake, FaultyNetwork, free_port
-from daq.emulator.node import EmulatedNode
-from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
-from daq.emulator.text_lines import EmulatedTextLines
-from daq.emulator.witmotion import EmulatedWitmotion
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from daq.emulator.can.can_dbc import EmulatedDbc
+    from daq.emulator.can.epson_can import EmulatedEpsonCan
+    from daq.emulator.can.slcan import EmulatedSlcan
+    from daq.emulator.can.witmotion_can import EmulatedWitmotionCan
+    from daq.emulator.epson import EmulatedEpson
+    from daq.emulator.line_faults import LineFaults, LineSpell
+    from daq.emulator.network import EmulatedAdapter, EmulatedShake, FaultyNetwork, free_port
+    from daq.emulator.node import EmulatedNode
+    from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
+    from daq.emulator.text_lines import EmulatedTextLines
+    from daq.emulator.witmotion import EmulatedWitmotion
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "EmulatedAdapter",

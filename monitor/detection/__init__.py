@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
+    from monitor.detection.alarm import DetectorName
     from monitor.detection.baseline_shift import Shift, shift_of, shifted
     from monitor.detection.correlated_noise import effective_number
     from monitor.detection.detectors import (
         DETECTORS,
         GUARD,
-        DetectorName,
         LawState,
         ScoredWindows,
         accept,

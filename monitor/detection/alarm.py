@@ -5,6 +5,7 @@ from typing import Literal
 
 State = Literal["normal", "watch", "alarm"]
 Condition = Literal["normal", "watch", "alarm", "acknowledged", "latched"]
+DetectorName = Literal["jump", "quick drift", "slow drift"]
 Kind = Literal[
     "state",
     "acknowledged",

@@ -8,12 +8,12 @@ control chart. Technometrics 34, 46-53.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from daq import FloatArray
+from monitor.detection.alarm import DetectorName
 from monitor.detection.constant import wandered
 from monitor.detection.run_length import DetectionSettings, averaged, drift_limit, jump_limit
 from monitor.detection.scores import alone, clipped, distance, tamed
@@ -24,7 +24,6 @@ from monitor.detection.trend import WeeklyMeans, add_windows, no_weeks
 from monitor.detection.window_variance import Scatter, ScatterState, first_scatter, follow_scatter, regressors
 
 WEIGHTS = (0.2, 0.02)  #: weight of the newest window, in the quick and the slow average
-DetectorName = Literal["jump", "quick drift", "slow drift"]
 DETECTORS: tuple[DetectorName, ...] = ("jump", "quick drift", "slow drift")
 GUARD = 72  #: windows that must stay calm before older ones are learnt from
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy  # its parts at their first use
 from scipy.special import ndtr
-from scipy.stats import chi2, ncx2, norm
 
 from daq import FloatArray
 
@@ -96,30 +96,30 @@ def _variances(freedom: float) -> tuple[FloatArray, FloatArray]:
     """Return nodes of the variance's posterior, over its estimate, and their weights."""
     node, weight = np.polynomial.legendre.leggauss(60)
     normal = 7.0 * node
-    variance = freedom / chi2.ppf(ndtr(normal), freedom) if freedom < 1e4 else np.ones(len(node))
-    return variance, 7.0 * weight * norm.pdf(normal)
+    variance = freedom / scipy.stats.chi2.ppf(ndtr(normal), freedom) if freedom < 1e4 else np.ones(len(node))
+    return variance, 7.0 * weight * scipy.stats.norm.pdf(normal)
 
 
 @lru_cache(maxsize=1024)
 def _run_rate(n: int, lasting: int, overlap: float, hold: int) -> FloatArray:
     """Return how often a run of `hold` windows over each distance begins; `lasting` of n directions never change."""
     free = n - lasting
-    alone = chi2.sf(_DISTANCES, n)
+    alone = scipy.stats.chi2.sf(_DISTANCES, n)
     if hold == 1 or free == 0:
         return np.asarray(alone)
-    single = chi2.sf(_DISTANCES, free)
+    single = scipy.stats.chi2.sf(_DISTANCES, free)
     pair = _pair(free, overlapping(overlap, 1))
     run = pair * (pair / single) ** (hold - 2)
     if not lasting:
         return np.asarray(run)
     root, density = _distances_under(lasting)
     left = np.interp(_DISTANCES[:, None] - root**2, np.append(0.0, _DISTANCES), np.append(0.0, np.log(run)))
-    return np.asarray((density * np.exp(left)).sum(-1) + chi2.sf(_DISTANCES, lasting))
+    return np.asarray((density * np.exp(left)).sum(-1) + scipy.stats.chi2.sf(_DISTANCES, lasting))
 
 
 def _pair(n: int, correlation: float) -> FloatArray:
     """Return the chance that two successive distances are over each of `_DISTANCES`."""
-    alone = chi2.sf(_DISTANCES, n)
+    alone = scipy.stats.chi2.sf(_DISTANCES, n)
     if correlation == 0:
         return np.asarray(alone**2)
     return np.asarray(np.maximum(alone - _crossing_rate(n, correlation), 1e-300))
@@ -133,7 +133,7 @@ def _crossing_rate(n: int, correlation: float) -> FloatArray:
     """
     left = 1 - correlation**2
     root, density = _distances_under(n)
-    over = ncx2.sf(_DISTANCES[:, None] / left, n, correlation**2 * root**2 / left)
+    over = scipy.stats.ncx2.sf(_DISTANCES[:, None] / left, n, correlation**2 * root**2 / left)
     return np.asarray((density * over).sum(-1))
 
 
@@ -146,4 +146,4 @@ def _distances_under(n: int) -> tuple[FloatArray, FloatArray]:
     node, weight = np.polynomial.legendre.leggauss(_NODES)
     half = np.sqrt(_DISTANCES)[:, None] / 2
     root = half * (node + 1)
-    return root, np.asarray(chi2.pdf(root**2, n) * 2 * root * half * weight)
+    return root, np.asarray(scipy.stats.chi2.pdf(root**2, n) * 2 * root * half * weight)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import scipy  # its parts at their first use
 from scipy.special import gammaln
-from scipy.stats import chi2
 
 from daq import FloatArray
 
@@ -73,7 +73,7 @@ def most_inconsistent(squared: FloatArray, score: FloatArray, n: IndexArray) -> 
     """
     size = np.nan_to_num(score**2)
     rest = squared - size.max(-1)
-    ordinary = rest <= chi2.ppf(_ORDINARY, np.maximum(n - 1, 1))
+    ordinary = rest <= scipy.stats.chi2.ppf(_ORDINARY, np.maximum(n - 1, 1))
     enough = 2 * n > score.shape[-1]
     return enough & ordinary & (size.max(-1) > _INCONSISTENT_SCORE**2), size.argmax(-1)
 

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
-from scipy.signal import resample
+import scipy  # its parts at their first use
 
 from daq import FloatArray, Recording
 from monitor.results.comparison import (
@@ -284,7 +284,7 @@ def _signal(before: VirtualSensing, after: VirtualSensing, channel: int) -> Sign
 
     def fine(values: FloatArray) -> tuple[float, ...]:
         part = values[whole, channel]
-        return _plain(np.asarray(resample(part, over * len(part)))[drawn])
+        return _plain(np.asarray(scipy.signal.resample(part, over * len(part)))[drawn])
 
     return SignalComparison(
         channel=before.channels[channel],

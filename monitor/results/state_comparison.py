@@ -1,12 +1,16 @@
 """Shapes and signals before and after a change, for drawings."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, Recording
-from updater import DiagnosisResult, ModalMean, Reference, correlate_modes
+from updater import ModalMean, Reference, correlate_modes
 from updater.validation import modes_before, modes_with_causes
+
+if TYPE_CHECKING:
+    from updater import DiagnosisResult
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,7 +38,7 @@ class StateComparison:
 def compare_states(
     reference: Reference,
     measured: ModalMean,
-    explained: DiagnosisResult,
+    explained: "DiagnosisResult",
     before: Recording | None,
     now: Recording | None,
 ) -> StateComparison:

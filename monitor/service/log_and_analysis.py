@@ -30,7 +30,8 @@ from monitor.results.windows import Result
 from monitor.service.site import Site
 from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
 from monitor.settings import RecorderSettings, attached_structure
-from monitor.watch.memory import MEMORY, LoadedState, MemoryFile, check_saved_state
+from monitor.watch import memory as saved
+from monitor.watch.memory import MEMORY, LoadedState, MemoryFile
 
 _BLOCK_SECONDS = 0.2  # of data in a block of a device
 _MAX_WINDOWS, _MAX_SECONDS = 10.0, 600.0  # that may wait: windows, but seconds of wall time at least
@@ -323,7 +324,7 @@ class LogAndAnalysis:
         if not self._kept:
             return ""
         structure = attached_structure(self.site.structure_text)
-        found = check_saved_state(self._kept, "what was learnt", structure, self.site.settings)
+        found = saved.check_saved_state(self._kept, "what was learnt", structure, self.site.settings)
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept
 

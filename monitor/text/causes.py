@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,10 +11,13 @@ from monitor.results.comparison import BalanceResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
-from updater import Cause, Diagnosis, Gain, MassChange, Structure
+from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, Pair
-from updater.localization import AccuracyForecast, mirrored
 from updater.quantities import ParameterChange, Quantity, Vector, Where
+
+if TYPE_CHECKING:
+    from updater import MassChange, Structure
+    from updater.localization import AccuracyForecast
 
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
@@ -180,11 +184,12 @@ def _place_text(place: MassAnswer | OtherPlace) -> str:
     )
 
 
-def open_question(structure: Structure, change: MassChange) -> str:
+def open_question(structure: "Structure", change: "MassChange") -> str:
     """Return the remaining ambiguity of a located mass; empty if there is only one place."""
     if change.is_unique:
         return ""
-    which = "left or right" if mirrored(structure, *change.alternatives[:2]) else "where"
+    one, other = change.alternatives[:2]
+    which = "left or right" if one.mirrors(other, structure) else "where"
     places = " or ".join(
         f"{a.member} at {a.distance:.3f} m with {1e3 * a.mass:.0f} g ({100 * a.probability:.0f} %)"
         for a in change.alternatives
@@ -192,7 +197,7 @@ def open_question(structure: Structure, change: MassChange) -> str:
     return f"{which}: not distinguishable; {places}"
 
 
-def forecast_text(forecast: AccuracyForecast) -> str:
+def forecast_text(forecast: "AccuracyForecast") -> str:
     """Return what more windows would add to the accuracy of a located mass."""
     least = f"{1e3 * forecast.least_distance_std:.0f} mm and {1e3 * forecast.least_mass_std:.0f} g"
     if forecast.limited_by == "windows":

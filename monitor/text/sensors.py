@@ -7,9 +7,9 @@ import numpy as np
 
 from daq.notebook import number_text
 from monitor.results.comparison import ChannelHealth
-from updater.modal_data import Asynchrony
 
 if TYPE_CHECKING:
+    from updater.modal_data import Asynchrony
     from updater.validation import SensorHealth
 
 _SURE = 4.0  # standard deviations from which a channel is named
@@ -55,7 +55,7 @@ def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True)
     return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
 
 
-def asynchrony_text(found: Asynchrony) -> str:
+def asynchrony_text(found: "Asynchrony") -> str:
     """Return the delays between channels that are not synchronous."""
     largest = sorted(found.delays.items(), key=lambda item: -abs(item[1][0]))
     late = [f"{name} {1e3 * value:+.3f} ± {1e3 * std:.3f} ms" for name, (value, std) in largest[:_MAX_NAMED]]

@@ -1,16 +1,19 @@
 """Slow trends as results and in sentences."""
 
 import math
+from typing import TYPE_CHECKING
 
-from monitor.detection import Trend
 from monitor.results.run_results import RunResults
 from monitor.results.windows import ModeTrend, TrendResult
+
+if TYPE_CHECKING:
+    from monitor.detection import Trend
 
 _WEEK = 7 * 86400.0  # s
 _SIGNIFICANT = 3.0  # standard deviations from which a mode is named
 
 
-def trend_result(trend: Trend) -> TrendResult:
+def trend_result(trend: "Trend") -> TrendResult:
     """Return a trend in per cent per year, modes by their identities."""
     return TrendResult(
         weeks=trend.seconds / _WEEK,

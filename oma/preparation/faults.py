@@ -17,11 +17,11 @@ import numpy.typing as npt
 from scipy import fft, ndimage
 
 from daq import FloatArray
+from oma.types import SAME_AS
 
 BoolArray = npt.NDArray[np.bool_]
 
 FaultKind = Literal["no_signal", "clipped", "wandering", "copy", "spikes", "gaps"]
-SAME_AS = "the same as "  #: beginning of the text of a fault that ends with the name of another channel
 _MIN_CLIPPED = 1e-3  # share of samples: fewer, as of one blow, move no mode
 #: share of samples: clipping takes as large a share off a channel's gain, of which replacing the samples gives at least
 #: three quarters back (tests/oma/preparation/test_faults.py); the rest is less than the 0.5 % to which gains are known

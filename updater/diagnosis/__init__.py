@@ -1,26 +1,33 @@
 """Diagnosis: causes fitted and compared, combined, named, and checked on data not used."""
 
-from updater.diagnosis.case import DiagnosisResult
-from updater.diagnosis.explanation import diagnose
-from updater.diagnosis.places import Density, densities
-from updater.diagnosis.schema import (
-    CalibrationSummary,
-    Cause,
-    Diagnosis,
-    Failed,
-    FrequencyFit,
-    Gain,
-    Measurement,
-    Misfit,
-    ModeFit,
-    NextMeasurement,
-    Pair,
-    ReferenceStep,
-    Rejected,
-    Separation,
-    Verdict,
-)
-from updater.diagnosis.weighing import OnCause, allowed_causes, say_nothing
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from updater.diagnosis.case import DiagnosisResult
+    from updater.diagnosis.explanation import diagnose
+    from updater.diagnosis.places import Density, densities
+    from updater.diagnosis.schema import (
+        CalibrationSummary,
+        Cause,
+        Diagnosis,
+        Failed,
+        FrequencyFit,
+        Gain,
+        Measurement,
+        Misfit,
+        ModeFit,
+        NextMeasurement,
+        Pair,
+        ReferenceStep,
+        Rejected,
+        Separation,
+        Verdict,
+    )
+    from updater.diagnosis.weighing import OnCause, allowed_causes, say_nothing
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "CalibrationSummary",

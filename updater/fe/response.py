@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy  # its parts at their first use
 
 from daq import FloatArray
 from updater.fe.model import Model
@@ -75,7 +75,7 @@ class AmbientResponse:
     def _run_mode(self, k: int, pole: complex, force: FloatArray) -> FloatArray:
         growth = np.exp(pole / self._rate)
         start = np.array([growth * self._state[k]])
-        z, _ = lfilter([(growth - 1) / pole], [1.0, -growth], force.astype(complex), zi=start)
+        z, _ = scipy.signal.lfilter([(growth - 1) / pole], [1.0, -growth], force.astype(complex), zi=start)
         self._state[k] = z[-1]
         q, dq = z.imag / pole.imag, (pole * z).imag / pole.imag
         return np.asarray(force + 2 * pole.real * dq - abs(pole) ** 2 * q)

@@ -39,6 +39,11 @@ class Alternative:
     mass_std: float  #: [kg]
     probability: float  #: probability of the place [-]
 
+    def mirrors(self, other: "Alternative", structure: Structure) -> bool:
+        """Return whether the two places of a member are mirror images."""
+        length = structure.member_named(self.member).length
+        return self.member == other.member and abs(self.distance + other.distance - length) < _MIRRORED
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyShape:
@@ -169,9 +174,3 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
         inertia=float(average[0, 0] * average[3, 0]),
         inertia_known=bool(known[3]),
     )
-
-
-def mirrored(structure: Structure, one: Alternative, other: Alternative) -> bool:
-    """Return whether two places of a member are mirror images."""
-    length = structure.member_named(one.member).length
-    return one.member == other.member and abs(one.distance + other.distance - length) < _MIRRORED

@@ -19,7 +19,7 @@ from monitor.service.site import Site, load_site
 from monitor.service.startup.instance_lock import only_one
 from monitor.service.startup.repair_logs import mend_logs
 from monitor.settings import attached_structure
-from monitor.watch.memory import recall
+from monitor.watch import memory
 
 
 def monitor_site(path: Path, given: Sequence[str], *, as_json: bool) -> int:
@@ -35,7 +35,9 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
     mended = list(mend_logs(site.folder / site.settings.recorder.folder))
     for message in mended:
         echo(message)
-    recalled = recall(site.state, attached_structure(site.structure_text), site.settings)
+    recalled = memory.NOTHING
+    if (site.state / memory.MEMORY).exists():
+        recalled = memory.recall(site.state, attached_structure(site.structure_text), site.settings)
     with (
         live_view(site.settings, site.structure_text, site.site_text) as live,
         journal(as_json=as_json) as lines,

@@ -15,8 +15,6 @@ from http import HTTPStatus
 from itertools import chain
 from typing import Any
 
-import httpx
-
 from monitor.errors import MonitorError
 from monitor.outputs.mqtt import MqttMissingError, mqtt_client, mqtt_connect, mqtt_topic, on_answer
 from monitor.outputs.notices.deadline import Deadline, DeadlineRunner
@@ -82,6 +80,8 @@ def _content(notice_message: Message) -> dict[str, Any]:
 
 
 def _by_webhook(target: NotifySettings, notice_message: Message, deadline: Deadline) -> None:
+    import httpx  # a tenth of the time of a start, and few monitors have a webhook
+
     headers = {name: revealed(value) for name, value in target.headers.items()}
 
     def trace(event: str, info: Mapping[str, Any]) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 import numpy as np
-from scipy.stats import chi2, norm
+import scipy  # its parts at their first use
 
 from daq import FloatArray
 from monitor.analysis.window import Window
@@ -40,7 +40,9 @@ def modal_change(learned: LearnedBaseline, windows: Sequence[Window]) -> ModalCh
     moved, std = shift.log_frequency[learned.watched], shift.std[learned.watched]
     damping, damping_std = event.damping - base.damping, np.hypot(event.damping_std, base.damping_std)
     mac, p_shape = _shapes(base, event, learned.modes.scatter.shape_overdispersion)
-    p_values = np.array([2 * norm.sf(np.abs(moved / std)), 2 * norm.sf(np.abs(damping / damping_std)), p_shape])
+    p_values = np.array(
+        [2 * scipy.stats.norm.sf(np.abs(moved / std)), 2 * scipy.stats.norm.sf(np.abs(damping / damping_std)), p_shape]
+    )
     changed = p_values < _CHANCE / max(1, np.isfinite(p_values).sum())
     return ModalChange(
         n_windows=len(windows),
@@ -78,5 +80,5 @@ def _shapes(base: ModalMean, event: ModalMean, overdispersion: float) -> tuple[F
     measured = (variance > 0).all(1)
     squares = ((sign * now.shape - before.shape) ** 2 / np.where(variance > 0, variance, np.nan)).sum(1)
     freedom = (len(common) - 1) / overdispersion
-    p_value = np.where(measured, chi2.sf(squares / overdispersion, freedom), np.nan)
+    p_value = np.where(measured, scipy.stats.chi2.sf(squares / overdispersion, freedom), np.nan)
     return np.where(measured, np.diag(mac_matrix(before.shape, now.shape)), np.nan), p_value

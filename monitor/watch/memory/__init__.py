@@ -1,8 +1,16 @@
 """State of the watch in the state folder: a restart continues where the last run ended."""
 
-from monitor.watch.memory.codec import CodecError
-from monitor.watch.memory.file import NOTHING, LoadedState, MemoryFile, check_saved_state, recall
-from monitor.watch.memory.state import MEMORY, VERSION, Memory, memory_text, parse_memory, state_fingerprint
+from typing import TYPE_CHECKING
+
+from daq.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from monitor.watch.memory.codec import CodecError
+    from monitor.watch.memory.file import MEMORY, NOTHING, LoadedState, MemoryFile
+    from monitor.watch.memory.loading import check_saved_state, recall
+    from monitor.watch.memory.state import VERSION, Memory, memory_text, parse_memory, state_fingerprint
+else:
+    __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "MEMORY",

@@ -18,7 +18,6 @@ from monitor.watch.memory.codec import CodecError, decode, encode
 from monitor.watch.self_test import Tested
 from updater import Structure, dump_structure
 
-MEMORY = "memory.json"  #: name in the state folder, and of the attachment to a log that began with it
 STRUCTURE, NO_STRUCTURE = "the structure file", "none"  #: key and value in the dependencies of a state
 VERSION = 10  # version of this format, or of the identification of modes: another one is not read
 

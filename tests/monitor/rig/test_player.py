@@ -20,7 +20,7 @@ from daq import Block, CanAddress, DeviceReader, Driver, Event, HostClock, Item,
 from daq.drivers import EPSON_SCALE
 from daq.timing import SharedTime
 from monitor.errors import SettingsError, StartError
-from monitor.rig import Place, PlayReport, RigEvent, Scenario, draw_t_frame, dump_scenario, play, run_rig
+from monitor.rig import Place, PlayReport, RigEvent, Scenario, World, draw_t_frame, dump_scenario, play, run_rig
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from tests.support.thorough import few_of
 from updater import Body
@@ -200,21 +200,10 @@ class HandClock:
     """A clock that is set by hand."""
 
     def __init__(self, speed: float) -> None:
-        self.speed, self.time, self.asked = speed, ORIGIN, 0
+        self.speed, self.time = speed, ORIGIN
 
     def now(self, _: int = 0) -> int:
-        self.asked += 1
         return self.time
-
-    def jump(self, seconds: float) -> None:
-        """Set the time, once the rig has received all commands, which a busy kernel delays by some servings.
-
-        A serving sends less than 30 queries.
-        """
-        end = self.asked + 150  # not many more: a reader that hears nothing for 2 s opens its port anew
-        while self.asked < end:
-            time.sleep(0.005)
-        self.time += round(seconds * 1e9)
 
 
 @dataclass
@@ -227,6 +216,12 @@ class Playing:
     done: list[PlayReport]
     happened: list[tuple[RigEvent, int]]
     thread: threading.Thread
+    sampling: threading.Event  #: set once all devices sample
+
+    def jump(self, seconds: float) -> None:
+        """Set the time, once all devices sample: commands may take long to reach them on a busy machine."""
+        assert self.sampling.wait(_READY_SECONDS)
+        self.clock.time += round(seconds * 1e9)
 
     def report(self) -> PlayReport:
         """Wait until the scenario's duration is over."""
@@ -237,23 +232,29 @@ class Playing:
 
 @contextmanager
 def playing(scenario: Scenario, speed: float = 1.0) -> Iterator[Playing]:
-    clock, stop, asked = HandClock(speed), threading.Event(), threading.Event()
+    clock, stop, asked, sampling = HandClock(speed), threading.Event(), threading.Event(), threading.Event()
     ports, done, happened = dict[str, Place](), list[PlayReport](), list[tuple[RigEvent, int]]()
 
     def ready(found: dict[str, Place]) -> None:
         ports.update(found)
         asked.set()
 
+    def begin(world: World, moment: int) -> tuple[int, ...]:
+        sampling.set()
+        return begin_of_world(world, moment)
+
     def run() -> None:
-        with tempfile.NamedTemporaryFile() as file:
+        with tempfile.NamedTemporaryFile() as file, pytest.MonkeyPatch.context() as patch:
+            patch.setattr(World, "begin", begin)
             shared = SharedTime(Path(file.name), ORIGIN)
             done.append(play(t_frame(), scenario, clock, shared, ready, stop, lambda *event: happened.append(event)))
 
+    begin_of_world = World.begin
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     assert asked.wait(_READY_SECONDS)
     try:
-        yield Playing(clock, ports, stop, done, happened, thread)
+        yield Playing(clock, ports, stop, done, happened, thread, sampling)
     finally:
         stop.set()
         thread.join()
@@ -263,7 +264,7 @@ def test_stalled_rig_loses_no_scans() -> None:
     scenario = nominal(8, bodies=((3.0, Body(at=(0.1, 0, 1.48), mass=0.2)),)).model_copy(update={"duration": 3.9})
     # the host did not sleep, only the rig: 4 s are made up for, 250 servings of 384 bytes a device
     with playing(scenario) as rig, reading(rig.ports, SystemClock()) as items:
-        rig.clock.jump(4.0)
+        rig.jump(4.0)
         report = rig.report()
     assert report.dropped == 0
     assert report.events == (ORIGIN + 3_000_000_000,)
@@ -278,7 +279,7 @@ def test_unread_scans_are_dropped_and_counted() -> None:
         drivers = [driver_of(place) for place in rig.ports.values()]
         for driver in drivers:
             driver.open()
-        rig.clock.jump(60.0)
+        rig.jump(60.0)
         report = rig.report()
     held = 6 * (20 * 4096 + 640 * 1024) // 24  # frames in the devices' buffers, and in ports of kernels that hold most
     assert 0 < report.sent <= held

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # its parts at their first use
 import scipy.linalg
-from scipy.stats import multivariate_normal
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
@@ -145,7 +145,7 @@ def propose_amplitude_softening(reference: Reference, comparison: Comparison) ->
     covariance = np.linalg.inv(np.linalg.inv(prior) + (onto.T / variance) @ onto)
     more = (trend.slope - trend.usual)[tracks][known]
     noise = np.diag(variance + trend.usual_std[tracks][known] ** 2)
-    log_density = multivariate_normal.logpdf(more, cov=noise + onto @ prior @ onto.T)
+    log_density = scipy.stats.multivariate_normal.logpdf(more, cov=noise + onto @ prior @ onto.T)
     n_parameters = len(prior) + 2
     return AmplitudeSoftening(
         prior_std=np.ones(n_parameters),
@@ -160,7 +160,7 @@ def propose_amplitude_softening(reference: Reference, comparison: Comparison) ->
         mean=covariance @ (onto.T @ (trend.slope[tracks][known] / variance)),
         root=np.linalg.cholesky(covariance),
         damping=_combined(trend.damping_slope[tracks], trend.damping_slope_std[tracks], _DAMPING_RISE / trend.spread),
-        log_trend=float(log_density - multivariate_normal.logpdf(more, cov=noise)),
+        log_trend=float(log_density - scipy.stats.multivariate_normal.logpdf(more, cov=noise)),
     )
 
 

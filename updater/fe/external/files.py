@@ -10,8 +10,8 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+import scipy  # its parts at their first use
 from scipy import sparse
-from scipy.io import mminfo, mmread, mmwrite
 from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray, IndexArray, IntArray
@@ -169,7 +169,7 @@ def save_matrices(path: Path, matrices: Matrices) -> None:
         np.savez_compressed(path, nodes=matrices.nodes, dofs=matrices.dofs, faces=matrices.faces, **parts)
         return
     for name, a in both.items():
-        mmwrite(path / f"{name}.mtx", sparse.coo_array(a), symmetry="symmetric", precision=17)
+        scipy.io.mmwrite(path / f"{name}.mtx", sparse.coo_array(a), symmetry="symmetric", precision=17)
     node, axis = np.nonzero(matrices.dofs >= 0)
     order = np.argsort(matrices.dofs[node, axis])
     with (path / "dofs.csv").open("w", newline="", encoding="utf-8") as file:
@@ -194,7 +194,7 @@ def _matrix(path: Path, name: str) -> sparse.csc_array:
             matrix = sparse.csc_array((data.astype(float), indices, indptr), shape=(len(indptr) - 1,) * 2)
         else:
             _check_stated(path)
-            matrix = sparse.csc_array(mmread(path, spmatrix=False), dtype=float)
+            matrix = sparse.csc_array(scipy.io.mmread(path, spmatrix=False), dtype=float)
     except DAMAGED as error:
         raise StructureError(path, f"{name}: no matrix can be read: {error}".splitlines()[0]) from error
     return matrix
@@ -213,7 +213,7 @@ def _check_indices(data: FloatArray, indices: IndexArray, indptr: IndexArray) ->
 
 def _check_stated(path: Path) -> None:
     """Refuse a Matrix Market file whose lines do not match its header: scipy's reader crashes on some of them."""
-    rows, columns, entries, form, field, _ = mminfo(path)
+    rows, columns, entries, form, field, _ = scipy.io.mminfo(path)
     size = path.stat().st_size
     if max(rows, columns) > _MAX_ROWS or entries > size:
         raise ValueError(f"{rows} x {columns} with {entries} entries in {size} bytes, expected up to {_MAX_ROWS} rows")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
-from scipy.signal import welch
+import scipy  # its parts at their first use
 
 from daq import FloatArray, Recording
 from monitor.results.windows import ReferenceResult
@@ -99,5 +99,5 @@ def channel_spectra(signals: Recording) -> tuple[FloatArray, FloatArray]:
     offset = np.nansum(signals.data, axis=0) / np.maximum(np.isfinite(signals.data).sum(axis=0), 1)
     data = np.nan_to_num(signals.data - offset)
     segment = min(len(data), round(_SEGMENT_SECONDS * signals.rate))
-    frequency, density = welch(data, signals.rate, nperseg=segment, axis=0)
+    frequency, density = scipy.signal.welch(data, signals.rate, nperseg=segment, axis=0)
     return frequency, 10 * np.log10(np.maximum(density, 1e-30))
