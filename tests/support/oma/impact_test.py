@@ -1,0 +1,114 @@
+"""Impact tests of a tower in the time domain: forces and accelerations with noise, windows, and their H1 responses.
+
+The tower is two chains of masses and springs, one per horizontal direction, with nearly the same stiffness and a weak
+coupling, so that its modes come in close pairs. Its motion is the exact solution for forces that are straight between
+fine time steps, mode by mode; nothing here knows a rational fraction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, signal
+
+from daq import FloatArray
+from oma import ComplexArray
+
+_FINE = 8  # time steps per sample
+_PULSE_SECONDS = 4e-3  # half sine of the hammer
+_FLOORS, _MASS, _STIFFNESS = 4, 12.0, 4.5e5  # [-], [kg], [N/m]
+_RATIO, _COUPLING = 1.06, 0.01  # stiffness in y over that in x, and between the two [-]
+CHANNELS = tuple(f"{floor}_{axis}" for axis in "xy" for floor in range(1, _FLOORS + 1))
+REFERENCES = (3, 5)  # hit: top along x, second floor along y
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tower:
+    """Modes of the tower; shapes are mass-normalised."""
+
+    frequency: FloatArray  #: (n_modes,) [Hz]
+    damping: FloatArray  #: (n_modes,) [-]
+    shape: FloatArray  #: (n_modes, n_channels) [kg^-1/2]
+
+
+def tower(damping: tuple[float, float] = (0.004, 0.015)) -> Tower:
+    """Return the tower with damping ratios that rise from the first to the last mode."""
+    chain = 2 * np.eye(_FLOORS) - np.eye(_FLOORS, k=1) - np.eye(_FLOORS, k=-1)
+    chain[-1, -1] = 1
+    coupling = _COUPLING * chain
+    stiffness = _STIFFNESS * np.block([[chain, coupling], [coupling, _RATIO * chain]])
+    mass = np.tile(_MASS * np.linspace(1.2, 0.8, _FLOORS), 2)
+    values, vectors = linalg.eigh(stiffness, np.diag(mass))
+    return Tower(
+        frequency=np.sqrt(values) / (2 * np.pi),
+        damping=np.linspace(*damping, len(values)),
+        shape=vectors.T,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImpactTest:
+    """Settings of a test."""
+
+    rate: float = 200.0  #: [Hz]
+    seconds: float = 8.0  #: length of a hit's record
+    hits: int = 5  #: averaged, per reference
+    noise: float = 0.002  #: of each response, over its rms in a record [-]
+    force_noise: float = 0.0005  #: of the force, over its peak [-]
+    decay: float | None = None  #: time constant of the exponential window on force and responses [s]; None: no window
+
+    def h1(
+        self, structure: Tower, seed: int, references: tuple[int, ...] = REFERENCES
+    ) -> tuple[FloatArray, ComplexArray]:
+        """Return lines [Hz] and accelerances (n_lines, n_channels, n_references) [m/s2/N]."""
+        random = np.random.default_rng(seed)
+        columns = [self._reference(structure, reference, random) for reference in references]
+        line = np.fft.rfftfreq(round(self.rate * self.seconds), 1 / self.rate)
+        kept = line < 0.4 * self.rate  # below the anti-alias filter
+        return line[kept], np.stack(columns, axis=2)[kept]
+
+    def _reference(self, structure: Tower, reference: int, random: np.random.Generator) -> ComplexArray:
+        """Return the H1 estimate over all hits at one place, (n_lines, n_channels)."""
+        cross, auto = 0.0, 0.0
+        for _ in range(self.hits):
+            force, motion = self._hit(structure, reference, random)
+            spectrum, response = np.fft.rfft(force), np.fft.rfft(motion, axis=0)
+            cross = cross + spectrum.conj()[:, None] * response
+            auto = auto + np.abs(spectrum) ** 2
+        return np.asarray(cross / np.asarray(auto)[:, None])
+
+    def _hit(self, structure: Tower, reference: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
+        """Return force (n,) [N] and accelerations (n, n_channels) [m/s2] of one hit, windowed."""
+        n, rate = round(self.seconds * self.rate), self.rate * _FINE
+        t = np.arange(n * _FINE) / rate
+        begin = 0.02 + random.uniform(0, 0.01)
+        inside = (t >= begin) & (t <= begin + _PULSE_SECONDS)
+        force = np.where(inside, random.uniform(150, 300) * np.sin(np.pi * (t - begin) / _PULSE_SECONDS), 0.0)
+        motion = accelerations(structure, reference, force, rate)
+        both = np.column_stack([force, motion])
+        low = signal.firwin(20 * _FINE + 1, 0.9 / _FINE)
+        both = signal.lfilter(low, 1.0, both, axis=0)[::_FINE]
+        size = np.sqrt(np.mean(both**2, axis=0))
+        size[0] = np.abs(both[:, 0]).max()
+        share = np.full(len(size), self.noise)
+        share[0] = self.force_noise
+        both = both + share * size * random.standard_normal(both.shape)
+        if self.decay:
+            both = both * np.exp(-np.arange(n) / self.rate / self.decay)[:, None]
+        return both[:, 0], both[:, 1:]
+
+
+def accelerations(structure: Tower, reference: int, force: FloatArray, rate: float) -> FloatArray:
+    """Return the accelerations (n, n_channels) [m/s2] to a force [N] at a channel, straight between samples."""
+    result = np.zeros((len(force), structure.shape.shape[1]))
+    for frequency, damping, shape in zip(structure.frequency, structure.damping, structure.shape, strict=True):
+        omega = 2 * np.pi * frequency
+        system = (
+            [[0, 1], [-(omega**2), -2 * damping * omega]],
+            [[0], [1]],
+            [[-(omega**2), -2 * damping * omega]],
+            [[1]],
+        )
+        a, b, c, d, _ = signal.cont2discrete(tuple(map(np.array, system)), 1 / rate, method="foh")
+        numerator, denominator = signal.ss2tf(a, b, c, d)
+        result += np.outer(signal.lfilter(numerator[0], denominator, force), shape * shape[reference])
+    return result
