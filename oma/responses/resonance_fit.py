@@ -25,9 +25,11 @@ from oma.types import ComplexArray
 
 _REACH, _REACH_LINES = 6.0, 12  # zeta f, and lines, on either side of a resonance that are fitted
 _MAX_TOGETHER = 6  # modes in one fit
-_ROUNDS = 3
+_ROUNDS = 3  # of fitting and choosing the lines
+_MORE_PASSES = 1  # over all modes, the others subtracted
 _LAGS = 2  # lines over which errors are alike
 _LEAST_DAMPING = 2e-7  # of a mode: smaller is none
+_LEAST_SHARE = 0.1  # of the noise variance in residuals: smaller ones are rounding
 _SIGNIFICANT = 5.0  # residue over its standard deviation, rms over all responses
 
 
@@ -45,14 +47,34 @@ class FittedMode:
     """(n_moves, n_channels, n_inputs) independent moves of the residue by errors of the poles, one sigma each [1/kg]"""
     support: float  #: [-]
 
+    @property
+    def pole(self) -> FloatArray:
+        """Frequency and damping, (1, 2)."""
+        return np.array([[self.frequency, self.damping]])
 
-def fitted_modes(poles: Sequence[StablePole], lines: Lines) -> Iterator[FittedMode]:
-    """Yield the modes of all poles that are significant, fitted together with those near them."""
+
+def fitted_modes(poles: Sequence[StablePole], lines: Lines) -> list[FittedMode]:
+    """Return the modes of all poles that are significant, fitted together with those near them.
+
+    Modes of the previous pass that are farther away are subtracted, so that the straight line has only what no mode
+    explains.
+    """
+    modes = list(_one_pass(poles, (), lines))
+    for _ in range(_MORE_PASSES):
+        again = [StablePole(frequency=m.frequency, damping=m.damping, support=m.support) for m in modes]
+        modes = list(_one_pass(again, modes, lines))
+    return modes
+
+
+def _one_pass(poles: Sequence[StablePole], known: Sequence[FittedMode], lines: Lines) -> Iterator[FittedMode]:
+    """Yield the significant modes of all poles; those known that are in no fit are subtracted from it."""
     for near in _clusters(sorted(poles, key=lambda pole: pole.frequency), lines.spacing):
+        inside = {pole.frequency for pole in near}
+        rest = lines.without([_resonances(m.pole, lines)[:, :, None] * m.residue for m in known if m.frequency not in inside])
         kept, modes = list(near), list[FittedMode | None]()
         while kept and (not modes or None in modes):  # again without those that are no modes
             kept = [pole for pole, mode in zip(kept, modes or kept, strict=True) if mode is not None]
-            modes = list(_fitted_together(kept, lines)) if kept else []
+            modes = list(_fitted_together(kept, rest)) if kept else []
         yield from (mode for mode in modes if mode is not None)
 
 
@@ -93,11 +115,15 @@ def _around(pole: FloatArray, lines: Lines) -> IndexArray:
 
 def _terms(pole: FloatArray, lines: Lines) -> ComplexArray:
     """Return resonances and a straight line (n_lines, n_modes + 2)."""
-    ratio = lines.laplace[:, None] / (2 * np.pi * pole[:, 0])
-    resonance = ratio**2 / (1 + ratio**2 + 2 * pole[:, 1] * ratio)
     line = lines.frequency
     rest = np.stack([np.ones_like(line), (line - line.mean()) / max(np.ptp(line), 1e-300)], axis=1)
-    return np.concatenate([resonance, rest], axis=1).astype(np.complex128)
+    return np.concatenate([_resonances(pole, lines), rest], axis=1).astype(np.complex128)
+
+
+def _resonances(pole: FloatArray, lines: Lines) -> ComplexArray:
+    """Return resonances (n_lines, n_modes) of poles (n_modes, 2)."""
+    ratio = lines.laplace[:, None] / (2 * np.pi * pole[:, 0])
+    return np.asarray(ratio**2 / (1 + ratio**2 + 2 * pole[:, 1] * ratio))
 
 
 def _fit(pole: FloatArray, lines: Lines) -> FloatArray:
@@ -124,12 +150,18 @@ def _with_deviations(
     terms = _terms(pole, lines)
     basis, triangle = np.linalg.qr(terms)
     linear = np.asarray(np.linalg.solve(triangle, basis.conj().T @ measured), np.complex128)
-    left, free = measured - terms @ linear, 1 - np.minimum(np.sum(np.abs(basis) ** 2, axis=1), 0.9)
+    left, alike = measured - terms @ linear, lines.correlation
+    free = np.maximum(_residual_share(basis, alike), _LEAST_SHARE)
+    if lines.decay:  # no line is independent of the others: the fit without it says nothing of its error
+        left, free = left / np.sqrt(free)[:, None], np.ones_like(free)
     slopes = _slopes(pole, lines, linear)
-    covariance = _pole_covariance(slopes - basis @ (basis.conj().T @ slopes), left, free)
+    lags = 0 if lines.decay else _LAGS  # the correlation of the window is known
+    across = slopes - basis @ (basis.conj().T @ slopes)
+    covariance = _pole_covariance(across, left, free, lags) * _inflation(across, alike)
     std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
     inverse = np.linalg.solve(triangle, basis.conj().T)
-    residue_std = np.sqrt(_variance(inverse, left / free[:, None]) / 2)
+    gain = _gain(inverse.conj(), alike)
+    residue_std = np.sqrt(gain[:, None] * _variance(inverse, left / free[:, None], lags) / 2)
     moves = np.einsum("im,itr->mtr", _root(covariance), -inverse @ slopes)
     for k, (origin, (frequency, damping)) in enumerate(zip(near, pole.tolist(), strict=True)):
         residue, deviation = linear[k].reshape(shape), residue_std[k].reshape(shape)
@@ -164,7 +196,29 @@ def _slopes(pole: FloatArray, lines: Lines, linear: ComplexArray) -> ComplexArra
     return np.array(slopes)
 
 
-def _pole_covariance(slopes: ComplexArray, left: ComplexArray, free: FloatArray) -> FloatArray:
+def _residual_share(basis: ComplexArray, alike: ComplexArray) -> FloatArray:
+    """Return the share of the noise variance that the residuals of a linear fit keep, (n_lines,)."""
+    rest = np.eye(len(basis)) - basis @ basis.conj().T
+    return np.asarray(np.einsum("ij,jk,ik->i", rest, alike, rest.conj(), optimize=True).real)
+
+
+def _gain(influence: ComplexArray, alike: ComplexArray) -> FloatArray:
+    """Return the variance of sums over lines with correlated noise over that with independent noise, (n,)."""
+    return np.asarray(
+        np.einsum("ij,jk,ik->i", influence.conj(), alike, influence, optimize=True).real
+        / np.sum(np.abs(influence) ** 2, axis=1)
+    )
+
+
+def _inflation(slopes: ComplexArray, alike: ComplexArray) -> FloatArray:
+    """Return the factor of the covariance of poles by the correlation of lines, (2 n_modes, 2 n_modes)."""
+    of_responses = slopes.transpose(0, 2, 1)  # (2 n_modes, n_responses, n_lines)
+    variance = np.einsum("irj,jk,irk->i", of_responses.conj(), alike, of_responses, optimize=True).real
+    gain = np.sqrt(variance / np.sum(np.abs(slopes) ** 2, axis=(1, 2)))
+    return np.asarray(np.outer(gain, gain))
+
+
+def _pole_covariance(slopes: ComplexArray, left: ComplexArray, free: FloatArray, lags: int) -> FloatArray:
     """Return the covariance of poles (2 n_modes, 2 n_modes), residues and straight lines fitted with them.
 
     The score of a line is the one that a fit without this line would give it.
@@ -174,7 +228,7 @@ def _pole_covariance(slopes: ComplexArray, left: ComplexArray, free: FloatArray)
     score = np.einsum("inr,nr->ni", slopes.conj(), left).real
     without = np.linalg.pinv(free[:, None, None] * gram - own)
     normal = np.linalg.pinv(gram)
-    return np.asarray(normal @ _newey_west(np.einsum("ij,njk,nk->ni", gram, without, score)) @ normal)
+    return np.asarray(normal @ _newey_west(np.einsum("ij,njk,nk->ni", gram, without, score), lags) @ normal)
 
 
 def _root(covariance: FloatArray) -> FloatArray:
@@ -183,19 +237,19 @@ def _root(covariance: FloatArray) -> FloatArray:
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def _newey_west(score: FloatArray) -> FloatArray:
+def _newey_west(score: FloatArray, lags: int) -> FloatArray:
     """Return the covariance of the sum of scores (n_lines, n_parameters) of neighbouring lines."""
     meat = score.T @ score
-    for lag in range(1, _LAGS + 1):
-        shifted = (1 - lag / (_LAGS + 1)) * score[lag:].T @ score[:-lag]
+    for lag in range(1, lags + 1):
+        shifted = (1 - lag / (lags + 1)) * score[lag:].T @ score[:-lag]
         meat += shifted + shifted.T
     return np.asarray(meat)
 
 
-def _variance(inverse: ComplexArray, left: ComplexArray) -> FloatArray:
+def _variance(inverse: ComplexArray, left: ComplexArray, lags: int) -> FloatArray:
     """Return the variances (n_terms, n_responses) of complex coefficients, poles held, from residuals of lines."""
     score = inverse[:, :, None] * left
     meat = np.sum(np.abs(score) ** 2, axis=1)
-    for lag in range(1, _LAGS + 1):
-        meat += 2 * (1 - lag / (_LAGS + 1)) * np.sum((score[:, lag:] * score[:, :-lag].conj()).real, axis=1)
+    for lag in range(1, lags + 1):
+        meat += 2 * (1 - lag / (lags + 1)) * np.sum((score[:, lag:] * score[:, :-lag].conj()).real, axis=1)
     return np.asarray(np.maximum(meat, 0.0))

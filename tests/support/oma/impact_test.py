@@ -14,6 +14,7 @@ from daq import FloatArray
 from oma import ComplexArray
 
 _FINE = 8  # time steps per sample
+_STRAIGHT = (1 / 12, 10 / 12, 1 / 12)  # spectrum of straight pieces over that of their ends, to fourth order
 _PULSE_SECONDS = 4e-3  # half sine of the hammer
 _FLOORS, _MASS, _STIFFNESS = 4, 12.0, 4.5e5  # [-], [kg], [N/m]
 _RATIO, _COUPLING = 1.06, 0.01  # stiffness in y over that in x, and between the two [-]
@@ -54,7 +55,8 @@ class ImpactTest:
     hits: int = 5  #: averaged, per reference
     noise: float = 0.002  #: of each response, over its rms in a record [-]
     force_noise: float = 0.0005  #: of the force, over its peak [-]
-    decay: float | None = None  #: time constant of the exponential window on force and responses [s]; None: no window
+    force_window: float | None = 0.15  #: time after which the force is set to zero [s]; None: never
+    decay: float | None = None  #: time constant of the exponential window on force and responses [s]; None: none
 
     def h1(
         self, structure: Tower, seed: int, references: tuple[int, ...] = REFERENCES
@@ -84,7 +86,7 @@ class ImpactTest:
         inside = (t >= begin) & (t <= begin + _PULSE_SECONDS)
         force = np.where(inside, random.uniform(150, 300) * np.sin(np.pi * (t - begin) / _PULSE_SECONDS), 0.0)
         motion = accelerations(structure, reference, force, rate)
-        both = np.column_stack([force, motion])
+        both = np.column_stack([signal.lfilter(_STRAIGHT, 1.0, force), np.roll(motion, 1, axis=0)])
         low = signal.firwin(20 * _FINE + 1, 0.9 / _FINE)
         both = signal.lfilter(low, 1.0, both, axis=0)[::_FINE]
         size = np.sqrt(np.mean(both**2, axis=0))
@@ -92,6 +94,8 @@ class ImpactTest:
         share = np.full(len(size), self.noise)
         share[0] = self.force_noise
         both = both + share * size * random.standard_normal(both.shape)
+        if self.force_window:
+            both[round(self.force_window * self.rate) :, 0] = 0.0
         if self.decay:
             both = both * np.exp(-np.arange(n) / self.rate / self.decay)[:, None]
         return both[:, 0], both[:, 1:]
