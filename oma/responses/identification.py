@@ -32,6 +32,21 @@ class ResponseIdentification:
     synthesis: ComplexArray  #: (n_lines, n_channels, n_forces) those of the modes and residual terms [m/s2/N]
     forces: tuple[str, ...]  #: names of the forces, in the order of the last axis
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
+    decay: float  #: decay rate of the exponential window, 0 without a window [1/s]
+
+    @property
+    def record_seconds(self) -> float:
+        """Length of the records that have such lines [s]."""
+        return float(1 / (self.frequency[1] - self.frequency[0]))
+
+    @property
+    def left_at_end(self) -> FloatArray:
+        """Amplitude that free vibration has left at the end of a record, window included, (n_modes,) [-].
+
+        It is the relative error of residues after a blow: the record is cut. Poles have no such error.
+        """
+        rate = 2 * np.pi * self.estimate.frequency * self.estimate.damping + self.decay
+        return np.asarray(np.exp(-rate * self.record_seconds))
 
     @property
     def mass_normalised_shape(self) -> ComplexArray:
@@ -125,6 +140,7 @@ def identify_responses_all(
         synthesis=synthesis(lines, continuous),
         forces=tuple(forces),
         band=band,
+        decay=lines.decay,
     )
 
 

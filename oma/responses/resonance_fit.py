@@ -70,7 +70,9 @@ def _one_pass(poles: Sequence[StablePole], known: Sequence[FittedMode], lines: L
     """Yield the significant modes of all poles; those known that are in no fit are subtracted from it."""
     for near in _clusters(sorted(poles, key=lambda pole: pole.frequency), lines.spacing):
         inside = {pole.frequency for pole in near}
-        rest = lines.without([_resonances(m.pole, lines)[:, :, None] * m.residue for m in known if m.frequency not in inside])
+        rest = lines.without(
+            [_resonances(m.pole, lines)[:, :, None] * m.residue for m in known if m.frequency not in inside]
+        )
         kept, modes = list(near), list[FittedMode | None]()
         while kept and (not modes or None in modes):  # again without those that are no modes
             kept = [pole for pole, mode in zip(kept, modes or kept, strict=True) if mode is not None]

@@ -6,6 +6,7 @@ fine time steps, mode by mode; nothing here knows a rational fraction.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg, signal
@@ -64,19 +65,18 @@ class ImpactTest:
         """Return lines [Hz] and accelerances (n_lines, n_channels, n_references) [m/s2/N]."""
         random = np.random.default_rng(seed)
         columns = [self._reference(structure, reference, random) for reference in references]
-        line = np.fft.rfftfreq(round(self.rate * self.seconds), 1 / self.rate)
+        line = np.arange(round(self.rate * self.seconds) // 2 + 1) / self.seconds
         kept = line < 0.4 * self.rate  # below the anti-alias filter
         return line[kept], np.stack(columns, axis=2)[kept]
 
     def _reference(self, structure: Tower, reference: int, random: np.random.Generator) -> ComplexArray:
         """Return the H1 estimate over all hits at one place, (n_lines, n_channels)."""
-        cross, auto = 0.0, 0.0
+        pairs = []
         for _ in range(self.hits):
             force, motion = self._hit(structure, reference, random)
-            spectrum, response = np.fft.rfft(force), np.fft.rfft(motion, axis=0)
-            cross = cross + spectrum.conj()[:, None] * response
-            auto = auto + np.abs(spectrum) ** 2
-        return np.asarray(cross / np.asarray(auto)[:, None])
+            pairs.append((np.fft.rfft(force)[:, None], np.fft.rfft(motion, axis=0)))
+        cross = np.sum([force.conj() * motion for force, motion in pairs], axis=0)
+        return np.asarray(cross / np.sum([np.abs(force) ** 2 for force, _ in pairs], axis=0))
 
     def _hit(self, structure: Tower, reference: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Return force (n,) [N] and accelerations (n, n_channels) [m/s2] of one hit, windowed."""
@@ -86,9 +86,9 @@ class ImpactTest:
         inside = (t >= begin) & (t <= begin + _PULSE_SECONDS)
         force = np.where(inside, random.uniform(150, 300) * np.sin(np.pi * (t - begin) / _PULSE_SECONDS), 0.0)
         motion = accelerations(structure, reference, force, rate)
-        both = np.column_stack([signal.lfilter(_STRAIGHT, 1.0, force), np.roll(motion, 1, axis=0)])
+        both = np.column_stack([np.convolve(force, _STRAIGHT)[: len(force)], np.roll(motion, 1, axis=0)])
         low = signal.firwin(20 * _FINE + 1, 0.9 / _FINE)
-        both = signal.lfilter(low, 1.0, both, axis=0)[::_FINE]
+        both = signal.lfilter(low, np.ones(1), both, axis=0)[::_FINE]
         size = np.sqrt(np.mean(both**2, axis=0))
         size[0] = np.abs(both[:, 0]).max()
         share = np.full(len(size), self.noise)
@@ -106,13 +106,7 @@ def accelerations(structure: Tower, reference: int, force: FloatArray, rate: flo
     result = np.zeros((len(force), structure.shape.shape[1]))
     for frequency, damping, shape in zip(structure.frequency, structure.damping, structure.shape, strict=True):
         omega = 2 * np.pi * frequency
-        system = (
-            [[0, 1], [-(omega**2), -2 * damping * omega]],
-            [[0], [1]],
-            [[-(omega**2), -2 * damping * omega]],
-            [[1]],
-        )
-        a, b, c, d, _ = signal.cont2discrete(tuple(map(np.array, system)), 1 / rate, method="foh")
-        numerator, denominator = signal.ss2tf(a, b, c, d)
-        result += np.outer(signal.lfilter(numerator[0], denominator, force), shape * shape[reference])
+        system: Any = signal.TransferFunction([1.0, 0.0, 0.0], [1.0, 2 * damping * omega, omega**2])
+        exact = system.to_discrete(1 / rate, method="foh")
+        result += np.outer(signal.lfilter(exact.num, exact.den, force), shape * shape[reference])
     return result
