@@ -11,6 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from daq import FloatArray, Recording
+from daq.notebook import number_text
 from monitor.views.plots.identification import (
     LINE,
     STABLE,
@@ -115,8 +116,8 @@ def draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
 
 def _title(estimate: ModalEstimate, k: int) -> str:
     return (
-        f"{k + 1}: {estimate.frequency[k]:.3f} ± {estimate.frequency_std[k]:.3f} Hz\n"
-        f"{100 * estimate.damping[k]:.2f} ± {100 * estimate.damping_std[k]:.2f} %"
+        f"{k + 1}: {number_text(estimate.frequency[k], estimate.frequency_std[k])} Hz\n"
+        f"{number_text(100 * estimate.damping[k], 100 * estimate.damping_std[k])} %"
     )
 
 

@@ -110,3 +110,12 @@ def accelerations(structure: Tower, reference: int, force: FloatArray, rate: flo
         exact = system.to_discrete(1 / rate, method="foh")
         result += np.outer(signal.lfilter(exact.num, exact.den, force), shape * shape[reference])
     return result
+
+
+SCENES = {
+    "exponential window, noise 2 %": ImpactTest(noise=0.02, decay=1.0, force_noise=1e-4),
+    "exponential window, noise 10 %": ImpactTest(noise=0.1, decay=1.0, force_noise=1e-4),
+    "records of 4 s": ImpactTest(noise=0.02, decay=0.6, force_noise=1e-4, seconds=4.0),
+    "no exponential window": ImpactTest(noise=0.02, force_noise=1e-4, seconds=16.0),
+    "noise of the force in the whole record": ImpactTest(noise=0.02, force_window=None, seconds=16.0),
+}  #: tests of the statistics and of the benchmark
