@@ -47,10 +47,10 @@ def errors(test: ImpactTest, seeds: range) -> Errors:
 
 
 def test_all_modes_of_a_test_with_an_exponential_window_are_found() -> None:
-    """24 values: the rms of normal ones is below 1.5 but for a chance of 1e-4; deviations may be 1.3 too small."""
-    found = errors(SCENES["exponential window, noise 10 %"], range(3))
+    """16 values: the rms of normal ones is below 1.6 but for a chance of 6e-4; deviations may be 1.3 too small."""
+    found = errors(SCENES["exponential window, noise 10 %"], range(2))
     for name, values in vars(found).items():
-        assert np.sqrt(np.mean(np.square(values))) < 1.3 * 1.5, name
+        assert np.sqrt(np.mean(np.square(values))) < 1.3 * 1.6, name
 
 
 @pytest.mark.thorough

@@ -162,7 +162,7 @@ def _table(title: str, found: ResponseIdentification, model: "ModelModes | None"
     massive = bool(np.isfinite(found.modal_mass).all())
     table = Table(box=SIMPLE_HEAD, title=title)
     names = ["mode", "frequency [Hz]", "damping [%]", "MPC", *([] if model else ["MPD [°]"])]
-    for name in names + ["modal mass [kg]"] * massive + ["model", "MAC"] * (model is not None):
+    for name in names + [escape("modal mass [kg]")] * massive + ["model", "MAC"] * (model is not None):
         table.add_column(name, justify="right", no_wrap=True)
     frequencies = aligned_numbers(zip(estimate.frequency, estimate.frequency_std, strict=True))
     dampings = aligned_numbers(zip(100 * estimate.damping, 100 * estimate.damping_std, strict=True))
