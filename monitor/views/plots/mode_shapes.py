@@ -34,7 +34,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Skeleton:
-    """What shapes are drawn on."""
+    """Lines and places of channels, to draw shapes on."""
 
     lines: FloatArray  #: (n_lines, 2, 3) their ends [m]
     places: Mapping[str, tuple[Vector, Vector]]  #: channel -> position [m], direction

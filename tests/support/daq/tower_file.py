@@ -13,14 +13,14 @@ DECAY = 1.0  # time constant of the exponential window [s]
 _AXES = {"x": 1, "y": 2}
 
 
-def write_tower(path: Path, seed: int = 1, *, geometry: bool = True) -> Path:
+def write_tower(path: Path) -> None:
     """Write accelerances at eight places to two forces, with an exponential window of `DECAY`."""
-    line, response = ImpactTest(noise=0.02, decay=DECAY).h1(tower(), seed)
-    sets: list[Any] = []
-    if geometry:
-        height = [0.0, 1.0, 2.0, 3.0, 4.0]
-        sets.append({"type": 15, "node_nums": [9, 1, 2, 3, 4], "x": [0.0] * 5, "y": [0.0] * 5, "z": height})
-        sets.append({"type": 82, "trace_num": 1, "nodes": np.array([9, 1, 2, 3, 4]), "id": "tower", "color": 0})
+    line, response = ImpactTest(noise=0.02, decay=DECAY).h1(tower(), 1)
+    height = [0.0, 1.0, 2.0, 3.0, 4.0]
+    sets: list[Any] = [
+        {"type": 15, "node_nums": [9, 1, 2, 3, 4], "x": [0.0] * 5, "y": [0.0] * 5, "z": height},
+        {"type": 82, "trace_num": 1, "nodes": np.array([9, 1, 2, 3, 4]), "id": "tower", "color": 0},
+    ]
     sets += [
         frequency_response(
             response[1:, k, i],
@@ -36,4 +36,3 @@ def write_tower(path: Path, seed: int = 1, *, geometry: bool = True) -> Path:
         for k, name in enumerate(CHANNELS)
     ]
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
-    return path

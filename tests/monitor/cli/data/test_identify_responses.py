@@ -46,7 +46,9 @@ def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 
 @pytest.fixture(scope="module")
 def hammer(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_tower(tmp_path_factory.mktemp("hammer") / "hammer.uff")
+    path = tmp_path_factory.mktemp("hammer") / "hammer.uff"
+    write_tower(path)
+    return path
 
 
 def test_modes_masses_and_pictures_of_responses(modalwatch: Commands, hammer: Path, tmp_path: Path) -> None:
