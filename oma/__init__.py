@@ -8,8 +8,9 @@ if TYPE_CHECKING:
     from oma.errors import IdentificationError, NoCommonModes, OmaError, TooShort
     from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
     from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
-    from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method, identify_responses
+    from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method
     from oma.preparation import ChannelFault, WindowQuality, channel_faults
+    from oma.responses import ResponseIdentification, identify_responses, identify_responses_all
     from oma.spectral import Resonance, aligned, device_delays, fit_resonance, singular_values
     from oma.tracking import FollowedModes, LongTermTracker, Tracker, Tracks, match_setups, merge, pair_modes
     from oma.types import ComplexArray, ModalEstimate
@@ -38,6 +39,7 @@ __all__ = [
     "OmaError",
     "Place",
     "Resonance",
+    "ResponseIdentification",
     "TooShort",
     "Tracker",
     "Tracks",
@@ -50,6 +52,7 @@ __all__ = [
     "identify",
     "identify_all",
     "identify_responses",
+    "identify_responses_all",
     "mac",
     "mac_matrix",
     "match_setups",

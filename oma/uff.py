@@ -57,6 +57,7 @@ def write_universal(
     places: Mapping[str, Place] | None = None,
     nodes: Mapping[int, tuple[float, float, float]] | None = None,
     lines: Sequence[Sequence[int]] = (),
+    modal_mass: FloatArray | None = None,
 ) -> None:
     """Write modes as complex eigenvalues and vectors at nodes.
 
@@ -73,6 +74,8 @@ def write_universal(
         Node -> position [m]; with them the file can be animated.
     lines : sequence, optional
         Nodes to draw lines through.
+    modal_mass : (n_modes,) array, optional
+        Of the unit shapes [kg]; shapes with one that is positive are written mass-normalised.
 
     Raises
     ------
@@ -86,7 +89,8 @@ def write_universal(
     numbers, motion = _motion(estimate, places)
     sets: list[dict[str, Any]] = [_geometry(nodes)] if nodes else []
     sets += [_line(k, line) for k, line in enumerate(lines, 1)]
-    sets += [_mode(estimate, k, numbers, motion[k]) for k in range(estimate.n_modes)]
+    masses = [float("nan")] * estimate.n_modes if modal_mass is None else modal_mass.tolist()
+    sets += [_mode(estimate, k, numbers, motion[k], mass) for k, mass in enumerate(masses)]
     import pyuff  # slow to import
 
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
@@ -112,22 +116,34 @@ def _line(number: int, line: Sequence[int]) -> dict[str, Any]:
     return {"type": 82, "trace_num": number, "nodes": np.array(line), "id": f"line {number}", "color": 0}
 
 
-def _mode(estimate: ModalEstimate, k: int, numbers: Sequence[int], motion: ComplexArray) -> dict[str, Any]:
-    """Return one mode: the eigenvalue has the frequency as its modulus and the damping as its slope."""
+def _mode(estimate: ModalEstimate, k: int, numbers: Sequence[int], motion: ComplexArray, mass: float) -> dict[str, Any]:
+    """Return one mode: the eigenvalue has the frequency as its modulus and the damping as its slope.
+
+    Modal A of a shape of unit modal mass is ``2 i omega_d``, modal B is ``-A`` times the eigenvalue.
+    """
     frequency, damping = float(estimate.frequency[k]), float(estimate.damping[k])
     omega = 2 * np.pi * frequency
+    pole = complex(-damping * omega, omega * np.sqrt(1 - damping**2))
+    scaled: dict[str, Any] = {"id4": "modalwatch; unit norm over the channels, not mass-normalised"}
+    if mass > 0:
+        motion, modal_a = motion / np.sqrt(mass), 2j * pole.imag
+        scaled = {
+            "id4": f"modalwatch; mass-normalised, modal mass of unit norm {mass:.6g} kg",
+            "modal_a": modal_a,
+            "modal_b": -modal_a * pole,
+        }
     return {
         "type": 55,
         "id1": f"mode {k + 1}: {frequency:.6g} Hz, {100 * damping:.4g} % of critical damping",
         "id2": f"standard deviations {estimate.frequency_std[k]:.2g} Hz, {100 * estimate.damping_std[k]:.2g} %",
-        "id4": "modalwatch, ambient vibration; unit norm over the channels, not mass-normalised",
+        **scaled,
         "model_type": _STRUCTURAL,
         "analysis_type": _COMPLEX_MODE,
         "data_ch": _THREE_TRANSLATIONS,
         "spec_data_type": _DISPLACEMENT,
         "load_case": 1,
         "mode_n": k + 1,
-        "eig": complex(-damping * omega, omega * np.sqrt(1 - damping**2)),
+        "eig": pole,
         "node_nums": list(numbers),
         **{f"r{axis + 1}": motion[:, axis] for axis in range(3)},
     }

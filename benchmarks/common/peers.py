@@ -14,7 +14,7 @@ from importlib import util
 from pathlib import Path
 from typing import Any
 
-PEERS = ("pyoma-2==1.4.3", "koma-python==1.3.6")
+PEERS = ("pyoma-2==1.4.3", "koma-python==1.3.6", "sdypy-EMA==0.31.0", "pyuff>=2.5.8")
 ENVIRONMENT = Path(__file__).parents[2] / ".benchmark-venv"
 ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "OMP", "MKL")}
 OURS = Path(sys.executable)

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from daq.files.export import export_recording, with_channels, write_recording, write_recordings
     from daq.files.formats.mat import read_mat
     from daq.files.formats.registry import FORMATS, Format, format_of
-    from daq.files.formats.responses import FrequencyResponses, read_responses
+    from daq.files.formats.universal.geometry import Geometry, read_geometry
+    from daq.files.formats.universal.responses import FrequencyResponses, read_responses
     from daq.files.measured import Measured
     from daq.files.measurement_file import read_data, read_measured
     from daq.files.message_export import expand_log
@@ -35,6 +36,7 @@ __all__ = [
     "DataOptions",
     "Format",
     "FrequencyResponses",
+    "Geometry",
     "ImportedSensor",
     "LoggedSensor",
     "Measured",
@@ -55,6 +57,7 @@ __all__ = [
     "read_calibration",
     "read_data",
     "read_dataframe",
+    "read_geometry",
     "read_in_order",
     "read_mat",
     "read_measured",

@@ -16,7 +16,8 @@ PAGES = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md"]
 MAX_WORDS, MAX_ENTRIES, MAX_README_LINES = 1200, 14, 120
 #: where commands make the JSON of docs/reference/json/commands.md, with the functions that have its keys
 JSON = {
-    "data/identify/identification_output.py": ("as_json", "_change_json", "_mode_json"),
+    "data/identify/identification_output.py": ("as_json", "_change_json", "_mode_json", "mode_json"),
+    "data/identify/response_modes.py": ("_as_json", "_mass_json"),
     "data/structure/structure_output.py": ("as_json", "_body", "_places", "_target", "_set"),
     "data/structure/parameters_output.py": ("parameters_json",),
     "data/body_selection.py": ("bodies_json",),

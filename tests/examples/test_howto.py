@@ -16,6 +16,7 @@ from daq import Channel, Recording, export_recording, write_recording
 from monitor.outputs.history import HistoryStore
 from tests.contracts.test_pages import commands_of
 from tests.support.daq.responses import frequency_response
+from tests.support.daq.tower_file import write_tower
 from tests.support.monitor import answers
 from tests.support.monitor.cli import Commands
 from tests.support.monitor.history import run_events, sqlite_url
@@ -277,6 +278,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "measured.uff": universal,
     "logger": tables,
     "before.uff": responses(0.0),
+    "hammer.uff": write_tower,
     "after.uff": responses(MASS),
     "bus.log": bus,
     "bus.blf": bus,

@@ -23,6 +23,7 @@ from scipy.sparse import csc_array
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
 from daq.drivers import LineFormat
 from daq.drivers.serial.text_lines import ScanNumbers
+from daq.files import read_geometry
 from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
 from daq.protocol.text_line import TextDecoder
 from daq.timing.stamp_count import StampCount
@@ -314,7 +315,10 @@ def _sensor_lines(path: Path, random: Random) -> int:
     return _guarded(read, path)
 
 
-def _modal_table(path: Path, _: Random) -> int:
+def _modal_table(path: Path, random: Random) -> int:
+    if path.suffix == ".uff" and random.random() < 0.5:
+        code = command("identify", path, "--json", path.with_name("modes.json"))
+        return _guarded(read_geometry, path) if code == 0 else code
     return _guarded(lambda path: read_table(parse_structure(_FRAME.decode()), path), path)
 
 
@@ -466,6 +470,10 @@ def _foreign(suffix: str) -> bytes:
     return path.read_bytes()
 
 
+_NODES = {"type": 15, "node_nums": [1, 2, 3], "x": [0.0, 1.0, 2.0], "y": [0.0] * 3, "z": [0.0] * 3}
+_TRACE = {"type": 82, "trace_num": 1, "nodes": np.array([1, 2, 3]), "id": "line", "color": 0}
+
+
 @cache
 def _responses() -> bytes:
     """Return frequency responses with three resonances as a universal file."""
@@ -476,7 +484,7 @@ def _responses() -> bytes:
         frequency_response(value, line, id1=name, rsp_node=0, rsp_dir=0, ref_node=1, ordinate_spec_data_type=8)
         for name, value in zip("abc", values, strict=True)
     ]
-    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+    pyuff.UFF(str(path)).write_sets([_NODES, _TRACE, *sets], "overwrite")
     return path.read_bytes()
 
 

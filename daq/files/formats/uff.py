@@ -9,13 +9,13 @@ kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyuff
 
 from daq.errors import DataError
 from daq.files.formats.arrays import Arrays
+from daq.files.formats.universal.datasets import Dataset, datasets, length_unit, node_name
 from daq.files.options import DataOptions
 from daq.files.origin import Origin
 from daq.types import Channel, FloatArray, Recording
@@ -24,13 +24,10 @@ _TIME_RESPONSE = 1
 _UNKNOWN, _ACCELERATION = 0, 12
 _UNITS = {_UNKNOWN: "", 1: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data types, once in metres; "" is m/s2
 _KINDS = {9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
-_AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
 _TIME = 17  # of an abscissa [s]
 _BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
 _SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
 _SAME = 1e-6  # relative: sampling intervals are printed with six digits
-
-Dataset = dict[str, Any]  # as pyuff returns it
 
 
 def read(path: Path, options: DataOptions) -> Arrays:
@@ -141,24 +138,6 @@ def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
     return Origin(start=min(int(found[1]) for found in begun if found), channels=channels)
 
 
-def datasets(path: Path) -> list[tuple[int, Dataset]]:
-    """Return the datasets that pyuff supports, with their numbers."""
-    try:
-        path.open("rb").close()
-    except OSError as error:
-        raise DataError(path, f"cannot be read: {error.strerror}") from error
-    number = 0
-    try:
-        file = pyuff.UFF(str(path))
-        kinds = [int(kind) for kind in file.get_set_types()]
-        found = []
-        for number, kind in enumerate(kinds, 1):
-            found.append((number, file.read_sets(number - 1) if kind in {58, 164} else {"type": kind}))
-    except Exception as error:  # pyuff raises nothing narrower
-        raise DataError(path, f"dataset {number}: cannot be read: {error}".splitlines()[0]) from error
-    return found
-
-
 def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     """Return the name of each channel, all different."""
     by_node = [node_name(s) for _, s in series]
@@ -172,21 +151,6 @@ def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:
     twice = next(name for name in by_node if by_node.count(name) > 1)
     places = ", ".join(str(number) for (number, _), name in zip(series, by_node, strict=True) if name == twice)
     raise DataError(path, f"datasets {places}: expected different channels, found {twice!r} in each")
-
-
-def length_unit(path: Path, sets: Sequence[tuple[int, Dataset]]) -> float:
-    """Return the length units of a file per metre, 1 if it does not state them."""
-    length = next((float(s["length"]) for _, s in sets if s["type"] == 164), 1.0)
-    if not length > 0:
-        raise DataError(path, f"dataset 164: expected a positive factor of length, found {length}")
-    return length
-
-
-def node_name(series: Dataset, end: str = "rsp") -> str:
-    """Return the name of a node and direction, of the response (`rsp`) or of the reference (`ref`)."""
-    entity, direction = str(series[f"{end}_ent_name"]).strip(), int(series[f"{end}_dir"])
-    axis = ("-" if direction < 0 else "") + _AXES.get(abs(direction), "")
-    return "_".join(part for part in (entity if entity != "NONE" else "", str(series[f"{end}_node"]), axis) if part)
 
 
 def _column(path: Path, number: int, series: Dataset, name: str) -> FloatArray:

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 from pydantic import BaseModel, ConfigDict, PositiveFloat, ValidationError
 
-from daq import DataError, LogError
+from daq import LogError
 from daq.bounded_text import parse_json
-from daq.files import read_responses
 from monitor.analysis.modal_table.csv import OWN, CsvTable, read_text
-from oma import ComplexArray, OmaError, identify_responses
+from monitor.analysis.modal_table.responses import UNIVERSAL, identify_file
+from oma import ComplexArray
 from updater import Structure
 
-UNIVERSAL = (".uff", ".unv")  #: endings of files of frequency responses
 _MAX_DAMPING = 0.3  # [-]: larger values are per cent
 
 
@@ -120,25 +119,14 @@ def _of_json(path: Path, text: str, structure: Structure) -> Columns:
 
 def _of_responses(path: Path, structure: Structure) -> Columns:
     """Identify the modes of the frequency responses of a universal file; responses at other places are left out."""
-    try:
-        found = read_responses(path)
-        places = [k for k, name in enumerate(found.outputs) if name in structure.channels]
-        names = [found.outputs[k] for k in places]
-        if len(places) < 2:
-            have, known = ", ".join(found.outputs), ", ".join(structure.channels)
-            raise LogError(path, f"expected responses at two sensors of the structure or more ({known}), found {have}")
-        modes = identify_responses(found.frequency, found.response[:, places], names)
-    except DataError as error:
-        raise LogError(path, str(error).removeprefix(f"{path}: ")) from error
-    except OmaError as error:
-        raise LogError(path, str(error)) from error
+    modes = identify_file(path, structure.channels).estimate
     values = {
         "frequency": modes.frequency,
         "frequency_std": modes.frequency_std,
         "damping": modes.damping,
         "damping_std": modes.damping_std,
-        **dict(zip(names, modes.shape.T, strict=True)),
-        **{f"{name}_std": std for name, std in zip(names, modes.shape_std.T, strict=True)},
+        **dict(zip(modes.channels, modes.shape.T, strict=True)),
+        **{f"{name}_std": std for name, std in zip(modes.channels, modes.shape_std.T, strict=True)},
     }
     return Columns(
         {name: np.asarray(value, np.complex128) for name, value in values.items()}, list(range(1, modes.n_modes + 1))

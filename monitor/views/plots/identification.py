@@ -20,6 +20,7 @@ from oma import (
     mpd,
     singular_values,
 )
+from oma.selection import Stabilization
 
 LINE, STABLE, POLE, MODE, TONE = "#37474f", "#1565c0", "#cfd8dc", "#c62828", "#ef6c00"
 _SEGMENTS = 8  # of a spectrum, at least: fewer scatter too much
@@ -36,9 +37,8 @@ def highest_shown(estimate: ModalEstimate) -> float:
     return _MARGIN * float(estimate.frequency[-1])
 
 
-def draw_poles(axes: Axes, found: Identification, highest: float) -> None:
+def draw_poles(axes: Axes, poles: Stabilization, highest: float) -> None:
     """Draw the stabilization diagram."""
-    poles = found.poles
     peaks = bool(np.any(poles.order == 1))  # no model has one pole: these are numbers of singular values
     repeated = "peak" if peaks else "pole that the next order repeats"
     order = "number of the singular value" if peaks else "model order"
@@ -100,12 +100,12 @@ def plot_stabilization(
     figure = Figure(figsize=(14, 9), layout="constrained")
     upper, lower = np.ravel(figure.subplots(2, 1, height_ratios=(2, 1), sharex=True))
     highest = highest_shown(estimate)
-    draw_poles(upper, found, highest)
+    draw_poles(upper, found.poles, highest)
     if recording is not None:
         draw_spectrum_behind(upper, recording, highest)
     mark_modes(upper, estimate, found.harmonics, highest)
     upper.set_xlabel("")
-    _draw_damping(lower, found, estimate)
+    draw_damping(lower, found.poles, estimate)
     return figure
 
 
@@ -116,12 +116,10 @@ def draw_spectrum_behind(axes: Axes, recording: Recording, highest: float) -> No
     draw_spectrum(behind, recording, highest)
 
 
-def _draw_damping(axes: Axes, found: Identification, estimate: ModalEstimate) -> None:
+def draw_damping(axes: Axes, poles: Stabilization, estimate: ModalEstimate) -> None:
     """Draw damping over frequency: stable poles, and the modes with two standard deviations each way."""
-    stable = found.poles.stable
-    axes.plot(
-        found.poles.frequency[stable], 100 * found.poles.damping[stable], ".", color=STABLE, markersize=3, alpha=0.4
-    )
+    stable = poles.stable
+    axes.plot(poles.frequency[stable], 100 * poles.damping[stable], ".", color=STABLE, markersize=3, alpha=0.4)
     axes.errorbar(
         estimate.frequency, 100 * estimate.damping, 200 * estimate.damping_std, 2 * estimate.frequency_std,
         fmt="o", color=MODE, markersize=4, capsize=3, linewidth=1, label="mode ± two standard deviations",

@@ -54,7 +54,7 @@ def write_folder(folder: Path, results: Results) -> list[Path]:
     written = [folder / "modes.json", folder / "modes.unv"]
     written[0].write_text(json.dumps(results.content, indent=1), encoding="utf-8")
     structure = results.model.structure if results.model else None
-    geometry = _geometry(structure, results.estimate) if structure else (None, None, ())
+    geometry = structure_geometry(structure, results.estimate) if structure else (None, None, ())
     write_universal(written[1], results.estimate, *geometry)
     (folder / _OVER_TIME).unlink(missing_ok=True)  # an earlier run may have had more windows
     for name, draw in _pictures(results, structure).items():
@@ -77,7 +77,7 @@ def _pictures(results: Results, structure: Structure | None) -> dict[str, Callab
     return pictures
 
 
-def _geometry(
+def structure_geometry(
     structure: Structure, estimate: ModalEstimate
 ) -> tuple[dict[str, Place], dict[int, Vector], list[list[int]]]:
     """Return places of the channels, positions of nodes, and the nodes on each member: its ends and its sensors."""

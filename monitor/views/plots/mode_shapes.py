@@ -1,5 +1,7 @@
 """Identified modes drawn: the spectrum with the stabilization diagram, and the shapes."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +11,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from daq import FloatArray, Recording
+from daq.notebook import number_text
 from monitor.views.plots.identification import (
     LINE,
     STABLE,
@@ -26,6 +29,25 @@ _NAMES = 20  # of channels, below a shape
 _SWAY = 0.2  # of the structure's size: the longest arrow
 
 
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Skeleton:
+    """Lines and places of channels, to draw shapes on."""
+
+    lines: FloatArray  #: (n_lines, 2, 3) their ends [m]
+    places: Mapping[str, tuple[Vector, Vector]]  #: channel -> position [m], direction
+
+    @classmethod
+    def of_structure(cls, structure: Structure) -> "Skeleton":
+        """Return the members and sensors of a structure."""
+        return cls(
+            lines=np.array([[member.start, member.end] for member in structure.member]),
+            places={sensor.channel: (sensor.at, sensor.direction) for sensor in structure.corrected_sensors},
+        )
+
+
 def draw_modes(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:
     """Write a PNG.
 
@@ -40,13 +62,13 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
     grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
     diagram = figure.add_subplot(grid[0, :])
     highest = highest_shown(estimate)
-    draw_poles(diagram, found, highest)
+    draw_poles(diagram, found.poles, highest)
     draw_spectrum_behind(diagram, recording, highest)
     mark_modes(diagram, estimate, found.harmonics, highest)
     shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
     for k, axes in enumerate(shapes):
         axes.sharey(shapes[0])
-        _draw_bars(axes, estimate, k)
+        draw_bars(axes, estimate, k)
     figure.savefig(path, dpi=110)
 
 
@@ -60,23 +82,29 @@ def plot_shapes(estimate: ModalEstimate, structure: Structure | None = None) -> 
     """
     if structure and not {sensor.channel for sensor in structure.corrected_sensors} & set(estimate.channels):
         raise ValueError(f"structure: expected a sensor of {', '.join(estimate.channels)}, found none")
+    return plot_shapes_on(estimate, Skeleton.of_structure(structure) if structure else None)
+
+
+def plot_shapes_on(estimate: ModalEstimate, skeleton: Skeleton | None) -> Figure:
+    """Draw all mode shapes as arrows on a skeleton, or as bars; see `plot_shapes`."""
     columns = min(_COLUMNS, estimate.n_modes)
     rows = -(-estimate.n_modes // columns)
-    figure = Figure(figsize=(3.6 * columns, (4.0 if structure else 3.2) * rows), layout="constrained")
+    figure = Figure(figsize=(3.6 * columns, (4.0 if skeleton else 3.2) * rows), layout="constrained")
     highest = 1.1 * float(np.abs(estimate.shape.real).max())
     for k in range(estimate.n_modes):
-        if structure:
+        if skeleton:
             axes = figure.add_subplot(rows, columns, k + 1, projection="3d")
             assert isinstance(axes, Axes3D)
-            _draw_arrows(axes, estimate, k, structure)
+            _draw_arrows(axes, estimate, k, skeleton)
         else:
             bars = figure.add_subplot(rows, columns, k + 1)
-            _draw_bars(bars, estimate, k)
+            draw_bars(bars, estimate, k)
             bars.set_ylim(-highest, highest)
     return figure
 
 
-def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
+def draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
+    """Draw one shape as bars, with two standard deviations each way."""
     place = np.arange(len(estimate.channels))
     axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=STABLE, ecolor=LINE, capsize=2)
     axes.axhline(0, color=LINE, linewidth=0.6)
@@ -88,23 +116,23 @@ def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
 
 def _title(estimate: ModalEstimate, k: int) -> str:
     return (
-        f"{k + 1}: {estimate.frequency[k]:.3f} ± {estimate.frequency_std[k]:.3f} Hz\n"
-        f"{100 * estimate.damping[k]:.2f} ± {100 * estimate.damping_std[k]:.2f} %"
+        f"{k + 1}: {number_text(estimate.frequency[k], estimate.frequency_std[k])} Hz\n"
+        f"{number_text(100 * estimate.damping[k], 100 * estimate.damping_std[k])} %"
     )
 
 
-def _draw_arrows(axes: Axes3D, estimate: ModalEstimate, k: int, structure: Structure) -> None:
-    """Draw the members, and at each place with sensors how it moves."""
-    ends: FloatArray = np.array([[member.start, member.end] for member in structure.member])
-    axes.add_collection3d(Line3DCollection(list(ends), colors=LINE, linewidths=1.0, alpha=0.6))
-    low, high = ends.min(axis=(0, 1)), ends.max(axis=(0, 1))
-    size = float((high - low).max())
-    motion: dict[tuple[float, float, float], FloatArray] = {}
-    for sensor in structure.corrected_sensors:
-        if sensor.channel in estimate.channels:
-            way = np.array(sensor.direction) / np.linalg.norm(sensor.direction)
-            value = estimate.shape[k, estimate.channels.index(sensor.channel)].real
-            motion[sensor.at] = motion.get(sensor.at, np.zeros(3)) + value * way
+def _draw_arrows(axes: Axes3D, estimate: ModalEstimate, k: int, skeleton: Skeleton) -> None:
+    """Draw the lines, and at each place with sensors how it moves."""
+    axes.add_collection3d(Line3DCollection(list(skeleton.lines), colors=LINE, linewidths=1.0, alpha=0.6))
+    motion: dict[Vector, FloatArray] = {}
+    for channel, (at, direction) in skeleton.places.items():
+        if channel in estimate.channels:
+            way = np.array(direction) / np.linalg.norm(direction)
+            value = estimate.shape[k, estimate.channels.index(channel)].real
+            motion[at] = motion.get(at, np.zeros(3)) + value * way
+    points = np.concatenate([skeleton.lines.reshape(-1, 3), np.array(list(motion))])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float((high - low).max()) or 1.0
     longest = max(float(np.linalg.norm(m)) for m in motion.values()) or 1.0
     for at, moved in motion.items():
         axes.quiver(*at, *(_SWAY * size / longest * moved), color=STABLE, linewidth=1.8, arrow_length_ratio=0.3)

@@ -45,6 +45,22 @@ def test_several_forces_and_names_of_id_lines(tmp_path: Path) -> None:
     assert found.response.shape == (200, 2, 2)
 
 
+def test_units_of_length_force_and_gravity_are_converted(tmp_path: Path) -> None:
+    """Millimetres and millinewtons: accelerances of mm/s2/mN are those of m/s2/N."""
+    units = {"type": 164, "units_code": 5, "length": 1000.0, "force": 1000.0, "temp": 1.0, "temp_offset": 273.15}
+    sets = [response(VALUES[:, 0], 1), response(VALUES[:, 1], 2, ordinate_axis_units_lab="g")]
+    found = read_responses(universal(tmp_path / "frf.uff", units, *sets))
+    np.testing.assert_allclose(found.response[:, 0, 0], VALUES[:, 0], rtol=1e-5)
+    np.testing.assert_allclose(found.response[:, 1, 0], 9.80665e3 * VALUES[:, 1], rtol=1e-5)
+
+
+def test_hammer_that_moves_has_its_responses_by_reciprocity(tmp_path: Path) -> None:
+    sets = [response(VALUES[:, 0], 1, force=7), response(VALUES[:, 1], 1, force=8)]
+    found = read_responses(universal(tmp_path / "frf.uff", *sets)).by_reciprocity
+    assert (found.outputs, found.inputs) == (("7_-z", "8_-z"), ("1_x",))
+    np.testing.assert_allclose(found.response[:, 1, 0], VALUES[:, 1], rtol=1e-5)
+
+
 @pytest.mark.parametrize(
     ("sets", "says"),
     [

@@ -7,6 +7,7 @@ import pytest
 import pyuff
 
 from daq import LogError
+from monitor.analysis.modal_table.responses import identify_file
 from monitor.analysis.modal_table.table import read_tables
 from tests.support.daq.responses import frequency_response
 from tests.support.monitor.cli import Commands
@@ -65,6 +66,27 @@ def test_responses_of_no_sensor_are_refused(tmp_path: Path) -> None:
     (tmp_path / "none.uff").write_text("t,a\n")
     with pytest.raises(LogError, match=r"none\.uff: "):
         read_tables(parse_structure(TEXT), [tmp_path / "none.uff"])
+
+
+def test_hammer_that_moves_gives_shapes_at_the_sensors(tmp_path: Path) -> None:
+    """Blows against the direction of the sensors, which stay: the mode is that of the sensors."""
+    line, shape = np.arange(1, 400) * 0.1, np.array([0.3, -0.2, 0.4])
+    ratio = line / 20.0
+    resonance = -(ratio**2) / (1 - ratio**2 + 0.02j * ratio)
+    sets = [
+        frequency_response(
+            -value * shape[0] * resonance, line, rsp_node=1, rsp_dir=1, ref_node=k + 1, ref_dir=-1,
+            rsp_ent_name="NONE", ref_ent_name="NONE",
+        )
+        for k, value in enumerate(shape)
+    ]  # fmt: skip
+    pyuff.UFF(str(tmp_path / "frf.uff")).write_sets(sets, "overwrite")
+    found = identify_file(tmp_path / "frf.uff", ("3_x", "1_x", "2_x", "top"))
+    assert found.estimate.channels == ("1_x", "2_x", "3_x")
+    np.testing.assert_allclose(found.estimate.shape[0].real, shape / np.linalg.norm(shape), atol=1e-6)
+    assert found.modal_mass[0] == pytest.approx(1 / np.sum(shape**2), rel=1e-5)
+    free = identify_file(tmp_path / "frf.uff")
+    assert free.estimate.channels == ("1_-x", "2_-x", "3_-x")
 
 
 @pytest.mark.thorough

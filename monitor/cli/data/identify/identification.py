@@ -194,7 +194,8 @@ def recordings_of(logs: Sequence[AnyLog], window: float | None) -> Iterator[Reco
         yield from log_recordings(log, window)
 
 
-def _loaded_structure(path: Path) -> "Structure":
+def load_structure_file(path: Path) -> "Structure":
+    """Return the structure of a file."""
     from updater import load_structure
 
     return load_structure(path)
@@ -202,7 +203,7 @@ def _loaded_structure(path: Path) -> "Structure":
 
 def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> "ModelModes | None":
     """Return the structure's modes paired with the measured ones; None without a structure."""
-    structure = _loaded_structure(path) if path else _attached_structure(log)
+    structure = load_structure_file(path) if path else _attached_structure(log)
     if structure is None:
         return None
     from updater.validation import model_modes

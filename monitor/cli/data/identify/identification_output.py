@@ -14,7 +14,7 @@ from daq import AnyLog
 from monitor.analysis.stationarity import FrequencyChange
 from monitor.cli.terminal import console
 from monitor.text.quantities import aligned_numbers
-from oma import mpc, mpd
+from oma import ModalEstimate, mpc, mpd
 from oma.preparation import ALIAS_FREE
 from oma.windows import Windows, are_near
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
@@ -82,17 +82,23 @@ def _change_json(change: FrequencyChange) -> dict[str, Any]:
 
 
 def _mode_json(found: Findings, i: int) -> dict[str, Any]:
-    estimate, partner = found.fused.estimate, found.partners[i]
+    seen = {
+        "windows": int(found.fused.n[i]),
+        "may_be_tone": bool(found.may_be_tone[i]),
+        "may_be_alias": bool(found.may_be_alias[i]),
+    }
+    return mode_json(found.fused.estimate, i, found.partners[i], seen)
+
+
+def mode_json(estimate: ModalEstimate, i: int, partner: "ModelPartner | None", seen: dict[str, Any]) -> dict[str, Any]:
+    """Return one mode for other programs; `seen` is added to its quality."""
     shape = dict(zip(estimate.channels, ([z.real, z.imag] for z in estimate.shape[i].tolist()), strict=True))
     quality: dict[str, Any] = {
         "support": float(estimate.support[i]),
         "law_ratio": float(estimate.law_ratio[i]),
         "mpc": float(mpc(estimate.shape[i])),
         "mpd": float(mpd(estimate.shape[i])),
-        "windows": int(found.fused.n[i]),
-        "may_be_tone": bool(found.may_be_tone[i]),
-        "may_be_alias": bool(found.may_be_alias[i]),
-    }
+    } | seen
     if partner:
         quality["model"] = {"frequency": partner.frequency, "mac": partner.mac}
     return {

@@ -11,7 +11,12 @@ from monitor.cli.options import ANIMATIONS, METHODS, From, Json, To, one_of
 
 
 def identify(
-    logs: Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or folders of them.")],
+    logs: Annotated[
+        list[Path],
+        Argument(
+            metavar="LOG.mcap...|DIR", help="Logs, folders of them, or one file of frequency responses (.uff, .unv)."
+        ),
+    ],
     method: Annotated[str, one_of("--method", METHODS, "Identification method.")] = "ssi-data",
     window: Annotated[
         float | None,
@@ -31,6 +36,13 @@ def identify(
             help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
         ),
     ] = None,
+    exponential_window: Annotated[
+        float | None,
+        Option(
+            metavar="SECONDS",
+            help="Time constant of the exponential window of frequency responses: its damping is removed.",
+        ),
+    ] = None,
     start: From = None,
     stop: To = None,
     json: Json = None,
@@ -46,7 +58,7 @@ def identify(
         Path | None, Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
     ] = None,
 ) -> int:
-    """Identify the modes of logs.
+    """Identify the modes of logs, or of measured frequency responses.
 
     One estimate with its uncertainty, averaged over all windows. All logs count as one record for
     --from and --to; with --reference each log separately.
@@ -54,11 +66,14 @@ def identify(
     Example:
     modalwatch identify measured.mcap --band 1 20 --picture modes.png --animate modes.html
     modalwatch identify setup_1.mcap setup_2.mcap --reference top_x --out modes
+    modalwatch identify hammer.uff --out modes
     """
+    from monitor.analysis.modal_table.responses import is_universal
     from monitor.analysis.stationarity import frequency_change
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.identify import identification as work
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
+    from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file
     from monitor.cli.output import write_json
     from monitor.cli.progress import progress
     from monitor.errors import ArgumentError
@@ -68,6 +83,22 @@ def identify(
         raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
     if animate and animate.suffix.lower() not in ANIMATIONS:
         raise ArgumentError("--animate", f"expected a name that ends with {' or '.join(ANIMATIONS)}, found {animate}")
+    if any(map(is_universal, logs)):
+        of_logs = {"--window": window, "--reference": reference, "--from": start, "--to": stop}
+        request = ResponseRequest(
+            paths=logs,
+            of_logs={name for name, value in of_logs.items() if value},
+            band=band,
+            window=exponential_window,
+            structure=structure,
+            json=json,
+            picture=picture,
+            animate=animate,
+            out=out,
+        )
+        return identify_response_file(request)
+    if exponential_window is not None:
+        raise ArgumentError("--exponential-window", f"expected frequency responses (.uff, .unv), found {logs[0]}")
     setups = bool(reference)
     found = work.logs_within(logs, time_range(start, stop), setups=setups)
     settings = work.attached_settings(found[0])

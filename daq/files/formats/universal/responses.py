@@ -1,18 +1,20 @@
 """Measured frequency responses of universal files: dataset 58, function type 4."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from daq.errors import DataError
-from daq.files.formats.uff import Dataset, datasets, length_unit, node_name
+from daq.files.columns.units import ACCELERATIONS
+from daq.files.formats.universal.datasets import Dataset, datasets, force_unit, length_unit, node_name
 from daq.types import FloatArray
 
 _RESPONSE = 4  # function type
 _TIMES_FREQUENCY = {0: 0, 1: 0, 8: 2, 11: 1, 12: 0}  # data type of the motion -> factors i omega to an acceleration
 _FORCES = {0, 1, 9, 13}
+_ACCELERATION, _GRAVITY = 12, ("g", "gn")
 _SAME = 1e-6  # relative: lines are printed with six digits
 
 
@@ -25,9 +27,16 @@ class FrequencyResponses:
     outputs: tuple[str, ...]  #: channels
     inputs: tuple[str, ...]  #: places of the forces
 
+    @property
+    def by_reciprocity(self) -> "FrequencyResponses":
+        """Responses at the places of the forces to forces at the outputs: those of a linear structure are the same."""
+        return replace(self, response=self.response.transpose(0, 2, 1), outputs=self.inputs, inputs=self.outputs)
+
 
 def read_responses(path: Path) -> FrequencyResponses:
     """Read all frequency responses of a universal file; receptances and mobilities become accelerances.
+
+    Lengths and forces are converted according to dataset 164, accelerations with the label `g` from g.
 
     Outputs and inputs are named after node and direction, as `read_universal` does; an output whose node is 0 after the
     first ID line.
@@ -38,7 +47,7 @@ def read_responses(path: Path) -> FrequencyResponses:
         Naming the file, and the dataset that does not fit the others, or the response that is missing.
     """
     sets = datasets(path)
-    length = length_unit(path, sets)
+    newtons, metres = force_unit(path, sets), length_unit(path, sets)
     found = [(number, s) for number, s in sets if s["type"] == 58 and s["func_type"] == _RESPONSE]
     if not found:
         raise DataError(path, "holds no frequency response (dataset 58, function type 4)")
@@ -54,12 +63,18 @@ def read_responses(path: Path) -> FrequencyResponses:
         own = _lines(path, number, one)
         if len(own) != len(lines) or np.abs(own - lines).max() > _SAME * lines[-1]:
             raise DataError(path, f"dataset {number}: expected the lines of dataset {found[0][0]}")
-        place[:] = _accelerance(path, number, one, lines) / length
+        place[:] = _accelerance(path, number, one, lines) * newtons * (_of_gravity(one) or 1 / metres)
     missing = np.argwhere(np.isnan(response[0]))
     if len(missing):
         row, column = missing[0].tolist()
         raise DataError(path, f"holds no response of {rows[row]} to a force at {columns[column]}")
     return FrequencyResponses(frequency=lines, response=response, outputs=rows, inputs=columns)
+
+
+def _of_gravity(series: Dataset) -> float | None:
+    """Return the unit of accelerations [m/s2] that are labelled in g, which dataset 164 does not state."""
+    label = str(series["ordinate_axis_units_lab"]).strip().lower()
+    return ACCELERATIONS["g"] if label in _GRAVITY and series["ordinate_spec_data_type"] == _ACCELERATION else None
 
 
 def _output(series: Dataset) -> str:

@@ -1,0 +1,183 @@
+"""The front of experimental modal analysis: frequency responses in, modes out, nothing to choose."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import FloatArray
+from oma.errors import IdentificationError, InputError, TooFewModes
+from oma.mac import mac_matrix
+from oma.responses.lines import Lines
+from oma.responses.modal_mass import driving_points, modal_mass, unit_shape
+from oma.responses.residues import synthesis
+from oma.responses.resonance_fit import FittedMode, fitted_modes
+from oma.responses.stable_poles import stable_poles
+from oma.selection import Stabilization
+from oma.types import ComplexArray, ModalEstimate
+
+_MIN_LINES = 60  # in the band
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResponseIdentification:
+    """Modes of frequency responses, and what they were chosen from."""
+
+    estimate: ModalEstimate  #: `support` is the share of orders that show a mode
+    modal_mass: FloatArray  #: (n_modes,) of the unit shapes, NaN without a driving point [kg]
+    modal_mass_std: FloatArray  #: (n_modes,) [kg]
+    poles: Stabilization
+    frequency: FloatArray  #: (n_lines,) lines in the band [Hz]
+    response: ComplexArray  #: (n_lines, n_channels, n_forces) measured accelerances [m/s2/N]
+    synthesis: ComplexArray  #: (n_lines, n_channels, n_forces) those of the modes and residual terms [m/s2/N]
+    forces: tuple[str, ...]  #: names of the forces, in the order of the last axis
+    band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
+    decay: float  #: decay rate of the exponential window, 0 without a window [1/s]
+
+    @property
+    def record_seconds(self) -> float:
+        """Length of the records that have such lines [s]."""
+        return float(1 / (self.frequency[1] - self.frequency[0]))
+
+    @property
+    def left_at_end(self) -> FloatArray:
+        """Amplitude that free vibration has left at the end of a record, window included, (n_modes,) [-].
+
+        It is the relative error of residues after a blow: the record is cut. Poles have no such error.
+        """
+        rate = 2 * np.pi * self.estimate.frequency * self.estimate.damping + self.decay
+        return np.asarray(np.exp(-rate * self.record_seconds))
+
+    @property
+    def mass_normalised_shape(self) -> ComplexArray:
+        """Shapes of unit modal mass, (n_modes, n_channels), NaN without a driving point [kg^-1/2]."""
+        return np.asarray(self.estimate.shape / np.sqrt(self.modal_mass.astype(np.complex128))[:, None])
+
+    @property
+    def agreement(self) -> FloatArray:
+        """Frequency response assurance criterion of synthesis and measurement, (n_channels, n_forces) [-].
+
+        References
+        ----------
+        Heylen, W. & Lammens, S. (1996). FRAC: a consistent way of comparing frequency response functions. Proceedings
+        of Identification in Engineering Systems, Swansea.
+        """
+        n_lines, *shape = self.response.shape
+        pairs = zip(self.response.reshape(n_lines, -1).T, self.synthesis.reshape(n_lines, -1).T, strict=True)
+        return np.array([mac_matrix(a[None], b[None])[0, 0] for a, b in pairs]).reshape(shape)
+
+
+def identify_responses(
+    frequency: FloatArray,
+    response: ComplexArray,
+    channels: Sequence[str],
+    band: tuple[float, float] | None = None,
+) -> ModalEstimate:
+    """Identify modes from the responses of a structure to measured forces.
+
+    Parameters
+    ----------
+    frequency : (n_lines,) evenly spaced lines [Hz]
+    response : (n_lines, n_channels, n_inputs) accelerances [m/s2/N]
+    channels : names
+    band : frequencies in which modes are sought [Hz]. Default: that of the lines
+
+    Returns
+    -------
+    ModalEstimate
+        Its `support` is the share of orders that show the mode.
+
+    Raises
+    ------
+    InputError
+        If shapes do not agree, or the lines are not even.
+    TooFewModes, IdentificationError
+        If the band has too few lines, or nothing is a mode.
+    """
+    return identify_responses_all(frequency, response, channels, band=band).estimate
+
+
+def identify_responses_all(
+    frequency: FloatArray,
+    response: ComplexArray,
+    channels: Sequence[str],
+    forces: Sequence[str] = (),
+    band: tuple[float, float] | None = None,
+    window: float | None = None,
+) -> ResponseIdentification:
+    """Identify modes, their modal masses, and the responses that they make up.
+
+    Parameters
+    ----------
+    frequency, response, channels, band : as for `identify_responses`
+    forces : names of the forces. Those along a channel, such as ``12_-z`` at ``12_z``, are driving points, which give
+        modal masses
+    window : time constant of the exponential window of forces and responses [s]; its damping is removed. Default: none
+
+    Raises
+    ------
+    InputError, TooFewModes, IdentificationError
+        As for `identify_responses`.
+    """
+    lines, band = _lines(frequency, response, channels, band, 1 / window if window else 0.0)
+    poles, diagram = stable_poles(lines, band)
+    modes = sorted(fitted_modes(poles, lines), key=lambda mode: mode.frequency)
+    if not modes:
+        raise TooFewModes(len(diagram))
+    forces = forces or tuple(f"force {k + 1}" for k in range(lines.response.shape[2]))
+    points = driving_points(channels, forces)
+    masses = np.array([modal_mass(mode, points) for mode in modes])
+    estimate = _estimate(modes, channels)
+    size = 2 * np.pi * estimate.frequency
+    continuous = size * (-estimate.damping + 1j * np.sqrt(1 - estimate.damping**2))
+    return ResponseIdentification(
+        estimate=estimate,
+        modal_mass=masses[:, 0],
+        modal_mass_std=masses[:, 1],
+        poles=diagram,
+        frequency=lines.frequency,
+        response=lines.response,
+        synthesis=synthesis(lines, continuous),
+        forces=tuple(forces),
+        band=band,
+        decay=lines.decay,
+    )
+
+
+def _lines(
+    frequency: FloatArray,
+    response: ComplexArray,
+    channels: Sequence[str],
+    band: tuple[float, float] | None,
+    decay: float,
+) -> tuple[Lines, tuple[float, float]]:
+    """Return the lines of the band, checked, and the band."""
+    if response.ndim != 3 or response.shape[:2] != (len(frequency), len(channels)):
+        raise InputError(f"response: expected ({len(frequency)}, {len(channels)}, n_inputs), found {response.shape}")
+    spacing = float(np.median(np.diff(frequency))) if len(frequency) > 1 else 0.0
+    if spacing <= 0 or np.abs(np.diff(frequency) / spacing - 1).max() > 1e-2:
+        raise InputError("frequency: expected evenly spaced, rising lines")
+    low, high = band or (max(float(frequency[0]), spacing), float(frequency[-1]))
+    inside = (frequency >= low) & (frequency <= high) & (frequency > 0.5 * spacing)
+    if np.count_nonzero(inside) < _MIN_LINES:
+        raise IdentificationError(f"{low:g} to {high:g} Hz: expected {_MIN_LINES} lines or more")
+    lines = Lines(frequency=frequency[inside], response=response[inside], spacing=spacing, decay=decay)
+    return lines, (low, high)
+
+
+def _estimate(modes: Sequence[FittedMode], channels: Sequence[str]) -> ModalEstimate:
+    """Put modes into arrays."""
+    shapes = [unit_shape(mode) for mode in modes]
+    return ModalEstimate(
+        channels=tuple(channels),
+        frequency=np.array([mode.frequency for mode in modes]),
+        frequency_std=np.array([mode.frequency_std for mode in modes]),
+        damping=np.array([mode.damping for mode in modes]),
+        damping_std=np.array([mode.damping_std for mode in modes]),
+        shape=np.array([shape for shape, _ in shapes]),
+        shape_std=np.array([deviation for _, deviation in shapes]),
+        support=np.array([mode.support for mode in modes]),
+        law_ratio=np.ones(len(modes)),
+        start=0,
+        end=0,
+    )

@@ -1,0 +1,52 @@
+"""Spectral lines and responses that are analysed."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from oma.types import ComplexArray
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Lines:
+    """Accelerances on evenly spaced lines.
+
+    An exponential window of force and response shifts the responses along the real axis of the Laplace variable: a
+    measured line is the response at ``s = 2 pi i f + decay``, whose poles are those of the structure.
+    """
+
+    frequency: FloatArray  #: (n_lines,) [Hz]
+    response: ComplexArray  #: (n_lines, n_channels, n_inputs) [m/s2/N]
+    spacing: float  #: [Hz]
+    decay: float  #: decay rate of the exponential window, 0 without a window [1/s]
+
+    @property
+    def laplace(self) -> ComplexArray:
+        """Values of the Laplace variable, (n_lines,) [rad/s]."""
+        return np.asarray(self.decay + 2j * np.pi * self.frequency)
+
+    @property
+    def correlation(self) -> ComplexArray:
+        """Correlation of the noise of lines, (n_lines, n_lines): an exponential window makes neighbours alike.
+
+        Noise that was stationary before the window; without a window lines are independent.
+        """
+        if not self.decay:
+            return np.eye(len(self.frequency), dtype=np.complex128)
+        apart = self.frequency[:, None] - self.frequency
+        return np.asarray(1 / (1 + 1j * np.pi * apart / self.decay))
+
+    @property
+    def flat(self) -> ComplexArray:
+        """All responses of each line in one row, (n_lines, n_responses)."""
+        return self.response.reshape(len(self.frequency), -1)
+
+    def __getitem__(self, chosen: IndexArray) -> "Lines":
+        """Return some of the lines."""
+        return replace(self, frequency=self.frequency[chosen], response=self.response[chosen])
+
+    def without(self, parts: Iterable[ComplexArray]) -> "Lines":
+        """Return the lines less parts of the responses, each (n_lines, n_channels, n_inputs)."""
+        return replace(self, response=self.response - sum(parts))
