@@ -142,7 +142,7 @@ def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorS
 def _devices(reference: Reference, comparison: Comparison) -> list[tuple[tuple[str, str], ...]]:
     """Return the channels exchanged with each pair of devices of several channels."""
     way = {s.channel: s.direction for s in reference.structure.corrected_sensors}
-    groups = [sorted(g, key=way.__getitem__) for g in groups_of(reference, comparison) if len(g) > 1]
+    groups = [sorted(g, key=way.__getitem__, reverse=True) for g in groups_of(reference, comparison) if len(g) > 1]
     return [
         tuple(zip(one, other, strict=True))
         for one, other in itertools.combinations(groups, 2)

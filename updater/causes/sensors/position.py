@@ -130,7 +130,8 @@ class SensorPosition(Chain):
         member, before = self.members[row], float(self.stated[row])
         here, at = (vector(np.round(member.point(s), 6)) for s in (before, before + self._along(row, theta)))
         if len(theta) > 1 and theta[1] > _LEAST_MASS * self.prior_std[1]:
-            structure = structure.with_bodies([Body(at=at, mass=theta[1]), Body(at=here, mass=-theta[1])])
+            mass = float(np.round(theta[1], 6))
+            structure = structure.with_bodies([Body(at=at, mass=mass), Body(at=here, mass=-mass)])
         sensors = tuple(
             sensor.model_copy(update={"at": at}) if corrected.channel in self.channels[row] else sensor
             for sensor, corrected in zip(structure.sensor, structure.corrected_sensors, strict=True)
