@@ -17,12 +17,16 @@ import numpy as np
 from benchmarks.updater.confusion.by_cause import print_rows
 from tests.examiner.draws import Hidden
 
-#: cause -> the parameter that is scored, its unit in the table, and how many of those the contract's unit is
+#: cell -> the parameter that is scored, its unit in the table, and how many of those the contract's unit is
 CELLS: dict[str, tuple[str, str, float] | None] = {
     "sensor_gain": ("gain", "%", 100.0),
     "sensor_polarity": None,
     "sensor_swap": None,
     "sensor_orientation": ("angle", "degrees", float(np.degrees(1))),
+    "sensor_position": ("shift", "mm", 1e3),
+    "exchanged_devices": None,
+    "turned_device": ("angle", "degrees", float(np.degrees(1))),
+    "cable_mass": ("mass", "g", 1e3),
     "sensor_delay": ("delay", "us", 1e6),
     "sensor_dead": None,
 }

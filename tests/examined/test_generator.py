@@ -128,6 +128,7 @@ def _said(verdict: str, *causes: tuple[str, list[float] | None, list[str], list[
 
 
 MASS = Hidden(cause="added_mass", position=(0.0, 0.0, 1.0), parameters={"mass": 0.2})
+DEVICES = Hidden(cause="sensor_swap", channels=("a", "b", "c", "d"))
 GAIN = Hidden(cause="sensor_gain", channels=("a",))
 
 
@@ -139,6 +140,8 @@ GAIN = Hidden(cause="sensor_gain", channels=("a",))
         (_said("explained", ("sensor_gain", None, ["a"], [])), [GAIN], "detectable", "right"),
         (_said("explained", ("sensor_gain", None, ["b"], [])), [GAIN], "detectable", "misplaced"),
         (_said("explained", ("sensor_gain", None, ["a"], [])), [MASS], "detectable", "wrong"),
+        (_said("explained", ("sensor_swap", None, ["a", "b"], [])), [DEVICES], "detectable", "misplaced"),
+        (_said("explained", ("sensor_swap", None, ["c", "a", "d", "b"], [])), [DEVICES], "detectable", "right"),
         (_said("ambiguous", ("x", None, [], ["added_mass"])), [MASS], "detectable", "alias"),
         (_said("ambiguous", ("x", None, [], ["y"])), [MASS], "detectable", "wrong"),
         (_said("explained", ("added_mass", [0, 0, 1], [], [])), [MASS, GAIN], "two", "wrong"),

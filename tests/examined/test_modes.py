@@ -40,6 +40,12 @@ THOROUGH = [
     ("bridge: support_stiffness", 778200000),  # a bearing
     ("temperature", 311),
     ("sensor_orientation", 318),
+    ("sensor_position", 109),  # at an end of the crossbeam
+    ("file: sensor_position", 300),
+    ("added_mass + sensor_position", 501),
+    ("exchanged_devices", 201),
+    ("turned_device", 201),
+    ("cable_mass", 202),
     ("sensor_delay", 319),
     ("one_sided + added_mass", 652500053),
     ("distributed_mass", 302),

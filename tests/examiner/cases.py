@@ -41,12 +41,15 @@ CAUSES: dict[str, Do] = {
         chain.sensor_polarity,
         chain.sensor_swap,
         chain.sensor_orientation,
+        chain.sensor_position,
         chain.sensor_delay,
         chain.sensor_dead,
     )
 }
 ONE_SIDED = "one_sided"  #: a stretch about one axis: another draw of a cause
-_DONE: dict[str, Do] = {**CAUSES, ONE_SIDED: draws.one_sided}
+#: likewise: exchanged devices, a turned device, a mass at a sensor
+OF_DEVICES: dict[str, Do] = {do.__name__: do for do in (chain.exchanged_devices, chain.turned_device, chain.cable_mass)}
+_DONE: dict[str, Do] = {**CAUSES, ONE_SIDED: draws.one_sided, **OF_DEVICES}
 PAIRS = (
     "added_mass + sensor_gain",
     "added_mass + support_stiffness",
@@ -57,9 +60,13 @@ PAIRS = (
     "local_stiffness + added_mass",
     f"{ONE_SIDED} + added_mass",
     f"{ONE_SIDED} + sensor_gain",
+    "added_mass + sensor_position",
 )
 FILES = tuple(f"file: {name}" for name in FILE)
-_OF_ANY_FILE = ("nothing", "added_mass", "local_stiffness", "sensor_gain", "sensor_polarity", "sensor_swap", ONE_SIDED)
+_OF_ANY_FILE = (
+    *("nothing", "added_mass", "local_stiffness", "sensor_gain", "sensor_polarity", "sensor_swap", "sensor_position"),
+    ONE_SIDED,
+)
 BUILT, FAR = (
     tuple(f"{how} {where}: {name}" for where in ("frame", *DESIGNS) for name in _OF_ANY_FILE)
     for how in ("built", "far")
@@ -79,7 +86,7 @@ ELSEWHERE = (
     ),
     "portal: joint_stiffness",
 )  #: the grid's supports are rigid
-CELLS = (*CAUSES, ONE_SIDED, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
+CELLS = (*CAUSES, ONE_SIDED, *OF_DEVICES, "nothing", "small", *PAIRS, *OUTSIDE, *SOLIDS, *FILES)
 N_BEFORE, N_AFTER = 8, 5  # windows
 _COMMON = (
     3e-3  # of all frequencies together, that a day may bring: not to be distinguished from a global cause this small

@@ -127,7 +127,7 @@ def _all_of(cause: Mapping[str, Any], one: Hidden) -> bool:
     """A channel is meant alone; of a device, its channels."""
     reported = set(cause["where"]["channels"])
     return reported <= set(one.channels) and (
-        len(one.channels) == 1 or one.cause != "sensor_swap" or len(reported) == 2
+        len(one.channels) == 1 or one.cause != "sensor_swap" or len(reported) == len(one.channels)
     )
 
 

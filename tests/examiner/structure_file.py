@@ -55,4 +55,5 @@ FILE: dict[str, Do] = {
     "added_mass": added_mass,
     "sensor_polarity": chain.sensor_polarity,
     "sensor_swap": chain.sensor_swap,
+    "sensor_position": chain.sensor_position,
 }

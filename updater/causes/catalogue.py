@@ -21,6 +21,7 @@ from updater.causes.sensors.dead import propose_sensor_dead
 from updater.causes.sensors.delay import propose_sensor_delay
 from updater.causes.sensors.gain_polarity_swap import propose_sensor_gain, propose_sensor_polarity, propose_sensor_swap
 from updater.causes.sensors.orientation import propose_sensor_orientation
+from updater.causes.sensors.position import propose_sensor_position
 from updater.causes.stiffness.added_support import propose_support_spring
 from updater.causes.stiffness.axial_force import propose_axial_force
 from updater.causes.stiffness.connections import propose_joint_stiffness, propose_support_stiffness
@@ -112,6 +113,7 @@ _OWN: dict[str, CatalogueEntry] = {
     "sensor_polarity": CatalogueEntry(propose=propose_sensor_polarity),
     "sensor_swap": CatalogueEntry(propose=propose_sensor_swap),
     "sensor_orientation": CatalogueEntry(propose=propose_sensor_orientation),
+    "sensor_position": CatalogueEntry(propose=propose_sensor_position),
     "sensor_delay": CatalogueEntry(propose=propose_sensor_delay),
     "sensor_dead": CatalogueEntry(propose=propose_sensor_dead),
 }

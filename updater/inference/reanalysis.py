@@ -38,6 +38,8 @@ class Effect:
     #: (n_alternatives, n_channels, 3 n_channels) reading of the channels relative to the truth along their own
     #: directions, along the first axis across each of them, and along the second (`updater.structure.sensor_axes`)
     chain: FloatArray
+    #: (n_alternatives, n_channels, n_modes) the modes at the places of the sensors, less those at the stated places
+    moved: FloatArray
     imaginary: FloatArray  #: (n_alternatives, n_channels) how late the channels are [s]
     log_damping: FloatArray  #: (n_alternatives, n_modes) of the modes' damping to the baseline's
     coupling: FloatArray  #: (n_alternatives, n_modes, n_own) of the modes with degrees of freedom appended, in mass
@@ -91,6 +93,7 @@ class Effect:
             mass=self.mass + other.mass,
             compliance=self.compliance + other.compliance,
             chain=chain,
+            moved=self.moved + other.moved,
             imaginary=(share @ self.imaginary[:, :, None])[:, :, 0] + other.imaginary,
             log_damping=self.log_damping + other.log_damping,
             coupling=np.concatenate([self.coupling, other.coupling], axis=2),
@@ -121,6 +124,7 @@ def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
         mass=np.zeros((1, n_modes, n_modes)),
         compliance=np.zeros((1, *2 * (n_modes + comparison.n_stress,))),
         chain=np.eye(n_channels, 3 * n_channels)[None],
+        moved=np.zeros((1, n_channels, n_modes)),
         imaginary=np.zeros((1, n_channels)),
         log_damping=np.zeros((1, n_modes)),
         coupling=np.zeros((n_alternatives, n_modes, 0)),
@@ -240,7 +244,8 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     new = np.zeros((len(value), 0, len(comparison.channels)))
     log_damping = effect.log_damping[:, comparison.paired]
     if effect.own.shape[1]:
-        new = (comparison.new_at_channels @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
+        there = comparison.new_at_channels + effect.moved
+        new = (there @ vector[:, :n_modes, n_compared:]).transpose(0, 2, 1)
         log_damping = log_damping + _damped_by_own(effect, value[:, :n_compared], vector[:, n_modes:, :n_compared])
     new_frequency = value[:, n_compared:] ** -0.5 / (2 * np.pi)
     value, vector = value[:, :n_compared], vector[:, :n_modes, :n_compared]
@@ -248,6 +253,8 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
     shape = (comparison.at_channels @ vector).transpose(0, 2, 1)
     along = (shape * comparison.model_base).sum(-1, keepdims=True)
     along = np.where(np.abs(along) < 1e-6, 1e-6, along)
+    if effect.moved.any():
+        shape = shape + (effect.moved @ vector).transpose(0, 2, 1)
     true = comparison.base + shape / along - comparison.model_base
     n = true.shape[2]
     read = true @ effect.chain[:, :, :n].transpose(0, 2, 1)

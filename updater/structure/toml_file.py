@@ -146,7 +146,8 @@ def dump_structure(structure: Structure, onto: str | None = None, *, note: str =
     ----------
     structure : to write
     onto : text of a structure file; only differences are changed, and its comments are kept
-    note : comment in each support, joint, segment, body, oscillator, member or sensor that the text does not have
+    note : comment in each support, joint, segment, body, oscillator, member or sensor that the text does not have, and
+        at each value of a sensor that differs
 
     Raises
     ------

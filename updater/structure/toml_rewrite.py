@@ -36,7 +36,7 @@ def rewrite(text: str, old: Content, new: Content, brief: Content, note: str) ->
     text : TOML that `old` was read from
     old, new : all fields of the structure as it was and as it is now
     brief : `new` without default values, for entries that are added
-    note : comment put into entries that are added, or nothing
+    note : comment put into entries that are added, and at values of sensors that differ, or nothing
     """
     document = tomlkit.parse(text)
     for key in (key for key in new if new[key] != old[key]):
@@ -129,8 +129,17 @@ def _rewrite_list(
     for row, k in enumerate(kept):
         if old[before.index(k)] != new[row]:
             _merge(entries[row], old[before.index(k)], new[row])
+            if note and key == "sensor" and isinstance(entries, AoT):
+                _comment(entries[row], old[before.index(k)], new[row], note)
     for content in brief[len(kept) :]:
         _append(entries, content, note)
+
+
+def _comment(table: Any, old: Content, new: Content, note: str) -> None:  # noqa: ANN401  a tomlkit table
+    """State at each value that differs what it was, unless it has a comment of its own."""
+    for name in (name for name, value in new.items() if value != old[name] and name in table):
+        if not table[name].trivia.comment:
+            table[name].comment(f"{note}; was {old[name]}")
 
 
 def _array(entries: list[Content], note: str) -> AoT:

@@ -159,6 +159,8 @@ _FIGURES: tuple[tuple[str, str, str, str, Callable[[Result], float | None]], ...
     ("sensor_gain", "gain", "%", "<= 2", lambda r: _relative(r, "gain")),
     ("sensor_delay", "delay", "ms", "<= 0.05", lambda r: _absolute(r, "delay", 1e3)),
     ("sensor_orientation", "angle", "degrees", "<= 1", lambda r: _absolute(r, "angle", 180 / np.pi)),
+    ("sensor_position", "shift", "mm", "", lambda r: _absolute(r, "shift", 1e3)),
+    ("turned_device", "angle", "degrees", "<= 1", lambda r: _absolute(r, "angle", 180 / np.pi)),
     ("attached_oscillator", "place", "mm", "<= 15", lambda r: r.away and 1e3 * r.away),
     ("attached_oscillator", "frequency", "%", "<= 0.1", lambda r: _relative(r, "frequency")),
     ("axial_force", "force", "%", "<= 2", lambda r: _relative(r, "force")),

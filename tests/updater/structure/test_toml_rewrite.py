@@ -86,6 +86,18 @@ def _with(structure: Structure, **changes: Any) -> Structure:
     return structure.model_copy(update=changes)
 
 
+def test_moved_sensor_is_written_with_a_comment_and_keeps_its_own() -> None:
+    structure = parse_structure(ODD)
+    tip = structure.sensor[0].model_copy(update={"at": (0.4, 0.0, 1.0), "gain": 2.0})
+    written = dump_structure(_with(structure, sensor=(tip,)), ODD, note="found")
+    assert sorted(_changed_lines(ODD, written)) == [
+        "+ at = [0.4, 0.0, 1.0] # found; was [0.5, 0.0, 1.0]",
+        "+ gain = 2.0   # calibrated in May",
+        "- at = [0.5, 0, 1.0]",
+        "- gain = 1.0   # calibrated in May",
+    ]
+
+
 @pytest.mark.parametrize("text", [t_structure_toml(), PORTAL, ODD, INLINE], ids=["shipped", "portal", "odd", "inline"])
 def test_unchanged_structure_is_written_back_identically(text: str) -> None:
     assert dump_structure(parse_structure(text), text) == text

@@ -1,7 +1,7 @@
 """Common part of faults of the measuring chain: channels as places, corrections in the structure file."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Self
 
@@ -48,12 +48,28 @@ def groups_of(reference: Reference, comparison: Comparison) -> list[tuple[str, .
     Devices are known from the log; otherwise channels at one position count as one device. A change common to all
     channels is not a fault, because it has no effect.
     """
-    devices, corrected = comparison.circumstances.devices, reference.structure.corrected_sensors
-    place = {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in corrected}
-    owner = {c: devices.get(c, place[c]) for c in comparison.channels}
-    together = [tuple(c for c in comparison.channels if owner[c] == d) for d in dict.fromkeys(owner.values())]
+    devices, place = comparison.circumstances.devices, _places(reference)
+    together = _alike(comparison.channels, {c: (devices.get(c, place[c]),) for c in comparison.channels})
     alone = [(c,) for c in comparison.channels]
     return alone + [group for group in together if 1 < len(group) < len(comparison.channels)]
+
+
+def mounted_together(reference: Reference, comparison: Comparison) -> list[tuple[str, ...]]:
+    """Return the channels of each housing: those of one device that are at one place."""
+    devices, place = comparison.circumstances.devices, _places(reference)
+    return _alike(comparison.channels, {c: (devices.get(c, place[c]), place[c]) for c in comparison.channels})
+
+
+def _places(reference: Reference) -> dict[str, str]:
+    sensors = reference.structure.corrected_sensors
+    return {s.channel: f"at {np.round(np.divide(s.at, _SAME_PLACE)).tolist()}" for s in sensors}
+
+
+def _alike(channels: Sequence[str], owner: Mapping[str, tuple[str, ...]]) -> list[tuple[str, ...]]:
+    found: dict[tuple[str, ...], list[str]] = {}
+    for channel in channels:
+        found.setdefault(owner[channel], []).append(channel)
+    return [tuple(group) for group in found.values()]
 
 
 def corrected(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.sensors.channel_fault import Chain, corrected, exchanged
+from updater.causes.sensors.channel_fault import Chain, corrected, exchanged, groups_of
 from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
@@ -67,30 +67,31 @@ class SensorPolarity(Chain):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SensorSwap(Chain):
-    """Two channels that have taken each other's place.
+    """Two channels that have taken each other's place, or two devices with all their channels.
 
     The parameters are by how much either is later than its namesake was: devices have delays of their own.
     """
 
     order: IndexArray  #: (n, n_channels) which channel each one really is
+    side: FloatArray  #: (n, 2, n_channels) 1 for the channels of either
+    pairs: tuple[tuple[tuple[str, str], ...], ...]  #: channels exchanged by each
     name: str = "sensor_swap"
     advice: str = "Follow the two cables. Tap next to each sensor and check which channel responds."
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return permutations, with their delays."""
         n = self.order.shape[1]
-        imaginary = np.zeros((len(rows), n))
-        imaginary[self.order[rows] != np.arange(n)] = theta.ravel()
+        imaginary = np.einsum("pk,pkc->pc", theta, self.side[rows])
         chain = np.eye(n, 3 * n)[self.order[rows]]
         return replace(no_effect(len(rows), self.comparison), chain=chain, imaginary=imaginary)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Exchange the channels that carry the two sensors."""
-        first, second = self.channels[row]
-        late = exchanged(structure, first, second)
-        for channel, seconds in zip((first, second), theta, strict=True):
-            late = corrected(late, (channel,), delay=float(seconds))
-        return late
+        for first, second in self.pairs[row]:
+            structure = exchanged(structure, first, second)
+        for channels, seconds in zip(zip(*self.pairs[row], strict=True), theta, strict=True):
+            structure = corrected(structure, channels, delay=float(seconds))
+        return structure
 
 
 def propose_sensor_gain(reference: Reference, comparison: Comparison) -> SensorGain:
@@ -116,20 +117,34 @@ def propose_sensor_polarity(reference: Reference, comparison: Comparison) -> Sen
 
 
 def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorSwap | None:
-    """Return every pair of channels."""
-    del reference
+    """Return every pair of channels, and every pair of devices with channels along the same axes."""
     channels = comparison.channels
-    pairs = list(itertools.combinations(range(len(channels)), 2))
+    pairs = [((a, b),) for a, b in itertools.combinations(channels, 2)] + _devices(reference, comparison)
     if not pairs:
         return None
-    order = np.tile(np.arange(len(channels)), (len(pairs), 1))
-    for row, (a, b) in enumerate(pairs):
-        order[row, [a, b]] = b, a
+    order, side = np.tile(np.arange(len(channels)), (len(pairs), 1)), np.zeros((len(pairs), 2, len(channels)))
+    for row, pair in enumerate(pairs):
+        one, other = ([channels.index(c) for c in each] for each in zip(*pair, strict=True))
+        order[row, one], order[row, other] = other, one
+        side[row, 0, one] = side[row, 1, other] = 1.0
     return SensorSwap(
         prior_std=np.full(2, _LATE_STD),
         lower=np.full((len(pairs), 2), -np.inf),
         drifting=False,
         comparison=comparison,
-        channels=tuple((channels[a], channels[b]) for a, b in pairs),
+        channels=tuple(tuple(itertools.chain(*zip(*pair, strict=True))) for pair in pairs),
         order=order,
+        side=side,
+        pairs=tuple(pairs),
     )
+
+
+def _devices(reference: Reference, comparison: Comparison) -> list[tuple[tuple[str, str], ...]]:
+    """Return the channels exchanged with each pair of devices of several channels."""
+    way = {s.channel: s.direction for s in reference.structure.corrected_sensors}
+    groups = [sorted(g, key=way.__getitem__, reverse=True) for g in groups_of(reference, comparison) if len(g) > 1]
+    return [
+        tuple(zip(one, other, strict=True))
+        for one, other in itertools.combinations(groups, 2)
+        if [way[c] for c in one] == [way[c] for c in other]
+    ]
