@@ -3,11 +3,11 @@
 from typing import TYPE_CHECKING
 
 from daq.lazy_names import lazy_names
+from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise  # not lazily: a function and its module have one name
 
 if TYPE_CHECKING:
     from oma.errors import IdentificationError, NoCommonModes, OmaError, TooShort
     from oma.identification import METHODS, Identification, IdentificationStream, identify, identify_all
-    from oma.mac import comac, mac, mac_matrix, mpc, mpd, normalise
     from oma.methods import EFDD, FDD, FSDD, PLSCF, CovarianceSSI, DataSSI, Method
     from oma.preparation import ChannelFault, WindowQuality, channel_faults
     from oma.responses import ResponseIdentification, identify_responses, identify_responses_all

@@ -109,6 +109,8 @@ def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:
     """Return the names of the causes by which each hypothesis differs from the others."""
     common = set[str].intersection(*map(set, hypotheses))
     own = [[name for name in each if name not in common] for each in hypotheses]
+    if not any(own):  # the same causes at other places
+        own = [list(each) for each in hypotheses]
     if all(own):
         return [_joint(dict.fromkeys(each)) for each in own]
     others = dict.fromkeys(name for each in own for name in each)

@@ -118,7 +118,8 @@ def _said(verdict: str, *causes: tuple[str, list[float] | None, list[str], list[
         "causes": [
             {
                 "cause": name,
-                "where": {"position": position, "channels": channels} if position or channels else None,
+                "probability": 0.99,
+                "where": {"position": position, "channels": channels, "region": []} if position or channels else None,
                 "cannot_be_told_from": others,
                 "parameters": {"mass": {"value": 0.21, "std": 0.01, "unit": "kg"}},
             }

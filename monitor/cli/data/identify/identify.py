@@ -58,7 +58,7 @@ def identify(
         Path | None, Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
     ] = None,
 ) -> int:
-    """Identify the modes of logs, or of measured frequency responses.
+    """Identify the modes of logs, or of frequency responses.
 
     One estimate with its uncertainty, averaged over all windows. All logs count as one record for
     --from and --to; with --reference each log separately.
