@@ -40,4 +40,6 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], object], Callab
         setattr(sys.modules[package], name, value)
         return value
 
-    return get, lambda: sorted(places)
+    return get, lambda: sorted(
+        {*places, *getattr(sys.modules[package], "__all__", ())}
+    )  # those it imports at once, too
