@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-_SHARED_SIZE = 8 * (1 + 2 * 1024)  # bytes: some seconds of steps
+_SHARED_SIZE = 8 * (2 + 2 * 1024)  # bytes: some seconds of steps
 
 
 class HostClock(Protocol):
@@ -76,8 +76,9 @@ class SharedTime:
             path.write_bytes(bytes(_SHARED_SIZE))
         if path.stat().st_size != _SHARED_SIZE:
             raise OSError(errno.EINVAL, "not a file of shared time", str(path))
-        words = np.memmap(path, dtype=np.int64, mode="r" if initial is None else "r+")
-        self._count, self._steps = words[:1], words[1:].reshape(-1, 2)  # steps so far; (wall time, time) of the last
+        words = np.memmap(path, dtype=np.int64, mode="r+")
+        # steps so far; until when the world is held; (wall time, time) of the last steps
+        self._count, self._held, self._steps = words[:1], words[1:2], words[2:].reshape(-1, 2)
         if initial is not None:
             self.step(initial)
 
@@ -86,6 +87,15 @@ class SharedTime:
         count = int(self._count[0])
         self._steps[count % len(self._steps)] = time.monotonic_ns(), time_then
         self._count[0] = count + 1  # last: a reader does not find half a step
+
+    def hold(self, seconds: float) -> None:
+        """Ask the writer to make no step for some seconds of wall time; 0: to go on."""
+        self._held[0] = time.monotonic_ns() + round(1e9 * seconds) if seconds else 0
+
+    @property
+    def held(self) -> bool:
+        """Whether the writer is to make no step."""
+        return time.monotonic_ns() < int(self._held[0])
 
     def at(self, wall: int) -> int:
         """Return the time at a monotonic wall time [ns], as far as it is kept [ns UTC]."""

@@ -43,7 +43,8 @@ class _LeashedClock:
     After this process was held up it catches up in several steps, and it waits for readers that were held up. Without
     that, data due after a delay would overflow the ports, although no real device would have been delayed; and one
     device would run far ahead of the others. Faster than real time, a serving waits while a port is almost full: a pty
-    that a busy machine does not read at once would keep scans for some seconds of data.
+    that a busy machine does not read at once would keep scans for some seconds of data. It waits, too, while a reader
+    holds the shared time.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ class _LeashedClock:
         elapsed, self._last = wall - self._last, wall
         self._interval += _SMOOTHING * (elapsed - self._interval)
         self._waited = self._waited + elapsed if unread > _ROOM else 0.0
-        if self.speed > 1 and 0 < self._waited < _PATIENCE:
+        if self.speed > 1 and (0 < self._waited < _PATIENCE or self._shared.held):
             return
         leash = min(max(2 * self._interval, _LEASH[0]), _LEASH[1])
         self._now = min(self._clock.now(), self._now + round(leash * 1e9 * self.speed))

@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 
 from daq import read_log
-from monitor.service.replay import replay
+from monitor.cli.demo.demonstration import SHORT
+from monitor.results.windows import WindowResult
+from monitor.service.replay import logged_results, replay
 
 pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]
 
@@ -38,6 +40,9 @@ def test_short_demo_finds_the_body_and_replay_is_identical(tmp_path: Path) -> No
     assert answer["answer"]["mass_std"] > 0
     assert (tmp_path / "overview.rrd").stat().st_size > 100_000
     assert "The structure has changed" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    windows = [r for r in logged_results(next((tmp_path / "log").glob("*.mcap"))) if isinstance(r, WindowResult)]
+    assert not any(window.skipped for window in windows)
+    assert len(windows) <= SHORT.windows + 4  # the rig waits for the analysis: two windows, and those in progress
     report = replay(next((tmp_path / "log").glob("*.mcap")), None, lambda _: None)
     assert len(report.logged) > 15
     assert report.same

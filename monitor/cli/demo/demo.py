@@ -9,7 +9,9 @@ from typer import Option
 def demo(
     out: Annotated[Path, Option(help="Folder for the results.")] = Path("demo-output"),
     seed: Annotated[int | None, Option(help="Seed of the rig and its events. Default: random.")] = None,
-    speed: Annotated[float, Option(help="Seconds of data per second.", min=0.1, max=20)] = 10.0,
+    speed: Annotated[
+        float, Option(help="Seconds of data per second, at most: the rig waits for the analysis.", min=0.1, max=20)
+    ] = 20.0,
     short: Annotated[bool, Option("--short", help="Quarter of the length, less accurate answers.")] = False,
 ) -> int:
     """Monitor an emulated rig from baseline to diagnosis.

@@ -8,12 +8,14 @@ from typing import Any
 
 from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.demo.display import Display
+from monitor.cli.demo.pace import Pace
 from monitor.cli.demo.rig_process import RigProcess
 from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.demo.score import reveal
 from monitor.cli.exit_codes import INTERRUPTED
 from monitor.cli.site.monitoring import tell_live
 from monitor.cli.terminal import console
+from monitor.results.windows import Result
 from monitor.rig import Scenario, draw_t_frame, dump_scenario
 from monitor.service.daemon import run
 from monitor.service.servers.live_view import live_view
@@ -44,8 +46,10 @@ SHORT = Plan(window=20.0, baseline_windows=8, windows=13, between=(165.0, 195.0)
 def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:
     """Run the demo; 0 if the body was found rightly, 1 if not, 130 if it was stopped."""
     seed = secrets.randbelow(10_000) if seed is None else seed
-    seconds = plan.windows * plan.window / speed
-    console.print(f"[bold]modalwatch demo[/], seed {seed}: a virtual T-frame plays for {seconds:.0f} s")
+    minutes, limit = plan.windows * plan.window / 60, "at most " if speed > 1 else ""
+    console.print(
+        f"[bold]modalwatch demo[/], seed {seed}: {minutes:.0f} minutes of a virtual T-frame, {limit}{speed:g}x speed"
+    )
     console.print(
         "Six emulated Epson accelerometers: four serial, two CAN. Sometime, somewhere, the rig will add a body;"
     )
@@ -55,13 +59,20 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int
     (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
     with signal_event(*STOP_SIGNALS) as stop, RigProcess(out, speed) as rig:
-        (out / "site.toml").write_text(_site(rig.wait_until_ready(stop), scenario, plan), encoding="utf-8")
+        ready = rig.wait_until_ready(stop)
+        (out / "site.toml").write_text(_site(ready, scenario, plan), encoding="utf-8")
         rig.stop_at_its_end(stop)
         display = Display(console, plan.windows, stop)
+        pace = Pace(ready["clock"], plan.window)
+
+        def show(result: Result) -> None:
+            display.show(result)
+            pace.keep(result)
+
         site = load_site(out / "site.toml")
         with live_view(site.settings, site.structure_text, site.site_text) as live, display:
             tell_live(live)
-            report = run(site, stop, display.show, live)
+            report = run(site, stop, show, live)
         interrupted = display.n_windows < plan.windows and not rig.over  # a busy machine leaves windows out
         done = rig.finish()
     if interrupted:
