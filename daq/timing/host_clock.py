@@ -94,7 +94,7 @@ class SharedTime:
 
     @property
     def held(self) -> bool:
-        """Whether the writer is to make no step."""
+        """True while the writer is to make no step."""
         return time.monotonic_ns() < int(self._held[0])
 
     def at(self, wall: int) -> int:
