@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 _UTF16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 _DAMAGED = (zlib.error, EOFError, zipfile.BadZipFile, UnicodeError)
 _ENDINGS = (".gz", ".zip")
+_ENCRYPTED = 0x1  # flag of a file in an archive
 
 
 class _WatchedFile(io.FileIO):
@@ -91,7 +92,9 @@ def _unpacked(path: Path, content: IO[bytes], stack: ExitStack) -> IO[bytes]:
     if len(members) != 1:
         names = ", ".join(member.filename for member in members[:5])
         raise DataError(path, f"expected an archive of one table, found {len(members)} files: {names:.200}: unpack it")
+    if members[0].flag_bits & _ENCRYPTED:
+        raise DataError(path, f"is damaged: {members[0].filename:.200} is encrypted, password required")
     try:
         return stack.enter_context(archive.open(members[0]))
-    except RuntimeError as error:  # a password, or (NotImplementedError, a kind of it) a compression zipfile has not
+    except NotImplementedError as error:  # a compression, or a kind of encryption, that zipfile does not have
         raise DataError(path, f"is damaged: {error}") from error

@@ -341,7 +341,7 @@ def test_high_pass_and_resampling(tmp_path: Path) -> None:
     ids=["encrypted", "unknown compression"],
 )
 def test_archive_that_cannot_be_unpacked_is_refused(tmp_path: Path, offset: int, value: int, reason: str) -> None:
-    """As zipfile reports by RuntimeError and NotImplementedError, a kind of it; set in the directory of the archive."""
+    """Encryption and the kind of compression are stated in the directory of the archive, which is edited here."""
     path = tmp_path / "beam.zip"
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("beam.csv", "t,a\n0,1\n1,2\n")
