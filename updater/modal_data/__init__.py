@@ -6,7 +6,6 @@ from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from updater.modal_data.averaging import MIN_PRESENCE, FusedModes, choose_tracks, fuse
-    from updater.modal_data.change_point import ChangePoint, find_change, windows_of_one_state
     from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
     from updater.modal_data.delay_removal import (
         NOTHING_REMOVED,
@@ -27,7 +26,9 @@ if TYPE_CHECKING:
     from updater.modal_data.plausibility import check_baseline, check_event, check_unit, doubles
     from updater.modal_data.scatter import BaselineModes, Scatter, learn_baseline_modes, learn_scatter, stated_scatter
     from updater.modal_data.setups import merge_setups
-    from updater.modal_data.stationarity import is_steady
+    from updater.modal_data.states.change_point import ChangePoint, find_change, windows_of_one_state
+    from updater.modal_data.states.course import Course, find_course
+    from updater.modal_data.states.stationarity import is_steady
     from updater.modal_data.synchrony import LOW_MPC, Asynchrony, asynchrony
     from updater.modal_data.tracked import COMMON_STD, ModalMean, TrackedModes, mean_modes, stack_tracks
 else:
@@ -44,6 +45,7 @@ __all__ = [
     "BaselineModes",
     "ChangePoint",
     "Circumstances",
+    "Course",
     "DeviceDelays",
     "FusedModes",
     "ModalMass",
@@ -60,6 +62,7 @@ __all__ = [
     "doubles",
     "estimate_delays",
     "find_change",
+    "find_course",
     "fuse",
     "is_steady",
     "learn_baseline_modes",

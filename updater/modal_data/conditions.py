@@ -44,7 +44,7 @@ class Circumstances:
     devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: faults of channels that were left out since
     wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
-    steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.stationarity`)
+    steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 
 
 NOTHING_KNOWN = Circumstances()

@@ -9,7 +9,7 @@ from tests.examiner.sites import KINDS, SimulatedSites, SiteWindows
 from tests.support.thorough import few_of
 from updater import TrackedModes
 from updater.modal_data import find_change, windows_of_one_state
-from updater.modal_data.change_point import FALSE_POSITIVE
+from updater.modal_data.states.change_point import FALSE_POSITIVE
 
 
 def tracked(log_frequency: FloatArray, std: FloatArray) -> TrackedModes:
