@@ -261,16 +261,21 @@ _DAY = 86400.0  # s
 
 def of_one_state(observation: "Observation") -> "tuple[Observation, tuple[ReferenceStep, ...]]":
     """Return the windows of the state that most of them show, and the changes to the others."""
-    order = np.argsort([estimate.start for estimate in observation.estimates], kind="stable")
-    ordered = observation.chosen(order)
-    seconds = _seconds([estimate.start for estimate in ordered.estimates])
+    ordered, seconds = in_order_of_time(observation)
     kept, changes = windows_of_one_state(ordered.modes, seconds, ordered.temperature, ordered.rms)
     if not changes:
         return observation, ()
-    lost = np.setdiff1d(np.arange(len(order)), kept)
+    lost = np.setdiff1d(np.arange(len(seconds)), kept)
     runs = np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1)
     steps = tuple(_reference_step(ordered, kept, run, max(change.p_value for change in changes)) for run in runs)
     return ordered.chosen(kept), steps
+
+
+def in_order_of_time(observation: "Observation") -> "tuple[Observation, FloatArray]":
+    """Return the windows in the order of time, and their starts (n_windows,) from the first on [s]."""
+    order = np.argsort([estimate.start for estimate in observation.estimates], kind="stable")
+    ordered = observation.chosen(order)
+    return ordered, _seconds([estimate.start for estimate in ordered.estimates])
 
 
 def step_text(step: "ReferenceStep") -> str:

@@ -1,7 +1,9 @@
 """Diagnosis, and comparison of measured and simulated modes, as plain values: in logs and JSON files."""
 
-from updater import Diagnosis, Gain
-from updater.diagnosis import ReferenceStep
+from typing import Literal
+
+from updater import Cause, Diagnosis, Gain
+from updater.diagnosis import ReferenceStep, Verdict
 from updater.quantities import PlainValue, Vector
 
 
@@ -13,6 +15,38 @@ class RejectedCause(PlainValue):
     why: str
 
 
+class CoursePoint(PlainValue):
+    """A window of a record within which the structure changed."""
+
+    time: int  #: its middle [ns UTC]
+    share: float  #: share of the change that it shows: 0 as at the start, 1 as at the end [-]
+    std: float  #: standard deviation of `share` [-]
+
+
+class ChangeRate(PlainValue):
+    """Mean rate of a gradual change."""
+
+    cause: str
+    parameter: str  #: of the cause, or of the model
+    per_hour: float  #: [unit/h]
+    std: float  #: [unit/h]
+    unit: str
+
+
+class WithinRecord(PlainValue):
+    """Change of the structure within the logs that are diagnosed; the diagnosis is of the state at their end."""
+
+    kind: Literal["sudden", "gradual"]
+    start: int  #: mean time of the windows of the first state [ns UTC]
+    end: int  #: mean time of the windows of the last state [ns UTC]
+    verdict: Verdict  #: on the change from the first to the last state
+    causes: tuple[Cause, ...]  #: of this change
+    rates: tuple[ChangeRate, ...]  #: of a gradual change
+    step: tuple[int, int] | None  #: times between which a sudden change happened [ns UTC]
+    course: tuple[CoursePoint, ...]
+    p_value: float  #: probability of as clear a change in windows of one state [-]
+
+
 class DiagnosisAnswer(Diagnosis):
     """The whole JSON of a diagnosis."""
 
@@ -20,6 +54,7 @@ class DiagnosisAnswer(Diagnosis):
     next_measurement: str
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
     reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs
+    within_record: WithinRecord | None = None  #: change of the structure within the logs that are diagnosed
 
 
 class ModeComparison(PlainValue):

@@ -1,0 +1,174 @@
+"""Diagnosis of a record within which the structure changed: of the state at its end, and of the change itself."""
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from daq import FloatArray
+from monitor.analysis.explanation import Explanation, explain
+from monitor.analysis.observation import Observation
+from monitor.analysis.stationarity import in_order_of_time
+from monitor.errors import StateError
+from monitor.results.comparison import ChangeRate, CoursePoint, WithinRecord
+from oma import ModalEstimate
+from updater import Cause, Structure
+from updater.diagnosis import OnCause, say_nothing
+from updater.modal_data import Course, find_course
+
+_SURROUNDINGS = frozenset({"temperature", "global_stiffness", "amplitude_softening", "sampling_clock"})
+_AMOUNTS = frozenset({"mass", "loss", "force"})  # parameters that are zero without their cause
+_HOUR = 3600.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RecordStates:
+    """States at the beginning and at the end of a record, or before and after a step."""
+
+    course: Course
+    observation: Observation  #: all windows in the order of time
+    first: Observation
+    last: Observation
+
+    @property
+    def between(self) -> tuple[int, int]:
+        """Mean times of the windows of both states [ns UTC]."""
+        first, last = (_mean_time(side.estimates) for side in (self.first, self.last))
+        return first, last
+
+
+def record_states(observation: Observation) -> RecordStates | None:
+    """Return the states at both ends of a record within which the structure changed, else None.
+
+    The drift within each of the two groups of windows is removed: the windows show the state at the group's mean time.
+    """
+    ordered, seconds = in_order_of_time(observation)
+    course = find_course(ordered.modes, seconds, ordered.temperature, ordered.rms)
+    if course is None or course.kind == "irregular":
+        return None
+    first, last = ordered.chosen(course.first), ordered.chosen(course.last)
+    if course.kind == "gradual":
+        first, last = without_drift(first), without_drift(last)
+    return RecordStates(course=course, observation=ordered, first=first, last=last)
+
+
+def explain_record(
+    structure: Structure,
+    before: Observation | None,
+    now: Observation,
+    heldout: Observation | None = None,
+    on_cause: OnCause = say_nothing,
+    *,
+    only: Collection[str] = (),
+    without: Collection[str] = (),
+) -> Explanation:
+    """Explain logs as `explain` does; of logs within which the structure changed, the state at the end.
+
+    What changed within them is explained with their beginning as the reference (`Explanation.diagnosis.within_record`).
+    A change by temperature or amplitude does not count: the mean of all windows is explained then.
+
+    Parameters, errors
+        As for `explain`.
+    """
+    states = record_states(now)
+    within: WithinRecord | None = None
+    if states is not None:
+        try:
+            change = explain(structure, states.first, states.last, None, on_cause, only=only, without=without)
+        except StateError:  # too few modes at one of both ends
+            states = None
+        else:
+            within = _within_record(states, change)
+            if {cause.cause for cause in change.diagnosis.causes} <= _SURROUNDINGS:
+                now = states.observation if change.diagnosis.verdict != "unexplained" else states.last
+            else:
+                now = states.last
+    found = explain(structure, before, now, heldout, on_cause, only=only, without=without)
+    if within is None:
+        return found
+    return replace(found, diagnosis=found.diagnosis.model_copy(update={"within_record": within}))
+
+
+def without_drift(observation: Observation) -> Observation:
+    """Remove the lines in time from frequencies and shapes of windows, about the windows' mean time.
+
+    The residuals are enlarged for the slope that was fitted to them.
+    """
+    time = np.array([estimate.start for estimate in observation.estimates], dtype=np.float64)
+    estimates = [_copy(estimate) for estimate in observation.estimates]
+    for track in range(len(observation.tracks[0])):
+        seen = np.array([w for w, tracks in enumerate(observation.tracks) if tracks[track] >= 0])
+        if len(seen) < 4:
+            continue
+        modes = [int(observation.tracks[w][track]) for w in seen]
+        log_frequency = np.log([estimates[w].frequency[mode] for w, mode in zip(seen, modes, strict=True)])
+        level = _level(time[seen], log_frequency[:, None])[:, 0]
+        for w, mode, value in zip(seen, modes, level, strict=True):
+            estimates[w].frequency[mode] = np.exp(value)
+        _level_shapes([estimates[w] for w in seen], modes, time[seen])
+    return replace(observation, estimates=tuple(estimates))
+
+
+def _copy(estimate: ModalEstimate) -> ModalEstimate:
+    return replace(estimate, frequency=estimate.frequency.copy(), shape=estimate.shape.astype(np.complex128))
+
+
+def _level_shapes(estimates: Sequence[ModalEstimate], modes: Sequence[int], time: FloatArray) -> None:
+    """Remove the lines in time from the shapes of one mode, in place; windows that lack channels keep theirs."""
+    channels = max((estimate.channels for estimate in estimates), key=len)
+    full = [k for k, estimate in enumerate(estimates) if estimate.channels == channels]
+    if len(full) < 4:
+        return
+    shape = np.array([estimates[k].shape[modes[k]] for k in full])
+    turn = shape @ shape[0].conj()
+    aligned = shape * (turn.conj() / np.maximum(np.abs(turn), 1e-300))[:, None]
+    level = _level(time[full], aligned)
+    for k, row in zip(full, level, strict=True):
+        estimates[k].shape[modes[k]] = row / np.linalg.norm(row)
+
+
+def _level(time: FloatArray, value: np.ndarray) -> np.ndarray:
+    """Return values (n, m) without their lines in time."""
+    n = len(time)
+    design = np.column_stack([np.ones(n), (time - time.mean()) / np.ptp(time)])
+    rest = value - design @ np.linalg.lstsq(design, value, rcond=None)[0]
+    return np.asarray(value.mean(0) + rest * np.sqrt((n - 1) / (n - 2)))
+
+
+def _within_record(states: RecordStates, change: Explanation) -> WithinRecord:
+    start, end = states.between
+    course, estimates = states.course, states.observation.estimates
+    causes = change.diagnosis.causes
+    hours = (end - start) * 1e-9 / _HOUR
+    return WithinRecord(
+        kind="sudden" if course.kind == "sudden" else "gradual",
+        start=start,
+        end=end,
+        verdict=change.diagnosis.verdict,
+        causes=causes,
+        rates=tuple(r for cause in causes for r in _rates(cause, hours)) if course.kind == "gradual" else (),
+        step=(estimates[course.first[-1]].end, estimates[course.last[0]].start) if course.kind == "sudden" else None,
+        course=tuple(
+            CoursePoint(time=(e.start + e.end) // 2, share=float(share), std=float(std))
+            for e, share, std in zip(estimates, course.share, course.share_std, strict=True)
+        ),
+        p_value=course.p_value,
+    )
+
+
+def _rates(cause: Cause, hours: float) -> list[ChangeRate]:
+    """Return the mean rates of a cause's amounts."""
+    found = [(name, q.value, q.std, q.unit) for name, q in cause.parameters.items() if name in _AMOUNTS]
+    for change in cause.changes:
+        if change.before is not None:
+            std = math.sqrt(max(change.std**2 - change.before_std**2, 0.0)) or change.std
+            found.append((change.name, change.after - change.before, std, change.unit))
+    return [
+        ChangeRate(cause=cause.cause, parameter=name, per_hour=value / hours, std=std / hours, unit=unit)
+        for name, value, std, unit in found
+    ]
+
+
+def _mean_time(estimates: Sequence[ModalEstimate]) -> int:
+    return sum((estimate.start + estimate.end) // 2 for estimate in estimates) // len(estimates)
