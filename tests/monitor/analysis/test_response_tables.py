@@ -55,7 +55,8 @@ def test_modes_of_responses_are_those_of_the_structure(tmp_path: Path) -> None:
     for frequency in found.frequency:
         assert np.abs(modes / frequency - 1).min() < 1e-4
     np.testing.assert_allclose(found.damping, DAMPING, rtol=0.02)
-    without = read_tables(structure, [path], window=20.0).estimates[0]  # as if a window had added 1/(20 s) to each decay
+    # as if a window had added 1 / (20 s) to each rate of decay
+    without = read_tables(structure, [path], window=20.0).estimates[0]
     np.testing.assert_allclose(without.frequency, found.frequency, rtol=1e-5)
     np.testing.assert_allclose(without.damping, found.damping - 1 / (20.0 * 2 * np.pi * found.frequency), rtol=2e-3)
 

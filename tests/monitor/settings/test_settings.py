@@ -26,6 +26,10 @@ can = {interface = "slcan", channel = "/dev/ttyACM0"}
 dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
 """
 WITH_DBC = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DBC)
+DAQMX = """driver = "nidaqmx"
+daqmx = {inputs = {x = "cDAQ1Mod1/ai0", y = "cDAQ1Mod1/ai1"}, sensitivity = {x = 100, y = 99}, range_g = 50}
+"""
+WITH_DAQMX = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DAQMX)
 SENSORS = """[[sensor]]
 channel = "beam_left_y"
 at = [0, 0, 0.4]
@@ -83,9 +87,9 @@ def test_channels_keep_device_and_axis() -> None:
         ("structure = \n", "line 1"),
         (
             GOOD.replace("port =", "# port ="),
-            "device.0: expected one of `port`, `can` and `log`, found none",
+            "device.0: expected one of `port`, `can`, `daqmx` and `log`, found none",
         ),
-        (GOOD + CAN, "device.0: expected one of `port`, `can` and `log`, found port and can"),
+        (GOOD + CAN, "device.0: expected one of `port`, `can`, `daqmx` and `log`, found port and can"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node = 3", "node = 200"), "device.0.can.node"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
         (WITH_DBC.replace(', channel = "/dev/ttyACM0"', ', channel = "/dev/ttyACM0", node = 1'), "`dbc`, found both"),

@@ -65,13 +65,16 @@ def test_example_of_each_temperature_source_is_valid(source: str) -> None:
     assert TemperatureSettings.model_validate({**rest, source: table[source]})
 
 
-@pytest.mark.parametrize("place", ["can", "log", "dbc", "text"])
+@pytest.mark.parametrize("place", ["can", "log", "dbc", "text", "daqmx"])
 def test_example_of_each_device_address_is_valid(place: str) -> None:
     [device] = uncommented()["device"]
     keep = {"dbc": ("can", "dbc"), "text": ("port", "text")}.get(place, (place,))
-    rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "text", "log"}}
+    rest = {key: value for key, value in device.items() if key not in {"port", "can", "dbc", "text", "daqmx", "log"}}
     if place == "log":
         del rest["delay_ms"]
+    if place == "daqmx":  # the example has one input
+        rest["channels"] = {"x": "beam_left_x"}
+        rest.pop("sensor", None)
     places = {key: device[key] for key in keep}
     if place == "dbc":
         places["can"] = {key: value for key, value in device["can"].items() if key not in {"node", "sync"}}
