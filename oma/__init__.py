@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from oma.spectral import Resonance, aligned, device_delays, fit_resonance, singular_values
     from oma.tracking import FollowedModes, LongTermTracker, Tracker, Tracks, match_setups, merge, pair_modes
     from oma.types import ComplexArray, ModalEstimate
-    from oma.uff import Place, places_by_name, write_universal
+    from oma.uff import Place, node_motion, places_by_name, write_universal
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
@@ -59,6 +59,7 @@ __all__ = [
     "merge",
     "mpc",
     "mpd",
+    "node_motion",
     "normalise",
     "pair_modes",
     "places_by_name",

@@ -69,7 +69,7 @@ def write_universal(
         Of the file; one that exists is replaced.
     estimate : ModalEstimate
     places : mapping, optional
-        Channel -> place; read from the names unless given (`places_by_name`).
+        Channel -> place; read from the names unless given (`places_by_name`). Channels without one are left out.
     nodes : mapping, optional
         Node -> position [m]; with them the file can be animated.
     lines : sequence, optional
@@ -86,7 +86,7 @@ def write_universal(
     path = Path(path)
     with path.open("wb"):  # pyuff would not state the reason
         pass
-    numbers, motion = _motion(estimate, places)
+    numbers, motion = node_motion(estimate.channels, estimate.shape, places)
     sets: list[dict[str, Any]] = [_geometry(nodes)] if nodes else []
     sets += [_line(k, line) for k, line in enumerate(lines, 1)]
     masses = [float("nan")] * estimate.n_modes if modal_mass is None else modal_mass.tolist()
@@ -96,14 +96,25 @@ def write_universal(
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
 
 
-def _motion(estimate: ModalEstimate, places: Mapping[str, Place]) -> tuple[list[int], ComplexArray]:
-    """Return the nodes with a channel, and their motion (n_modes, n_nodes, 3)."""
-    numbers = sorted({places[name].node for name in estimate.channels})
-    motion = np.zeros((estimate.n_modes, len(numbers), 3), np.complex128)
+def node_motion(
+    channels: Sequence[str], shape: ComplexArray | FloatArray, places: Mapping[str, Place]
+) -> tuple[list[int], ComplexArray]:
+    """Return the nodes with a channel, and the motion (n_modes, n_nodes, 3) of least length that the channels state.
+
+    Parameters
+    ----------
+    channels : sequence
+        Of the shapes; those without a place are left out.
+    shape : (n_modes, n_channels) array
+    places : mapping
+        Channel -> place.
+    """
+    numbers = sorted({places[name].node for name in channels if name in places})
+    motion = np.zeros((len(shape), len(numbers), 3), np.complex128)
     for i, number in enumerate(numbers):
-        here = [k for k, name in enumerate(estimate.channels) if places[name].node == number]
-        directions: FloatArray = np.array([places[estimate.channels[k]].direction for k in here])
-        motion[:, i] = estimate.shape[:, here] @ np.linalg.pinv(directions).T
+        here = [k for k, name in enumerate(channels) if name in places and places[name].node == number]
+        directions: FloatArray = np.array([places[channels[k]].direction for k in here])
+        motion[:, i] = shape[:, here] @ np.linalg.pinv(directions).T
     return numbers, motion
 
 

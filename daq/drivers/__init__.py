@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from daq.drivers.addresses import (
         CanAddress,
         CanPlace,
+        DaqmxAddress,
         DbcAddress,
         DbcSensor,
         Found,
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from daq.drivers.base import Driver, Scans
     from daq.drivers.can.dbc_file import read_layout
     from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
+    from daq.drivers.ni_daqmx import daqmx_devices
     from daq.drivers.reader import DeviceReader
     from daq.drivers.registry import can_interfaces, driver_names, low_grade, make_driver
     from daq.protocol.epson import SCALE as EPSON_SCALE
@@ -29,6 +31,7 @@ __all__ = [
     "EPSON_SCALE",
     "CanAddress",
     "CanPlace",
+    "DaqmxAddress",
     "DbcAddress",
     "DbcSensor",
     "DeviceReader",
@@ -42,6 +45,7 @@ __all__ = [
     "TextAddress",
     "can_adapters",
     "can_interfaces",
+    "daqmx_devices",
     "driver_names",
     "low_grade",
     "make_driver",

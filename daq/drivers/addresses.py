@@ -84,6 +84,19 @@ class TextAddress:
 
 
 @dataclass(frozen=True, kw_only=True)
+class DaqmxAddress:
+    """Analog inputs of a data acquisition device of National Instruments."""
+
+    inputs: tuple[str, ...]  #: physical channels of the axes x, y, z; at least the first: cDAQ1Mod1/ai0
+    sensitivity: tuple[float, ...]  #: of each sensor [mV/g]
+    range_g: float  #: largest acceleration [g]
+    excitation: float = 4.0  #: constant current of IEPE sensors [mA]; 0: none
+
+    def __str__(self) -> str:
+        return ", ".join(self.inputs)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Found:
     """A device that answered."""
 

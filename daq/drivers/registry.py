@@ -6,10 +6,10 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from daq.drivers.addresses import OURS, CanAddress, CanPlace, DbcAddress, LogAddress, TextAddress
+from daq.drivers.addresses import OURS, CanAddress, CanPlace, DaqmxAddress, DbcAddress, LogAddress, TextAddress
 from daq.drivers.base import Driver
 
-Place = str | CanPlace | TextAddress | LogAddress  #: location of a device: a port, a bus, or a log
+Place = str | CanPlace | TextAddress | LogAddress | DaqmxAddress  #: location: a port, a bus, a log, analog inputs
 #: name of each kind of location in the settings
 _SETTINGS: dict[type, str] = {
     str: "port",
@@ -17,6 +17,7 @@ _SETTINGS: dict[type, str] = {
     CanAddress: "can",
     DbcAddress: "can` and `dbc",
     LogAddress: "log",
+    DaqmxAddress: "daqmx",
 }
 
 
@@ -34,6 +35,7 @@ _DRIVERS = {
     "epson-can": DriverKind({CanAddress: "daq.drivers.can.epson_can:EpsonCan"}),
     "epson-uart": DriverKind({str: "daq.drivers.serial.epson_uart:EpsonUart"}),
     "modalwatch-node": DriverKind({str: "daq.drivers.serial.node:ModalwatchNode"}),
+    "nidaqmx": DriverKind({DaqmxAddress: "daq.drivers.ni_daqmx:NiDaqmx"}),
     "raspberry-shake": DriverKind({str: "daq.drivers.network.raspberry_shake:RaspberryShake"}),
     "replay": DriverKind({LogAddress: "daq.drivers.replay:ReplayedDevice"}),
     "serial-text": DriverKind({TextAddress: "daq.drivers.serial.text_lines:TextLines"}),

@@ -6,6 +6,7 @@ from typing import Any, Literal
 import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
+from monitor.results.sensor_geometry import SensorGeometry
 from monitor.results.windows import (
     AcceptedShift,
     FlaggedDof,
@@ -28,6 +29,7 @@ from updater.one_step import IncrementLocation, MassUpdate
 from updater.quantities import vector
 
 _SPECTRUM_POINTS = 1024
+_TINY = 1e-12  # of a shape of unit norm
 _DIRECTIONS: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
 
@@ -87,6 +89,7 @@ def reference_result(
     time: int,
     tracks: IndexArray,
     accepted: Sequence[AcceptedShift] = (),
+    geometry: SensorGeometry | None = None,
 ) -> ReferenceResult:
     """Return the reference with the geometry to draw it, and the changes that were accepted since the baseline.
 
@@ -97,10 +100,12 @@ def reference_result(
     time : from when on [ns UTC]
     tracks : (n_modes,) of these modes
     accepted : in order
+    geometry : positions of the sensors, drawn without a model
     """
     mean = baseline.mean
-    modes = _model_modes(reference) if reference else _measured_shapes(mean)
-    about = _about_model(reference) if reference else _channels(mean)
+    geometry = geometry if mean.has_shapes else None
+    modes = _model_modes(reference) if reference else _measured_shapes(mean, geometry)
+    about = _about_model(reference) if reference else _channels(mean, geometry)
     return ReferenceResult(
         time=time,
         n_windows=int(mean.n.max()),
@@ -121,14 +126,26 @@ def reference_result(
     )
 
 
-def _channels(mean: ModalMean) -> dict[str, Any]:
+def _channels(mean: ModalMean, geometry: SensorGeometry | None) -> dict[str, Any]:
     """Return the fields of a reference without a model."""
     channels = list(mean.channels) if mean.has_shapes else []
-    return {"nodes": [], "lines": {}, "sensors": {}, "calibrated": {}, "channels": channels}
+    places: dict[str, Any] = {"nodes": [], "lines": {}, "sensors": {}}
+    if geometry:
+        lines = {f"line {k}": chain for k, chain in enumerate(geometry.chains, 1)}
+        places = {"nodes": geometry.nodes, "lines": lines, "sensors": dict(geometry.sensors)}
+    return {"calibrated": {}, "channels": channels, **places}
 
 
-def _measured_shapes(mean: ModalMean) -> list[dict[str, Any]]:
-    return [{"shape": shape.tolist() if mean.has_shapes else []} for shape in mean.shape]
+def _measured_shapes(mean: ModalMean, geometry: SensorGeometry | None) -> list[dict[str, Any]]:
+    if not mean.has_shapes:
+        return [{} for _ in mean.shape]
+    measured = [{"shape": shape.tolist()} for shape in mean.shape]
+    if geometry is None:
+        return measured
+    motion = geometry.displacement(mean.channels, mean.shape).real
+    largest = np.maximum(np.abs(motion).max(axis=(1, 2), keepdims=True), _TINY)
+    moved = [{"displacement": [vector(u) for u in mode]} for mode in motion / largest]
+    return [shape | displacement for shape, displacement in zip(measured, moved, strict=True)]
 
 
 def _about_model(reference: Reference) -> dict[str, Any]:

@@ -57,6 +57,11 @@ class RunResults:
         return self.reference if self.reference and self.reference.has_model else None
 
     @property
+    def geometry(self) -> ReferenceResult | None:
+        """Reference with a structure or with positions of sensors to draw; None without."""
+        return self.reference if self.reference and self.reference.has_geometry else None
+
+    @property
     def last_change(self) -> ModalChange | None:
         """Change of the measured modes by the last window that states one."""
         return next((window.change for window in reversed(self.windows) if window.change), None)

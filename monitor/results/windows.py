@@ -301,12 +301,12 @@ class AcceptedShift(_Result):
 
 
 class ReferenceResult(_Result):
-    """The reference learnt from the baseline, with the geometry to draw it if there is a structure file."""
+    """The reference learnt from the baseline, with the geometry to draw it, if there are positions of the sensors."""
 
     time: int  #: [ns UTC]
     n_windows: int
     nodes: list[Vector]  #: [m]
-    lines: dict[str, list[int]]  #: member -> its nodes in order
+    lines: dict[str, list[int]]  #: member -> its nodes in order; lines between sensors without a structure file
     sensors: dict[str, tuple[Vector, Vector]]  #: channel -> place [m], direction
     modes: list[ReferenceMode]
     calibrated: dict[str, tuple[float, float]]  #: parameter -> value, standard deviation
@@ -317,7 +317,12 @@ class ReferenceResult(_Result):
 
     @property
     def has_model(self) -> bool:
-        """Return whether there is a structure: geometry, and modes at its nodes."""
+        """Return whether there is a structure: geometry, and modes of a model at its nodes."""
+        return bool(self.lines) and not self.channels
+
+    @property
+    def has_geometry(self) -> bool:
+        """Return whether there is something to draw: a structure, or positions of sensors."""
         return bool(self.lines)
 
     @property

@@ -6,11 +6,14 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 
 from daq import CanAddress, DbcAddress, DbcSensor, LogAddress
-from daq.drivers import CanPlace, LineFormat, TextAddress, can_interfaces
+from daq.drivers import CanPlace, DaqmxAddress, LineFormat, TextAddress, can_interfaces
 from daq.log import HOW_TO_PLACE
 from monitor.settings.section import Positive, Section
 
 AXES = ("x", "y", "z")
+
+
+_Input = Annotated[str, Field(pattern=r"^[^/,:\s]+/ai\d+$")]
 
 
 def _known_interface(interface: str) -> str:
@@ -89,6 +92,40 @@ class TextSettings(Section):
         return LineFormat(**self.model_dump(exclude={"baud"}))
 
 
+class DaqmxSettings(Section):
+    """Analog inputs of National Instruments, instead of `port`. Requires `modalwatch[nidaqmx]` and NI-DAQmx."""
+
+    inputs: Annotated[dict[Literal["x", "y", "z"], _Input], Field(examples=[{"x": "cDAQ1Mod1/ai0"}])]
+    """`{x = "cDAQ1Mod1/ai0", ..}`: device axis -> physical channel."""
+    sensitivity: Annotated[dict[Literal["x", "y", "z"], Positive], Field(examples=[{"x": 100.2}])]
+    """`{x = 100.2, ..}`: sensitivity of the sensor at each input [mV/g]."""
+    range_g: Annotated[Positive, Field(examples=[50.0])]
+    """Largest acceleration [g]: an input of 5 V with a sensor of 100 mV/g has 50."""
+    excitation_ma: Annotated[float, Field(ge=0, le=100)] = 4.0
+    """Constant current for IEPE sensors [mA]; the inputs are then AC coupled. 0: none."""
+
+    @model_validator(mode="after")
+    def _axes(self) -> Self:
+        if set(self.inputs) != set(AXES[: len(self.inputs)]) or not self.inputs:
+            raise ValueError("inputs: expected those of x, of x and y, or of x, y and z")
+        if set(self.sensitivity) != set(self.inputs):
+            raise ValueError("sensitivity: expected the axes of `inputs`")
+        if len(set(self.inputs.values())) < len(self.inputs):
+            raise ValueError("inputs: expected different inputs")
+        return self
+
+    @property
+    def address(self) -> DaqmxAddress:
+        """The same for the driver."""
+        axes = sorted(self.inputs)
+        return DaqmxAddress(
+            inputs=tuple(self.inputs[axis] for axis in axes),
+            sensitivity=tuple(self.sensitivity[axis] for axis in axes),
+            range_g=self.range_g,
+            excitation=self.excitation_ma,
+        )
+
+
 class LogSettings(Section):
     """Recorded device to be played again by the driver `replay`, instead of `port`."""
 
@@ -106,10 +143,11 @@ class DeviceSettings(Section):
     driver: Annotated[str, Field(examples=["epson-uart"])]
     """Name of the driver."""
     port: Annotated[str | None, Field(examples=["/dev/serial/by-id/usb-FTDI_A352-if00-port0"])] = None
-    """Serial port, best by `/dev/serial/by-id/`, or `tcp://..`, `udp://..`. A device has this, `can` or `log`."""
+    """Serial port, best by `/dev/serial/by-id/`, or `tcp://..`, `udp://..`. Else `can`, `daqmx` or `log` is given."""
     can: CanSettings | None = None
     dbc: DbcSettings | None = None
     text: TextSettings | None = None
+    daqmx: DaqmxSettings | None = None
     log: LogSettings | None = None
     rate: Annotated[float, Field(ge=1e-3, le=1e6)] = 1000.0
     """Sampling rate [scans per second]."""
@@ -133,9 +171,9 @@ class DeviceSettings(Section):
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
-        found = [name for name in ("port", "can", "log") if getattr(self, name) is not None]
+        found = [name for name in ("port", "can", "daqmx", "log") if getattr(self, name) is not None]
         if len(found) != 1:
-            raise ValueError(f"expected one of `port`, `can` and `log`, found {' and '.join(found) or 'none'}")
+            raise ValueError(f"expected one of `port`, `can`, `daqmx` and `log`, found {' and '.join(found) or 'none'}")
         if self.dbc is not None and self.can is None:
             raise ValueError(f"expected `can` with `dbc`, found `{found[0]}`")
         if self.text is not None and self.port is None:
@@ -153,6 +191,8 @@ class DeviceSettings(Section):
         for axis in self.channels:
             if self.dbc is not None and axis not in self.dbc.signals:
                 raise ValueError(f"channels: axis {axis} is none of `dbc.signals`, {', '.join(self.dbc.signals)}")
+            if self.daqmx is not None and axis not in self.daqmx.inputs:
+                raise ValueError(f"channels: axis {axis} is none of `daqmx.inputs`, {', '.join(self.daqmx.inputs)}")
             if self.text is not None and axis not in self.text.columns:
                 raise ValueError(f"channels: axis {axis} is none of `text.columns`, {', '.join(self.text.columns)}")
         return self
@@ -168,10 +208,12 @@ class DeviceSettings(Section):
         return self.can is not None and self.can.sync == "consumer"
 
     @property
-    def place(self) -> str | CanPlace | TextAddress | LogAddress:
+    def place(self) -> str | CanPlace | TextAddress | LogAddress | DaqmxAddress:
         """Connection of the device."""
         if self.log is not None:
             return LogAddress(path=Path(self.log.file), device=self.log.device)
+        if self.daqmx is not None:
+            return self.daqmx.address
         if self.text is not None:
             return TextAddress(port=self.port or "", form=self.text.form, baud=self.text.baud)
         if self.can is None:

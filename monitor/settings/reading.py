@@ -9,7 +9,7 @@ from pydantic import BaseModel, SecretStr, ValidationError
 
 from daq import CanAddress
 from daq.bounded_text import parse_toml
-from daq.drivers import CanPlace
+from daq.drivers import CanPlace, DaqmxAddress
 from daq.log import HOW_TO_PLACE
 from monitor.errors import SettingsError
 from monitor.settings.device import DeviceSettings
@@ -57,6 +57,9 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
         of_logs = [str(device.place) for device in settings.device if device.log]
         hint = f": {HOW_TO_PLACE}" if repeated in of_logs else ""
         raise SettingsError(path, f"device: two are connected to {repeated}{hint}")
+    inputs = [name for place in (device.place for device in settings.device) for name in _inputs(place)]
+    for repeated in sorted({name for name in inputs if inputs.count(name) > 1}):
+        raise SettingsError(path, f"device: two are connected to {repeated}")
     rates: dict[tuple[str, str], int] = {}
     for address in (device.place for device in settings.device):
         if isinstance(address, CanPlace) and rates.setdefault(address.bus, address.bitrate) != address.bitrate:
@@ -64,6 +67,10 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
                 path, f"device: {address} is at {address.bitrate} bit/s, its bus at {rates[address.bus]}"
             )
     _check_sync(settings, path)
+
+
+def _inputs(place: object) -> tuple[str, ...]:
+    return place.inputs if isinstance(place, DaqmxAddress) else ()
 
 
 def _check_sync(settings: Settings, path: Path | str) -> None:

@@ -8,11 +8,13 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator, model_va
 
 from daq import Channel
 from monitor.detection.alarm import AlarmRules
+from monitor.results.sensor_geometry import SensorGeometry
 from monitor.settings.device import AXES, DeviceSettings
 from monitor.settings.home_assistant import HomeAssistantSettings
 from monitor.settings.notify import NotifySettings
 from monitor.settings.redaction import revealed
 from monitor.settings.section import Positive, Section, has_place
+from monitor.settings.sensor import SensorSettings
 
 _BASELINE_WINDOWS = 24  # to begin with
 _MAX_WINDOWS = 100_000  # two years of windows of 10 minutes
@@ -227,7 +229,13 @@ class Settings(Section):
     """Structure file. Default: none; changes are stated as modes that moved, not explained."""
     state: str = "state"
     """Folder of the data that survive a restart."""
+    lines: Annotated[
+        tuple[Annotated[tuple[str, ...], Field(min_length=2)], ...],
+        Field(examples=[[["beam_left_y", "beam_right_y"]]]),
+    ] = ()
+    """Channels of `[[sensor]]` whose positions a line joins in pictures. Default: nearest neighbours are joined."""
     device: Annotated[tuple[DeviceSettings, ...], Field(min_length=1, max_length=1000)]
+    sensor: Annotated[tuple[SensorSettings, ...], Field(max_length=3000)] = ()
     recorder: RecorderSettings = RecorderSettings()
     analysis: AnalysisSettings = AnalysisSettings()
     alarm: AlarmSettings = AlarmSettings()
@@ -252,6 +260,21 @@ class Settings(Section):
         return self
 
     @model_validator(mode="after")
+    def _sensors_of_channels(self) -> Self:
+        channels, placed = [channel.name for channel in self.channels], [sensor.channel for sensor in self.sensor]
+        for k, name in enumerate(placed):
+            if name not in channels:
+                raise ValueError(f"sensor.{k}.channel: expected a channel of a device, found {name!r}")
+            if name in placed[:k]:
+                raise ValueError(f"sensor.{k}.channel: {name!r} has a position already")
+        if placed and len({sensor.at for sensor in self.sensor}) < 2:
+            raise ValueError(f"sensor: expected two positions or more, found {list(self.sensor[0].at)} only")
+        for name in (name for line in self.lines for name in line):
+            if name not in placed:
+                raise ValueError(f"lines: expected channels of [[sensor]], found {name!r}")
+        return self
+
+    @model_validator(mode="after")
     def _ports_differ(self) -> Self:
         web, viewer = self.web, self.viewer
         if web and viewer and web.port in (viewer.port, viewer.port + 1):
@@ -266,6 +289,12 @@ class Settings(Section):
             for device in self.device
             for axis, name in device.channels.items()
         )
+
+    @property
+    def sensor_geometry(self) -> SensorGeometry | None:
+        """Positions of the channels; None if none is given."""
+        sensors = {sensor.channel: (sensor.at, sensor.direction) for sensor in self.sensor}
+        return SensorGeometry(sensors=sensors, lines=self.lines) if sensors else None
 
     @property
     def device_of(self) -> dict[str, str]:

@@ -124,7 +124,12 @@ def screen(towards: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _held(reference: ReferenceResult) -> IndexArray:
-    """Return the nodes that no mode moves: the supports; the lowest of members' ends if the modes show none."""
+    """Return the nodes that no mode moves: the supports; the lowest of members' ends if the modes show none.
+
+    Positions of sensors without a model have none.
+    """
+    if not reference.has_model:
+        return np.array([], np.intp)
     shapes = np.array([mode.displacement for mode in reference.modes], float).reshape(-1, len(reference.nodes), 3)
     still = np.flatnonzero(np.abs(shapes).max(axis=(0, 2), initial=0.0) < _HELD) if len(shapes) else np.array([], int)
     if len(still):

@@ -265,7 +265,8 @@ class WindowEvaluator:
     def _reference(self, learned: LearnedBaseline, time: int) -> ReferenceResult:
         reference = learned.model.reference if learned.model else None
         accepted = [change.result for change in learned.accepted]
-        return reference_result(learned.modes, reference, time, learned.watched, accepted)
+        geometry = self._settings.sensor_geometry
+        return reference_result(learned.modes, reference, time, learned.watched, accepted, geometry)
 
     def _notice(self, time: int, kind: Kind, text: str) -> AlarmResult:
         """Return a message without a change of the alarm."""

@@ -27,12 +27,13 @@ DEVICES = ("col_111", "beam_left", "beam_right")
 WINDOW = 12.0  # s: the frame's first modes have a hundred periods in it
 
 
-def make_site(folder: Path) -> Path:
+def make_site(folder: Path, *, model: bool = True) -> Path:
     """Write settings that play the recorded log as three devices, learning from the first minute."""
     attached = read_attachments(RECORDED)
     (folder / "t_structure.toml").write_text(attached["structure.toml"], encoding="utf-8")
     (folder / "recorded.mcap").symlink_to(RECORDED)
-    lines = ['structure = "t_structure.toml"', "[analysis]", f"window_seconds = {WINDOW}", "baseline_windows = 5"]
+    lines = ['structure = "t_structure.toml"'] * model
+    lines += ["[analysis]", f"window_seconds = {WINDOW}", "baseline_windows = 5"]
     lines += ["[clock]", f"speed = {SPEED}"]
     for name in DEVICES:
         _, axes = T_DEVICES[name]
@@ -92,3 +93,32 @@ def test_killed_monitor_resumes_monitoring_after_restart(tmp_path: Path, monkeyp
     report = replay(log, None, lambda _: None)
     assert len(report.logged) >= 3
     assert report.same
+
+
+def test_model_is_added_to_a_service_without_learning_anew(tmp_path: Path) -> None:
+    """The settings are read again by SIGHUP: baseline, detector and numbers of the modes stay."""
+    site = make_site(tmp_path, model=False)
+    with started([*MODALWATCH, "run", str(site)]) as service:
+        before = remembered(tmp_path / "state", service, 6)
+        assert before.without_model
+        site.write_text('structure = "t_structure.toml"\n' + site.read_text(encoding="utf-8"), encoding="utf-8")
+        service.send_signal(signal.SIGHUP)
+        after = remembered(tmp_path / "state", service, before.n_windows + 1)
+        while after.without_model:  # windows of the first log are still analysed
+            after = remembered(tmp_path / "state", service, after.n_windows + 1)
+        service.send_signal(signal.SIGTERM)
+        out, err = service.communicate(timeout=120)
+    assert (service.returncode, err) == (0, ""), out
+    assert "the model of the structure file is learned from this baseline" in out
+    assert [w.start for w in after.baseline] == [w.start for w in before.baseline]
+    first, second = sorted((tmp_path / "log").glob("*.mcap"))
+    (bare,), (modelled,) = (
+        [r for r in logged_results(log) if isinstance(r, ReferenceResult)] for log in (first, second)
+    )
+    assert not bare.has_model
+    assert modelled.has_model
+    assert len(modelled.modes) >= 3
+    frequency = {mode.id: mode.frequency for mode in bare.modes}
+    assert {mode.id: mode.frequency for mode in modelled.modes}.items() <= frequency.items()
+    windows = [result for result in logged_results(second) if isinstance(result, WindowResult)]
+    assert all(window.phase != "learning" for window in windows)

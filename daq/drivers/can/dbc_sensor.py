@@ -6,11 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from daq.drivers.addresses import DbcAddress
-from daq.drivers.base import Scans
+from daq.drivers.base import Scans, positive_rate
 from daq.drivers.can.bus import Chunk
 from daq.drivers.can.dbc_file import read_layout
 from daq.drivers.can.hub import GATHER_SECONDS, Member, join_bus, leave_bus
-from daq.drivers.rates import positive_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.can_scan import DecodedScans, ScanDecoder, what_is_missing
 from daq.protocol.frames import NO_FRAMES, NUMBER, concatenate

@@ -7,13 +7,12 @@ import numpy as np
 from canopen.sdo.exceptions import SdoError
 
 from daq.drivers.addresses import CanAddress
-from daq.drivers.base import Scans
+from daq.drivers.base import Scans, known_rate
 from daq.drivers.can.epson_can_setup import configure, end_sync, identify, produce_sync
 from daq.drivers.can.epson_can_temperature import Thermometer
 from daq.drivers.can.heartbeat import HeartbeatConsumer
 from daq.drivers.can.hub import GATHER_SECONDS, DeviceFrames, Member, SyncPart, join_bus, leave_bus
 from daq.drivers.can.sync_count import SyncedCounter
-from daq.drivers.rates import known_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
 from daq.protocol.can_library import can

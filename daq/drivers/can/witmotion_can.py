@@ -5,9 +5,8 @@ import time
 import numpy as np
 
 from daq.drivers.addresses import CanAddress
-from daq.drivers.base import Scans
+from daq.drivers.base import Scans, known_rate
 from daq.drivers.can.hub import Member, join_bus, leave_bus
-from daq.drivers.rates import known_rate
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import witmotion as wit
 from daq.protocol.can_library import can

@@ -5,9 +5,8 @@ import time
 import numpy as np
 
 from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans
+from daq.drivers.base import Scans, known_rate
 from daq.drivers.network.ports import UdpPort, network_address
-from daq.drivers.rates import known_rate
 from daq.drivers.serial.base import SerialDriver
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import raspberry_shake as shake

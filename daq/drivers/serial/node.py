@@ -6,8 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans
-from daq.drivers.rates import positive_rate
+from daq.drivers.base import Scans, positive_rate
 from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost, DriverError

@@ -5,9 +5,8 @@ import time
 import numpy as np
 
 from daq.drivers.addresses import TextAddress
-from daq.drivers.base import Scans
+from daq.drivers.base import Scans, positive_rate
 from daq.drivers.network.ports import network_address
-from daq.drivers.rates import positive_rate
 from daq.drivers.serial.base import BytePort, SerialDriver
 from daq.drivers.serial.port import SerialPort
 from daq.errors import DeviceLost

@@ -5,8 +5,7 @@ import time
 import numpy as np
 
 from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans
-from daq.drivers.rates import known_rate
+from daq.drivers.base import Scans, known_rate
 from daq.drivers.serial.base import SerialDriver
 from daq.drivers.serial.port import PORT_ERRORS, SerialPort
 from daq.errors import DeviceLost

@@ -117,9 +117,9 @@ def _of_json(path: Path, text: str, structure: Structure) -> Columns:
     )
 
 
-def _of_responses(path: Path, structure: Structure) -> Columns:
+def _of_responses(path: Path, structure: Structure, window: float | None) -> Columns:
     """Identify the modes of the frequency responses of a universal file; responses at other places are left out."""
-    modes = identify_file(path, structure.channels).estimate
+    modes = identify_file(path, structure.channels, window=window).estimate
     values = {
         "frequency": modes.frequency,
         "frequency_std": modes.frequency_std,
@@ -133,8 +133,14 @@ def _of_responses(path: Path, structure: Structure) -> Columns:
     )
 
 
-def read_columns(path: Path, structure: Structure) -> Columns:
+def read_columns(path: Path, structure: Structure, window: float | None = None) -> Columns:
     """Read a CSV table, the JSON of `identify --json`, or frequency responses (UFF 58), of a structure's modes.
+
+    Parameters
+    ----------
+    path : of the file
+    structure : with the sensors
+    window : time constant of the exponential window of frequency responses [s]. Default: none
 
     Raises
     ------
@@ -142,7 +148,7 @@ def read_columns(path: Path, structure: Structure) -> Columns:
         Naming line and column of an invalid number, or the invalid column.
     """
     if path.suffix.lower() in UNIVERSAL:
-        columns = _of_responses(path, structure)
+        columns = _of_responses(path, structure, window)
         columns.check(path, structure)
         return columns
     text = read_text(path)

@@ -46,15 +46,21 @@ def is_table(path: Path) -> bool:
     return path.suffix.lower() in _SUFFIXES
 
 
-def read_tables(structure: Structure, paths: Sequence[Path]) -> Observation:
+def read_tables(structure: Structure, paths: Sequence[Path], window: float | None = None) -> Observation:
     """Read modal tables of one state, each a record.
+
+    Parameters
+    ----------
+    structure : with the sensors
+    paths : of the tables
+    window : time constant of the exponential window of frequency responses [s]. Default: none
 
     Raises
     ------
     LogError
         Naming file, line and column of invalid values.
     """
-    return observation_of([read_table(structure, path) for path in paths], paths[0])
+    return observation_of([read_table(structure, path, window) for path in paths], paths[0])
 
 
 def observation_of(tables: Sequence[Table], path: Path | str) -> Observation:
@@ -96,9 +102,9 @@ def observation_of(tables: Sequence[Table], path: Path | str) -> Observation:
     )
 
 
-def read_table(structure: Structure, path: Path) -> Table:
-    """Read one modal table; errors as for `read_tables`."""
-    return _table(structure, read_columns(path, structure), path)
+def read_table(structure: Structure, path: Path, window: float | None = None) -> Table:
+    """Read one modal table; parameters and errors as for `read_tables`."""
+    return _table(structure, read_columns(path, structure, window), path)
 
 
 def frequency_table(structure: Structure, frequency: FloatArray, std: FloatArray | None, path: Path | str) -> Table:

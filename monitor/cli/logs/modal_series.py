@@ -69,8 +69,11 @@ def series_site(series: ModalSeries, site: Path | None, given: Sequence[str]) ->
     _check_channels(series, structure_text)
     base = loaded.settings if loaded else Settings(device=tuple(_devices(series)))
     analysis = base.analysis.model_dump() | {"window_seconds": series.step, "overlap": 0.0, "band": None}
+    sensors = tuple(sensor for sensor in base.sensor if sensor.channel in series.channels)
     own = {
         "device": tuple(_devices(series)),
+        "sensor": sensors,
+        "lines": base.lines if len(sensors) == len(base.sensor) else (),
         "analysis": AnalysisSettings.model_validate(analysis),
         "temperature": None,
     }

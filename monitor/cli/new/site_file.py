@@ -19,7 +19,7 @@ from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, a
 from updater import load_structure
 from updater.structure import Sensor
 
-_NO_DEVICES_OF_THEIR_OWN = ("replay",)
+_NOT_OFFERED = ("nidaqmx", "replay")  # they have no port
 
 
 def write_site(
@@ -45,7 +45,7 @@ def write_site(
     places = list(_places(load_structure(structure).sensor))
     if not places:
         raise ArgumentError("STRUCTURE.toml", f"{structure} has no sensors")
-    drivers = [name for name in driver_names() if name not in _NO_DEVICES_OF_THEIR_OWN]
+    drivers = [name for name in driver_names() if name not in _NOT_OFFERED]
     driver = driver or asked("--driver", "driver of the devices", drivers)
     if driver not in drivers:
         raise ArgumentError("--driver", f"expected one of {', '.join(drivers)}, found {driver!r}")

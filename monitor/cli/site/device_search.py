@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import CanAddress, DriverError, search_port, serial_ports
-from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters
+from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters, daqmx_devices
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
 from monitor.cli.progress import progress
@@ -34,14 +34,15 @@ def list_devices(paths: Sequence[str], json_path: Path | None, *, probe: bool, e
     """
     ports = _named(paths) if paths else serial_ports()
     adapters = [] if paths else can_adapters()
+    analog = [] if paths else daqmx_devices()
     wanted = [port for port in ports if probe and (paths or every or port.is_usb)]
     with progress(f"asking at {len(wanted)} ports"):
         seen = dict(zip((port.path for port in wanted), _asked_at_once(wanted, bitrate), strict=True))
-    console.print(_table(ports, adapters, seen))
+    console.print(_table(ports, adapters, analog, seen))
     found = [device for answer in seen.values() if isinstance(answer, PortAnswer) for device in answer.devices]
     echo(settings_for(found))
     if json_path is not None:
-        write_json(json_path, _as_json(ports, adapters, seen))
+        write_json(json_path, _as_json(ports, adapters, analog, seen))
     silent = [_why(path, answer) for path, answer in seen.items() if not isinstance(answer, PortAnswer)]
     if silent and paths:
         raise StartError("; ".join(silent))
@@ -67,7 +68,12 @@ def _why(path: str, answer: Seen) -> str:
     return answer if isinstance(answer, str) else f"{path}: no device that is known answers"
 
 
-def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]], seen: dict[str, Seen]) -> Table:
+def _table(
+    ports: Sequence[SerialPortInfo],
+    adapters: Sequence[tuple[str, str]],
+    analog: Sequence[tuple[str, str, list[str]]],
+    seen: dict[str, Seen],
+) -> Table:
     table = Table(box=SIMPLE_HEAD)
     for name in ("port", "system's name", "what", "who answers"):
         table.add_column(name, overflow="fold")
@@ -82,7 +88,9 @@ def _table(ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]],
         table.add_row(*(escape(text) for text in (port.path, system, what, who)))
     for interface, channel in adapters:
         table.add_row(escape(channel), "", escape(f"CAN, interface {interface}"), "not queried")
-    if not ports and not adapters:
+    for name, product, inputs in analog:
+        table.add_row(escape(name), "", escape(f"NI-DAQmx, {product}"), escape(f"inputs {inputs[0]} to {inputs[-1]}"))
+    if not ports and not adapters and not analog:
         table.add_row("none", "", "", "")
     return table
 
@@ -131,7 +139,10 @@ def _place(place: str | CanAddress | TextAddress) -> str:
 
 
 def _as_json(
-    ports: Sequence[SerialPortInfo], adapters: Sequence[tuple[str, str]], seen: dict[str, Seen]
+    ports: Sequence[SerialPortInfo],
+    adapters: Sequence[tuple[str, str]],
+    analog: Sequence[tuple[str, str, list[str]]],
+    seen: dict[str, Seen],
 ) -> dict[str, Any]:
     def answer_of(port: SerialPortInfo) -> dict[str, Any]:
         answer = seen.get(port.path)
@@ -145,4 +156,5 @@ def _as_json(
     return {
         "ports": [asdict(port) | answer_of(port) for port in ports],
         "can": [{"interface": interface, "channel": channel} for interface, channel in adapters],
+        "daqmx": [{"device": name, "product": product, "inputs": inputs} for name, product, inputs in analog],
     }

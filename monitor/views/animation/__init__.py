@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
-from monitor.views.animation.drawing import Drawing
+from monitor.results.sensor_geometry import SensorGeometry
+from monitor.views.animation.drawing import Drawing, Motion
 from monitor.views.animation.gif import write_gif
 from monitor.views.animation.page import write_page
 from oma import ModalEstimate
-from updater.validation import ModelModes, expand_measured
+from updater.validation import ModelModes
 
 __all__ = ["SUFFIXES", "write_animation"]
 
@@ -14,14 +15,14 @@ _WRITERS = {".html": write_page, ".gif": write_gif}
 SUFFIXES = tuple(_WRITERS)  #: endings of the names of files that can be written
 
 
-def write_animation(path: Path, estimate: ModalEstimate, compared: ModelModes) -> None:
-    """Write all measured mode shapes in motion, on the structure of the model; an existing file is replaced.
+def write_animation(path: Path, estimate: ModalEstimate, on: ModelModes | SensorGeometry) -> None:
+    """Write all measured mode shapes in motion, on a structure or at sensors; an existing file is replaced.
 
     Parameters
     ----------
     path : of an .html page, which needs no network, or of a .gif
     estimate : measured modes
-    compared : modes of the model that were compared with them
+    on : modes of the model that were compared with them, or positions of the sensors
 
     Raises
     ------
@@ -33,7 +34,8 @@ def write_animation(path: Path, estimate: ModalEstimate, compared: ModelModes) -
     writer = _WRITERS.get(path.suffix.lower())
     if writer is None:
         raise ValueError(f"expected a name that ends with {' or '.join(SUFFIXES)}")
-    drawing = Drawing(estimate, expand_measured(estimate, compared))
+    motion = Motion.of_sensors(estimate, on) if isinstance(on, SensorGeometry) else Motion.of_model(estimate, on)
+    drawing = Drawing(estimate, motion)
     part = path.with_name(f"{path.stem}.part{path.suffix}")
     try:
         writer(part, drawing)

@@ -19,6 +19,7 @@ _MIN_HEIGHT, _MAX_HEIGHT = 1.6, 4.8  # inches
 _FRAMES = 24  # of a cycle
 _PER_SECOND = 12
 _DPI = 80
+_ROOM = 0.02  # of the structure's size, for the markers of sensors
 _REST, _MEMBER, _RIB, _SENSOR = "#b0bec5", "#2f6fcc", "#9dbbe6", "#1d2733"
 
 
@@ -43,8 +44,8 @@ def write_gif(path: Path, drawing: Drawing) -> None:
 
 def _grid(drawing: Drawing, flat: FloatArray) -> tuple[Figure, list[Axes]]:
     """Return a figure with one picture per mode, all of one scale that holds the largest motions."""
-    ends = np.concatenate([drawing.points + sign * np.abs(drawing.motion).max(0) for sign in (-1, 1)]) @ flat
-    low, high = ends.min(0), ends.max(0)
+    rest, reach = drawing.points @ flat, np.abs(drawing.motion @ flat).max(0) + _ROOM * drawing.size
+    low, high = (rest - reach).min(0), (rest + reach).max(0)
     width, height = np.maximum(high - low, 0.02 * drawing.size)
     tall = min(_MAX_HEIGHT, max(_MIN_HEIGHT, _WIDTH * height / width))
     n = len(drawing.labels)
@@ -65,7 +66,7 @@ class _Picture:
 
     def __init__(self, axes: Axes, drawing: Drawing, mode: int, flat: FloatArray) -> None:
         self._rest, self._motion = drawing.points @ flat, drawing.motion[mode] @ flat
-        self._spans, self._ribs = np.array(drawing.spans), np.array(drawing.ribs).reshape(-1, 2)
+        self._spans, self._ribs = np.array(drawing.spans), np.array(drawing.ribs, int).reshape(-1, 2)
         self._sensors = drawing.sensors
         axes.add_collection(LineCollection(list(self._rest[self._spans]), colors=_REST, linewidths=1.0))
         self._moving = [

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from daq import Recording
+from monitor.results.sensor_geometry import SensorGeometry
 from monitor.views.plots.identification import (
     complexity_figure,
     mac_figure,
@@ -17,7 +18,7 @@ from monitor.views.plots.identification import (
     plot_stabilization,
     plot_tracks,
 )
-from monitor.views.plots.mode_shapes import plot_shapes
+from monitor.views.plots.mode_shapes import Skeleton, plot_shapes_on
 from oma import Identification, ModalEstimate, Place, write_universal
 from updater import Structure
 from updater.validation import ModelModes
@@ -39,6 +40,7 @@ class Results:
     recording: Recording  #: a window ...
     found: Identification  #: ... and its identification
     model: ModelModes | None  #: model to compare with
+    geometry: SensorGeometry | None  #: positions of the sensors, used without a model
     content: Mapping[str, Any]  #: content of modes.json
 
 
@@ -53,23 +55,37 @@ def write_folder(folder: Path, results: Results) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     written = [folder / "modes.json", folder / "modes.unv"]
     written[0].write_text(json.dumps(results.content, indent=1), encoding="utf-8")
-    structure = results.model.structure if results.model else None
-    geometry = structure_geometry(structure, results.estimate) if structure else (None, None, ())
-    write_universal(written[1], results.estimate, *geometry)
+    write_universal(written[1], results.estimate, *_geometry(results))
     (folder / _OVER_TIME).unlink(missing_ok=True)  # an earlier run may have had more windows
-    for name, draw in _pictures(results, structure).items():
+    for name, draw in _pictures(results).items():
         draw().savefig(folder / name, dpi=_DPI)
         written.append(folder / name)
     return written
 
 
-def _pictures(results: Results, structure: Structure | None) -> dict[str, Callable[[], Figure]]:
+def _geometry(results: Results) -> tuple[dict[str, Place] | None, dict[int, Vector] | None, list[list[int]]]:
+    """Return places of the channels, positions of nodes, and lines; none if they are not known."""
+    if results.model:
+        return structure_geometry(results.model.structure, results.estimate)
+    if results.geometry:
+        lines = [[node + 1 for node in chain] for chain in results.geometry.chains]
+        return results.geometry.places, dict(enumerate(results.geometry.nodes, 1)), lines
+    return None, None, []
+
+
+def _skeleton(results: Results) -> Skeleton | None:
+    if results.model:
+        return Skeleton.of_structure(results.model.structure)
+    return Skeleton.of_sensors(results.geometry) if results.geometry else None
+
+
+def _pictures(results: Results) -> dict[str, Callable[[], Figure]]:
     estimate, model = results.estimate, results.model
     pictures: dict[str, Callable[[], Figure]] = {
         "stabilization.png": lambda: plot_stabilization(results.found, results.recording, estimate),
         "singular_values.png": lambda: plot_spectrum(results.recording, results.found, estimate),
         "mac.png": lambda: mac_figure(estimate, model.near(estimate.frequency) if model else None),
-        "shapes.png": lambda: plot_shapes(estimate, structure),
+        "shapes.png": lambda: plot_shapes_on(estimate, _skeleton(results)),
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from daq import FloatArray, Recording
 from daq.notebook import number_text
+from monitor.results.sensor_geometry import SensorGeometry
 from monitor.views.plots.identification import (
     LINE,
     STABLE,
@@ -46,6 +48,13 @@ class Skeleton:
             lines=np.array([[member.start, member.end] for member in structure.member]),
             places={sensor.channel: (sensor.at, sensor.direction) for sensor in structure.corrected_sensors},
         )
+
+    @classmethod
+    def of_sensors(cls, geometry: SensorGeometry) -> "Skeleton":
+        """Return positions of sensors, and the lines between them."""
+        at = np.array(geometry.nodes)
+        pairs = [at[list(pair)] for chain in geometry.chains for pair in pairwise(chain)]
+        return cls(lines=np.array(pairs), places=geometry.sensors)
 
 
 def draw_modes(path: Path, recording: Recording, found: Identification, estimate: ModalEstimate) -> None:

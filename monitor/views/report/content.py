@@ -38,6 +38,7 @@ from monitor.views.report import time_figures as trends
 from monitor.views.report.comparison_content import measured_content
 from monitor.views.report.evidence_figures import evidence_figure
 from monitor.views.report.figure import Picture, optional, picture
+from monitor.views.report.shape_figure import shapes_figure
 from monitor.views.run import Run
 from oma import mac_matrix
 from updater import Cause, Gain
@@ -144,7 +145,7 @@ def _windows(run: Run) -> str:
 
 
 def _pictures(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> dict[str, Picture | None]:
-    reference, answer = run_results.structure, last_answer(run_results)
+    reference, answer = run_results.geometry, last_answer(run_results)
     causes = listed_causes(diagnosis.causes) if diagnosis else ()
     spectra = run_results.spectra
     return {
@@ -152,6 +153,7 @@ def _pictures(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> dic
             lambda: _structure(reference, answer, causes) if reference else None,
             "The structure with its sensors" + (f": {mass_text(answer)}" if answer else ""),
         ),
+        "shapes": picture(lambda: shapes_figure(reference) if reference else None, "Mode shapes of the baseline"),
         "overview": picture(lambda: trends.overview_figure(run_results), "Novelty and frequency shifts over time"),
         "profile": picture(
             lambda: places.profile_figure(answer, run_results.mass_unit) if answer else None,

@@ -19,7 +19,8 @@ def structure_figure(reference: ReferenceResult, answer: MassAnswer | None) -> F
     """Return the structure, with the place and its 95 % region if there is an answer."""
     figure = new_figure(4.6, 4.4)
     axes, frame = figure.subplots(), Frame(reference)
-    axes.set_title("Position of the mass" if answer else "Structure and sensors")
+    bare = "Structure and sensors" if reference.has_model else "Sensors"
+    axes.set_title("Position of the mass" if answer else bare)
     frame.draw(axes, names=True)
     if answer:
         frame.draw_answer(axes, answer)

@@ -49,7 +49,7 @@ class Frame:
         bare(axes)
         for name, strip in zip(self.geometry.lines, self.geometry.strips(), strict=True):
             axes.plot(*self.flat(strip).T, color="#c9d0d8", linewidth=4, solid_capstyle="round", zorder=1)
-            if names:
+            if names and self.reference.has_model:
                 x, y = self.flat(strip[len(strip) // 2])
                 axes.annotate(name, (x, y), (4, 4), textcoords="offset points", color=SOFT, fontsize=7)
         feet = self.flat(self.geometry.nodes[self.geometry.held])

@@ -121,7 +121,7 @@ class LiveResults:
         """Take one result; None is none, and a self-test is nothing to draw."""
         if isinstance(result, ReferenceResult):
             self._reference = result
-            if result.has_model:
+            if result.has_geometry:
                 draw_bare_structure(self._recording, result, result.time)
             write_reference(self._recording, result)
             draw_auto_mac(self._recording, result, static=False)
@@ -157,8 +157,8 @@ class LiveResults:
         del self._windows[1 : max(1, len(self._windows) - self._most)]
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
-        if run_results.structure:
-            geometry = Geometry(run_results.structure)
+        if run_results.geometry:
+            geometry = Geometry(run_results.geometry)
             draw_place(self._recording, geometry, window, run_results.mass_unit, self._answered)
         if self._reference:
             draw_window_shapes(self._recording, self._reference, run_results.watched)

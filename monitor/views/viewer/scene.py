@@ -24,10 +24,10 @@ _LARGEST = 0.06  # of the structure's size
 
 def draw_structure(recording: rr.RecordingStream, run_results: RunResults) -> None:
     """Draw members, supports, sensors and, window by window, where the mass is."""
-    if run_results.structure is None:
+    if run_results.geometry is None:
         return
-    geometry = Geometry(run_results.structure)
-    draw_bare_structure(recording, run_results.structure, run_results.start)
+    geometry = Geometry(run_results.geometry)
+    draw_bare_structure(recording, run_results.geometry, run_results.start)
     answered: WindowResult | None = None
     for window in thin(run_results.windows):
         draw_place(recording, geometry, window, run_results.mass_unit, answered)

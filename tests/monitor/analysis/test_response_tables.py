@@ -10,7 +10,7 @@ from daq import LogError
 from monitor.analysis.modal_table.responses import identify_file
 from monitor.analysis.modal_table.table import read_tables
 from tests.support.daq.responses import frequency_response
-from tests.support.monitor.cli import Commands
+from tests.support.monitor.cli import Commands, assert_refused
 from updater import build_model, parse_structure, t_structure_toml
 
 TEXT = t_structure_toml()
@@ -55,6 +55,10 @@ def test_modes_of_responses_are_those_of_the_structure(tmp_path: Path) -> None:
     for frequency in found.frequency:
         assert np.abs(modes / frequency - 1).min() < 1e-4
     np.testing.assert_allclose(found.damping, DAMPING, rtol=0.02)
+    # as if a window had added 1 / (20 s) to each rate of decay
+    without = read_tables(structure, [path], window=20.0).estimates[0]
+    np.testing.assert_allclose(without.frequency, found.frequency, rtol=1e-5)
+    np.testing.assert_allclose(without.damping, found.damping - 1 / (20.0 * 2 * np.pi * found.frequency), rtol=2e-3)
 
 
 def test_responses_of_no_sensor_are_refused(tmp_path: Path) -> None:
@@ -87,6 +91,12 @@ def test_hammer_that_moves_gives_shapes_at_the_sensors(tmp_path: Path) -> None:
     assert found.modal_mass[0] == pytest.approx(1 / np.sum(shape**2), rel=1e-5)
     free = identify_file(tmp_path / "frf.uff")
     assert free.estimate.channels == ("1_-x", "2_-x", "3_-x")
+
+
+def test_exponential_window_of_no_responses_is_refused(modalwatch: Commands, tmp_path: Path) -> None:
+    arguments = ("diagnose", tmp_path / "structure.toml", tmp_path / "a.csv", "--exponential-window")
+    assert_refused(modalwatch(*arguments, 1), "--exponential-window: expected frequency responses (.uff, .unv), found")
+    assert_refused(modalwatch(*arguments, 0), "--exponential-window: expected a positive time in s, found 0")
 
 
 @pytest.mark.thorough

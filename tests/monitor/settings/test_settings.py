@@ -26,6 +26,19 @@ can = {interface = "slcan", channel = "/dev/ttyACM0"}
 dbc = {file = "imu.dbc", signals = {x = "accX", y = "accY", z = "accZ"}, counter = "Counter"}
 """
 WITH_DBC = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DBC)
+DAQMX = """driver = "nidaqmx"
+daqmx = {inputs = {x = "cDAQ1Mod1/ai0", y = "cDAQ1Mod1/ai1"}, sensitivity = {x = 100, y = 99}, range_g = 50}
+"""
+WITH_DAQMX = GOOD.replace('driver = "epson-uart"\nport = "/dev/ttyUSB0"\n', DAQMX)
+SENSORS = """[[sensor]]
+channel = "beam_left_y"
+at = [0, 0, 0.4]
+direction = [0, 1, 0]
+[[sensor]]
+channel = "beam_left_z"
+at = [0, 0, 0.9]
+direction = [0, 0, 1]
+"""
 TEXT = 'text = {columns = ["counter", "y", "z"], unit = "g"}\n'
 OTHER = '[[device]]\nname = "b"\ndriver = "epson-uart"\nport = "/dev/ttyUSB0"\nchannels = {x = "col_037_x"}\n'
 
@@ -74,9 +87,9 @@ def test_channels_keep_device_and_axis() -> None:
         ("structure = \n", "line 1"),
         (
             GOOD.replace("port =", "# port ="),
-            "device.0: expected one of `port`, `can` and `log`, found none",
+            "device.0: expected one of `port`, `can`, `daqmx` and `log`, found none",
         ),
-        (GOOD + CAN, "device.0: expected one of `port`, `can` and `log`, found port and can"),
+        (GOOD + CAN, "device.0: expected one of `port`, `can`, `daqmx` and `log`, found port and can"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node = 3", "node = 200"), "device.0.can.node"),
         (GOOD.replace("port =", "# port =") + CAN.replace("node", "nod"), "did you mean 'node'"),
         (WITH_DBC.replace(', channel = "/dev/ttyACM0"', ', channel = "/dev/ttyACM0", node = 1'), "`dbc`, found both"),
@@ -93,6 +106,14 @@ def test_channels_keep_device_and_axis() -> None:
         (GOOD + TEXT.replace(', unit = "g"', ""), "device.0.text: expected one of `unit` and `scale`"),
         (GOOD + TEXT.replace('"g"', '"kg"'), "device.0.text: unit: expected m/s2, g, mg, found 'kg'"),
         (GOOD.replace("port =", "# port =") + CAN + TEXT, "device.0: expected `port` with `text`, found `can`"),
+        (
+            GOOD + SENSORS.replace("left_z", "right_z"),
+            "sensor.1.channel: expected a channel of a device, found 'beam_right",
+        ),
+        (GOOD + SENSORS.replace("left_z", "left_y"), "sensor.1.channel: 'beam_left_y' has a position already"),
+        (GOOD + SENSORS.replace("0.9", "0.4"), "sensor: expected two positions or more, found [0.0, 0.0, 0.4] only"),
+        (GOOD + SENSORS.replace("[0, 0, 1]", "[0, 0, 0]"), "sensor.1.direction: expected a direction, found [0, 0, 0]"),
+        ("lines = [['beam_left_y', 'z']]\n" + GOOD + SENSORS, "lines: expected channels of [[sensor]], found 'z'"),
         (GOOD + "[analysis]\nband = [400.0, 5.0]\n", "analysis.band: expected 0 < low < high <= 500 Hz"),
         (GOOD + "[analysis]\nband = [5.0, 900.0]\n", "half the slowest rate, found [5.0, 900.0]"),
         (GOOD + "[analysis]\nband = [480.0, 490.0]\n", "low < 480 Hz, 0.48 of the slowest rate, found 480"),

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image, ImageChops, ImageSequence
 
+from monitor.results.sensor_geometry import SensorGeometry
 from monitor.views.animation import write_animation
 from monitor.views.animation.drawing import SWAY
+from monitor.views.plots.mode_shapes import Skeleton, plot_shapes_on
 from oma import ModalEstimate
 from tests.support.updater.frames import as_estimate, t_frame
 from updater import build_model
@@ -48,6 +50,20 @@ def test_page_has_the_motion_of_each_mode_and_needs_no_network(
     column = np.abs(points[:, 0] - points[0, 0]) < 1e-4
     on_axis = [i for i in range(n_nodes) if column[i]]
     assert np.linalg.norm(torsion[arms], axis=1).max() > 10 * np.linalg.norm(torsion[on_axis], axis=1).max()
+
+
+def test_shapes_without_a_model_move_at_the_sensors(tmp_path: Path) -> None:
+    sensors = {"a": ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)), "b": ((4.0, 0.0, 3.0), (0.0, -2.0, 0.0))}
+    estimate = as_estimate(np.array([3.0]), np.array([[0.6, 0.8]]), channels=("a", "b"))
+    write_animation(tmp_path / "modes.html", estimate, SensorGeometry(sensors=sensors))
+    page = (tmp_path / "modes.html").read_text(encoding="utf-8")
+    data = json.loads(re.search(r"const data = (\{.*\});", page).group(1))  # type: ignore[union-attr]
+    assert (data["spans"], data["ribs"], data["sensors"]) == ([[0, 1]], [], [0, 1])
+    size = np.linalg.norm(np.subtract(*data["points"]))
+    np.testing.assert_allclose(data["modes"][0]["re"], SWAY * size * np.array([[0, 0, 0.75], [0, -1, 0]]), atol=2e-5)
+    assert "torsion" not in page
+    shown = plot_shapes_on(estimate, Skeleton.of_sensors(SensorGeometry(sensors=sensors)))
+    assert len(shown.axes[0].collections) == 3  # the line, and an arrow per sensor
 
 
 def test_gif_is_one_cycle(measured: tuple[ModalEstimate, ModelModes], tmp_path: Path) -> None:

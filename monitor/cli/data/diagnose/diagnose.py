@@ -34,6 +34,13 @@ def diagnose(
     window: Annotated[
         float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
+    exponential_window: Annotated[
+        float | None,
+        Option(
+            metavar="SECONDS",
+            help="Time constant of the exponential window of frequency responses: its damping is removed.",
+        ),
+    ] = None,
     out: Annotated[
         Path | None, Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
     ] = None,
@@ -79,6 +86,7 @@ def diagnose(
         heldout=held_out or (),
         within=time_range(start, stop),
         reference_within=time_range(reference_from, reference_to, ("--reference-from", "--reference-to")),
+        exponential_window=exponential_window,
     )
     for hertz in without_mode or ():
         if not hertz > 0:

@@ -11,6 +11,7 @@ from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
 from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.logs import Held, log_channels, log_held
+from monitor.analysis.modal_table.responses import is_universal
 from monitor.analysis.modal_table.table import is_table, read_tables
 from monitor.analysis.observation import Observation, given_up, observe, window_seconds
 from monitor.analysis.selection import Selection
@@ -115,6 +116,15 @@ class Logs:
     heldout: Sequence[Path] = ()
     within: TimeRange = WHOLE  #: range of the current logs
     reference_within: TimeRange = WHOLE
+    exponential_window: float | None = None  #: time constant, of frequency responses [s]
+
+    def check_window(self) -> None:
+        """Refuse an exponential window of no length, or of no frequency responses."""
+        window, paths = self.exponential_window, [*self.current, *self.reference, *self.heldout]
+        if window is not None and not window > 0:
+            raise ArgumentError("--exponential-window", f"expected a positive time in s, found {window:g}")
+        if window is not None and not any(map(is_universal, paths)):
+            raise ArgumentError("--exponential-window", f"expected frequency responses (.uff, .unv), found {paths[0]}")
 
 
 def diagnose_logs(
@@ -128,6 +138,7 @@ def diagnose_logs(
     pdf: Path | None = None,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
+    logs.check_window()
     structure = selected_structure(structure_path, selection)
     if pdf:
         try:
@@ -143,7 +154,7 @@ def diagnose_logs(
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
             if not paths:
                 return None
-            found = _observe(structure, paths, window, what, work, selection, within)
+            found = _observe(structure, paths, window, what, work, selection, within, logs.exponential_window)
             return selection.of_observation(found)
 
         after = observed(logs.current, "logs", logs.within)
@@ -309,6 +320,7 @@ def _observe(
     work: Work,
     selection: Selection,
     within: TimeRange,
+    exponential_window: float | None,
 ) -> Observation:
     tables = [path for path in paths if is_table(path)]
     if tables and len(tables) < len(paths):
@@ -316,7 +328,7 @@ def _observe(
     if tables and not within.whole:
         raise ArgumentError(", ".join(within.options), f"expected a log, found a table of modes: {tables[0]}")
     if tables:
-        return read_tables(structure, paths)
+        return read_tables(structure, paths, exponential_window)
     logs = within.of_logs(as_logs(paths), lambda text: echo(f"{_names(paths)}: {text}"))
     try:
         if window is None:

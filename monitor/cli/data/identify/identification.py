@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
 
 if TYPE_CHECKING:
+    from monitor.results.sensor_geometry import SensorGeometry
     from monitor.settings import Settings
     from updater import Structure
     from updater.validation import ModelModes
@@ -89,14 +91,16 @@ def draw_window(path: Path, recording: Recording, found: Identification, estimat
         raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
-def animate_modes(path: Path, estimate: ModalEstimate, model: "ModelModes | None") -> None:
-    """Write the mode shapes in motion; they move on the model's structure."""
-    if model is None:
-        raise ArgumentError("--animate", "expected a structure to draw the shapes on (--structure)")
+def animate_modes(
+    path: Path, estimate: ModalEstimate, model: "ModelModes | None", geometry: "SensorGeometry | None" = None
+) -> None:
+    """Write the mode shapes in motion; they move on the model's structure, or at the positions of the sensors."""
+    if (on := model or geometry) is None:
+        raise ArgumentError("--animate", "expected a structure (--structure), or a site with [[sensor]] (--site)")
     from monitor.views.animation import write_animation  # matplotlib is loaded only if a picture is requested
 
     try:
-        write_animation(path, estimate, model)
+        write_animation(path, estimate, on)
     except OSError as error:
         raise ArgumentError("--animate", f"{path}: cannot be written: {error.strerror or error}") from error
     echo(f"mode shapes: {path}")
@@ -109,6 +113,7 @@ def fill_folder(
     recording: Recording,
     found: Identification,
     model: "ModelModes | None",
+    geometry: "SensorGeometry | None",
     content: dict[str, Any],
 ) -> None:
     """Write all files into a folder, and print their names."""
@@ -121,7 +126,13 @@ def fill_folder(
         agreement = zip(estimate.channels, model.comac.tolist(), strict=True)
         content = content | {"comac": {channel: c if np.isfinite(c) else None for channel, c in agreement}}
     results = Results(
-        estimate=estimate, windows=windows, recording=recording, found=found, model=model, content=content
+        estimate=estimate,
+        windows=windows,
+        recording=recording,
+        found=found,
+        model=model,
+        geometry=geometry,
+        content=content,
     )
     try:
         written = write_folder(folder, results)
@@ -130,23 +141,31 @@ def fill_folder(
     echo(f"{folder}: {', '.join(path.name for path in written)}")
 
 
-def attached_settings(log: AnyLog) -> "Settings | None":
-    """Return the settings attached to a log."""
-    text = read_attachments(log).get("site.toml")
-    if text is None:
-        return None
-    from monitor.settings import parse_attached  # slow to import, as the others inside functions here
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Attached:
+    """Settings and structure of a site, or those attached to a log."""
 
-    return parse_attached(text, f"{log}: site.toml")
+    settings: "Settings | None"
+    structure: "Structure | None"
+    source: str  #: of the structure, named in errors
 
 
-def _attached_structure(log: AnyLog) -> "Structure | None":
-    text = read_attachments(log).get("structure.toml")
-    if text is None:
-        return None
-    from updater import parse_structure
+def attached(log: AnyLog, site: Path | None) -> Attached:
+    """Return settings and structure of a site file, or else those attached to a log."""
+    from monitor.settings import attached_structure, parse_attached  # slow to import, as the others inside functions
 
-    return parse_structure(text, f"{log}: structure.toml")
+    if site:
+        from monitor.service.site import load_site
+
+        texts, source = load_site(site).attachments, str(site)
+    else:
+        texts, source = dict(read_attachments(log)), str(log)
+    name = f"{source}: structure.toml"
+    return Attached(
+        settings=parse_attached(texts["site.toml"], f"{source}: site.toml") if "site.toml" in texts else None,
+        structure=attached_structure(texts.get("structure.toml", ""), name),
+        source=name,
+    )
 
 
 def identified(
@@ -201,9 +220,16 @@ def load_structure_file(path: Path) -> "Structure":
     return load_structure(path)
 
 
-def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) -> "ModelModes | None":
-    """Return the structure's modes paired with the measured ones; None without a structure."""
-    structure = load_structure_file(path) if path else _attached_structure(log)
+def modes_of_structure(estimate: ModalEstimate, given: Attached, path: Path | None) -> "ModelModes | None":
+    """Return the modes of a structure paired with the measured ones; None without a structure.
+
+    Parameters
+    ----------
+    estimate : measured modes
+    given : structure if there is no path
+    path : of a structure file
+    """
+    structure = load_structure_file(path) if path else given.structure
     if structure is None:
         return None
     from updater.validation import model_modes
@@ -211,4 +237,22 @@ def modes_of_structure(estimate: ModalEstimate, log: AnyLog, path: Path | None) 
     try:
         return model_modes(estimate, structure)
     except UpdaterError as error:
-        raise StructureError(path or f"{log}: structure.toml", str(error)) from error
+        raise StructureError(path or given.source, str(error)) from error
+
+
+def sensor_positions(estimate: ModalEstimate, given: Attached, site: Path | None) -> "SensorGeometry | None":
+    """Return the positions of the sensors; None if there are none.
+
+    Raises
+    ------
+    ArgumentError
+        If a site file was given, and its positions are those of other channels.
+    """
+    geometry = given.settings.sensor_geometry if given.settings else None
+    if geometry is None or set(geometry.sensors) & set(estimate.channels):
+        return geometry
+    if site:
+        raise ArgumentError(
+            "--site", f"{site}: sensor: expected a channel of the log, {', '.join(estimate.channels)}, found none"
+        )
+    return None

@@ -27,7 +27,14 @@ def identify(
     ] = None,
     structure: Annotated[
         Path | None,
-        Option(metavar="FILE", help="structure.toml to compare with. Default: the one attached to the log."),
+        Option(metavar="FILE", help="structure.toml to compare with. Default: that of the site."),
+    ] = None,
+    site: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="SITE.toml with window, band, structure, or positions of sensors. Default: attached to the log.",
+        ),
     ] = None,
     reference: Annotated[
         list[str] | None,
@@ -84,7 +91,7 @@ def identify(
     if animate and animate.suffix.lower() not in ANIMATIONS:
         raise ArgumentError("--animate", f"expected a name that ends with {' or '.join(ANIMATIONS)}, found {animate}")
     if any(map(is_universal, logs)):
-        of_logs = {"--window": window, "--reference": reference, "--from": start, "--to": stop}
+        of_logs = {"--site": site, "--window": window, "--reference": reference, "--from": start, "--to": stop}
         request = ResponseRequest(
             paths=logs,
             of_logs={name for name, value in of_logs.items() if value},
@@ -101,7 +108,8 @@ def identify(
         raise ArgumentError("--exponential-window", f"expected frequency responses (.uff, .unv), found {logs[0]}")
     setups = bool(reference)
     found = work.logs_within(logs, time_range(start, stop), setups=setups)
-    settings = work.attached_settings(found[0])
+    given = work.attached(found[0], site)
+    settings = given.settings
     window = window or (settings.analysis.window_seconds if settings else None)
     band = band or (settings.analysis.band if settings else None)
     chosen = IMPLEMENTED[method]()
@@ -111,7 +119,7 @@ def identify(
     else:
         windows, fused = work.identified(found, recordings, chosen, band)
     with progress("comparing"):
-        model = work.modes_of_structure(fused.estimate, found[0], structure)
+        model = work.modes_of_structure(fused.estimate, given, structure)
         shown = Findings(
             windows=windows,
             fused=fused,
@@ -119,6 +127,7 @@ def identify(
             asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
             change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
         )
+    geometry = work.sensor_positions(fused.estimate, given, site)
     say_modes(found, shown, setups=setups)
     about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
     content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
@@ -126,11 +135,12 @@ def identify(
         write_json(json, content)
     with progress("drawing"):
         if animate:
-            work.animate_modes(animate, fused.estimate, model)
+            work.animate_modes(animate, fused.estimate, model, geometry)
         if picture or out:
             first = work.first_window(recordings, chosen, band)
         if picture:
             work.draw_window(picture, *first, fused.estimate)
         if out:
-            work.fill_folder(out, () if setups else windows.estimates, fused.estimate, *first, model, content)
+            estimates = () if setups else windows.estimates
+            work.fill_folder(out, estimates, fused.estimate, *first, model, geometry, content)
     return DONE

@@ -73,7 +73,7 @@ def _content(source: Source) -> dict[str, Any]:
 
 def _structure(past: Past) -> Markup | None:
     """Return the picture of the structure, if there is one to draw."""
-    return structure_svg(past.reference, past.places) if past.reference and past.reference.has_model else None
+    return structure_svg(past.reference, past.places) if past.reference and past.reference.has_geometry else None
 
 
 def _learning(status: SiteStatus) -> dict[str, Any]:

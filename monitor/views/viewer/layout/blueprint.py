@@ -38,7 +38,7 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     trends = views.TrendViews(run_results, live.seconds if live else None)
     tabs: list[rrb.Container] = [_overview(run_results, trends)]
     if run_results.reference and run_results.reference.has_shapes:
-        shapes = views.mode_shapes if run_results.structure else views.shape_bars
+        shapes = views.mode_shapes if run_results.geometry else views.shape_bars
         tabs.append(shapes(run_results.reference))
     if run_results.spectra or run_results.reference:
         tabs.append(_identification(run_results, trends))
@@ -81,10 +81,10 @@ def _overview(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizont
 
 
 def _structure(run_results: RunResults, share: float, *, aspect: float) -> list[tuple[_Part, float]]:
-    """Return the view of the structure with its share of the room; none if there is no structure to draw."""
-    if run_results.structure is None:
+    """Return the view of the structure with its share of the room; none if there is nothing to draw."""
+    if run_results.geometry is None:
         return []
-    return [(views.structure(run_results.structure, [answer for _, answer in run_results.answers], aspect), share)]
+    return [(views.structure(run_results.geometry, [answer for _, answer in run_results.answers], aspect), share)]
 
 
 def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:

@@ -35,7 +35,8 @@ def structure(reference: ReferenceResult, answers: Sequence[MassAnswer], aspect:
     """Return the view of the structure with the located mass; `aspect` is its width over height on a wide screen."""
     geometry = Geometry(reference)
     points = scene.seen(geometry, answers)
-    return scene_view("Structure", "/structure", geometry, geometry.side(*scene.SIDE), points, aspect)
+    name = "Structure" if reference.has_model else "Sensors"
+    return scene_view(name, "/structure", geometry, geometry.side(*scene.SIDE), points, aspect)
 
 
 def mode_shapes(reference: ReferenceResult) -> rrb.Vertical:
@@ -49,7 +50,7 @@ def mode_shapes(reference: ReferenceResult) -> rrb.Vertical:
 
 
 def shape_bars(reference: ReferenceResult) -> rrb.Vertical:
-    """Return the view of all mode shapes as bars per channel, where no structure is known."""
+    """Return the view of all mode shapes as bars per channel, where no positions are known."""
     width, height = bars.size(len(reference.modes), len(reference.channels))
     view = rrb.Spatial2DView(
         name="Mode shapes at the channels",

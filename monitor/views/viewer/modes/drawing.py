@@ -1,4 +1,4 @@
-"""Mode shapes of the baseline and of windows: on the structure, or per channel where there is none."""
+"""Mode shapes of the baseline and of windows: on the structure, at the sensors, or per channel without positions."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from monitor.views.viewer.modes.shapes import draw_measured_shapes, draw_mode_sh
 def draw_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
     """Draw the modes of a reference from a time on [ns UTC]."""
     if reference.has_shapes:
-        (draw_mode_shapes if reference.has_model else draw_bars)(recording, reference, time)
+        (draw_mode_shapes if reference.has_geometry else draw_bars)(recording, reference, time)
 
 
 def draw_window_shapes(
@@ -20,4 +20,4 @@ def draw_window_shapes(
 ) -> None:
     """Draw the shapes of windows, scaled to those of the reference."""
     if reference.has_shapes:
-        (draw_measured_shapes if reference.has_model else draw_window_bars)(recording, reference, windows)
+        (draw_measured_shapes if reference.has_geometry else draw_window_bars)(recording, reference, windows)

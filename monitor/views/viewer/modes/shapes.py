@@ -18,10 +18,11 @@ SIDE = (32.0, 28.0)  # degrees: azimuth and elevation of the viewer
 _SWING = 0.12  # of the structure's size, largest displacement: more, and a beam that bends towards the eye folds
 _LABEL_ROOM = 0.2  # of its size, under all shapes
 _HINT = (
-    "Thick line: baseline, with ribs across members that show torsion. White points: sensors in the last window, "
-    "scaled to the baseline; away from the line, the shape has changed. **Motion:** choose the timeline `phase` at the "
-    "bottom left, then play."
+    "Thick line: baseline{}. White points: sensors in the last window, scaled to the baseline; away from the line, the "
+    "shape has changed. **Motion:** choose the timeline `phase` at the bottom left, then play."
 )
+_RIBS = ", with ribs across members that show torsion"
+_LINES = ", zero in directions that are not measured; the lines join the sensors"
 _FRAMES = 48
 _SECONDS = 2.0  # of one cycle
 _RIB_RADIUS = -1.0  # below zero: in points of the screen
@@ -31,7 +32,8 @@ _GHOSTS = (-1.0, -0.5, 0.5)
 def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
     """Draw each mode of the reference: rest, both extremes from a time on [ns UTC], and the motion."""
     geometry = Geometry(reference)
-    once(recording, "/modes/hint", rr.TextDocument(_HINT, media_type="text/markdown"))
+    hint = _HINT.format(_RIBS if reference.has_model else _LINES)
+    once(recording, "/modes/hint", rr.TextDocument(hint, media_type="text/markdown"))
     under = _below(geometry, seen(geometry, reference.modes), -0.7 * _LABEL_ROOM)
     for mode in reference.modes:
         base = f"/modes/mode_{mode.id}"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyuff
 from PIL import Image
 
 from daq import Channel, Recording, write_recording
@@ -90,6 +91,32 @@ def test_modes_are_drawn(modalwatch: Commands, log: Path, tmp_path: Path) -> Non
         np.diff(marked) / np.ptp(marked), np.diff(CHAIN.frequency) / np.ptp(CHAIN.frequency), atol=0.01
     )
     assert blue[600:].sum() > 5000  # bars of the shapes
+
+
+@pytest.mark.thorough
+def test_shapes_are_drawn_at_the_positions_of_a_site(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+    """The chain is upright: each mass is a node of the universal file, which its channel moves in x."""
+    site = tmp_path / "site.toml"
+    devices = [
+        f'[[device]]\nname = "d{k}"\ndriver = "epson-uart"\nport = "/dev/{k}"\nchannels = {{x = "{name}"}}\n'
+        f'[[sensor]]\nchannel = "{name}"\nat = [0, 0, {k}]\ndirection = [1, 0, 0]\n'
+        for k, name in enumerate(CHAIN.channels, 1)
+    ]
+    site.write_text("".join(devices) + "[analysis]\nwindow_seconds = 300\n", encoding="utf-8")
+    done = modalwatch("identify", log, "--site", site, "--out", tmp_path / "out", "--animate", tmp_path / "modes.gif")
+    assert (done.code, done.err) == (0, "")
+    assert "2 windows of 300 s" in done.out
+    nodes, *others = pyuff.UFF(str(tmp_path / "out" / "modes.unv")).read_sets()
+    assert (list(nodes["node_nums"]), list(nodes["z"])) == ([1, 2, 3, 4], [1, 2, 3, 4])
+    assert [list(one["nodes"]) for one in others if one["type"] == 82] == [[1, 2], [2, 3], [3, 4]]
+    assert sum(one["type"] == 55 for one in others) == 4
+    with Image.open(tmp_path / "modes.gif") as picture:
+        assert getattr(picture, "n_frames", 1) > 12
+    site.write_text(site.read_text().replace("mass_", "weight_"), encoding="utf-8")
+    assert_refused(
+        modalwatch("identify", log, "--site", site), "--site", "sensor: expected a channel of the log, mass_1, mass_2"
+    )
+    assert_refused(modalwatch("identify", log, "--animate", tmp_path / "no.gif"), "--animate", "a site with [[sensor]]")
 
 
 def test_more_windows_reduce_the_standard_deviation(ambient: Recording) -> None:

@@ -29,6 +29,22 @@ channels = {x = "left_x", y = "left_y"}
 """
 
 
+PLACED = """\
+[[device]]
+name = "logger"
+driver = "epson-uart"
+port = "/dev/null"
+channels = {x = "R0", y = "R1", z = "R2"}
+""" + "".join(
+    f'[[sensor]]\nchannel = "{name}"\nat = {at}\ndirection = {direction}\n'
+    for name, at, direction in (
+        ("R0", [0, 0, 1], [0, 0, 2]),
+        ("R1", [5, 0, 1], [0, 0, -1]),
+        ("R2", [5, 0, 1], [1, 0, 0]),
+    )
+)
+
+
 def table(folder: Path, seed: int, *, shapes: bool) -> Path:
     """Write hourly modes of a structure that loses stiffness after `CALM` hours; a tenth of the cells is empty."""
     print(f"seed {seed}")
@@ -56,7 +72,9 @@ def table(folder: Path, seed: int, *, shapes: bool) -> Path:
 @pytest.mark.parametrize("shapes", [True, pytest.param(False, marks=pytest.mark.thorough)])
 def test_series_of_modes_is_watched(shapes: bool, modalwatch: Commands, tmp_path: Path) -> None:
     path, log, found = table(tmp_path, 91, shapes=shapes), tmp_path / "watched.mcap", tmp_path / "found.json"
-    done = modalwatch("replay", path, "-o", log, "--json", found, "--set", "alarm.hold_windows=3")
+    (tmp_path / "site.toml").write_text(PLACED, encoding="utf-8")
+    site = ("--site", tmp_path / "site.toml") if shapes else ()
+    done = modalwatch("replay", path, *site, "-o", log, "--json", found, "--set", "alarm.hold_windows=3")
     assert done.code == 1, done.err  # it ends in an alarm
     results = json.loads(found.read_text())["results"]
     windows = [r for r in results if "phase" in r]
@@ -71,6 +89,10 @@ def test_series_of_modes_is_watched(shapes: bool, modalwatch: Commands, tmp_path
         assert (mode["mac"] is None) == (not shapes)
     [reference] = [r for r in results if "calibrated" in r]
     assert reference["channels"] == (["R0", "R1", "R2"] if shapes else [])
+    assert reference["lines"] == ({"line 1": [0, 1]} if shapes else {})
+    for mode, shape in zip(reference["modes"], SHAPE, strict=True):
+        moved = np.array([[0, 0, shape[0]], [shape[2], 0, -shape[1]]]) / np.abs(shape).max()  # of unit largest
+        assert np.abs(np.abs(mode["displacement"] or moved) - np.abs(moved)).max() < 0.02  # a mean of 24: 0.01 / 24^0.5
     assert "structure" not in read_attachments(log)["site.toml"].partition("[[device]]")[0]
     done = modalwatch("report", log, "-o", tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
@@ -78,6 +100,7 @@ def test_series_of_modes_is_watched(shapes: bool, modalwatch: Commands, tmp_path
     assert "3 of 4 frequencies moved" in page
     assert "MAC, model file" not in page
     assert "no end record" not in page
+    assert ("Mode shapes of the baseline" in page) == shapes
     done = modalwatch("view", log, "--no-open", "--out", tmp_path / "view.rrd")
     assert done.code == 0, done.err
 

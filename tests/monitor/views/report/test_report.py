@@ -82,7 +82,7 @@ def test_page_of_a_recorded_log_states_the_last_result(tmp_path: Path) -> None:
     first = next(w for w in run.results.watched if w.novelty and w.novelty.t2 > w.novelty.limit)
     clock = np.datetime64(first.end, "ns").astype("datetime64[s]").item().strftime("%H:%M:%S")
     assert f"and {clock} UTC." in headline(page)
-    assert len(page.pictures) == 11
+    assert len(page.pictures) == 12
     assert all(device in page.words for device in ("col_037", "beam_right"))
 
 
@@ -92,7 +92,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
 
 
 def test_page_is_self_contained_with_complete_pictures(page: Page) -> None:
-    assert len(page.pictures) == 7  # no profile of a mass: a sensor's gain is an alternative
+    assert len(page.pictures) == 8  # no profile of a mass: a sensor's gain is an alternative
     assert page.links
     for source in page.links:
         assert source.startswith(_SVG)
