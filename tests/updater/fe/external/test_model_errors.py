@@ -125,6 +125,7 @@ def test_wrong_stiffness_of_a_file_is_found_and_written(
     gain = found.diagnosis.gain
     assert gain is not None
     assert gain.heldout
+    assert gain.frequency_error_percent.before is not None
     assert gain.frequency_error_percent.before > 3
     error = file_error(written, CHANNELS, np.exp(heldout.log_frequency), heldout.shape)
     assert error == pytest.approx(gain.frequency_error_percent.after, rel=1e-6)
