@@ -66,8 +66,8 @@ def self_stress(model: Model) -> SelfStress:
     causes: the part of all strains outside the range of the strain-displacement matrix.
     """
     if model.structure.external is not None:
-        strains, springs = group_strains(model), model.spring_rows()
-        force = {key: np.sqrt(springs[key][1]) * share for key, share in strains.springs.items()}
+        strains, rows_of = group_strains(model), model.spring_rows()
+        force = {key: np.sqrt(rows_of[key][1]) * share for key, share in strains.springs.items()}
         return SelfStress(strains.n_states, {}, force)
     coarse = build_model(model.structure.with_mesh(_AT_ONCE), shear_flexible=True, mass="consistent")
     rows, forces = [], []
