@@ -66,9 +66,9 @@ def self_stress(model: Model) -> SelfStress:
     causes: the part of all strains outside the range of the strain-displacement matrix.
     """
     if model.structure.external is not None:
-        strains, rows_of = group_strains(model), model.spring_rows()
-        force = {key: np.sqrt(rows_of[key][1]) * share for key, share in strains.springs.items()}
-        return SelfStress(strains.n_states, {}, force)
+        strains, stiffness_of = group_strains(model), {key: k for key, (_, k) in model.spring_rows().items()}
+        in_springs = {key: np.sqrt(stiffness_of[key]) * share for key, share in strains.springs.items()}
+        return SelfStress(strains.n_states, {}, in_springs)
     coarse = build_model(model.structure.with_mesh(_AT_ONCE), shear_flexible=True, mass="consistent")
     rows, forces = [], []
     for first, last, element in coarse.elements:

@@ -91,11 +91,11 @@ class ModelParameters(Discrete):
 
     @property
     def _whole(self) -> BoolArray:
-        """Whether each is a factor of all external stiffness (n_knobs,)."""
+        """Mask (n_knobs,) of the factor of all external stiffness."""
         return np.array([knob.of_matrices for knob in self.knobs])
 
     def _of_whole(self, theta: FloatArray) -> FloatArray:
-        """Return what compliances of groups are multiplied by (..., n_knobs); others by 1."""
+        """Return the factor of all on compliances of groups (..., n_knobs); 1 of others."""
         of_all = np.exp(((self.moved - theta) * self._whole).sum(-1, keepdims=True))
         return np.where(self._stiffness & ~self._whole, of_all, 1.0)
 
