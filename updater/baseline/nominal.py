@@ -43,7 +43,7 @@ def nominal_reference(
     scatter = stated_scatter(windows) if stated else learn_scatter(windows)
     measured = Measured(windows=windows, scatter=scatter, devices=devices, n_modes=n_modes)
     there = model_reference(with_springs(structure), structure, measured)
-    if structure.external is not None or not there.calibration.knobs or not is_far(there.calibration, measured.mean):
+    if not there.calibration.knobs or not is_far(there.calibration, measured.mean):
         return there
     found = recalibrated(structure, there, measured, far=True)
     if found is None:  # where too little can be paired with a model it stays where it is

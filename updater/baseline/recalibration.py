@@ -135,11 +135,16 @@ def _best_parameters(
 
 
 def _starts(cause: ModelParameters, n: int) -> FloatArray:
-    """Return where fits begin (n, n_knobs): at the model's own parameters, and with flexibilities scattered."""
+    """Return where fits begin (n, n_knobs): at the model's own parameters, and with flexibilities scattered.
+
+    Of external matrices also with the factors of groups scattered, within their priors.
+    """
     random = np.random.default_rng(0)
     flexible = np.array([knob.kind in {"support", "joint"} for knob in cause.knobs])
-    factor = np.exp(_SCATTER * random.standard_normal((n - 1, len(flexible))) * flexible)
-    value = np.vstack([cause.file_value + cause.moved, (cause.file_value + cause.moved) * factor])
+    scatter = _SCATTER * random.standard_normal((n - 1, len(flexible)))
+    own = cause.file_value + cause.moved
+    of_groups = scatter * cause.prior_std * [knob.of_group for knob in cause.knobs]
+    value = np.vstack([own, own * np.exp(scatter * flexible) + of_groups])
     return np.maximum(value - cause.file_value, cause.lower)
 
 

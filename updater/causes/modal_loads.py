@@ -1,11 +1,11 @@
-"""Section forces of members: in each mode under its inertia load, and in each state of self-stress."""
+"""Section forces of members, springs and groups: in each mode under its inertia load, and in each self-stress."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 from daq import FloatArray
-from updater.fe import self_stress, weighted_actions
+from updater.fe import group_strains, self_stress, weighted_actions
 from updater.reference import Reference
 from updater.structure import Axis, Joint, Support
 
@@ -45,3 +45,10 @@ def modal_spring_force(reference: Reference, connection: Support | Joint, axis: 
     stiffness: dict[Axis, float] = dict(connection.stiffness.items())
     of_modes = stiffness[axis] * (row @ reference.shape) / (2 * np.pi * reference.frequency) ** 2
     return np.append(of_modes, self_stress(reference.model).in_spring(connection, axis))
+
+
+def group_compliance(reference: Reference) -> dict[str, FloatArray]:
+    """Return the compliance (n_modes + n_stress, same) of each group of external matrices."""
+    strains, square = group_strains(reference.model), (2 * np.pi * reference.frequency) ** 2
+    couple = {g: np.hstack([rows @ reference.shape / square, strains.stress[g]]) for g, rows in strains.rows.items()}
+    return {name: own.T @ own for name, own in couple.items()}

@@ -33,6 +33,8 @@ def relaxed_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[
     """Relax a cause in the best combination that has it, or add it relaxed to another cause, if much likelier."""
     for name in () if search.instead or not found else _relaxable(search):
         relaxed = _relaxed(search, name)
+        if name not in relaxed.causes:  # groups of external matrices have no other form
+            continue
         several = Compositions(relaxed)
         fitted = [several.coordinate_fit(chosen) for chosen in _combined(relaxed, name, found)]
         other = max((c for c in fitted if c is not None), key=lambda c: c.log_evidence, default=None)

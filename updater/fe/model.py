@@ -16,7 +16,9 @@ from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
 from updater.fe.external.faces import Faces
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
-from updater.structure import Body, Joint, Member, Structure, sensor_axes
+from updater.structure import AXES, Axis, Body, Joint, Member, Structure, sensor_axes
+
+Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
 
 
 class Interpolation(Protocol):
@@ -224,9 +226,11 @@ class Model:
             If there is no node at the point [m].
         """
         near = np.flatnonzero(np.linalg.norm(self.nodes - at, axis=1) < COINCIDENT)
+        near = np.setdiff1d(near, [twin for _, twin, _ in self.twins])
         if not len(near):
             raise ModelError(f"support at {list(at)}: no node is there")
-        return self._unit(int(self.dofs[near[0], axis]))
+        free = (self.dofs[near] >= 0).any(1)  # of two at a grounded spring of external matrices, one is held
+        return self._unit(int(self.dofs[near[int(np.argmax(free))], axis]))
 
     def joint_rows(self, joint: Joint, axis: int) -> FloatArray:
         """Return the row (n_dofs,) that reads how far a joint's spring is turned about a global axis 0..2."""
@@ -235,6 +239,17 @@ class Model:
             if other == joint:
                 row += self._unit(int(self.dofs[twin, 3 + axis])) - self._unit(int(self.dofs[node, 3 + axis]))
         return row
+
+    def spring_rows(self) -> dict[Spring, tuple[FloatArray, float]]:
+        """Return the row (n_dofs,) that reads each spring's strain, and its stiffness [N/m or N m/rad]."""
+        found = {}
+        for support in self.structure.support:
+            for axis, stiffness in support.stiffness.items():
+                found["", support.at, axis] = self.node_rows(support.at, AXES.index(axis)), stiffness
+        for joint in self.structure.joint:
+            for turn, stiffness in joint.stiffness.items():
+                found[joint.member, joint.at, turn] = self.joint_rows(joint, AXES.index(turn) - 3), stiffness
+        return found
 
     def _unit(self, dof: int) -> FloatArray:
         row = np.zeros(self.n_dofs)

@@ -20,14 +20,13 @@ from daq import FloatArray
 from updater.fe.assembly import build_model
 from updater.fe.element import Element
 from updater.fe.external.groups import group_strains
-from updater.fe.model import Model
+from updater.fe.model import Model, Spring
 from updater.fe.section_forces import N_ACTIONS
-from updater.structure import AXES, Axis, Joint, Member, Support
+from updater.structure import Axis, Joint, Member, Support
 
 _MAX = 30  # states: with more than that none are used, and internal forces are assumed to be unchanged
 _MIN = 1e-10  # relative to the largest singular value: less is zero
 _AT_ONCE = 1e9  # m: one element between two joints carries any state exactly
-Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +60,15 @@ def _spring(connection: Support | Joint, axis: Axis) -> Spring:
 
 @lru_cache(maxsize=8)
 def self_stress(model: Model) -> SelfStress:
-    """Return a model's states of self-stress; of matrices from elsewhere, those of their groups.
+    """Return a model's states of self-stress; of matrices from elsewhere, those of their groups and springs.
 
     They are those strains of elements and springs, each divided by the root of its compliance, that no displacement
     causes: the part of all strains outside the range of the strain-displacement matrix.
     """
     if model.structure.external is not None:
-        return SelfStress(group_strains(model).n_states, {}, {})
+        strains, stiffness_of = group_strains(model), {key: k for key, (_, k) in model.spring_rows().items()}
+        in_springs = {key: np.sqrt(stiffness_of[key]) * share for key, share in strains.springs.items()}
+        return SelfStress(strains.n_states, {}, in_springs)
     coarse = build_model(model.structure.with_mesh(_AT_ONCE), shear_flexible=True, mass="consistent")
     rows, forces = [], []
     for first, last, element in coarse.elements:
@@ -80,7 +81,7 @@ def self_stress(model: Model) -> SelfStress:
         np.add.at(of_element.T, dofs[dofs >= 0], (strain @ turn).T[dofs >= 0])
         rows.append(of_element)
         forces.append(strain.T)
-    springs = _springs(coarse)
+    springs = coarse.spring_rows()
     rows += [np.sqrt(stiffness) * row[None] for row, stiffness in springs.values()]
     states = _beside_range(np.concatenate(rows))
     ends: defaultdict[str, list[tuple[float, Element, FloatArray]]] = defaultdict(list)
@@ -98,18 +99,6 @@ def self_stress(model: Model) -> SelfStress:
             for k, (key, (_, stiffness)) in enumerate(springs.items())
         },
     )
-
-
-def _springs(model: Model) -> dict[Spring, tuple[FloatArray, float]]:
-    """Return the row (n_dofs,) that reads each spring's strain, and its stiffness [N/m or N m/rad]."""
-    structure, found = model.structure, {}
-    for support in structure.support:
-        for axis, stiffness in support.stiffness.items():
-            found[_spring(support, axis)] = model.node_rows(support.at, AXES.index(axis)), stiffness
-    for joint in structure.joint:
-        for turn, stiffness in joint.stiffness.items():
-            found[_spring(joint, turn)] = model.joint_rows(joint, AXES.index(turn) - 3), stiffness
-    return found
 
 
 def _beside_range(strain: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ _OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may 
 _PLACE_DIGITS = 6  # of a weld's place and extent in metres
 _START = 0.05  # times its standard deviation: start of nominally rigid or unwelded parameters
 TURNS = AXES[3:]
+_FACTOR = ".K"  # ending of the keys of factors on the stiffness of external matrices
 Meeting = tuple[str, Vector]  #: a member, and where it meets others
 
 
@@ -53,10 +54,20 @@ class ModelParameter:
     upper: float = np.inf  #: greatest value
 
     @property
+    def of_matrices(self) -> bool:
+        """True if it is the factor of all stiffness of external matrices."""
+        return self.kind == "stiffness" and not self.target
+
+    @property
+    def of_group(self) -> bool:
+        """True if it is the factor of a group of external matrices."""
+        return self.kind == "stiffness" and self.key.endswith(_FACTOR) and bool(self.target)
+
+    @property
     def quantity(self) -> str:
         """Physical quantity of the parameter."""
         if self.kind == "stiffness":
-            return "stiffness" if self.key.endswith(".K") else "Young's modulus"
+            return "stiffness" if self.key.endswith(_FACTOR) else "Young's modulus"
         if self.kind == "weld":
             return "stiffness factor of the joint zone"
         if self.axis in TURNS:
@@ -190,9 +201,10 @@ def _filed_modulus(structure: Structure, knob: ModelParameter) -> float:
 
 def all_knobs(structure: Structure) -> list[ModelParameter]:
     """Return the parameters of each material, foot, bearing and joint."""
-    if structure.external is not None:  # of external matrices only factors are known
-        whole = ModelParameter(name="stiffness", key="matrices.K", prior=_STIFFNESS_PRIOR, kind="stiffness")
-        return [whole, *(_of_group(name, part) for name, part in structure.external.group.items())]
+    if structure.external is not None:  # of external matrices only factors are known, and springs of the file
+        whole = ModelParameter(name="stiffness", key="matrices" + _FACTOR, prior=_STIFFNESS_PRIOR, kind="stiffness")
+        groups = [_of_group(name, part) for name, part in structure.external.group.items()]
+        return [whole, *groups, *_springs_of_supports(structure)]
     knobs = [
         ModelParameter(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
         for m in structure.material
@@ -225,9 +237,17 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
     return knobs
 
 
+def _springs_of_supports(structure: Structure) -> list[ModelParameter]:
+    return [
+        _stated(structure, f"support {i}", axis, "support", str(i), support)
+        for i, support in enumerate(structure.support)
+        for axis in support.stiffness
+    ]
+
+
 def _of_group(name: str, group: Group) -> ModelParameter:
     return ModelParameter(
-        name=f"stiffness of {name}", key=f"{name}.K", prior=group.uncertainty, kind="stiffness", target=name
+        name=f"stiffness of {name}", key=name + _FACTOR, prior=group.uncertainty, kind="stiffness", target=name
     )
 
 
@@ -375,7 +395,12 @@ def _sprung(support: Support, axis: Axis, spring: float) -> Support:
 
 
 def flexibility_unit(structure: Structure, axis: Axis) -> float:
-    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: units of flexibilities."""
+    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: units of flexibilities.
+
+    Of external matrices, whose E I is unknown, 1 N m/rad and 1 N/m.
+    """
+    if structure.external is not None:
+        return 1.0
     unit = bending_stiffness(structure)
     return unit if axis in TURNS else unit / max(member.length for member in structure.member) ** 2
 

@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from updater.structure.base import Vector
-from updater.structure.entries import AXES, Axis, Joint, Material, Segment, Support
+from updater.structure.entries import AXES, Axis, External, Joint, Material, Segment, Support
 from updater.structure.parameters import (
     ModelParameter,
     flexibility_unit,
@@ -18,6 +18,7 @@ from updater.structure.structure import Structure
 
 _Connection = TypeVar("_Connection", Support, Joint)
 _NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid, which changes frequencies by 2e-5
+_FACTOR_DIGITS = 0.01  # relative deviation that a factor is rounded as if it had at most: a change is known better
 _NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, which changes frequencies by 1e-5
 
 
@@ -93,12 +94,12 @@ def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[
     knobs : parameters of the file that the structure was made from
     std : standard deviation of parameters by name, in physical units; others stay as they are
     """
-    if structure.external is not None:
-        return structure
-    material, welds = dict(structure.material), dict[tuple[str, Vector, float], float]()
+    external, material, welds = structure.external, dict(structure.material), dict[tuple[str, Vector, float], float]()
     supports, joints = list(structure.support), list(structure.joint)
     for knob in (k for k in knobs if k.key in std):
-        if knob.kind == "stiffness":
+        if knob.kind == "stiffness" and external is not None:
+            external = _rounded_factor(external, knob.target, std[knob.key])
+        elif knob.kind == "stiffness":
             material[knob.target] = _rounded_material(material[knob.target], std[knob.key])
         elif knob.kind == "support":
             supports[int(knob.target)] = _rounded_spring(supports[int(knob.target)], knob.axis, std[knob.key])
@@ -109,7 +110,16 @@ def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[
             welds |= {(zone.member, zone.at, zone.extent): std[knob.key] for zone in zones}
     segments = [_rounded_weld(s, welds.get((s.member, s.at, s.extent))) for s in structure.segment]
     parts = {"material": material, "support": tuple(supports), "joint": tuple(joints), "segment": tuple(segments)}
-    return structure.model_copy(update=parts)
+    return structure.model_copy(update=parts | {"external": external})
+
+
+def _rounded_factor(external: External, group: str, std: float) -> External:
+    """Return external matrices with the factor of a group, or of all if it is "", rounded."""
+    part = external.group[group] if group else external
+    changed = part.model_copy(update={"factor": _rounded(part.factor, min(std, _FACTOR_DIGITS * part.factor))})
+    if isinstance(changed, External):
+        return changed
+    return external.model_copy(update={"group": {**external.group, group: changed}})
 
 
 def _rounded_material(material: Material, std: float) -> Material:

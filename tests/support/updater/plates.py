@@ -33,8 +33,16 @@ def panel_of(x: float, y: float) -> str:
     return f"panel_{min(int(x / LENGTH * PANELS[0]), 2)}{min(int(y / WIDTH * PANELS[1]), 1)}"
 
 
-def write_table(folder: Path, *, along: int = 15, across: int = 8) -> Path:
-    """Write the structure file and the matrices of a model of ShellMITC4 elements with groups of them."""
+def write_table(
+    folder: Path, *, along: int = 15, across: int = 8, panels: float = 0.03, supports: bool = False
+) -> Path:
+    """Write the structure file and the matrices of a model of ShellMITC4 elements with groups of them.
+
+    Parameters
+    ----------
+    panels : uncertainty of the panels' stiffness
+    supports : whether the feet are springs of the structure file, in place of groups
+    """
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 6)
     ops.section("ElasticMembranePlateSection", 1, MODULUS, POISSON, THICKNESS, DENSITY)
@@ -48,7 +56,7 @@ def write_table(folder: Path, *, along: int = 15, across: int = 8) -> Path:
         groups.setdefault(panel_of((i + 0.5) * LENGTH / along, (j + 0.5) * WIDTH / across), []).append(element)
     ops.uniaxialMaterial("Elastic", 1, FOOT)
     ops.uniaxialMaterial("Elastic", 2, 10 * FOOT)
-    for number, (name, (x, y)) in enumerate(FEET.items(), start=1):
+    for number, (name, (x, y)) in enumerate(() if supports else FEET.items(), start=1):
         node, ground = int(tag[round(x / LENGTH * along), round(y / WIDTH * across)]), 100_000 + number
         ops.node(ground, x, y, 0.0)
         ops.fix(ground, 1, 1, 1, 1, 1, 1)
@@ -57,8 +65,11 @@ def write_table(folder: Path, *, along: int = 15, across: int = 8) -> Path:
     save_matrices(folder / "table.npz", opensees_matrices(ops, groups))
     ops.wipe()
     text = ['name = "table"\n[external]\nmatrices = "table.npz"\n']
-    text += [f"[external.group.{n}]\nuncertainty = {0.3 if n in FEET else 0.03}\n" for n in groups]
+    text += [f"[external.group.{n}]\nuncertainty = {0.3 if n in FEET else panels}\n" for n in groups]
     text += [f'[[member]]\nname = "y = {y}"\nfrom = [0, {y}, 0]\nto = [{LENGTH}, {y}, 0]\n' for y in LINES]
+    if supports:
+        along_axes = f"x = {10 * FOOT}, y = {10 * FOOT}, z = {FOOT}"
+        text += [f"[[support]]\nat = [{x}, {y}, 0]\nstiffness = {{ {along_axes} }}\n" for x, y in FEET.values()]
     for channel, (x, y) in zip(CHANNELS, SENSORS, strict=True):
         text.append(f'[[sensor]]\nchannel = "{channel}"\nat = [{x}, {y}, 0]\ndirection = [0, 0, 1]\n')
     (folder / "table.toml").write_text("\n".join(text), encoding="utf-8")

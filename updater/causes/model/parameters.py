@@ -2,7 +2,8 @@
 
 This cause applies to a structure file without a learned reference: otherwise the calibration has fitted these
 parameters. All parameters of a calibration have the same priors here. Each of them adds compliance of a material's
-members or of a spring, or reduces that of a joint's zone.
+members or of a spring, or reduces that of a joint's zone. Of external matrices, each of a group's stiffness, of all, or
+of a spring: the stiffness f f_i K_i of a group has the factor of all, so that its compliance is over both.
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +13,10 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
-from updater.causes.modal_loads import modal_section_forces, modal_spring_force
-from updater.fe import Model
+from updater.causes.base import BoolArray, Discrete
+from updater.causes.modal_loads import group_compliance, modal_section_forces, modal_spring_force
+from updater.causes.overall.common_factor import ground_compliance
+from updater.fe import Model, self_stress
 from updater.inference import Comparison, Effect, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity
 from updater.reference import Reference, spring_of
@@ -70,13 +72,14 @@ class ModelParameters(Discrete):
         """Return compliances; that of a material goes with 1 / E."""
         theta = np.minimum(theta, self._upper)
         more = np.where(self._stiffness, np.expm1(self.moved - theta), theta - self.moved)
-        change = np.tensordot(more, self.compliance, 1)
+        change = np.tensordot(more * self._of_whole(theta), self.compliance, 1)
         return replace(no_effect(len(rows), self.comparison), compliance=change)
 
     def compliance_increments(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Return all: that of a material less the stiffer it is."""
-        amount = np.where(self._stiffness, -np.exp(self.moved - theta), theta < self._upper)
-        return dict(enumerate(zip(self.compliance, amount.T, strict=True)))
+        """Return all but a factor of external matrices: that of a material less the stiffer it is."""
+        amount = np.where(self._stiffness, -np.exp(self.moved - theta), theta < self._upper) * self._of_whole(theta)
+        every = enumerate(zip(self.compliance, amount.T, strict=True))
+        return {k: one for k, one in every if not self._whole[k]}
 
     @property
     def _upper(self) -> FloatArray:
@@ -85,6 +88,16 @@ class ModelParameters(Discrete):
     @property
     def _stiffness(self) -> IndexArray:
         return np.array([knob.kind == "stiffness" for knob in self.knobs])
+
+    @property
+    def _whole(self) -> BoolArray:
+        """Mask (n_knobs,) of the factor of all external stiffness."""
+        return np.array([knob.of_matrices for knob in self.knobs])
+
+    def _of_whole(self, theta: FloatArray) -> FloatArray:
+        """Return the factor of all on compliances of groups (..., n_knobs); 1 of others."""
+        of_all = np.exp(((self.moved - theta) * self._whole).sum(-1, keepdims=True))
+        return np.where(self._stiffness & ~self._whole, of_all, 1.0)
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the parts of priors and posteriors above the least values."""
@@ -146,9 +159,9 @@ class ModelParameters(Discrete):
 
 
 def propose_model_parameters(reference: Reference, comparison: Comparison) -> ModelParameters | None:
-    """Return the one alternative; None where a baseline was calibrated, or of matrices from elsewhere, a factor's."""
+    """Return the one alternative; None where a baseline was calibrated."""
     calibration = reference.calibration
-    if calibration.fitted or not calibration.knobs or calibration.structure.external is not None:
+    if calibration.fitted or not calibration.knobs:
         return None
     knobs, nominal = calibration.knobs, reference.nominal
     file = nominal.reference.model if nominal else calibration.model
@@ -171,7 +184,7 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
 def _prior(knob: ModelParameter, wider: float) -> float:
     """Return the standard deviation of a parameter about the file's value, wider for an inconsistent file."""
     if knob.kind == "stiffness":
-        return wider * _STIFFNESS_STD
+        return wider * (knob.prior if knob.of_group else _STIFFNESS_STD)
     rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
     return wider * _GIVES if rigid else knob.prior
 
@@ -193,6 +206,12 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
     """
     model = reference.model
     members = model.structure.member
+    if knob.of_matrices:
+        own = (2 * np.pi * reference.frequency) ** -2.0
+        whole = np.diag(np.concatenate([own, np.ones(self_stress(model).n)]))
+        return whole - ground_compliance(reference)
+    if knob.of_group:
+        return group_compliance(reference)[knob.target]
     if knob.kind == "stiffness":
         parts = [
             _between(reference, m, np.linspace(0, member.length, member.elements + 1), slice(None))

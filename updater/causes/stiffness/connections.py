@@ -190,8 +190,8 @@ def _springs(
     """Return the springs among connections; each with three axes and the rows (n_dofs,) that read it there."""
     structure = reference.structure
     sprung = [one for one in given if set(one[1]) & set(_stiffness(one[0]))]
-    if not sprung or structure.external is not None:
-        return None  # E I / L of external matrices is unknown
+    if not sprung:
+        return None
     stiffness, bending, unit = _stiffness_and_unit(structure, sprung)
     own, of_member = unit / stiffness, unit / bending
     both = np.zeros((*stiffness.shape, len(comparison.frequency) + comparison.n_stress))
@@ -231,9 +231,13 @@ def _stiffness_and_unit(
     """Return (n, 3) stiffness about or along three axes, infinite where held, E I / L, and 1 / c of a parameter of one.
 
     The flexibility of a loose connection is so much larger (`LOOSE`): by E I / L where it turns, by its own spring
-    where it slides. A free axis may lock.
+    where it slides. A free axis may lock. Of external matrices E I is unknown: each spring's own stiffness takes the
+    place of E I / L, and each may become ten times as flexible.
     """
     stiffness = np.array([[_stiffness(c).get(a, np.inf) for a in axes] for c, axes, _ in sprung])
+    if structure.external is not None:
+        own = np.where(np.isfinite(stiffness), stiffness, 1.0)
+        return stiffness, own, own * LOOSE / _SOFTER
     bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
     turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
     usual = np.where(turning, np.maximum(LOOSE, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))

@@ -11,7 +11,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.causes.base import BoolArray, Discrete
-from updater.fe import group_strains
+from updater.causes.modal_loads import group_compliance
 from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
@@ -110,12 +110,10 @@ class GroupStiffness(Discrete):
 
 def propose_group_stiffness(reference: Reference, comparison: Comparison) -> GroupStiffness | None:
     """Return the groups of external matrices; None if there are none."""
-    model, strains = reference.model, group_strains(reference.model)
+    model = reference.model
     if not model.groups:
         return None
-    square = (2 * np.pi * reference.frequency) ** 2
-    couple = [np.hstack([strains.rows[g] @ reference.shape / square, strains.stress[g]]) for g in model.groups]
-    compliance = np.array([own.T @ own for own in couple])
+    compliance = np.array(list(group_compliance(reference).values()))
     paired = comparison.paired
     gained = np.diagonal(compliance, axis1=1, axis2=2)[:, paired]
     slope = -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2

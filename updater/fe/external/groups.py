@@ -15,7 +15,7 @@ import numpy as np
 
 from daq import FloatArray
 from updater.fe.factorization import factorise
-from updater.fe.model import Model
+from updater.fe.model import Model, Spring
 
 _MODES = 30  # of the model, whose strains the directions span
 _MIN_ENERGY = 1e-3  # of the largest modal share of a group: a direction with less strain is left out
@@ -26,18 +26,41 @@ _MIN_STATE = 1e-6  # share of self-stress in a direction that is zero but for ro
 
 @dataclass(frozen=True, eq=False)
 class GroupStrains:
-    """Directions of strain of the groups of a model."""
+    """Directions of strain of the groups of a model; a spring of the structure file is one."""
 
     rows: Mapping[str, FloatArray]  #: group -> (n, n_dofs) that read its strains, in roots of energy [sqrt(2 J) / m]
     stress: Mapping[str, FloatArray]  #: group -> (n, n_states) share of each direction in the states of self-stress
+    springs: Mapping[Spring, FloatArray]  #: share (n_states,) of each spring in them
     n_states: int
 
 
 @lru_cache(maxsize=8)
 def group_strains(model: Model) -> GroupStrains:
-    """Return the directions of strain of a model's groups that modes excite."""
+    """Return the directions of strain of a model's groups that modes excite, and of its springs."""
+    springs = model.spring_rows()
+    if not model.groups and not springs:
+        return GroupStrains({}, {}, {}, 0)
+    rows = _strain_rows(model)
+    own = [np.sqrt(stiffness) * row[None] for row, stiffness in springs.values()]
+    every = np.concatenate([*rows.values(), *own])
+    needed = every @ factorise(model.stiffness)(np.ascontiguousarray(every.T))
+    share, vector = np.linalg.eigh(np.eye(len(every)) - (needed + needed.T) / 2)
+    kept = np.flatnonzero(share > _MIN_STATE)[-_MAX_STATES:]
+    states = vector[:, kept] * np.sqrt(share[kept])
+    end = np.cumsum([len(part) for part in (*rows.values(), *own)])
+    parts = np.split(states, end[:-1])
+    return GroupStrains(
+        rows=rows,
+        stress=dict(zip(rows, parts, strict=False)),
+        springs={key: part[0] for key, part in zip(springs, parts[len(rows) :], strict=True)},
+        n_states=states.shape[1],
+    )
+
+
+def _strain_rows(model: Model) -> dict[str, FloatArray]:
+    """Return the rows (n, n_dofs) that read the strains of each group."""
     if not model.groups:
-        return GroupStrains({}, {}, 0)
+        return {}
     modes = model.modes(min(_MODES, int((model.mass.diagonal() > 0).sum())))
     per_energy = modes.shape / modes.omega
     rows = {}
@@ -46,11 +69,4 @@ def group_strains(model: Model) -> GroupStrains:
         energy, vector = np.linalg.eigh(per_energy.T @ load)
         kept = np.flatnonzero(energy > _MIN_ENERGY * energy[-1])[-_MAX_OF_GROUP:]
         rows[name] = np.asarray((load @ vector[:, kept] / np.sqrt(energy[kept])).T)
-    every = np.concatenate(list(rows.values()))
-    needed = every @ factorise(model.stiffness)(np.ascontiguousarray(every.T))
-    share, vector = np.linalg.eigh(np.eye(len(every)) - (needed + needed.T) / 2)
-    kept = np.flatnonzero(share > _MIN_STATE)[-_MAX_STATES:]
-    states = vector[:, kept] * np.sqrt(share[kept])
-    begin = np.cumsum([0, *(len(own) for own in rows.values())])
-    stress = {name: states[a:b] for name, a, b in zip(rows, begin[:-1], begin[1:], strict=True)}
-    return GroupStrains(rows, stress, states.shape[1])
+    return rows
