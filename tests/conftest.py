@@ -18,6 +18,7 @@ _LONG = (
     "test_replay_data.py",
     "test_no_mass_claimed.py",
     "test_one_mass.py",
+    "test_restart.py",
 )
 
 

@@ -30,20 +30,33 @@ def short_demo(out: Path) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.timeout(500)
-def test_short_demo_finds_the_body_and_replay_is_identical(tmp_path: Path) -> None:
-    """No scan is lost between rig and log; the log alone gives the same modes and the same alarm."""
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """Return the folder of a demo, and its answer."""
     print(f"seed {SEED}")
-    answer = short_demo(tmp_path)
+    out = tmp_path_factory.mktemp("demo")
+    return out, short_demo(out)
+
+
+@pytest.mark.timeout(500)
+def test_short_demo_finds_the_body(demo: tuple[Path, dict[str, Any]]) -> None:
+    """No scan is lost between rig and log."""
+    out, answer = demo
     assert answer["right"] is True
     assert answer["dropped"] == 0
     assert answer["answer"]["mass_std"] > 0
-    assert (tmp_path / "overview.rrd").stat().st_size > 100_000
-    assert "The structure has changed" in (tmp_path / "report.html").read_text(encoding="utf-8")
-    windows = [r for r in logged_results(next((tmp_path / "log").glob("*.mcap"))) if isinstance(r, WindowResult)]
+    assert (out / "overview.rrd").stat().st_size > 100_000
+    assert "The structure has changed" in (out / "report.html").read_text(encoding="utf-8")
+    windows = [r for r in logged_results(next((out / "log").glob("*.mcap"))) if isinstance(r, WindowResult)]
     assert not any(window.skipped for window in windows)
     assert len(windows) <= SHORT.windows + 4  # the rig waits for the analysis: two windows, and those in progress
-    report = replay(next((tmp_path / "log").glob("*.mcap")), None, lambda _: None)
+
+
+@pytest.mark.thorough  # by default the log of a restarted monitor is replayed, and the recorded log of the repository
+@pytest.mark.timeout(500)
+def test_replay_of_the_demo_is_identical(demo: tuple[Path, dict[str, Any]]) -> None:
+    """The log alone gives the same modes and the same alarm."""
+    report = replay(next((demo[0] / "log").glob("*.mcap")), None, lambda _: None)
     assert len(report.logged) > 15
     assert report.same
 

@@ -10,7 +10,7 @@ from oma import identify_all
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 
 LATE = {"col_111": 0.15e-3, "beam_left": 3.4e-3, "beam_right": 2.9e-3}  # s; two are most of a period of the 270 Hz mode
-RATE, SECONDS, N_WINDOWS = 1000.0, 40, 4
+RATE, SECONDS, N_WINDOWS = 1000.0, 40, 3
 CHANNELS = tuple(
     Channel(name=f"{name}_{axis}", device=name, axis="xyz".index(axis))
     for name, (_, axes) in T_DEVICES.items()

@@ -179,6 +179,7 @@ def test_rig_and_reader_share_one_time_scale(tmp_path: Path) -> None:
         assert np.ptp(earliest) < 1e6
 
 
+@pytest.mark.thorough  # a rig in a thread does so by default: test_stalled_rig_loses_no_scans
 def test_rig_stops_at_the_end_of_its_duration(tmp_path: Path) -> None:
     scenario = nominal(6).model_copy(update={"duration": 5.0})
     with rig(tmp_path, scenario) as process:

@@ -61,7 +61,7 @@ def test_self_test_detects_a_sufficient_mass_and_no_negligible_one(
     played.settings = site_settings(OFTEN + str(percent))
     pipeline = played.pipeline()
     run(pipeline, played.windows(BASELINE + 5))
-    windows = list(played.windows(4))
+    windows = list(played.windows(2))
     without = played.pipeline(pipeline.memory)
     [test] = self_tests(run(pipeline, iter(windows[:1])))  # the sixth calm one
     assert test.detected in seen
@@ -73,8 +73,8 @@ def test_self_test_detects_a_sufficient_mass_and_no_negligible_one(
     without_settings = site_settings("self_test_days = 0")
     played.settings = without_settings
     untested = played.pipeline(without.memory)
-    after = judged(run(pipeline, iter(windows[1:4])))
-    reported = run(untested, iter(windows[:4]))
+    after = judged(run(pipeline, iter(windows[1:])))
+    reported = run(untested, iter(windows))
     assert self_tests(reported) == []
     assert [w.payload() for w in judged(reported)][1:] == [w.payload() for w in after]
 

@@ -66,7 +66,7 @@ def light(damping: float, seed: int) -> Structure:
     )
 
 
-@pytest.mark.parametrize(("damping", "duration"), few_of([(5e-4, 60.0), (2e-3, 60.0), (5e-4, 300.0)], 2))
+@pytest.mark.parametrize(("damping", "duration"), few_of([(5e-4, 60.0), (2e-3, 60.0), (5e-4, 300.0)]))
 def test_lightly_damped_modes_are_not_classified_as_tones(damping: float, duration: float) -> None:
     found = [identify_all(simulate(light(damping, seed), duration, RATE, seed)) for seed in range(4)]
     assert sum(len(f.harmonics) for f in found) == 0

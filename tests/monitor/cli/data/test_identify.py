@@ -226,7 +226,9 @@ def small_log(path: Path, data: np.ndarray[tuple[int, int], np.dtype[np.float64]
     return path
 
 
-def test_invalid_identify_requests_are_refused(modalwatch: Commands, log: Path, tmp_path: Path) -> None:
+def test_invalid_identify_requests_are_refused(modalwatch: Commands, ambient: Recording, tmp_path: Path) -> None:
+    log = tmp_path / "chain.mcap"
+    write_recording(log, replace(ambient, data=ambient.data[:2400]))
     noise = np.random.default_rng(21).standard_normal((8000, 2))
     short = small_log(tmp_path / "short.mcap", noise[:50])
     dead = small_log(tmp_path / "dead.mcap", noise * [1, 0])
