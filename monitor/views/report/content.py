@@ -28,6 +28,7 @@ from monitor.text.causes import (
 from monitor.text.detectability import last_detectable
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text, utc
+from monitor.text.record_course import record_change_texts, within_record_text
 from monitor.text.sensors import health_rows
 from monitor.text.trends import standing_trend
 from monitor.text.uncertainty import unsure_ever, unsure_now
@@ -295,6 +296,7 @@ def _diagnosis(
     diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None
 ) -> dict[str, Any]:
     """Return the values without the picture of the places."""
+    within = diagnosis.within_record
     return {
         "places": None,
         "fits": picture(
@@ -321,6 +323,7 @@ def _diagnosis(
         "gain": _gain(diagnosis, found.gain_std if found else None),
         "extended_model": diagnosis.extended_model,
         "next_measurement": diagnosis.next_measurement,
+        "within": [within_record_text(within), *record_change_texts(within)] if within else [],
     }
 
 

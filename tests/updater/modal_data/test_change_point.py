@@ -7,27 +7,9 @@ from scipy.stats import binom
 from daq import FloatArray
 from tests.examiner.sites import KINDS, SimulatedSites, SiteWindows
 from tests.support.thorough import few_of
-from updater import TrackedModes
+from tests.support.updater.tracked_sites import modes_of, tracked
 from updater.modal_data import find_change, windows_of_one_state
 from updater.modal_data.states.change_point import FALSE_POSITIVE
-
-
-def tracked(log_frequency: FloatArray, std: FloatArray) -> TrackedModes:
-    none = np.full((*log_frequency.shape, 1), np.nan)
-    return TrackedModes(
-        channels=("a",),
-        log_frequency=log_frequency,
-        log_frequency_std=std,
-        damping=none[..., 0],
-        damping_std=none[..., 0],
-        shape=none,
-        shape_std=none,
-        imaginary=none,
-    )
-
-
-def modes_of(windows: SiteWindows, site: int) -> TrackedModes:
-    return tracked(np.log(windows.frequency[site]), windows.frequency_std[site] / windows.frequency[site])
 
 
 @pytest.mark.parametrize("n_windows", few_of([8, 24]))

@@ -9,11 +9,12 @@ from pathlib import Path
 from daq import AnyLog, LogError, Recording, load_recordings
 from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
-from monitor.analysis.explanation import Explanation, explain
+from monitor.analysis.explanation import Explanation
 from monitor.analysis.logs import Held, log_channels, log_held
 from monitor.analysis.modal_table.responses import is_universal
 from monitor.analysis.modal_table.table import is_table, read_tables
 from monitor.analysis.observation import Observation, given_up, observe, window_seconds
+from monitor.analysis.record_course import explain_record
 from monitor.analysis.selection import Selection
 from monitor.analysis.stationarity import step_text
 from monitor.analysis.time_range import WHOLE, TimeRange
@@ -163,7 +164,7 @@ def diagnose_logs(
         assert after is not None  # there is at least one log
         work.stage("fitting the model")
         try:
-            found = explain(
+            found = explain_record(
                 structure,
                 before,
                 after,

@@ -22,6 +22,7 @@ from monitor.text.causes import (
     model_gain_text,
 )
 from monitor.text.quantities import plain, share_text
+from monitor.text.record_course import record_change_texts, within_record_text
 from monitor.text.sensors import health_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain, Structure
@@ -34,7 +35,11 @@ _MAX = 6  # refused causes that are listed individually
 
 
 def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
-    """Print verdict, causes and the next step."""
+    """Print verdict, causes and the next step; a change within the logs first."""
+    if within := diagnosis.within_record:
+        console.print(f"[bold yellow]{escape(within_record_text(within))}[/]")
+        for line in record_change_texts(within):
+            console.print(f"  {escape(line)}")
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in listed_causes(diagnosis.causes):
         console.print(_cause(cause))
