@@ -58,8 +58,8 @@ def test_all_modes_of_a_test_with_an_exponential_window_are_found() -> None:
 def test_deviations_state_the_errors(name: str) -> None:
     """Rms of errors over deviations, of 200 values: 5 % scatter by chance.
 
-    Measured in 60 tests of each scene: docs/validation/identification/impact_tests.md. Deviations of shapes are those of
-    independent residues: the noise of a force is in all of them, and in no shape.
+    Measured in 60 tests of each scene: docs/validation/identification/impact_tests.md. Deviations of shapes are
+    those of independent residues: the noise of a force is in all of them, and in no shape.
     """
     found = errors(SCENES[name], range(N_TESTS))
     for field, low, high in (
