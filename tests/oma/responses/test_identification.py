@@ -110,7 +110,7 @@ def test_storage_is_proportional_to_the_lines() -> None:
     """A square matrix of the lines of this mode has 236 MB."""
     line = np.arange(190.0, 310.0, 1 / 32)
     ratio = line / 250
-    response = np.array(-(ratio**2) / (1 - ratio**2 + 0.08j * ratio))[:, None, None]
+    response = np.array(-(ratio**2) / (1 - ratio**2 + 0.08j * ratio), np.complex128)[:, None, None]
     lines = Lines(frequency=line, response=response, spacing=1 / 32, decay=0.0)
     tracemalloc.start()
     try:

@@ -41,11 +41,12 @@ def test_written_file_has_the_place_and_needs_no_further_cause() -> None:
     shift, mass = cause.parameters["shift"], cause.parameters["moved_mass"]
     assert abs(shift.value - hidden.parameters["shift"]) < 4 * shift.std
     assert 0.008 - 4 * mass.std < mass.value < 0.015 + 4 * mass.std  # of the accelerometers of the specimen [kg]
+    assert cause.where.position is not None
     assert loop.written is not None
     stated = {s.channel: np.array(s.at) for s in structure_of("").sensor}
     for sensor in loop.written.sensor:
-        place = cause.where.position if sensor.channel in hidden.channels else stated[sensor.channel]
-        np.testing.assert_allclose(sensor.at, place, atol=1e-5)  # written as fitted with other causes
+        place = np.array(cause.where.position) if sensor.channel in hidden.channels else stated[sensor.channel]
+        np.testing.assert_allclose(np.array(sensor.at), place, atol=1e-5)  # written as fitted with other causes
     gain = loop.found.explained.diagnosis.gain
     assert gain is not None
     assert gain.heldout
