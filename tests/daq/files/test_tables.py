@@ -9,6 +9,7 @@ import pytest
 
 from daq import DataError, DataOptions, read_data, read_measured
 from daq.files import Calibration, parse_sensitivity, parse_unit, read_calibration
+from daq.files.tables.preamble import StatedStart, stated_start
 
 G = 9.80665
 DATA = np.random.default_rng(34).standard_normal((300, 2)).round(4)
@@ -51,7 +52,6 @@ Channels:\t3
 Zeit  1 - Standardmessrate\tleft\tright\tDMS 1
 [s]\t[g]\t[m/s²]\t[µm/m]
 """
-from daq.files.tables.preamble import StatedStart, stated_start
 
 
 def comma(rows: np.ndarray) -> list[list[str]]:
