@@ -44,7 +44,7 @@ class _LeashedClock:
     that, data due after a delay would overflow the ports, although no real device would have been delayed; and one
     device would run far ahead of the others. Faster than real time, a serving waits while a port is almost full: a pty
     that a busy machine does not read at once would keep scans for some seconds of data. It waits, too, while a reader
-    holds the shared time.
+    holds the shared time, and does not catch up afterwards.
 
     Parameters
     ----------
@@ -58,6 +58,7 @@ class _LeashedClock:
         self._now = clock.now()
         self._interval, self._last = _TICK, time.monotonic()
         self._waited = 0.0  # for readers [s of wall time]
+        self._lag = 0  # after holds, which is not caught up [ns]
 
     def now(self, _: int = 0) -> int:
         """Return the time of the present serving [ns UTC]."""
@@ -74,10 +75,13 @@ class _LeashedClock:
         elapsed, self._last = wall - self._last, wall
         self._interval += _SMOOTHING * (elapsed - self._interval)
         self._waited = self._waited + elapsed if unread > _ROOM else 0.0
-        if self.speed > 1 and (0 < self._waited < _PATIENCE or self._shared.held):
+        if self.speed > 1 and self._shared.held:
+            self._lag = self._clock.now() - self._now
+            return
+        if self.speed > 1 and 0 < self._waited < _PATIENCE:
             return
         leash = min(max(2 * self._interval, _LEASH[0]), _LEASH[1])
-        self._now = min(self._clock.now(), self._now + round(leash * 1e9 * self.speed))
+        self._now = min(self._clock.now() - self._lag, self._now + round(leash * 1e9 * self.speed))
         self._shared.step(self._now)
 
 

@@ -17,6 +17,7 @@ from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_basel
 from monitor.watch.baseline.modal_change import modal_change
 from updater import ModalDataError, PairingError, Structure, UpdaterError, dump_structure, stack_tracks
 from updater.modal_data import MIN_PRESENCE
+from updater.structure import without_empty_segments
 
 MIN_WINDOWS = 5  #: windows since the change for a new reference: the minimum of a baseline
 
@@ -128,4 +129,6 @@ def _explained(learned: LearnedBaseline, changed_windows: Sequence[Window]) -> t
         return "", "not explained"
     found, _ = both
     extended = found.extended if found.diagnosis.verdict == "explained" else None
-    return dump_structure(extended) if extended else "", change_text(found.diagnosis)
+    if extended is None:
+        return "", change_text(found.diagnosis)
+    return dump_structure(without_empty_segments(extended, model.reference.structure)), change_text(found.diagnosis)

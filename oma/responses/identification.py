@@ -1,7 +1,7 @@
 """The front of experimental modal analysis: frequency responses in, modes out, nothing to choose."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,13 +31,14 @@ class ResponseIdentification:
     response: ComplexArray  #: (n_lines, n_channels, n_forces) measured accelerances [m/s2/N]
     synthesis: ComplexArray  #: (n_lines, n_channels, n_forces) those of the modes and residual terms [m/s2/N]
     forces: tuple[str, ...]  #: names of the forces, in the order of the last axis
+    silent: tuple[str, ...]  #: channels that are left out: their responses are zero in all lines
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
     decay: float  #: decay rate of the exponential window, 0 without a window [1/s]
 
     @property
     def record_seconds(self) -> float:
         """Length of the records that have such lines [s]."""
-        return float(1 / (self.frequency[1] - self.frequency[0]))
+        return float(1 / np.diff(self.frequency).min())
 
     @property
     def left_at_end(self) -> FloatArray:
@@ -57,6 +58,8 @@ class ResponseIdentification:
     def agreement(self) -> FloatArray:
         """Frequency response assurance criterion of synthesis and measurement, (n_channels, n_forces) [-].
 
+        NaN for a response that is zero in all lines.
+
         References
         ----------
         Heylen, W. & Lammens, S. (1996). FRAC: a consistent way of comparing frequency response functions. Proceedings
@@ -64,7 +67,8 @@ class ResponseIdentification:
         """
         n_lines, *shape = self.response.shape
         pairs = zip(self.response.reshape(n_lines, -1).T, self.synthesis.reshape(n_lines, -1).T, strict=True)
-        return np.array([mac_matrix(a[None], b[None])[0, 0] for a, b in pairs]).reshape(shape)
+        found = [mac_matrix(a[None], b[None])[0, 0] if a.any() else np.nan for a, b in pairs]
+        return np.array(found).reshape(shape)
 
 
 def identify_responses(
@@ -78,7 +82,7 @@ def identify_responses(
     Parameters
     ----------
     frequency : (n_lines,) evenly spaced lines [Hz]
-    response : (n_lines, n_channels, n_inputs) accelerances [m/s2/N]
+    response : (n_lines, n_channels, n_inputs) accelerances [m/s2/N]. Lines and channels that are zero are left out
     channels : names
     band : frequencies in which modes are sought [Hz]. Default: that of the lines
 
@@ -90,7 +94,7 @@ def identify_responses(
     Raises
     ------
     InputError
-        If shapes do not agree, or the lines are not even.
+        If shapes do not agree, the lines are not even, or a response in the band is not finite.
     TooFewModes, IdentificationError
         If the band has too few lines, or nothing is a mode.
     """
@@ -120,6 +124,10 @@ def identify_responses_all(
         As for `identify_responses`.
     """
     lines, band = _lines(frequency, response, channels, band, 1 / window if window else 0.0)
+    moving = lines.response.any(axis=(0, 2))
+    lines = replace(lines, response=lines.response[:, moving])
+    silent = tuple(np.array(channels)[~moving].tolist())
+    channels = [channel for channel in channels if channel not in silent]
     poles, diagram = stable_poles(lines, band)
     modes = sorted(fitted_modes(poles, lines), key=lambda mode: mode.frequency)
     if not modes:
@@ -139,6 +147,7 @@ def identify_responses_all(
         response=lines.response,
         synthesis=synthesis(lines, continuous),
         forces=tuple(forces),
+        silent=silent,
         band=band,
         decay=lines.decay,
     )
@@ -151,14 +160,16 @@ def _lines(
     band: tuple[float, float] | None,
     decay: float,
 ) -> tuple[Lines, tuple[float, float]]:
-    """Return the lines of the band, checked, and the band."""
+    """Return the lines of the band that are not zero, checked, and the band."""
     if response.ndim != 3 or response.shape[:2] != (len(frequency), len(channels)):
         raise InputError(f"response: expected ({len(frequency)}, {len(channels)}, n_inputs), found {response.shape}")
     spacing = float(np.median(np.diff(frequency))) if len(frequency) > 1 else 0.0
     if spacing <= 0 or np.abs(np.diff(frequency) / spacing - 1).max() > 1e-2:
         raise InputError("frequency: expected evenly spaced, rising lines")
     low, high = band or (max(float(frequency[0]), spacing), float(frequency[-1]))
-    inside = (frequency >= low) & (frequency <= high) & (frequency > 0.5 * spacing)
+    inside = (frequency >= low) & (frequency <= high) & (frequency > 0.5 * spacing) & response.any(axis=(1, 2))
+    if not np.isfinite(response[inside]).all():
+        raise InputError(f"response: expected finite values from {low:g} to {high:g} Hz")
     if np.count_nonzero(inside) < _MIN_LINES:
         raise IdentificationError(f"{low:g} to {high:g} Hz: expected {_MIN_LINES} lines or more")
     lines = Lines(frequency=frequency[inside], response=response[inside], spacing=spacing, decay=decay)

@@ -27,16 +27,16 @@ class Lines:
         """Values of the Laplace variable, (n_lines,) [rad/s]."""
         return np.asarray(self.decay + 2j * np.pi * self.frequency)
 
-    @property
-    def correlation(self) -> ComplexArray:
-        """Correlation of the noise of lines, (n_lines, n_lines): an exponential window makes neighbours alike.
+    def correlated(self, values: ComplexArray) -> ComplexArray:
+        """Return the correlation of the noise of lines times values (n_lines, n), of their shape.
 
-        Noise that was stationary before the window; without a window lines are independent.
+        An exponential window makes neighbours alike, by noise that was stationary before it; without a window lines
+        are independent.
         """
         if not self.decay:
-            return np.eye(len(self.frequency), dtype=np.complex128)
+            return values
         apart = self.frequency[:, None] - self.frequency
-        return np.asarray(1 / (1 + 1j * np.pi * apart / self.decay))
+        return np.asarray(1 / (1 + 1j * np.pi * apart / self.decay) @ values)
 
     @property
     def flat(self) -> ComplexArray:

@@ -152,17 +152,16 @@ def _with_deviations(
     terms = _terms(pole, lines)
     basis, triangle = np.linalg.qr(terms)
     linear = np.asarray(np.linalg.solve(triangle, basis.conj().T @ measured), np.complex128)
-    left, alike = measured - terms @ linear, lines.correlation
-    free = np.maximum(_residual_share(basis, alike), _LEAST_SHARE)
+    left, free = measured - terms @ linear, np.maximum(_residual_share(basis, lines), _LEAST_SHARE)
     if lines.decay:  # no line is independent of the others: the fit without it says nothing of its error
         left, free = left / np.sqrt(free)[:, None], np.ones_like(free)
     slopes = _slopes(pole, lines, linear)
     lags = 0 if lines.decay else _LAGS  # the correlation of the window is known
     across = slopes - basis @ (basis.conj().T @ slopes)
-    covariance = _pole_covariance(across, left, free, lags) * _inflation(across, alike)
+    covariance = _pole_covariance(across, left, free, lags) * _inflation(across, lines)
     std = np.sqrt(np.diag(covariance)).reshape(-1, 2)
     inverse = np.linalg.solve(triangle, basis.conj().T)
-    gain = _gain(inverse.conj(), alike)
+    gain = _gain(inverse.conj().T, lines)
     residue_std = np.sqrt(gain[:, None] * _variance(inverse, left / free[:, None], lags) / 2)
     moves = np.einsum("im,itr->mtr", _root(covariance), -inverse @ slopes)
     for k, (origin, (frequency, damping)) in enumerate(zip(near, pole.tolist(), strict=True)):
@@ -198,24 +197,24 @@ def _slopes(pole: FloatArray, lines: Lines, linear: ComplexArray) -> ComplexArra
     return np.array(slopes)
 
 
-def _residual_share(basis: ComplexArray, alike: ComplexArray) -> FloatArray:
+def _residual_share(basis: ComplexArray, lines: Lines) -> FloatArray:
     """Return the share of the noise variance that the residuals of a linear fit keep, (n_lines,)."""
-    rest = np.eye(len(basis)) - basis @ basis.conj().T
-    return np.asarray(np.einsum("ij,jk,ik->i", rest, alike, rest.conj(), optimize=True).real)
+    alike = lines.correlated(basis)
+    both = basis @ (basis.conj().T @ alike) - 2 * alike
+    return np.asarray(1 + np.sum(both * basis.conj(), axis=1).real)
 
 
-def _gain(influence: ComplexArray, alike: ComplexArray) -> FloatArray:
-    """Return the variance of sums over lines with correlated noise over that with independent noise, (n,)."""
-    return np.asarray(
-        np.einsum("ij,jk,ik->i", influence.conj(), alike, influence, optimize=True).real
-        / np.sum(np.abs(influence) ** 2, axis=1)
-    )
+def _gain(influence: ComplexArray, lines: Lines) -> FloatArray:
+    """Return the variance of sums (n_lines, n) with correlated noise over that with independent noise, (n,)."""
+    size = np.sum(np.abs(influence) ** 2, axis=0)
+    return np.asarray(np.sum(influence.conj() * lines.correlated(influence), axis=0).real / size)
 
 
-def _inflation(slopes: ComplexArray, alike: ComplexArray) -> FloatArray:
+def _inflation(slopes: ComplexArray, lines: Lines) -> FloatArray:
     """Return the factor of the covariance of poles by the correlation of lines, (2 n_modes, 2 n_modes)."""
-    of_responses = slopes.transpose(0, 2, 1)  # (2 n_modes, n_responses, n_lines)
-    variance = np.einsum("irj,jk,irk->i", of_responses.conj(), alike, of_responses, optimize=True).real
+    of_lines = slopes.transpose(1, 0, 2)  # (n_lines, 2 n_modes, n_responses)
+    alike = lines.correlated(of_lines.reshape(len(of_lines), -1)).reshape(of_lines.shape)
+    variance = np.sum(of_lines.conj() * alike, axis=(0, 2)).real
     gain = np.sqrt(variance / np.sum(np.abs(slopes) ** 2, axis=(1, 2)))
     return np.asarray(np.outer(gain, gain))
 

@@ -263,6 +263,13 @@ def _descend(comparison: Comparison, hypotheses: Hypotheses, point: Point, step:
 
 
 def _adopt(point: Point, tried: Point, rows: IndexArray, chosen: BoolArray) -> None:
+    for name, values in vars(point.effect).items():
+        if isinstance(values, np.ndarray):
+            expected = 1 if len(values) == 1 else len(chosen)
+            if len(found := getattr(tried.effect, name)) != expected:
+                raise ValueError(
+                    f"Effect.{name}: expected {expected} rows, as at the start of the fit, found {len(found)}"
+                )
     pairs = [(point, tried), (point.effect, tried.effect), (point.changed, tried.changed)]
     for into, source in pairs:
         for name, values in vars(into).items():

@@ -73,6 +73,8 @@ def _positive(text: str, factor: float) -> float | None:
 def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | UnclearDate | None:
     """Return the start that a preamble states by its first date and its first time of day; None without a date.
 
+    Both may be in one line, after a date alone, too.
+
     Parameters
     ----------
     preamble : lines before the table, such as `Datum: 04.05.2026` or `Start time;2026-05-04 10:00:00`
@@ -90,7 +92,7 @@ def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | U
                 return UnclearDate(text=value, line=number)
         if day is None and (date := _read(DAY, value, order)) is not None:
             day = date, number
-        elif day is None and (moment := _read(MOMENT, value, order)) is not None:
+        elif (day is None or clock is None) and (moment := _read(MOMENT, value, order)) is not None:
             return StatedStart(time=round(1e6 * moment) * 1000, line=number, with_clock=True)
         elif clock is None:
             clock = _read(CLOCK, value, order)

@@ -10,6 +10,7 @@ from daq import ScaledClock
 from daq.timing import SharedTime
 from monitor.cli.demo.pace import Pace
 from monitor.results.windows import WindowResult
+from monitor.rig.player import _LeashedClock
 
 ORIGIN, WINDOW = 10**18, 20 * 10**9  # ns
 
@@ -45,3 +46,21 @@ def test_a_hold_ends_by_itself(tmp_path: Path) -> None:
     assert world.held
     time.sleep(0.06)
     assert not world.held
+
+
+def test_rig_is_no_faster_after_a_hold(tmp_path: Path) -> None:
+    """It would make up for the hold at twice its speed."""
+    world = SharedTime(tmp_path / "time", ORIGIN)
+    speed, begun = 20.0, time.time_ns()
+    rig = _LeashedClock(ScaledClock(speed=speed, origin_wall=begun, origin=ORIGIN), world)
+    world.hold(60.0)
+    time.sleep(0.2)
+    rig.step(0)
+    held = rig.now()
+    world.hold(0.0)
+    since = time.time_ns()
+    for _ in range(20):
+        time.sleep(0.005)
+        rig.step(0)
+    passed = time.time_ns() - since
+    assert 0 < rig.now() - held < 1.1 * speed * passed

@@ -1,13 +1,25 @@
 """Modes of frequency responses: a chain with two close modes, deviations as statistics, and a measured frame."""
 
 import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from daq import FloatArray
-from oma import ComplexArray, IdentificationError, ModalEstimate, fit_resonance, identify_responses, mac_matrix
+from oma import (
+    ComplexArray,
+    IdentificationError,
+    ModalEstimate,
+    fit_resonance,
+    identify_responses,
+    identify_responses_all,
+    mac_matrix,
+)
+from oma.responses.lines import Lines
+from oma.responses.resonance_fit import fitted_modes
+from oma.responses.stable_poles import StablePole
 from tests.measured.three_storeys import BANDS
 
 REAL = os.environ.get("MODALWATCH_REAL_DATA")
@@ -72,11 +84,51 @@ def test_noise_alone_is_no_mode() -> None:
         identify_responses(LINE, noise, CHANNELS)
 
 
+def test_lines_and_channels_of_zeros_are_left_out() -> None:
+    """As of an analyser that blanks lines, and of a sensor that is not connected."""
+    response = responses((0,))
+    response[:60], response[400], response[:, 2] = 0.0, 0.0, 0.0
+    found = identify_responses_all(LINE, response, CHANNELS)
+    assert found.silent == ("c",)
+    assert found.estimate.channels == tuple("abdef")
+    assert found.record_seconds == pytest.approx(20.0)
+    np.testing.assert_allclose(found.estimate.frequency, FREQUENCY, rtol=1e-4)
+    shape = np.delete(SHAPE, 2, axis=1).astype(complex)
+    assert (np.diag(mac_matrix(found.estimate.shape, shape)) > 0.999).all()
+    assert found.agreement.min() > 0.999
+
+
+def test_response_of_zeros_has_no_agreement() -> None:
+    """As of a model whose motion in one plane is not driven by a force in the other."""
+    response = responses((0, 3))
+    response[:, 1, 0] = 0.0
+    agreement = identify_responses_all(LINE, response, CHANNELS).agreement
+    assert np.argwhere(np.isnan(agreement)).tolist() == [[1, 0]]
+
+
+def test_storage_is_proportional_to_the_lines() -> None:
+    """A square matrix of the lines of this mode has 236 MB."""
+    line = np.arange(190.0, 310.0, 1 / 32)
+    ratio = line / 250
+    response = np.array(-(ratio**2) / (1 - ratio**2 + 0.08j * ratio), np.complex128)[:, None, None]
+    lines = Lines(frequency=line, response=response, spacing=1 / 32, decay=0.0)
+    tracemalloc.start()
+    try:
+        (found,) = fitted_modes([StablePole(frequency=250.0, damping=0.04, support=1.0)], lines)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert found.damping == pytest.approx(0.04, rel=1e-6)
+    assert peak < 20e6
+
+
 def test_invalid_arguments_are_refused() -> None:
     with pytest.raises(ValueError, match="response: expected"):
         identify_responses(LINE, responses((0,))[:, :, 0], CHANNELS)
     with pytest.raises(ValueError, match="evenly spaced"):
         identify_responses(LINE**2, responses((0,)), CHANNELS)
+    with pytest.raises(ValueError, match="expected finite values from 2 to 58 Hz"):
+        identify_responses(LINE, responses((0,)) * np.nan, CHANNELS, (2.0, 58.0))
     with pytest.raises(IdentificationError, match="expected 60 lines"):
         identify_responses(LINE, responses((0,)), CHANNELS, (10.0, 11.0))
 

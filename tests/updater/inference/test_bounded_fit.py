@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from daq import FloatArray, IndexArray
 from updater.inference import fit
-from updater.inference.laplace_fit import Point
+from updater.inference.laplace_fit import Point, _adopt
 
 PRIOR = np.array([10.0, 20.0, 5.0])
 # the second parameter makes up for the first: without bounds it is far off
@@ -123,3 +123,15 @@ def test_left_out_alternatives_have_zero_probability(linear: Any) -> None:
     assert some.probability[1] == 0
     assert some.probability[[0, 2]] == pytest.approx(found.probability[[0, 2]] / found.probability[[0, 2]].sum())
     assert some.best != 1
+
+
+def test_effect_whose_rows_change_in_a_fit_is_refused() -> None:
+    """A row per alternative that comes later would not be taken over."""
+    theta, cost = np.zeros((2, 1)), np.ones((2, 1))
+    first = Point(theta.copy(), SimpleNamespace(mass=np.zeros((1, 3))), SimpleNamespace(), cost)  # type: ignore[arg-type]
+    later = Point(theta + 1, SimpleNamespace(mass=np.ones((2, 3))), SimpleNamespace(), 0 * cost)  # type: ignore[arg-type]
+    both = np.arange(2), np.ones(2, bool)
+    with pytest.raises(ValueError, match=r"Effect\.mass: expected 1 rows, as at the start of the fit, found 2"):
+        _adopt(first, later, *both)
+    with pytest.raises(ValueError, match=r"Effect\.mass: expected 2 rows, as at the start of the fit, found 1"):
+        _adopt(later, first, *both)

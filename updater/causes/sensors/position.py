@@ -97,8 +97,9 @@ class SensorPosition(Chain):
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return the place at which the sensor is, and its channels."""
-        row, (value, std) = fit.best, self._shift(fit)
-        member, place = self.members[row], self.stated[row] + value
+        row, of_place = fit.best, np.ix_(self._of_place, self._of_place)
+        member, place = self.members[row], self._place(fit.best, fit.theta[fit.best])
+        std = float(np.sqrt(fit.covariance[row][of_place].sum()))
         ends = np.clip(place + _HALF_REGION * std * np.array([-1.0, 1.0]), 0.0, member.length)
         return Where(
             member=member.name,
@@ -109,26 +110,28 @@ class SensorPosition(Chain):
         )
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return how far the sensor is from the stated place, positive towards the end of the member."""
-        value, std = self._shift(fit)
-        found = {"shift": Quantity(value=value, std=std, unit="m")}
+        """Return how far the sensor is from its first place, positive towards the end of the member."""
+        row, theta, variance = fit.best, fit.theta[fit.best], np.diag(fit.covariance[fit.best])
+        shift = float(self.sense[row] * min(theta[0], self._most[row]))
+        found = {"shift": Quantity(value=shift, std=float(np.sqrt(variance[0])), unit="m")}
         if len(self.prior_std) > 1:
-            mass, variance = fit.theta[fit.best, 1], fit.covariance[fit.best, 1, 1]
-            found["moved_mass"] = Quantity(value=float(mass), std=float(np.sqrt(variance)), unit="kg")
+            found["moved_mass"] = Quantity(value=float(theta[1]), std=float(np.sqrt(variance[1])), unit="kg")
         return found
 
-    def _shift(self, fit: "Fit[Cause]") -> tuple[float, float]:
-        row = fit.best
-        return self._along(row, fit.theta[row]), float(np.sqrt(fit.covariance[row, 0, 0]))
+    @property
+    def _of_place(self) -> IndexArray:
+        """Parameters whose sum is the distance from the stated place: the shift, and the error of the first place."""
+        return np.arange(0, len(self.prior_std), 2)
 
-    def _along(self, row: int, theta: FloatArray) -> float:
-        """Return the distance towards the end of the member [m], no farther than it."""
-        return float(self.sense[row] * min(theta[0], self._most[row]))
+    def _place(self, row: int, theta: FloatArray) -> float:
+        """Return the distance from the member's start [m], on the member."""
+        distance = self.stated[row] + self.sense[row] * theta[self._of_place].sum()
+        return float(np.clip(distance, 0.0, self.members[row].length))
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the place of the sensors; their mass is one on at that place, and one off where they were."""
-        member, before = self.members[row], float(self.stated[row])
-        here, at = (vector(np.round(member.point(s), 6)) for s in (before, before + self._along(row, theta)))
+        places = float(self.stated[row]), self._place(row, theta)
+        here, at = (vector(np.round(self.members[row].point(place), 6)) for place in places)
         if len(theta) > 1 and theta[1] > _LEAST_MASS * self.prior_std[1]:
             mass = float(np.round(theta[1], 6))
             structure = structure.with_bodies([Body(at=at, mass=mass), Body(at=here, mass=-mass)])

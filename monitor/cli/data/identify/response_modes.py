@@ -98,9 +98,9 @@ def _as_json(
             mode_json(found.estimate, i, _partner(model, i), {}) | {"modal_mass": _mass_json(found, i)}
             for i in range(found.estimate.n_modes)
         ],
-        "channels": dict.fromkeys(found.estimate.channels, "ok"),
+        "channels": dict.fromkeys(found.estimate.channels, "ok") | dict.fromkeys(found.silent, "zero in all lines"),
         "agreement": {
-            channel: dict(zip(found.forces, values, strict=True))
+            channel: {force: x if np.isfinite(x) else None for force, x in zip(found.forces, values, strict=True)}
             for channel, values in zip(found.estimate.channels, found.agreement.tolist(), strict=True)
         },
         "method": {
@@ -130,8 +130,10 @@ def _say(path: Path, found: ResponseIdentification, model: "ModelModes | None") 
     console.print(_table(title, found, model))
     low, high = found.band
     console.print(f"band: {low:.4g} to {high:.4g} Hz; lines of {1 / found.record_seconds:.4g} Hz")
-    console.print(f"measured responses and those of the modes: lowest FRAC {found.agreement.min():.4f}")
+    console.print(f"measured responses and those of the modes: lowest FRAC {np.nanmin(found.agreement):.4f}")
     notes = []
+    if found.silent:
+        notes.append(f"! left out, zero in all lines: {escape(', '.join(found.silent))}")
     if (mpc(estimate.shape) < LOW_MPC).any():
         notes.append(f"! MPC below {LOW_MPC:g}: the channels do not move in phase")
     if any(p and p.mac < LOW_MAC for p in (_partner(model, i) for i in range(estimate.n_modes))):

@@ -23,6 +23,7 @@ from updater import (
 )
 from updater.causes.sensors.position import propose_sensor_position
 from updater.inference import Comparison, compare, fit
+from updater.quantities import Vector
 from updater.structure import Sensor
 
 TRACK = np.arange(8)
@@ -40,11 +41,12 @@ def test_written_file_has_the_place_and_needs_no_further_cause() -> None:
     shift, mass = cause.parameters["shift"], cause.parameters["moved_mass"]
     assert abs(shift.value - hidden.parameters["shift"]) < 4 * shift.std
     assert 0.008 - 4 * mass.std < mass.value < 0.015 + 4 * mass.std  # of the accelerometers of the specimen [kg]
+    assert cause.where.position is not None
     assert loop.written is not None
     stated = {s.channel: np.array(s.at) for s in structure_of("").sensor}
     for sensor in loop.written.sensor:
-        off = np.linalg.norm(np.subtract(sensor.at, stated[sensor.channel]))
-        assert off == pytest.approx(abs(shift.value) * (sensor.channel in hidden.channels), abs=1e-6)
+        place = np.array(cause.where.position) if sensor.channel in hidden.channels else stated[sensor.channel]
+        np.testing.assert_allclose(np.array(sensor.at), place, atol=1e-5)  # written as fitted with other causes
     gain = loop.found.explained.diagnosis.gain
     assert gain is not None
     assert gain.heldout
@@ -97,18 +99,40 @@ def _axes(place: str) -> tuple[str, str]:
 
 
 @pytest.mark.thorough
-def test_shift_is_in_its_interval_nineteen_times_in_twenty() -> None:
-    """Sizes of 2 to 20 cm by turns: as many within 95 % as a binomial law leaves in 999 of 1,000 series."""
-    within, right, n = 0, 0, 25
+def test_shift_and_place_are_in_their_intervals_nineteen_times_in_twenty() -> None:
+    """Sizes of 2 to 20 cm by turns: as many within 95 % as a binomial law leaves in 999 of 1,000 series.
+
+    Devices are 2 mm off their stated places before they are moved, which is in the region, and not in the shift. Of
+    these 25, 22 are right: a shift of 12 or 20 cm of a device that is turned by a degree may be refused, or be one of
+    two causes.
+    """
+    shifted, placed, right, n = 0, 0, 0, 25
     for seed in range(4_711_000, 4_711_000 + n):
         case = drawn(SHIFTS[seed % len(SHIFTS)], seed, file=False)
         found = answer(case)
         judged = score(found, case.done.hidden, case.kind, near=case.near)
         right += judged.outcome == "right"
-        std = found["causes"][0]["parameters"]["shift"]["std"] if "shift" in judged.errors else np.nan
-        within += abs(judged.errors.get("shift", np.inf)) < 1.96 * std
-    assert right >= n - 1
-    assert within >= binom.ppf(1e-3, n, 0.95)
+        if "shift" in judged.errors:
+            (cause,), (hidden,) = found["causes"], case.done.hidden
+            shifted += abs(judged.errors["shift"]) < 1.96 * cause["parameters"]["shift"]["std"]
+            placed += _within(cause["where"]["region"][0], hidden.position)
+    assert right >= n - 5
+    assert shifted >= binom.ppf(1e-3, n, 0.95)
+    assert placed >= binom.ppf(1e-3, n, 0.95)
+
+
+def _within(region: tuple[Vector, Vector], position: Vector | None) -> bool:
+    assert position is not None
+    begin, end = np.array(region)
+    return bool(0 <= (position - begin) @ (end - begin) <= (end - begin) @ (end - begin))
+
+
+def test_region_contains_the_error_of_the_first_place() -> None:
+    """The place is the stated one, its error and the shift, which are correlated."""
+    case = drawn(0.02, 4_800_000, file=False)
+    (cause,), (hidden,) = answer(case)["causes"], case.done.hidden
+    assert _within(cause["where"]["region"][0], hidden.position)
+    assert cause["where"]["position_std"] > cause["parameters"]["shift"]["std"]
 
 
 def test_single_channel_near_the_foot_is_ambiguous_with_its_gain() -> None:
