@@ -1,5 +1,6 @@
 import pytest
 
+from daq.notebook import number_text, rounded_text
 from monitor.text.quantities import aligned_numbers
 
 
