@@ -25,14 +25,36 @@ def notebook_extra() -> Iterator[None]:
         ) from error
 
 
-def number_text(value: float, std: float) -> str:
-    """Return a value and its standard deviation, rounded to its first digit, or its second if the first is 1 or 2."""
+def number_text(value: float, std: float, *, sign: bool = False) -> str:
+    """Return a value and its standard deviation, rounded to its first digit, or its second if the first is 1 or 2.
+
+    With `sign` a positive value has a sign, too.
+    """
     if not (math.isfinite(std) and std > 0):
-        return f"{value:.4g}"
+        return rounded_text(value, std, sign=sign)
+    digits = _decimals(std)
+    return f"{rounded_text(value, std, sign=sign)} ± {round(std, digits):.{max(0, digits)}f}"
+
+
+def rounded_text(value: float, std: float, *, sign: bool = False) -> str:
+    """Return a value with the decimals that `number_text` gives it, without its standard deviation.
+
+    Parameters
+    ----------
+    value, std : value and its standard deviation; four digits if that is not known
+    sign : whether a positive value has a sign, too
+    """
+    plus = "+" if sign else ""
+    if not (math.isfinite(std) and std > 0):
+        return f"{value:{plus}.4g}"
+    digits = _decimals(std)
+    return f"{round(value, digits) + 0.0:{plus}.{max(0, digits)}f}"  # no minus before 0
+
+
+def _decimals(std: float) -> int:
+    """Return the decimals to round to, negative before the point."""
     power = math.floor(math.log10(std))
-    digits = -power + (std < 2.95 * 10.0**power)
-    shown = max(0, digits)
-    return f"{round(value, digits) + 0.0:.{shown}f} ± {round(std, digits):.{shown}f}"  # no minus before 0
+    return -power + (std < 2.95 * 10.0**power)
 
 
 def utc_text(time: int) -> str:

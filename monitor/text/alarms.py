@@ -1,5 +1,6 @@
 """Texts on changes of the alarm."""
 
+from daq.notebook import number_text
 from monitor.detection.alarm import Change
 from monitor.results.service_events import AcceptanceUndone, Acknowledged
 from monitor.results.windows import AcceptedShift, WindowResult
@@ -73,7 +74,8 @@ def _hidden(change: AcceptedShift) -> list[int]:
 
 
 def _moved(change: AcceptedShift, mode: int) -> str:
-    return f"{change.shift_percent[mode]:+.2f} ± {change.shift_std_percent[mode]:.2f} %"
+    shift, std = change.shift_percent[mode], change.shift_std_percent[mode]
+    return "not identified" if shift is None else f"{number_text(shift, std or 0.0, sign=True)} %"
 
 
 def _modes(tracks: list[int]) -> str:

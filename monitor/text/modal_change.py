@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 
+from daq.notebook import number_text, rounded_text
 from monitor.results.windows import ModalChange, ModalQuantity, ModeChange
 
 _MAX_LISTED = 4  # modes per quantity
@@ -46,10 +47,11 @@ def _largest(change: ModalChange) -> str:
 
 
 def _shift_text(mode: ModeChange) -> str:
-    return f"mode {mode.id} ({mode.frequency:.4g} Hz) {mode.shift_percent:+.2f} ± {mode.shift_std_percent:.2f} %"
+    shift = number_text(mode.shift_percent, mode.shift_std_percent, sign=True)
+    return f"mode {mode.id} ({mode.frequency:.4g} Hz) {shift} %"
 
 
 def _damping_text(mode: ModeChange) -> str:
     """Return damping before and now, in per cent of critical damping."""
     before, now, std = 100 * mode.damping, 100 * (mode.damping + mode.damping_shift), 100 * mode.damping_shift_std
-    return f"mode {mode.id} from {before:.2f} to {now:.2f} ± {std:.2f} %"
+    return f"mode {mode.id} from {rounded_text(before, std)} to {number_text(now, std)} %"

@@ -16,9 +16,13 @@ _ALIKE = 0.9  # MAC at the sensors of two modes that are as good as one
 
 
 def seen_by(model: Model, modes: Modes) -> FloatArray:
-    """Return each mode's largest motion at a sensor over its largest anywhere (n_modes,) [-]."""
+    """Return each mode's largest motion at a sensor over its largest at a node (n_modes,) [-], at most 1.
+
+    A sensor beside the axis of a member that turns may move more than any node: its mode is fully visible, too.
+    """
     at_sensors = model.sensor_rows @ modes.shape
-    return np.asarray(np.abs(at_sensors).max(axis=0, initial=0.0) / largest_motion(model, modes))
+    ratio = np.abs(at_sensors).max(axis=0, initial=0.0) / largest_motion(model, modes)
+    return np.asarray(np.minimum(ratio, 1.0))
 
 
 def largest_motion(model: Model, modes: Modes) -> FloatArray:

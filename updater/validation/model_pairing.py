@@ -32,6 +32,7 @@ class ModelModes:
     frequency: FloatArray  #: (n,) of those that the channels see [Hz]
     shape: FloatArray  #: (n, n_channels)
     dof_shape: FloatArray  #: (n_dofs, n) shapes at the degrees of freedom [1/sqrt(kg)]
+    measured: FloatArray  #: (n_modes,) frequencies of the measured modes [Hz]
     pairs: IndexArray  #: (n_modes,) partner of each measured one, or -1
     mac: FloatArray  #: (n_modes, n) of measured ones with the model's
     comac: FloatArray  #: (n_channels,) over the pairs; NaN where there are none
@@ -46,6 +47,11 @@ class ModelModes:
         """Return the partner of a measured mode."""
         k = int(self.pairs[mode])
         return None if k < 0 else ModelPartner(float(self.frequency[k]), float(self.mac[mode, k]))
+
+    def nearest(self, mode: int) -> ModelPartner:
+        """Return the model's mode that is most like a measured one, which need not be paired with it."""
+        k = int(np.argmin(1 - self.mac[mode] + np.abs(np.log(self.measured[mode] / self.frequency))))
+        return ModelPartner(float(self.frequency[k]), float(self.mac[mode, k]))
 
 
 def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
@@ -70,6 +76,7 @@ def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
         frequency=frequency,
         shape=shape,
         dof_shape=modes.shape[:, seen],
+        measured=estimate.frequency,
         pairs=pairs,
         mac=mac_matrix(estimate.shape, shape),
         comac=agreement,

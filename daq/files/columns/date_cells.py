@@ -5,11 +5,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, time
 
+from daq.files.columns.month_names import numeric_date
+
 DATE_ORDERS = ("dmy", "mdy")  #: day first, or month first
 
 _DOTTED = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4}|\d{2})(?=$|[\s,.T])")  # 31.01.2026: the day is first
 _SLASHED = re.compile(r"(\d{1,2})/(\d{1,2})/(\d{4}|\d{2})(?=$|[\s,.T])")  # day or month first
-_YEAR_FIRST = re.compile(r"(\d{4})[/.](\d{1,2})[/.](\d{1,2})(?=$|[\s,.T])")
+_YEAR_FIRST = re.compile(r"(\d{4})[/.年](\d{1,2})[/.月](\d{1,2})日?(?=$|[\s,.T])")
 _CLOCK = re.compile(
     r"(?P<head>(?:.*\S)?[\s,.T]+)?(?P<hour>\d{1,2})(?P<rest>:\d\d[\d:.,]*)\s*(?P<half>[AP]\.?M\.?)?(?P<zone>\S*)",
     re.IGNORECASE,
@@ -69,7 +71,9 @@ def _clock(text: str, _: str | None) -> float:
 def _iso(text: str, order: str | None) -> str:
     """Return a date, perhaps with a time, in ISO 8601."""
     plain = text.strip()
-    if "." not in plain[:5] and "/" not in plain[:5]:
+    if plain[4:5] != "-":
+        plain = numeric_date(plain)
+    if not any(mark in plain[:5] for mark in "./年"):
         ready = len(plain) < 11 or plain[10] == "T" or (plain[13:14] == ":" and plain[-1] not in "Mm.")
         return plain if ready else _two_digit_hour(plain)
     plain = _YEAR_FIRST.sub(lambda f: _date(f[1], f[2], f[3]), plain, count=1)

@@ -15,6 +15,7 @@ from typing import Literal
 
 from daq.errors import DataError
 from daq.files.columns.headings import parted
+from daq.files.columns.month_names import numeric_date
 from daq.files.columns.time_column import TIME_UNITS
 from daq.files.columns.units import TEMPERATURES, parse_unit, plain
 from daq.files.tables.preamble import Line, stated_rate
@@ -25,7 +26,7 @@ _DELIMITERS = ("\t", ";", ",", None)  # None is white space
 _MISSING = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---"}
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|[-+]?(inf|infinity)", re.IGNORECASE)
 _DATE = re.compile(
-    r"(?=\d)(\d{1,4}[-./]\d{1,2}[-./]\d{1,4})?[\sT,]*"
+    r"(?=\d)(\d{1,4}[-./年]\d{1,2}[-./月]\d{1,4}日?)?[\sT,]*"
     r"(\d{1,2}:\d{2}(:\d{2})?([.,:]\d+)?\s*([AP]\.?M\.?)?\s*(Z|UTC|[-+]\d\d:?\d\d)?)?",
     re.IGNORECASE,
 )
@@ -250,7 +251,7 @@ def kind_of(cell: str, delimiter: str | None) -> Kind:
         return "text"
     if _NUMBER.fullmatch(text) and not (delimiter == "," and "," in text):
         return "value"
-    return "value" if _DATE.fullmatch(text) else "text"
+    return "value" if _DATE.fullmatch(numeric_date(text)) else "text"
 
 
 def missing(cell: str) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed
+from daq.files.columns.month_names import with_numeric_month
 from daq.files.columns.time_column import TIME_UNITS
 
 Line = tuple[int, str]  # number, counted from 1, and text
@@ -19,7 +20,9 @@ _STEP = re.compile(
     r"(?P<step>\d[\d.,]*(e[-+]?\d+)?)\W*(?P<unit>ms|us|s|sec)?\b.*",
     re.IGNORECASE,
 )
-_LABELLED = re.compile(r"(?P<label>[^\d:;=,\t]{0,60}(?:\bT0)?)[\s:;=,]+(?P<value>\d.*)", re.IGNORECASE)
+_LABELLED = re.compile(
+    r"(?P<label>[^\d:;=,\t]{0,60}(?:\bT0)?)[\s:;=,]+(?:[^\W\d_]{2,12}\.?,?\s+)?(?P<value>\d.*)", re.IGNORECASE
+)
 _STARTS = re.compile(  # in English, German, French, Spanish, Italian, Portuguese, Dutch and the languages of the north
     r"\b(t0|(start|mess|measurement|acquisition|record\w*|test|trigger|aufnahme)?"
     r"(date|datum|fecha|data|dato|time|timestamp|zeit|uhrzeit|zeitpunkt|heure|hora|ora|tijd|tid|start|begin\w*))\b",
@@ -104,7 +107,7 @@ def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | U
 
 def _start_value(text: str) -> str:
     """Return the value of a line whose label is that of a date or a time of day; empty for another line."""
-    found = _LABELLED.match(text[:_MAX_LENGTH].replace('"', "").lstrip("# "))
+    found = _LABELLED.match(with_numeric_month(text[:_MAX_LENGTH].replace('"', "")).lstrip("# "))
     if not found or not _STARTS.search(found["label"]) or _OTHER_TIMES.search(found["label"]):
         return ""
     return _DASHED.sub(r"\1/\2/\3", re.sub(r"[;\s]+", " ", found["value"]).strip(" ,"))

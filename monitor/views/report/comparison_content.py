@@ -3,7 +3,7 @@
 from functools import partial
 from typing import Any
 
-from daq.notebook import number_text
+from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiscrepancyResult, ModeComparison, SensorComparison
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
@@ -50,9 +50,11 @@ def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None
 
 
 def _mode(mode: ModeComparison) -> dict[str, str]:
-    row = {"simulated": optional(mode.simulated, ".3f"), "measured": optional(mode.measured, ".3f")}
+    row = {"simulated": _hertz(mode, mode.simulated), "measured": _hertz(mode, mode.measured)}
     row |= {"off": "", "sigmas": "", "mac": optional(mode.mac, ".4f"), "mac_after": optional(mode.mac_after, ".4f")}
-    row["off_after"] = optional(mode.off_percent_after, "+.3f")
+    row["off_after"] = ""
+    if mode.off_percent_after is not None:
+        row["off_after"] = rounded_text(mode.off_percent_after, mode.std_percent or 0.0, sign=True)
     if mode.off_percent is not None and mode.std_percent is not None:
         row["off"] = number_text(mode.off_percent, mode.std_percent)
         row["sigmas"] = f"{mode.off_percent / mode.std_percent:+.1f}"
@@ -63,6 +65,11 @@ def _mode(mode: ModeComparison) -> dict[str, str]:
     if not mode.compared:
         row["simulated"] = f"{MARK} {row['simulated']}"
     return row
+
+
+def _hertz(mode: ModeComparison, value: float | None) -> str:
+    """Return a frequency with the digits of the measured one; empty for none."""
+    return "" if value is None else rounded_text(value, 0.01 * (mode.std_percent or 0.0) * (mode.measured or 0.0))
 
 
 def _worst(sensors: tuple[SensorComparison, ...]) -> str:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from daq import LogExcerpt
 from daq.log import files_of
-from daq.notebook import number_text
+from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
@@ -218,7 +218,7 @@ def _mode_change(mode: ModeChange) -> dict[str, str]:
         "id": str(mode.id),
         "frequency": f"{mode.frequency:.4g}",
         "shift": _number(mode.shift_percent, mode.shift_std_percent),
-        "damping": f"{100 * mode.damping:.2f}",
+        "damping": rounded_text(100 * mode.damping, 100 * mode.damping_shift_std),
         "damping_shift": _number(100 * mode.damping_shift, 100 * mode.damping_shift_std),
         "mac": f"{mode.mac:.4f}" if np.isfinite(mode.mac) else "",
         "changed": ", ".join(mode.changed),

@@ -9,6 +9,7 @@ import pytest
 
 from daq import DataError, DataOptions, read_data, read_measured
 from daq.files import Calibration, parse_sensitivity, parse_unit, read_calibration
+from daq.files.columns.month_names import month_of
 from daq.files.tables.preamble import StatedStart, stated_start
 
 G = 9.80665
@@ -87,6 +88,9 @@ def test_labview_table_without_times_has_the_rate_of_its_preamble(tmp_path: Path
         ("Date de d\u00e9but: 01/02/2026", "dmy", "2026-02-01T00:00:00"),
         ('"Messbeginn:";"2026-02-01T12:00:00+01:00"', None, "2026-02-01T11:00:00"),
         ("# Date: 2026-02-01", None, "2026-02-01T00:00:00"),
+        ("Date: Sun, 1 Feb 2026", None, "2026-02-01T00:00:00"),
+        ("Start time: February 1, 2026 3:07:09 PM", None, "2026-02-01T15:07:09"),
+        ("Datum;27. M\u00e4rz 2026\nUhrzeit;9:05:00", None, "2026-03-27T09:05:00"),
         ("Export date: 2026-02-01\nKalibrierung Datum: 2026-01-01\nMesszeit: 300 s", None, "1970-01-01T00:00:00"),
         ("Date de d\u00e9but: 01/02/2026", None, "1970-01-01T00:00:00"),
     ],
@@ -296,6 +300,15 @@ def test_compressed_tables_and_single_arrays(tmp_path: Path) -> None:
         ("01/02/2026 12:00:{:02d}.{:03d}", "dmy"),
         ("2/1/2026 12:00:{:02d}.{:03d} PM", "mdy"),
         ("02/01/2026, 12:00:{:02d}.{:03d} pm", "mdy"),
+        ("1 Feb 2026 12:00:{:02d}.{:03d}", None),
+        ("1. Feb. 2026 12:00:{:02d},{:03d}", None),
+        ("01-FEB-26 12:00:{:02d}.{:03d} PM", None),
+        ("1 de febrero de 2026 12:00:{:02d},{:03d}", None),
+        ("1er f\u00e9vr. 2026, 12:00:{:02d}.{:03d}", None),
+        ("Feb 1, 2026, 12:00:{:02d}.{:03d} PM", None),
+        ("Sunday, February 1, 2026 12:00:{:02d}.{:03d}", None),
+        ("Sun Feb  1 12:00:{:02d}.{:03d} 2026", None),
+        ("2026\u5e742\u67081\u65e5 12:00:{:02d}.{:03d}", None),
     ],
 )
 def test_dates_of_other_countries(tmp_path: Path, form: str, order: str | None) -> None:
@@ -305,6 +318,24 @@ def test_dates_of_other_countries(tmp_path: Path, form: str, order: str | None) 
     found = read_data(path, date_order=order)
     assert (found.start, found.rate) == (START, 100.0)
     np.testing.assert_array_equal(found.data[:, 0], DATA[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("names", "month"),
+    [
+        ("Jan jan. enero GEN Stycznia", 1),
+        ("mar M\u00e4rz mars mrt. Mar\u00e7o maart", 3),
+        ("may mai mag. mei maj", 5),
+        ("jun juin giu", 6),
+        ("jul juil. lug", 7),
+        ("ao\u00fbt ago sierpnia", 8),
+        ("out. ott okt pa\u017adziernika", 10),
+        ("dic D\u00e9c. dez des gru", 12),
+        ("jui ma Mode Channel", None),
+    ],
+)
+def test_month_names_of_many_languages(names: str, month: int | None) -> None:
+    assert [month_of(name.rstrip(".")) for name in names.split()] == [month] * len(names.split())
 
 
 def test_order_of_day_and_month_follows_from_a_day_after_the_twelfth(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_course_of_a_change_is_found(name: str) -> None:
     value = np.log([10.0, 12.0, 31.0, 47.0, 60.0]) - np.outer(share, change)
     modes = tracked(value + STD * random.standard_normal(value.shape), np.full(value.shape, STD))
     unknown = np.full(N_WINDOWS, np.nan)
-    course = find_course(modes, 120.0 * np.arange(N_WINDOWS), unknown, unknown)
+    course = find_course(modes, 120.0 * np.arange(N_WINDOWS, dtype=np.float64), unknown, unknown)
     assert course is not None
     kind = {"saturating": "gradual", "there and back": "irregular"}.get(name, name)
     assert course.kind == kind
@@ -56,7 +56,7 @@ def test_drift_of_a_single_mode_or_in_few_windows_is_no_course() -> None:
     print("seed 33")
     value = np.log(np.linspace(10, 60, N_MODES)) + STD * random.standard_normal((N_WINDOWS, N_MODES))
     value[:, 2] += 0.01 * np.arange(N_WINDOWS) / N_WINDOWS
-    unknown, time = np.full(N_WINDOWS, np.nan), 120.0 * np.arange(N_WINDOWS)
+    unknown, time = np.full(N_WINDOWS, np.nan), 120.0 * np.arange(N_WINDOWS, dtype=np.float64)
     assert find_course(tracked(value, np.full(value.shape, STD)), time, unknown, unknown) is None
     value += 0.01 * np.arange(N_WINDOWS)[:, None] / N_WINDOWS
     few = tracked(value[::3], np.full((8, N_MODES), STD))

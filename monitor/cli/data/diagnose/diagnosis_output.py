@@ -7,6 +7,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from rich.table import Table
 
+from daq.notebook import rounded_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
 from monitor.results.convert import bare_reference
 from monitor.text.cause_list import listed_causes
@@ -100,8 +101,8 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
         table.add_column(name, justify="right", no_wrap=True)
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "
-        cells = [mark + _or(mode.simulated, ".3f", "none"), _or(mode.measured, ".3f", "not found"), *_off(mode)]
-        cells += [_or(mode.off_percent_after, "+.3f"), _or(mode.mac_after, ".4f")] * after
+        cells = [mark + _hertz(mode, mode.simulated, "none"), _hertz(mode, mode.measured, "not found"), *_off(mode)]
+        cells += [_percent(mode, mode.off_percent_after), _or(mode.mac_after, ".4f")] * after
         table.add_row(*cells, style=None if mode.compared else "dim")
     return table
 
@@ -111,7 +112,18 @@ def _off(mode: ModeComparison) -> list[str]:
         return ["-", "-", "-"]
     sigmas = mode.off_percent / mode.std_percent
     style = ("[red]", "[/]") if abs(sigmas) > _FAR and mode.compared else ("", "")
-    return [f"{mode.off_percent:+.3f}", f"{style[0]}{sigmas:+.1f}{style[1]}", _or(mode.mac, ".4f")]
+    return [_percent(mode, mode.off_percent), f"{style[0]}{sigmas:+.1f}{style[1]}", _or(mode.mac, ".4f")]
+
+
+def _hertz(mode: ModeComparison, value: float | None, missing: str) -> str:
+    """Return a frequency with the digits of the measured one."""
+    if value is None:
+        return missing
+    return rounded_text(value, 0.01 * (mode.std_percent or 0.0) * (mode.measured or 0.0))
+
+
+def _percent(mode: ModeComparison, value: float | None) -> str:
+    return "-" if value is None else rounded_text(value, mode.std_percent or 0.0, sign=True)
 
 
 def _or(value: float | None, form: str, missing: str = "-") -> str:

@@ -1,6 +1,6 @@
 """Modes as a table and as JSON."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +32,7 @@ class Findings:
     windows: Windows
     fused: FusedModes
     partners: "Sequence[ModelPartner | None]"  #: the model's mode of each mode, if any
+    nearest: "Mapping[int, ModelPartner]"  #: for modes without a partner: the model's most similar mode
     asynchrony: Asynchrony | None  #: delays between the channels, if the shapes show any
     change: FrequencyChange | None  #: change of the structure within the records, if the frequencies show any
 
@@ -153,6 +154,13 @@ def _marks(found: Findings) -> Iterator[str]:
         )
     if any(p and p.mac < LOW_MAC for p in found.partners):
         yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
+    for i, near in found.nearest.items():
+        frequency = float(found.fused.estimate.frequency[i])
+        yield (
+            f"- mode {i + 1} is paired with no mode of the model: the most similar one has {near.frequency:.4g} Hz "
+            f"({100 * (near.frequency / frequency - 1):+.0f} %) and a MAC of {near.mac:.3f}; a pair has a MAC of 0.5 "
+            "or more, frequencies at most 30 % apart, and one measured mode per mode of the model"
+        )
     if found.asynchrony:
         from monitor.text.sensors import asynchrony_text  # slow to import
 

@@ -75,6 +75,8 @@ def identify(
     modalwatch identify setup_1.mcap setup_2.mcap --reference top_x --out modes
     modalwatch identify hammer.uff --out modes
     """
+    import numpy as np
+
     from monitor.analysis.modal_table.responses import is_universal
     from monitor.analysis.stationarity import frequency_change
     from monitor.analysis.time_range import time_range
@@ -124,6 +126,7 @@ def identify(
             windows=windows,
             fused=fused,
             partners=[model.partner(i) if model else None for i in range(fused.estimate.n_modes)],
+            nearest={i: model.nearest(i) for i in np.flatnonzero(model.pairs < 0).tolist()} if model else {},
             asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
             change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
         )

@@ -40,7 +40,7 @@ def test_page_shows_modes_sensors_and_locations(tmp_path: Path) -> None:
         "-3.70 ±\u00a00.10",
         "-37.0",
         "not identified",
-        "71.500",
+        "71.5 ",
         "Largest deviation from the simulated shapes: beam_left_z,",
         "8.0 times the expected noise",
         "7.4 % rms.",
