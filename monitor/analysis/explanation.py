@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
-from monitor.analysis.stationarity import of_one_state
+from monitor.analysis.states.stationarity import of_one_state
 from monitor.errors import State, StateError
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.text.diagnosis import diagnosis_answer

@@ -4,8 +4,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from monitor.results.comparison import DiagnosisAnswer
-from monitor.text.quantities import MIN_P, plain
+from daq.notebook import number_text
+from monitor.results.comparison import ChangeRate, DiagnosisAnswer, WithinRecord
+from monitor.text.cause_list import listed_causes
+from monitor.text.causes import cause_text
+from monitor.text.quantities import MIN_P, plain, share_text, utc
 from updater import DiagnosisResult
 from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
 from updater.quantities import SIGNIFICANT
@@ -24,6 +27,7 @@ _SITUATIONS = {
     "sections, of which a loss of stiffness alone is a part. Measure the members' sections, and correct the structure "
     "file.",
 }
+_RATE_UNITS = {"kg": (1000.0, "g"), "-": (100.0, "%")}  # spoken: scale and unit
 
 
 def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = ()) -> DiagnosisAnswer:
@@ -119,3 +123,32 @@ def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:
 
 def _joint(causes: Iterable[str], word: str = " and ") -> str:
     return word.join(map(plain, causes))
+
+
+def within_record_text(found: WithinRecord) -> str:
+    """Return when the structure changed, and which state is diagnosed."""
+    if found.step is not None:
+        when = f"between {utc(found.step[0])} and {utc(found.step[1])}"
+        state = "after this change"
+    else:
+        when = f"gradually; compared are the states at {utc(found.start)} and at {utc(found.end)}"
+        state = f"at {utc(found.end)}"
+    return f"The structure changed while the logs were recorded, {when}. The answer is for the state {state}."
+
+
+def record_change_texts(found: WithinRecord) -> list[str]:
+    """Return the causes of the change within the logs, then its rates."""
+    if not found.causes:
+        nothing = "no known cause explains it" if found.verdict == "unexplained" else "too small to be named"
+        return [f"cause of the change within the logs: {nothing}"]
+    causes = [
+        f"change within the logs: {cause_text(cause)} (probability {share_text(cause.probability)})"
+        for cause in listed_causes(found.causes)
+    ]
+    return causes + [f"mean rate: {rate_text(rate)}" for rate in found.rates]
+
+
+def rate_text(rate: ChangeRate) -> str:
+    """Return a rate with its parameter and standard deviation."""
+    scale, unit = _RATE_UNITS.get(rate.unit, (1.0, rate.unit))
+    return f"{plain(rate.parameter)} {number_text(scale * rate.per_hour, scale * rate.std)} {unit}/h"

@@ -26,9 +26,9 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.detectability import last_detectable
+from monitor.text.diagnosis import record_change_texts, within_record_text
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text, utc
-from monitor.text.record_course import record_change_texts, within_record_text
 from monitor.text.sensors import health_rows
 from monitor.text.trends import standing_trend
 from monitor.text.uncertainty import unsure_ever, unsure_now

@@ -7,7 +7,7 @@ import pytest
 
 from monitor.analysis.explanation import explain
 from monitor.analysis.observation import Observation
-from monitor.analysis.stationarity import step_text
+from monitor.analysis.states.stationarity import step_text
 from monitor.results.windows import AlarmResult, Result
 from monitor.watch.memory import memory_text, parse_memory
 from oma.windows import Windows

@@ -14,9 +14,9 @@ from monitor.analysis.logs import Held, log_channels, log_held
 from monitor.analysis.modal_table.responses import is_universal
 from monitor.analysis.modal_table.table import is_table, read_tables
 from monitor.analysis.observation import Observation, given_up, observe, window_seconds
-from monitor.analysis.record_course import explain_record
 from monitor.analysis.selection import Selection
-from monitor.analysis.stationarity import step_text
+from monitor.analysis.states.record_course import explain_record
+from monitor.analysis.states.stationarity import step_text
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.analysis.trends import trends_beside
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence

@@ -22,8 +22,8 @@ from monitor.text.causes import (
     missed_text,
     model_gain_text,
 )
+from monitor.text.diagnosis import record_change_texts, within_record_text
 from monitor.text.quantities import plain, share_text
-from monitor.text.record_course import record_change_texts, within_record_text
 from monitor.text.sensors import health_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain, Structure

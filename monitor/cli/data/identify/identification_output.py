@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import AnyLog
-from monitor.analysis.stationarity import FrequencyChange
+from monitor.analysis.states.stationarity import FrequencyChange
 from monitor.cli.terminal import console
 from monitor.text.quantities import aligned_numbers
 from oma import ModalEstimate, mpc, mpd

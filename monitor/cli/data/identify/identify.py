@@ -78,7 +78,7 @@ def identify(
     import numpy as np
 
     from monitor.analysis.modal_table.responses import is_universal
-    from monitor.analysis.stationarity import frequency_change
+    from monitor.analysis.states.stationarity import frequency_change
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.identify import identification as work
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes

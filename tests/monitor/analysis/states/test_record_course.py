@@ -5,9 +5,9 @@ import pytest
 
 from monitor.analysis.explanation import Explanation
 from monitor.analysis.observation import Observation
-from monitor.analysis.record_course import explain_record
+from monitor.analysis.states.record_course import explain_record
 from monitor.results.comparison import WithinRecord
-from monitor.text.record_course import record_change_texts, within_record_text
+from monitor.text.diagnosis import record_change_texts, within_record_text
 from tests.examiner.draws import with_lump
 from tests.examiner.models.frame import Lump
 from tests.examiner.models.specimen import State, draw_state

@@ -9,7 +9,7 @@ import numpy as np
 from daq import FloatArray
 from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.observation import Observation
-from monitor.analysis.stationarity import in_order_of_time
+from monitor.analysis.states.stationarity import in_order_of_time
 from monitor.errors import StateError
 from monitor.results.comparison import ChangeRate, CoursePoint, WithinRecord
 from oma import ModalEstimate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from daq import FloatArray, Recording
-from monitor.analysis.stationarity import FrequencyChange, change_point, frequency_change
+from monitor.analysis.states.stationarity import FrequencyChange, change_point, frequency_change
 from oma.windows import identify_windows
 from tests.support.monitor.cli import Commands
 from tests.support.oma.structures import Structure, chain, simulate
