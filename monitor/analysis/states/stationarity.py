@@ -79,7 +79,7 @@ def frequency_change(
 ) -> FrequencyChange | None:
     """Return the largest change of frequencies within windows; None if there is none.
 
-    A stationary record shows one in fewer than one case in a thousand (`tests/monitor/analysis/states/test_stationarity.py`).
+    A stationary record shows one in fewer than one case in a thousand (`test_stationarity.py`).
     Slow drifts, as of temperature, count as well.
 
     Parameters
