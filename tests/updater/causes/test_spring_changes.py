@@ -51,7 +51,7 @@ def spring(connection: Support | Joint, axis: Axis) -> float:
 def of_rows(cause: Springs, rows: list[int]) -> Springs:
     """Return some of the alternatives."""
     arrays: dict[str, Any] = {
-        n: getattr(cause, n)[rows] for n in ("lower", "active", "before_std", "unit", "couple", "begun")
+        n: getattr(cause, n)[rows] for n in ("lower", "active", "before_std", "rigid", "unit", "couple", "begun")
     }
     picked: dict[str, Any] = {n: tuple(getattr(cause, n)[row] for row in rows) for n in ("connections", "axes")}
     return replace(cause, **arrays, **picked)
