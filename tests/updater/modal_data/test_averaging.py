@@ -15,7 +15,7 @@ A, B = CHANNELS[:3], CHANNELS[3:]
 def window(channels: tuple[str, ...], n_modes: int = 4) -> ModalEstimate:
     """Return the first modes of one structure, as measured at some channels."""
     columns = [CHANNELS.index(c) for c in channels]
-    frequency, ones = 10.0 * np.arange(1, n_modes + 1), np.ones(n_modes)
+    frequency, ones = np.linspace(10.0, 10.0 * n_modes, n_modes), np.ones(n_modes)
     shape = np.random.default_rng(3).standard_normal((4, 6))[:n_modes, columns]
     return ModalEstimate(
         channels=channels,
