@@ -17,6 +17,8 @@ from oma.selection import IndexArray
 from oma.tracking.pairing import assign
 from oma.types import ComplexArray, ModalEstimate
 
+_MIN_CHANNELS = 2  # that shapes are compared at
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Tracker:
@@ -48,13 +50,11 @@ class Tracker:
         Returns
         -------
         (n_reference_modes,) array of int
-            Index into the estimate's modes, or -1 where the mode is missing.
-
-        Raises
-        ------
-        ValueError
-            If fewer than two channels are common to both.
+            Index into the estimate's modes, or -1 where the mode is missing; all are if fewer than two channels are
+            common, as in a window without the data of a device.
         """
+        if len(set(self.reference.channels) & set(estimate.channels)) < _MIN_CHANNELS:
+            return np.full(self.reference.n_modes, -1)
         agreement = self._agreement(estimate)
         shift = np.abs(np.log(estimate.frequency / self.reference.frequency[:, None]))
         chance = self._chance(estimate)
@@ -71,10 +71,6 @@ class Tracker:
     def _at_common_channels(self, estimate: ModalEstimate) -> tuple[ComplexArray, ComplexArray]:
         """Return both shapes at the channels that they share."""
         common = [name for name in self.reference.channels if name in estimate.channels]
-        if len(common) < 2:
-            raise ValueError(
-                f"estimate: expected at least 2 of the channels {self.reference.channels}, found {estimate.channels}"
-            )
         ours = [self.reference.channels.index(name) for name in common]
         theirs = [estimate.channels.index(name) for name in common]
         return self.reference.shape[:, ours], estimate.shape[:, theirs]

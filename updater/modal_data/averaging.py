@@ -1,5 +1,6 @@
 """Modes of many windows: identified, tracked and averaged to one estimate."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,6 +20,7 @@ from updater.modal_data.scatter import learn_scatter
 from updater.modal_data.tracked import mean_modes, stack_tracks
 
 MIN_PRESENCE = 0.7  #: share of windows that must show a mode for it to be tracked [-]
+_MIN_CHANNELS = 2  # in common, that shapes of two windows are compared at
 _MODAL = ("frequency", "frequency_std", "damping", "damping_std", "shape", "shape_std", "support", "law_ratio")
 
 
@@ -44,16 +46,29 @@ def choose_tracks(
 
     Returns
     -------
-    seed : the window with the most modes, which names the tracks
+    seed : the window that names the tracks: with the most modes of those that share channels with the most windows
     kept : (n_tracks,) modes of the seed that are seen often enough
     tracks : for each window (n_tracks,) indices into its modes, or -1
     """
-    seed = max(estimates, key=lambda e: e.n_modes)
+    seed = _seed(estimates)
     assigned = np.array([Tracker(reference=seed).assign(e) for e in estimates])
     kept = np.flatnonzero((assigned >= 0).mean(0) >= least_presence)
     if identified and len(kept):
         kept = np.delete(kept, doubles(mean_modes(stack_tracks(estimates, list(assigned[:, kept])))))
     return seed, kept, list(assigned[:, kept])
+
+
+def _seed(estimates: Sequence[ModalEstimate]) -> ModalEstimate:
+    """Return the window with the most modes of those that can be compared with the most windows.
+
+    Windows without data of different devices may have no channel in common.
+    """
+    times = Counter(e.channels for e in estimates)
+    comparable = {
+        channels: sum(n for others, n in times.items() if len(set(channels) & set(others)) >= _MIN_CHANNELS)
+        for channels in times
+    }
+    return max(estimates, key=lambda e: (comparable[e.channels], e.n_modes))
 
 
 def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
@@ -96,7 +111,7 @@ def fuse(estimates: Sequence[ModalEstimate]) -> FusedModes:
 
 def _all_tracks(estimates: Sequence[ModalEstimate]) -> list[IndexArray]:
     """Return the tracks of `choose_tracks`, and of modes that its seed lacks but most windows show, by frequency."""
-    everything = max(estimates, key=lambda e: e.n_modes)
+    everything = _seed(estimates)
     for estimate in estimates:
         if estimate.channels == everything.channels:
             known = Tracker(reference=everything).assign(estimate)

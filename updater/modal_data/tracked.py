@@ -45,7 +45,7 @@ class TrackedModes:
 def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> TrackedModes:
     """Order the modes of windows by track; `tracks` holds for each window (n_tracks,) indices into its modes, or -1.
 
-    Windows that lack channels of the first keep their frequencies and give no shapes.
+    Shapes are of the windows with the most channels of those that show a track; others give frequencies only.
 
     Raises
     ------
@@ -53,7 +53,8 @@ def stack_tracks(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray
         Naming the window and the mode that cannot be right.
     """
     check_windows(estimates, tracks)
-    channels = max((e.channels for e in estimates), key=len)
+    showing = [e.channels for e, track in zip(estimates, tracks, strict=True) if (track >= 0).any()]
+    channels = max(showing or [e.channels for e in estimates], key=len)
     n_windows, n_tracks = len(estimates), len(tracks[0])
     flat = np.full((4, n_windows, n_tracks), np.nan)
     shaped = np.full((3, n_windows, n_tracks, len(channels)), np.nan)

@@ -38,6 +38,7 @@ from updater.structure import (
     physical_unit,
     physical_value,
     place_name,
+    stands_for_rigid,
     welded,
 )
 
@@ -91,6 +92,10 @@ class Calibration:
             if knob.axis == axis and is_of(self.structure, connection, knob):
                 return parameter.std / parameter.value / dict(connection.stiffness.items())[axis]
         return 0.0
+
+    def is_rigid(self, connection: Support | Joint, axis: Axis) -> bool:
+        """Return whether a spring about or along an axis is a stand-in for a connection that the file has rigid."""
+        return any(knob.axis == axis and stands_for_rigid(self.structure, connection, knob) for knob in self.knobs)
 
     def changes(self) -> tuple[ParameterChange, ...]:
         """Return the fitted parameters as they were in the file and as they are fitted."""

@@ -30,19 +30,13 @@ def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structu
     knobs : parameters of the file that the structure was made from
     """
     supports, joints = list(structure.support), list(structure.joint)
-    for knob in (k for k in knobs if is_rigid(k)):
-        least = _NEGLIGIBLE * knob.lower
+    for knob in knobs:
         if knob.kind == "support":
             i = int(knob.target)
-            if _flexibility(structure, supports[i], knob.axis) < least:
+            if stands_for_rigid(structure, supports[i], knob):
                 supports[i] = _held(supports[i], knob.axis)
         else:
-            joints = [
-                _stiffened(joint, knob.axis)
-                if is_of(structure, joint, knob) and _flexibility(structure, joint, knob.axis) < least
-                else joint
-                for joint in joints
-            ]
+            joints = [_stiffened(j, knob.axis) if stands_for_rigid(structure, j, knob) else j for j in joints]
     return structure.model_copy(
         update={
             "support": tuple(supports),
@@ -50,6 +44,19 @@ def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structu
             "segment": tuple(segment for segment in structure.segment if not _does_nothing(segment)),
         }
     )
+
+
+def stands_for_rigid(structure: Structure, connection: Support | Joint, knob: ModelParameter) -> bool:
+    """Return whether a spring is of a connection that the file has rigid, and so stiff that it changes nothing.
+
+    Parameters
+    ----------
+    structure : with the connection
+    knob : parameter of the file
+    """
+    if not (is_rigid(knob) and is_of(structure, connection, knob)):
+        return False
+    return _flexibility(structure, connection, knob.axis) < _NEGLIGIBLE * knob.lower
 
 
 def _flexibility(structure: Structure, connection: Support | Joint, axis: Axis) -> float:

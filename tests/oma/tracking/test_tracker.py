@@ -91,10 +91,13 @@ def test_modes_are_tracked_with_missing_channels() -> None:
     assert Tracker(reference=REFERENCE).assign(fewer).tolist() == list(range(8))
 
 
-def test_unrelated_channels_are_refused() -> None:
-    other = replace(REFERENCE, channels=tuple(f"other_{i}" for i in range(12)))
-    with pytest.raises(ValueError, match="at least 2 of the channels"):
-        Tracker(reference=REFERENCE).assign(other)
+@pytest.mark.parametrize(("n_common", "found"), [(0, [-1] * 8), (1, [-1] * 8), (12, list(range(8)))])
+def test_modes_without_two_common_channels_are_not_assigned(n_common: int, found: list[int]) -> None:
+    other = tuple(f"other_{i}" for i in range(n_common, 12))
+    assert (
+        Tracker(reference=REFERENCE).assign(replace(REFERENCE, channels=REFERENCE.channels[:n_common] + other)).tolist()
+        == found
+    )
 
 
 @pytest.mark.parametrize("seed", few_of([20, 21]))

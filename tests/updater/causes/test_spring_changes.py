@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from monitor.text.causes import change_texts
 from tests.examiner.designs import DESIGNS
 from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated
 from tests.support.thorough import few_of
-from updater import Reference, learn_reference
+from updater import Reference, learn_reference, nominal_reference
 from updater.causes import CATALOGUE, CONNECTIONS, JointHypothesis, SelectedCause, prediction
 from updater.causes.stiffness.connections import Springs
 from updater.fe import build_model
 from updater.inference import Comparison, Fit, compare, fit
-from updater.structure import Axis, Joint, Support, all_knobs, flexibility_unit
+from updater.structure import AXES, Axis, Joint, Support, all_knobs, flexibility_unit
 
 TURNS = ("rx", "ry", "rz")
 
@@ -51,7 +52,7 @@ def spring(connection: Support | Joint, axis: Axis) -> float:
 def of_rows(cause: Springs, rows: list[int]) -> Springs:
     """Return some of the alternatives."""
     arrays: dict[str, Any] = {
-        n: getattr(cause, n)[rows] for n in ("lower", "active", "before_std", "unit", "couple", "begun")
+        n: getattr(cause, n)[rows] for n in ("lower", "active", "before_std", "rigid", "unit", "couple", "begun")
     }
     picked: dict[str, Any] = {n: tuple(getattr(cause, n)[row] for row in rows) for n in ("connections", "axes")}
     return replace(cause, **arrays, **picked)
@@ -176,7 +177,8 @@ def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, 
         assert quantity.std == pytest.approx((stiffer - softer) / 2e-3, rel=1e-4)
         assert quantity.unit == ("N m/rad" if axis in TURNS else "N/m")
         (change,) = (c for c in changes if c.after == parameters[key].value)
-        assert (change.before, change.std, change.unit) == (spring(connection, axis), quantity.std, quantity.unit)
+        before = None if cause.rigid[row, a] else spring(connection, axis)
+        assert (change.before, change.std, change.unit) == (before, quantity.std, quantity.unit)
         assert change.position == connection.at
         assert change.name in {knob.key for knob in all_knobs(reference.structure) if knob.axis == axis}
     where = cause.where(found)
@@ -220,3 +222,30 @@ def test_errors_of_fitted_changes_match_stated_deviations(design: str, name: str
     squares = float(np.sum(np.square(scores)))
     print(f"seed 8: rms {np.sqrt(squares / draws):.2f}, largest {np.abs(scores).max():.1f} of {draws}")
     assert chi2.ppf(1e-4, draws) < squares < chi2.ppf(1 - 1e-4, draws)
+
+
+@pytest.mark.parametrize("name", ["joint_stiffness", "support_stiffness"])
+def test_changed_spring_was_rigid_where_the_file_has_none(name: str) -> None:
+    """The file has clamped feet and rigid joints, the specimen springs: the stand-in's stiffness is not reported."""
+    state = DESIGNS["portal"].draw(40)
+    measured = observation(state, estimated(state, 8, np.random.default_rng(40), noise="law")).modes
+    file = structure_of("portal: ")
+    clamped = tuple(s.model_copy(update={"fixed": AXES, "stiffness": {}}) for s in file.support)
+    reference = nominal_reference(file.model_copy(update={"joint": (), "support": clamped}), measured)
+    data = compare(reference, reference.mean_of(measured))
+    cause = CATALOGUE[name].propose(reference, data)
+    assert isinstance(cause, Springs)
+    changes = cause.changes(fit(data, cause))
+    assert changes
+    for change in changes:
+        assert (change.before, change.before_std, change.relative) == (None, 0.0, None)
+        assert change_texts(change)[0] == "rigid"
+
+
+def test_calibrated_spring_keeps_its_stiffness_before() -> None:
+    """The file states springs: none is a stand-in for a rigid connection."""
+    reference, cause = springs("portal", "joint_stiffness", log_ratio=-2e-2)
+    assert not cause.rigid.any()
+    for change in cause.changes(fit(cause.comparison, cause)):
+        stated = [k for c in reference.structure.joint if c.at == change.position for k in c.stiffness.values()]
+        assert change.before in stated

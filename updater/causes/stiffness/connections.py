@@ -48,6 +48,7 @@ class Springs(Discrete):
     axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
     active: BoolArray  #: (n, 3) of which each alternative changes these
     before_std: FloatArray  #: (n, 3) of the flexibility that each had [rad/(N m)] or [m/N]
+    rigid: BoolArray  #: (n, 3) whether it was a stand-in for a rigid connection
     unit: FloatArray  #: (n, 3) 1 / c of a parameter of one [N m/rad] or [N/m]
     couple: FloatArray  #: (n, 3, n_modes + n_stress) mu, and moments of self-stress; 0 where there is nothing to change
     begun: FloatArray  #: (n, 3) where the fit begins
@@ -98,6 +99,7 @@ class Springs(Discrete):
     def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
         """Return the springs that changed."""
         connection, after = self.connections[fit.best], self.parameters(fit)
+        rigid = dict(zip(self.axes[fit.best], self.rigid[fit.best].tolist(), strict=True))
         return tuple(
             ParameterChange(
                 name=knob.key,
@@ -105,10 +107,10 @@ class Springs(Discrete):
                 of=knob.of,
                 position=connection.at,
                 unit=after[f"stiffness_{knob.axis}"].unit,
-                before=_stiffness(connection)[knob.axis],
+                before=None if rigid[knob.axis] else _stiffness(connection)[knob.axis],
                 after=after[f"stiffness_{knob.axis}"].value,
                 std=after[f"stiffness_{knob.axis}"].std,
-                before_std=self._std_before(fit.best, knob.axis),
+                before_std=0.0 if rigid[knob.axis] else self._std_before(fit.best, knob.axis),
             )
             for knob in all_knobs(self.structure)
             if is_of(self.structure, connection, knob) and f"stiffness_{knob.axis}" in after
@@ -200,6 +202,7 @@ def _springs(
             if np.isfinite(stiffness[i, a]):
                 both[i, a] = modal_spring_force(reference, connection, axis, rows[a])
     before_std = np.array([[reference.calibration.flexibility_std(c, a) for a in axes] for c, axes, _ in sprung])
+    rigid = np.array([[reference.calibration.is_rigid(c, a) for a in axes] for c, axes, _ in sprung])
     which, active = _together(stiffness)
     couple = np.where(active[:, :, None], both[which], 0.0)
     lower = -0.999 * own[which]
@@ -219,6 +222,7 @@ def _springs(
         axes=2 * tuple(sprung[i][1] for i in which),
         active=np.tile(active, (2, 1)),
         before_std=np.tile(before_std[which], (2, 1)),
+        rigid=np.tile(rigid[which], (2, 1)),
         unit=np.tile(unit[which], (2, 1)),
         couple=np.tile(couple, (2, 1, 1)),
         begun=np.concatenate([np.zeros(first.shape), first]),
