@@ -302,11 +302,11 @@ def selected_structure(path: Path, selection: Selection) -> Structure:
     ArgumentError
         Naming a parameter that the structure does not have, or an unknown cause.
     """
-    structure = load_structure(path)
     try:
         allowed_causes(selection.only, selection.without)
     except SelectionError as error:
         raise ArgumentError("--only, --without", str(error)) from error
+    structure = load_structure(path)
     try:
         return selection.of_structure(structure)
     except ValueError as error:
