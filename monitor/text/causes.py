@@ -104,8 +104,15 @@ def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
 
 def _parameter_name(cause: Cause, change: ParameterChange) -> str:
     """Return the quantity, with its place if the cause itself has none."""
-    if cause.where is not None:
-        return change.quantity
+    return _named_quantity(change) if cause.where is None else change.quantity
+
+
+def parameter_change_text(change: ParameterChange) -> str:
+    """Return a parameter of the model with its place or material, before and after."""
+    return f"{_named_quantity(change)} {' -> '.join(change_texts(change))}"
+
+
+def _named_quantity(change: ParameterChange) -> str:
     if change.place:
         return f"{change.quantity} {at_place(change.place)}"
     place = " at ({:g}, {:g}, {:g}) m".format(*change.position) if change.position else ""

@@ -58,6 +58,11 @@ def plain(name: str) -> str:
     return _NAMES.get(name, name.replace("_", " "))
 
 
+def cause_name(words: str) -> str:
+    """Return the name of a cause from its words, as `plain` returns them; a name is returned as it is."""
+    return next((name for name, text in _NAMES.items() if text == words), words.replace(" ", "_"))
+
+
 def share_text(probability: float) -> str:
     """Return a probability in per cent, never rounded to certainty."""
     if probability > _CERTAIN:

@@ -2,7 +2,7 @@
 
 import errno
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -53,6 +53,7 @@ def diagnosis_report(
     structure: Structure | None = None,
     found: DiscrepancyResult | None = None,
     pdf: Path | None = None,
+    facts: Sequence[tuple[str, str]] = (),
 ) -> None:
     """Write the report of a diagnosis alone; errors as for `run_report`.
 
@@ -64,10 +65,11 @@ def diagnosis_report(
     structure : to draw the causes on
     found : comparison of measured and simulated modes, of the same structure
     pdf : of a PDF with the content of the page
+    facts : names and values, shown before the diagnosis
     """
 
     def values() -> dict[str, Any]:
-        return _diagnosis_values(diagnosis, bare_reference(structure) if structure else None, found, title, [])
+        return _diagnosis_values(diagnosis, bare_reference(structure) if structure else None, found, title, facts)
 
     _write(path, "diagnosis.html", values, pdf)
 
@@ -93,7 +95,7 @@ def _diagnosis_values(
     reference: ReferenceResult | None,
     found: DiscrepancyResult | None,
     title: str,
-    facts: list[tuple[str, str]],
+    facts: Sequence[tuple[str, str]],
 ) -> dict[str, Any]:
     content = diagnosis_content(diagnosis, reference, found)
     return {

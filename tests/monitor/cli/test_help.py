@@ -12,9 +12,11 @@ import pytest
 from daq.files import TIME_UNITS as UNITS_OF_TIMES
 from monitor.cli.commands import COMMANDS, command, command_function
 from monitor.cli.options import ANIMATIONS, METHODS, TIME_UNITS
+from monitor.text.quantities import cause_name, plain
 from monitor.views.animation import SUFFIXES
 from oma import METHODS as METHODS_OF_OMA
 from tests.support.monitor.cli import Commands
+from updater.causes import CATALOGUE
 
 CLI = Path(inspect.getfile(command)).parent
 HEAVY = {"numpy", "scipy", "pydantic", "rerun", "rich", "matplotlib", "daq", "oma", "updater"}
@@ -28,6 +30,24 @@ def test_help_describes_each_command(modalwatch: Commands, path: str) -> None:
     assert f"Usage: modalwatch {path} " in done.out
     assert len(done.out.splitlines()[2].strip()) >= len("Summarize a log.")  # a sentence
     assert "\nExample:\n  modalwatch " in done.out
+
+
+def test_help_and_page_of_diagnose_list_the_causes(modalwatch: Commands) -> None:
+    text = " ".join(modalwatch("diagnose", "--help").out.split())
+    listed = text.partition("Names of causes for --only and --without: ")[2].partition(".")[0]
+    assert listed.split(", ") == list(CATALOGUE)
+    page = Path("docs/howto/data/diagnose.md").read_text(encoding="utf-8")
+    assert [name for name in CATALOGUE if f"`{name}`" not in page] == []
+    assert [cause_name(words) for words in map(plain, CATALOGUE)] == list(CATALOGUE)
+
+
+def test_words_of_a_cause_are_accepted_and_an_unknown_one_is_refused_before_files_are_read(
+    modalwatch: Commands,
+) -> None:
+    files = ("no_structure.toml", "no_log.mcap")
+    assert "no_structure.toml" in modalwatch("diagnose", *files, "--only", "dead sensor", "--without", "mesh error").err
+    refused = modalwatch("diagnose", *files, "--only", "local stifness")
+    assert "--only, --without: no cause is named 'local_stifness', did you mean 'local_stiffness'?" in refused.err
 
 
 def test_help_lists_all_commands_aligned_under_their_sections(

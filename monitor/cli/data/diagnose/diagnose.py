@@ -48,8 +48,12 @@ def diagnose(
         Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")
     ] = None,
     json: Json = None,
-    only: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others. Repeatable.")] = None,
-    without: Annotated[list[str] | None, Option(metavar="CAUSE", help="Cause to leave out. Repeatable.")] = None,
+    only: Annotated[
+        list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others (names: see above). Repeatable.")
+    ] = None,
+    without: Annotated[
+        list[str] | None, Option(metavar="CAUSE", help="Cause to leave out (names: see above). Repeatable.")
+    ] = None,
     without_channel: Annotated[
         list[str] | None, Option(metavar="NAME", help="Channel to leave out. Repeatable.")
     ] = None,
@@ -71,6 +75,12 @@ def diagnose(
     --from and --to limit LOG, not the logs of --reference and --held-out. A log that shows both states can be LOG with
     --from and --reference with --reference-to.
 
+    Names of causes for --only and --without: added_mass, global_stiffness, global_density, temperature,
+    sampling_clock, local_stiffness, distributed_mass, axial_force, support_spring, attached_oscillator, mesh_error,
+    model_parameters, damping_change, amplitude_softening, support_stiffness, joint_stiffness, sensor_gain,
+    sensor_polarity, sensor_swap, sensor_orientation, sensor_position, sensor_delay, sensor_dead. The words of an
+    answer, such as 'dead sensor', are accepted too.
+
     Example:
     modalwatch diagnose structure.toml now.mcap --reference before.mcap --out found
     """
@@ -79,6 +89,7 @@ def diagnose(
     from monitor.cli.data.diagnose.bounds import bound_of
     from monitor.cli.data.diagnose.diagnosis import Logs, diagnose_logs
     from monitor.errors import ArgumentError
+    from monitor.text.quantities import cause_name
 
     named = Logs(
         current=logs,
@@ -92,8 +103,8 @@ def diagnose(
         if not hertz > 0:
             raise ArgumentError("--without-mode", f"expected a positive frequency in Hz, found {hertz:g}")
     selection = Selection(
-        only=tuple(only or ()),
-        without=tuple(without or ()),
+        only=tuple(map(cause_name, only or ())),
+        without=tuple(map(cause_name, without or ())),
         without_channels=tuple(without_channel or ()),
         without_modes=tuple(without_mode or ()),
         fixed=tuple(fix or ()),

@@ -19,6 +19,7 @@ from monitor.analysis.states.record_course import explain_record
 from monitor.analysis.states.stationarity import step_text
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.analysis.trends import trends_beside
+from monitor.cli.data.diagnose.basis import calibration_facts, log_facts
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.diagnose.held_out import check_independent
 from monitor.cli.data.structure.parameters_output import changes_table
@@ -54,6 +55,7 @@ def draw(
     structure: Structure,
     states: StateComparison | None = None,
     pdf: Path | None = None,
+    facts: Sequence[tuple[str, str]] = (),
 ) -> None:
     """Write report, recording and numbers into a folder, and the PDF; failures are logged and left out.
 
@@ -65,6 +67,7 @@ def draw(
     structure : that was diagnosed
     states : shapes and signals before and after, for the recording
     pdf : of the report as a PDF
+    facts : names and values for the head of the report
 
     Raises
     ------
@@ -77,7 +80,9 @@ def draw(
     page = out / REPORT if out else None
     run_optional(
         REPORT if page else str(pdf),
-        lambda: diagnosis_report(diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf),
+        lambda: diagnosis_report(
+            diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf, facts=facts
+        ),
     )
     if out and found is not None:
         write_json(out / NUMBERS, found.model_dump(mode="json"))
@@ -206,10 +211,22 @@ def diagnose_logs(
     if out or pdf:
         with progress("drawing"):
             states = run_optional("the comparison of both states", lambda: _states(found, before, after))
-            draw(out, diagnosis, compared, found.reference.structure, states, pdf)
+            facts = run_optional("the list of the logs", lambda: _facts(found, structure_path, logs)) or []
+            draw(out, diagnosis, compared, found.reference.structure, states, pdf, facts)
         paths = [*(written(out, diagnosis) if out else ()), *([pdf] if pdf and pdf.exists() else ())]
         echo("written: " + ", ".join(map(str, paths)))
     return DONE if diagnosis.verdict in {"explained", "nothing_to_explain"} else NEEDS_A_PERSON
+
+
+def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[str, str]]:
+    """Return names and values for the head of the report: what was diagnosed."""
+    return [
+        ("Structure", structure_path.name),
+        *log_facts("Logs", logs.current, logs.within),
+        *log_facts("Reference", logs.reference, logs.reference_within),
+        *log_facts("Held-out", logs.heldout),
+        *calibration_facts(found.explained.calibration or found.reference.calibration),
+    ]
 
 
 def _check_held_out(logs: Logs) -> None:
@@ -302,11 +319,11 @@ def selected_structure(path: Path, selection: Selection) -> Structure:
     ArgumentError
         Naming a parameter that the structure does not have, or an unknown cause.
     """
-    structure = load_structure(path)
     try:
         allowed_causes(selection.only, selection.without)
     except SelectionError as error:
         raise ArgumentError("--only, --without", str(error)) from error
+    structure = load_structure(path)
     try:
         return selection.of_structure(structure)
     except ValueError as error:

@@ -13,7 +13,10 @@ def structure(
     file: Annotated[Path, Argument(metavar="FILE", help="structure.toml.")],
     modes: Annotated[int, Option(help="Number of modes to list.", min=1, max=100)] = 12,
     json: Json = None,
-    out: Annotated[Path | None, Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE.")] = None,
+    out: Annotated[
+        Path | None,
+        Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE; none with --parameters."),
+    ] = None,
     channels: Annotated[
         Path | None,
         Option(metavar="SITE.toml|LOG", help="Log or SITE.toml whose channels are compared with the sensors."),
@@ -62,15 +65,17 @@ def structure(
         planned = work.plan_for(sight, target)
     except ModelError as error:
         raise StructureError(file, str(error)) from error
-    picture = out or file.with_suffix(".png")
-    work.draw(sight, picture, planned)
+    picture = out or (None if parameters else file.with_suffix(".png"))
+    if picture:
+        work.draw(sight, picture, planned)
     work.print_study(sight, planned, check)
     listed = work.list_parameters(loaded, modes) if parameters else None
     for note in odd_units(loaded):
         warn(f"note: {note}")
     if highest is None and check is None:
         warn(f"note: {work.USUAL_BAND}")
-    echo(f"picture: {picture}")
+    if picture:
+        echo(f"picture: {picture}")
     if json:
         write_json(json, as_json(sight, planned) | ({} if listed is None else {"parameters": parameters_json(listed)}))
     return DONE if check is None or check.good else NEEDS_A_PERSON

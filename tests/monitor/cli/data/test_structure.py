@@ -259,6 +259,7 @@ def test_parameters_are_listed_with_their_sensitivities(tmp_path: Path, modalwat
     file.write_text(cantilever((1.0, "z")), encoding="utf-8")
     done = modalwatch("structure", file, "--parameters", "--modes", 4, "--json", out)
     assert done.code == 0
+    assert not file.with_suffix(".png").exists()  # that of an earlier call is kept
     assert "steel.E" in done.out
     assert "support 0.rz" in done.out
     listed = {entry["name"]: entry for entry in json.loads(out.read_text(encoding="utf-8"))["parameters"]}

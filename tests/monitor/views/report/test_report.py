@@ -350,8 +350,10 @@ def test_same_run_gives_the_same_page(page: Page, tmp_path: Path) -> None:
 
 def test_diagnosis_without_a_run_has_a_page(tmp_path: Path) -> None:
     structure = SITE.model.structure
-    diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>", structure=structure)
+    facts = [("Logs", "after.mcap, 2 min")]
+    diagnosis_report(answers.diagnosis(), tmp_path / "page.html", title="T <frame>", structure=structure, facts=facts)
     page = Page(tmp_path / "page.html")
+    assert "after.mcap, 2 min" in page.words
     assert headline(page).startswith("Explained: 302 ± 5 g added on the crossbeam")
     assert "T <frame>" in page.words
     assert len(page.pictures) == 3  # places, errors and evidence
