@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from benchmarks.updater.sensor_position import SHIFTS, drawn
+from benchmarks.updater.causes.sensor_position import SHIFTS, drawn
 from oma import ModalEstimate
 from tests.examiner.path import answer, structure_of
 from tests.examiner.score import score

@@ -3,7 +3,7 @@
 The cases are those of the confusion matrix (tests/examiner, independent finite elements), with further questions: is
 the truth in the 95 % region, and within two deviations of the estimate? Prints the table of the documentation.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/structural_causes.py [--draws N] [--seed S]
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/causes/structural_causes.py [--draws N] [--seed S]
 or make bench-structural
 """
 

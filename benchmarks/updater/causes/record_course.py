@@ -1,6 +1,6 @@
 """Diagnosis of records within which the structure changed: causes, sizes, rates and times against the truth.
 
-    python benchmarks/updater/record_course.py [--draws 10] [--seed 0]
+    python benchmarks/updater/causes/record_course.py [--draws 10] [--seed 0]
 
 The frames are those of the confusion matrix, by an independent finite element code. A body grows on a member, or the
 springs of the foot loosen: gradually, saturating, or at once, within 24 windows.

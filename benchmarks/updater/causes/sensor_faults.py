@@ -4,7 +4,7 @@ The cases are those of the confusion matrix (tests/examiner, finite elements of 
 law of identification), each on a fresh rig with gains off by half a per cent and clocks by 20 us. Prints the table of
 the documentation.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/sensor_faults.py [--draws N] [--seed S]
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/causes/sensor_faults.py [--draws N] [--seed S]
 or make bench-sensors
 """
 

@@ -5,7 +5,7 @@ identification, every device 2 mm off its place and turned by one degree, gains 
 moved along its bar, with its mass. With `--file` the structure file is the only knowledge. Prints the table of the
 documentation.
 
-Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/sensor_position.py [--draws N] [--seed S] [--file]
+Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/updater/causes/sensor_position.py [--draws N] [--seed S] [--file]
 or make bench-position
 """
 

@@ -1,0 +1,1 @@
+"""Single causes: how often they are named, and how accurately."""
