@@ -49,10 +49,10 @@ def diagnose(
     ] = None,
     json: Json = None,
     only: Annotated[
-        list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others (names: see above). Repeatable.")
+        list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others (names above). Repeatable.")
     ] = None,
     without: Annotated[
-        list[str] | None, Option(metavar="CAUSE", help="Cause to leave out (names: see above). Repeatable.")
+        list[str] | None, Option(metavar="CAUSE", help="Cause to leave out (names above). Repeatable.")
     ] = None,
     without_channel: Annotated[
         list[str] | None, Option(metavar="NAME", help="Channel to leave out. Repeatable.")
