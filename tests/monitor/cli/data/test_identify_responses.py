@@ -98,7 +98,9 @@ def test_arguments_that_do_not_fit_are_refused(modalwatch: Commands, hammer: Pat
     assert_refused(refused, "--exponential-window: expected frequency responses (.uff, .unv), found")
     (tmp_path / "none.uff").write_text("t,a\n")
     assert_refused(modalwatch("identify", tmp_path / "none.uff"), "none.uff: holds no frequency response")
-    assert_refused(modalwatch("identify", hammer, "--animate", tmp_path / "a.html"), "expected a structure to draw")
+    assert_refused(
+        modalwatch("identify", hammer, "--animate", tmp_path / "a.html"), "expected a structure (--structure)"
+    )
 
 
 def test_record_that_is_cut_is_remarked(modalwatch: Commands, tmp_path: Path) -> None:
