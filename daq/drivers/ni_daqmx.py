@@ -25,6 +25,7 @@ _STEPS = 1 << 24  # per range: converters have 24 bits from -range to range
 _RATE_TOLERANCE = 1e-5  # relative
 _BUFFER_SECONDS = 10.0
 _WAIT_SECONDS = 0.05  # of samples that one transfer has at least
+_MOST_WAITING = 1000  # transfers of a device that nobody reads: the oldest are lost then, which its counter shows
 _TIMEOUT_SECONDS = 1.0  # of samples that are in the buffer already
 
 
@@ -103,7 +104,7 @@ class _Member:
     """A device of a task, and its samples that were not taken yet."""
 
     place: DaqmxAddress
-    waiting: deque[_Chunk] = field(default_factory=deque)
+    waiting: deque[_Chunk] = field(default_factory=lambda: deque(maxlen=_MOST_WAITING))
 
 
 class _SharedTask:

@@ -57,7 +57,7 @@ WRONG_SETTINGS = {
     "two places": (
         "node = 1}",
         'node = 1}\nport = "PORT"',
-        "`port`, `can` and `log`, found port and can",
+        "`port`, `can`, `daqmx` and `log`, found port and can",
     ),
     "a serial driver": ('"epson-can"', '"epson-uart"', "driver epson-uart: expected `port`, found `can`: slcan:PORT"),
     "no such rate": (
