@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-_SHARED_SIZE = 8 * (2 + 2 * 1024)  # bytes: some seconds of steps
+_SHARED_SIZE = 8 * (3 + 2 * 1024)  # bytes: some seconds of steps
 
 
 class HostClock(Protocol):
@@ -77,8 +77,8 @@ class SharedTime:
         if path.stat().st_size != _SHARED_SIZE:
             raise OSError(errno.EINVAL, "not a file of shared time", str(path))
         words = np.memmap(path, dtype=np.int64, mode="r+")
-        # steps so far; until when the world is held; (wall time, time) of the last steps
-        self._count, self._held, self._steps = words[:1], words[1:2], words[2:].reshape(-1, 2)
+        # steps so far; until which wall time the world is held, and at which time; (wall time, time) of the last steps
+        self._count, self._held, self._steps = words[:1], words[1:3], words[3:].reshape(-1, 2)
         if initial is not None:
             self.step(initial)
 
@@ -88,14 +88,15 @@ class SharedTime:
         self._steps[count % len(self._steps)] = time.monotonic_ns(), time_then
         self._count[0] = count + 1  # last: a reader does not find half a step
 
-    def hold(self, seconds: float) -> None:
-        """Ask the writer to make no step for some seconds of wall time; 0: to go on."""
-        self._held[0] = time.monotonic_ns() + round(1e9 * seconds) if seconds else 0
+    def hold(self, seconds: float, at: int = 0) -> None:
+        """Ask the writer to make no step for some seconds of wall time, from a time [ns UTC] on; 0 s: to go on."""
+        self._held[:] = time.monotonic_ns() + round(1e9 * seconds) if seconds else 0, at
 
     @property
     def held(self) -> bool:
         """True while the writer is to make no step."""
-        return time.monotonic_ns() < int(self._held[0])
+        until, at = self._held.tolist()
+        return bool(time.monotonic_ns() < until and self._steps[(int(self._count[0]) - 1) % len(self._steps), 1] >= at)
 
     def at(self, wall: int) -> int:
         """Return the time at a monotonic wall time [ns], as far as it is kept [ns UTC]."""

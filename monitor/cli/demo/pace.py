@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from daq import ScaledClock
 from daq.timing import SharedTime
 from monitor.results.windows import Result, WindowResult
 
@@ -22,11 +21,10 @@ class Pace:
     """
 
     def __init__(self, clock: Mapping[str, Any], window: float) -> None:
-        self._clock, self._most = ScaledClock(**clock), _AHEAD * window
+        self._most = round(_AHEAD * window * 1e9)
         self._world = SharedTime(Path(clock["shared"])) if clock["shared"] else None  # none in real time
 
     def keep(self, result: Result) -> None:
-        """Hold the world after a result that is late, else let it go on."""
+        """Let the world go on to some windows after a result, and hold it there until the next one."""
         if self._world is not None and isinstance(result, WindowResult):
-            behind = (self._clock.now() - result.end) * 1e-9 > self._most
-            self._world.hold(_LONGEST if behind else 0.0)
+            self._world.hold(_LONGEST, at=result.end + self._most)

@@ -32,6 +32,8 @@ def test_world_is_held_while_the_analysis_is_behind(tmp_path: Path, windows: int
     assert world.held is held
     pace.keep(result(ORIGIN + 9 * WINDOW))
     assert not world.held
+    world.step(ORIGIN + 11 * WINDOW)  # before the next result
+    assert world.held
 
 
 def test_real_time_waits_for_nobody() -> None:
