@@ -34,11 +34,12 @@ class ChangeRate(PlainValue):
 
 
 class WithinRecord(PlainValue):
-    """Change of the structure within the logs that are diagnosed; the diagnosis is of the state at their end."""
+    """Change of the structure within the logs that are diagnosed."""
 
     kind: Literal["sudden", "gradual"]
     start: int  #: mean time of the windows of the first state [ns UTC]
     end: int  #: mean time of the windows of the last state [ns UTC]
+    of_all: bool  #: whether the diagnosis is of the mean of all windows; else of the last state
     verdict: Verdict  #: on the change from the first to the last state
     causes: tuple[Cause, ...]  #: of this change
     rates: tuple[ChangeRate, ...]  #: of a gradual change

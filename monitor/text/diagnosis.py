@@ -129,11 +129,13 @@ def within_record_text(found: WithinRecord) -> str:
     """Return when the structure changed, and which state is diagnosed."""
     if found.step is not None:
         when = f"between {utc(found.step[0])} and {utc(found.step[1])}"
-        state = "after this change"
+        state = "the state after this change"
     else:
         when = f"gradually; compared are the states at {utc(found.start)} and at {utc(found.end)}"
-        state = f"at {utc(found.end)}"
-    return f"The structure changed while the logs were recorded, {when}. The answer is for the state {state}."
+        state = f"the state at {utc(found.end)}"
+    if found.of_all:
+        state = "the mean of all windows"
+    return f"The structure changed while the logs were recorded, {when}. The answer is for {state}."
 
 
 def record_change_texts(found: WithinRecord) -> list[str]:

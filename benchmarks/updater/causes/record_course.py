@@ -11,10 +11,12 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from daq import FloatArray
+from monitor.analysis.explanation import explain
 from monitor.analysis.states.record_course import explain_record
 from monitor.results.comparison import DiagnosisAnswer
 from tests.examiner.draws import log_uniform, somewhere, with_lump
@@ -63,7 +65,7 @@ def answer(cause: str, course: str, seed: int) -> tuple[DiagnosisAnswer, float]:
     before = observation(state, estimated(state, N_BEFORE, random, noise="law"))
     windows = [estimated(one, 1, random, first=w, noise="law")[0] for w, one in enumerate(states)]
     now = observation(states[-1], windows, [one.loudness for one in states])
-    return explain_record(FRAME, before, now).diagnosis, size
+    return explain_record(partial(explain, FRAME), before, now).diagnosis, size
 
 
 def main() -> int:

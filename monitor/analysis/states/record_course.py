@@ -1,25 +1,26 @@
 """Diagnosis of a record within which the structure changed: of the state at its end, and of the change itself."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from daq import FloatArray
-from monitor.analysis.explanation import Explanation, explain
+from monitor.analysis.explanation import Explanation
 from monitor.analysis.observation import Observation
 from monitor.analysis.states.stationarity import in_order_of_time
 from monitor.errors import StateError
 from monitor.results.comparison import ChangeRate, CoursePoint, WithinRecord
 from oma import ModalEstimate
-from updater import Cause, Structure
-from updater.diagnosis import OnCause, say_nothing
+from updater import Cause
 from updater.modal_data import Course, find_course
 
 _SURROUNDINGS = frozenset({"temperature", "global_stiffness", "amplitude_softening", "sampling_clock"})
 _AMOUNTS = frozenset({"mass", "loss", "force"})  # parameters that are zero without their cause
 _HOUR = 3600.0
+
+Explain = Callable[[Observation | None, Observation, Observation | None], Explanation]  #: of the states before and now
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -54,39 +55,29 @@ def record_states(observation: Observation) -> RecordStates | None:
 
 
 def explain_record(
-    structure: Structure,
-    before: Observation | None,
-    now: Observation,
-    heldout: Observation | None = None,
-    on_cause: OnCause = say_nothing,
-    *,
-    only: Collection[str] = (),
-    without: Collection[str] = (),
+    explain_states: Explain, before: Observation | None, now: Observation, heldout: Observation | None = None
 ) -> Explanation:
-    """Explain logs as `explain` does; of logs within which the structure changed, the state at the end.
+    """Explain logs; of logs within which the structure changed, the state at the end.
 
     What changed within them is explained with their beginning as the reference (`Explanation.diagnosis.within_record`).
     A change by temperature or amplitude does not count: the mean of all windows is explained then.
 
-    Parameters, errors
-        As for `explain`.
+    Parameters
+    ----------
+    explain_states : `explain` with its structure and options
+    before, now, heldout : as for `explain`, whose errors are raised
     """
     states = record_states(now)
-    within: WithinRecord | None = None
-    if states is not None:
-        try:
-            change = explain(structure, states.first, states.last, None, on_cause, only=only, without=without)
-        except StateError:  # too few modes at one of both ends
-            states = None
-        else:
-            within = _within_record(states, change)
-            if {cause.cause for cause in change.diagnosis.causes} <= _SURROUNDINGS:
-                now = states.observation if change.diagnosis.verdict != "unexplained" else states.last
-            else:
-                now = states.last
-    found = explain(structure, before, now, heldout, on_cause, only=only, without=without)
-    if within is None:
-        return found
+    if states is None:
+        return explain_states(before, now, heldout)
+    try:
+        change = explain_states(states.first, states.last, None)
+    except StateError:  # too few modes at one of both ends
+        return explain_states(before, now, heldout)
+    causes = {cause.cause for cause in change.diagnosis.causes}
+    of_all = change.diagnosis.verdict != "unexplained" and causes <= _SURROUNDINGS
+    found = explain_states(before, states.observation if of_all else states.last, heldout)
+    within = _within_record(states, change, of_all=of_all)
     return replace(found, diagnosis=found.diagnosis.model_copy(update={"within_record": within}))
 
 
@@ -136,7 +127,7 @@ def _level(time: FloatArray, value: np.ndarray) -> np.ndarray:
     return np.asarray(value.mean(0) + rest * np.sqrt((n - 1) / (n - 2)))
 
 
-def _within_record(states: RecordStates, change: Explanation) -> WithinRecord:
+def _within_record(states: RecordStates, change: Explanation, *, of_all: bool) -> WithinRecord:
     start, end = states.between
     course, estimates = states.course, states.observation.estimates
     causes = change.diagnosis.causes
@@ -145,6 +136,7 @@ def _within_record(states: RecordStates, change: Explanation) -> WithinRecord:
         kind="sudden" if course.kind == "sudden" else "gradual",
         start=start,
         end=end,
+        of_all=of_all,
         verdict=change.diagnosis.verdict,
         causes=causes,
         rates=tuple(r for cause in causes for r in _rates(cause, hours)) if course.kind == "gradual" else (),

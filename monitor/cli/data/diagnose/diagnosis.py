@@ -9,7 +9,7 @@ from pathlib import Path
 from daq import AnyLog, LogError, Recording, load_recordings
 from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
-from monitor.analysis.explanation import Explanation
+from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.logs import Held, log_channels, log_held
 from monitor.analysis.modal_table.responses import is_universal
 from monitor.analysis.modal_table.table import is_table, read_tables
@@ -169,15 +169,14 @@ def diagnose_logs(
         assert after is not None  # there is at least one log
         work.stage("fitting the model")
         try:
-            found = explain_record(
+            explained = partial(
+                explain,
                 structure,
-                before,
-                after,
-                heldout,
-                partial(_show_fit, work),
+                on_cause=partial(_show_fit, work),
                 only=selection.only,
                 without=selection.without,
             )
+            found = explain_record(explained, before, after, heldout)
         except StateError as error:
             raise LogError(_named(getattr(logs, error.state)), str(error)) from error
     diagnosis = _write(found, structure_path, logs, out, json_path)

@@ -1,9 +1,11 @@
 """Diagnosis of records within which the structure changed; the frames are the examiner's, of another model."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from monitor.analysis.explanation import Explanation
+from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.observation import Observation
 from monitor.analysis.states.record_course import explain_record
 from monitor.results.comparison import WithinRecord
@@ -33,7 +35,7 @@ def record(mass: np.ndarray, seed: int) -> tuple[Observation, Observation]:
 
 def found(mass: np.ndarray, seed: int) -> tuple[Explanation, WithinRecord | None]:
     """Return the explanation of a record, and of the change within it."""
-    explained = explain_record(FRAME, *record(mass, seed), only=FEW)
+    explained = explain_record(partial(explain, FRAME, only=FEW), *record(mass, seed))
     return explained, explained.diagnosis.within_record
 
 
