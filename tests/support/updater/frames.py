@@ -154,3 +154,26 @@ def t_truth(seed: int) -> Truth:
     structure = plain.model_copy(update={"material": {"steel": steel}, "support": (foot,), "joint": (top,)})
     gain = 1 + 0.005 * random.standard_normal(12)
     return Truth(seed=seed, structure=structure.with_mesh(0.01), gain=gain)
+
+
+def noisy_estimates(
+    frequency: FloatArray,
+    shape: FloatArray,
+    channels: tuple[str, ...],
+    n: int,
+    random: np.random.Generator,
+    *,
+    std: float | FloatArray,
+    shape_std: float,
+) -> list[ModalEstimate]:
+    """Return n windows of modes with Gaussian errors: `std` of a frequency, relative, `shape_std` of a component."""
+    return [
+        as_estimate(
+            frequency * (1 + std * random.standard_normal(len(frequency))),
+            shape + shape_std * random.standard_normal(shape.shape),
+            channels=channels,
+            frequency_std=std * frequency,
+            shape_std=shape_std,
+        )
+        for _ in range(n)
+    ]

@@ -13,7 +13,7 @@ from skfem.helpers import dd, ddot, eye, trace
 
 from daq import FloatArray
 from oma import ModalEstimate
-from tests.support.updater.frames import as_estimate
+from tests.support.updater.frames import noisy_estimates
 from updater import save_matrices
 from updater.fe import opensees_matrices
 
@@ -115,13 +115,4 @@ def windows(modes: tuple[FloatArray, FloatArray], n: int, random: np.random.Gene
     frequency, shape = modes
     exact = shape / np.linalg.norm(shape, axis=1, keepdims=True)
     std = 5e-4 * np.sqrt(frequency[0] / frequency)
-    return [
-        as_estimate(
-            frequency * (1 + std * random.standard_normal(N_MODES)),
-            exact + 5e-3 * random.standard_normal(exact.shape),
-            channels=CHANNELS,
-            frequency_std=std * frequency,
-            shape_std=5e-3,
-        )
-        for _ in range(n)
-    ]
+    return noisy_estimates(frequency, exact, CHANNELS, n, random, std=std, shape_std=5e-3)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from daq import FloatArray
 from tests.examiner.cases import draw
 from tests.examiner.path import answer, structure_of
 from tests.support.thorough import few_of
+from tests.support.updater.moved_parameters import Differenced, Moved
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
-from updater.causes import Cause, ModelParameters, SelectedCause, prediction, propose_model_parameters
+from updater.causes import Cause, SelectedCause, prediction, propose_model_parameters
 from updater.inference import Comparison, Fit, compare, fit, linearised
 from updater.structure import Structure, model_parameters_of
 
@@ -62,21 +62,6 @@ def test_members_at_one_point_share_one_bounded_weld() -> None:
     assert cause.compliance_increments(theta)[weld][1].tolist() == [0.0, 0.0]
 
 
-class _Moved(ModelParameters):
-    """Fits begin half a deviation from the file's values."""
-
-    @property
-    def start(self) -> FloatArray:
-        return np.maximum(0.5 * self.prior_std, self.lower)
-
-
-class _Differenced(_Moved):
-    """Nothing is known of the derivatives."""
-
-    def compliance_increments(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
-        return {}
-
-
 @pytest.mark.parametrize("name", ["frame", "grid"])
 def test_exact_derivatives_match_finite_differences(name: str) -> None:
     """Statically determinate, and nineteen times not.
@@ -87,7 +72,7 @@ def test_exact_derivatives_match_finite_differences(name: str) -> None:
     cause = propose_model_parameters(reference, data)
     assert cause is not None
     assert len(cause.compliance_increments(cause.start)) == len(cause.knobs)
-    (rest, exact), (same, differenced) = (linearised(data, of(**vars(cause))) for of in (_Moved, _Differenced))
+    (rest, exact), (same, differenced) = (linearised(data, of(**vars(cause))) for of in (Moved, Differenced))
     np.testing.assert_array_equal(rest, same)
     exact, differenced = exact * cause.prior_std, differenced * cause.prior_std
     assert np.abs(exact).max() > 1

@@ -61,6 +61,8 @@ def test_mass_that_grows_within_a_record_is_named_with_its_rate(seed: int) -> No
     hours = N_WINDOWS * (within.end - within.start) * 1e-9 / 3600 / 16  # 16 of 24 windows are between both means
     assert agrees(rate.per_hour, rate.std, MASS / hours)
     assert "gradually" in within_record_text(within)
+    assert not within.of_all
+    assert "mean of all windows" in within_record_text(within.model_copy(update={"of_all": True}))
     assert any("g/h" in text for text in record_change_texts(within))
 
 

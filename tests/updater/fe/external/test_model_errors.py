@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.frames import unmoved
+from tests.support.updater.moved_parameters import Differenced, Moved
 from tests.support.updater.plates import CHANNELS, FEET, FOOT, N_MODES, Table, windows, write_table
 from tests.support.updater.written_models import file_error
 from updater import (
@@ -73,25 +73,10 @@ def test_predicted_modes_agree_with_those_of_the_written_file(
     assert np.abs(np.log(found[:, None] / modes.frequency)).min(1).max() < 1e-3
 
 
-class _Moved(ModelParameters):
-    """Fits begin half a deviation from the file's values."""
-
-    @property
-    def start(self) -> FloatArray:
-        return np.maximum(0.5 * self.prior_std, self.lower)
-
-
-class _Differenced(_Moved):
-    """Nothing is known of the derivatives."""
-
-    def compliance_increments(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
-        return {}
-
-
 def test_exact_derivatives_match_finite_differences(coarse: tuple[Reference, Comparison, ModelParameters]) -> None:
     _, data, cause = coarse
     assert len(cause.compliance_increments(cause.start)) == len(cause.knobs) - 1  # but for the factor of all
-    (rest, exact), (same, differenced) = (linearised(data, of(**vars(cause))) for of in (_Moved, _Differenced))
+    (rest, exact), (same, differenced) = (linearised(data, of(**vars(cause))) for of in (Moved, Differenced))
     np.testing.assert_array_equal(rest, same)
     exact, differenced = exact * cause.prior_std, differenced * cause.prior_std
     assert np.abs(exact).max() > 1

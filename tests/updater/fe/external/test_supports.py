@@ -8,7 +8,7 @@ import openseespy.opensees as ops
 import pytest
 
 from oma import ModalEstimate
-from tests.support.updater.frames import as_estimate, unmoved
+from tests.support.updater.frames import noisy_estimates, unmoved
 from updater import (
     Reference,
     build_model,
@@ -93,16 +93,7 @@ local_y = [1, 0, 0]
     bends = np.flatnonzero(np.abs(shape).max(1) > 1e-3 * np.abs(shape).max())[:N_MODES]
     exact = shape[bends] / np.linalg.norm(shape[bends], axis=1, keepdims=True)
     frequency = modes.frequency[bends]
-    return [
-        as_estimate(
-            frequency * (1 + STD * random.standard_normal(N_MODES)),
-            exact + 2e-3 * random.standard_normal(exact.shape),
-            channels=CHANNELS,
-            frequency_std=STD * frequency,
-            shape_std=2e-3,
-        )
-        for _ in range(n)
-    ]
+    return noisy_estimates(frequency, exact, CHANNELS, n, random, std=STD, shape_std=2e-3)
 
 
 @pytest.fixture(scope="module")
