@@ -5,8 +5,8 @@ from collections.abc import Callable
 from sqlalchemy import Connection, func, insert, inspect, literal, select, table, text
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.daily import roll_up_missing
 from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.roll_ups import roll_up_days, roll_up_hours
 
 _LOCK = 0x6D6F64616C  # key of PostgreSQL's advisory lock: one program migrates, the others wait for it
 
@@ -25,7 +25,8 @@ def _days(connection: Connection) -> None:
 
 def _sites(connection: Connection) -> None:
     """Give every row a site: those there are belong to one without a name, until its monitor names it."""
-    kept = [t for t in schema.metadata.sorted_tables if t not in (schema.versions, schema.sites, schema.states)]
+    later = schema.versions, schema.sites, schema.states, schema.mode_hours
+    kept = [t for t in schema.metadata.sorted_tables if t not in later]
     connection.execute(text("DROP INDEX modes_by_time"))
     for new in kept:
         connection.execute(text(f"ALTER TABLE {new.name} RENAME TO old_{new.name}"))
@@ -39,10 +40,15 @@ def _sites(connection: Connection) -> None:
             connection.execute(insert(new).from_select(["site", *(c.name for c in found.columns)], rows))
     for found in old.values():
         connection.execute(text(f"DROP TABLE {found.name}"))
-    roll_up_missing(connection)
+    roll_up_days(connection)
 
 
-STEPS: tuple[Callable[[Connection], None], ...] = (_days, _sites)  # from version 1 to 2, and so on
+def _hours(connection: Connection) -> None:
+    schema.mode_hours.create(connection)
+    roll_up_hours(connection)
+
+
+STEPS: tuple[Callable[[Connection], None], ...] = (_days, _sites, _hours)  # from version 1 to 2, and so on
 NEWEST = 1 + len(STEPS)
 
 

@@ -14,13 +14,13 @@ from monitor.outputs.history import schema
 from monitor.outputs.history.engines import error_message, reading_engines, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
+from monitor.outputs.history.roll_ups import hour_of
 from monitor.outputs.history.sites import NO_SITE, find_site
 
 T = TypeVar("T")
 Every = Literal["window", "hour", "day"]
 _NO_WRITING = "readonly database", "unable to open"  # messages of SQLite without write permission
 _WINDOW_DAYS, _HOUR_DAYS = 2, 14  # longest spans with a trend per window, and per hour
-_HOUR = schema.DAY // 24
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,30 +281,24 @@ def trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, .
 
 
 def hourly_trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
-    """Return the query for a mode, or all of them, over time, per hour; a mean is that of its windows in the hour."""
-    table = schema.modes
-    hour = (table.c.end - 1) // _HOUR  # a window that ends with an hour is of this hour
-    time = (hour * _HOUR + _HOUR // 2).label("time")
-    figures = (
-        func.count().label("n"),
-        func.avg(table.c.frequency).label("frequency"),
-        func.min(table.c.frequency).label("lowest"),
-        func.max(table.c.frequency).label("highest"),
-        func.avg(table.c.damping).label("damping"),
-        func.avg(table.c.shift_percent).label("shift_percent"),
-    )
-    own = select(table.c.mode, time, *figures).where(table.c.site == site)
-    own = own.where(true() if mode is None else table.c.mode == mode, table.c.end.between(span.start, span.end))
-    return own.group_by(table.c.mode, hour).order_by(hour)
+    """Return the query for a mode, or all of them, over time, per hour."""
+    hours = hour_of(span.start), hour_of(span.end)
+    return _figures_query(schema.mode_hours, schema.mode_hours.c.hour, schema.HOUR, site, mode, hours)
 
 
 def daily_trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, ...]]:
     """Return the query for a mode, or all of them, over time, per day."""
-    table, (first, last) = schema.mode_days, span.days
-    noon = (cast(table.c.day, BigInteger) * schema.DAY + schema.DAY // 2).label("time")
-    columns = (c for c in _columns(table) if c.name != "day")
-    own = select(noon, *columns).where(table.c.site == site, true() if mode is None else table.c.mode == mode)
-    return own.where(table.c.day.between(first, last)).order_by(table.c.day)
+    return _figures_query(schema.mode_days, schema.mode_days.c.day, schema.DAY, site, mode, span.days)
+
+
+def _figures_query(
+    table: Table, number: Column[int], length: int, site: int, mode: int | None, span: tuple[int, int]
+) -> Select[*tuple[Any, ...]]:
+    """Return the query for the figures of hours or days of a length [ns], from a first to a last number."""
+    middle = (cast(number, BigInteger) * length + length // 2).label("time")
+    columns = (column for column in _columns(table) if column is not number)
+    own = select(middle, *columns).where(table.c.site == site, true() if mode is None else table.c.mode == mode)
+    return own.where(number.between(*span)).order_by(number)
 
 
 def events_query(site: int, span: Span, topic: str | None = None) -> Select[*tuple[Any, ...]]:

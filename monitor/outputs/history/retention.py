@@ -30,7 +30,7 @@ def forget_events(connection: Connection, site: int, keep: int) -> None:
 
 
 def forget_windows(connection: Connection, site: int, keep_days: int) -> None:
-    """Delete the windows of a site, and their modes, before its newest days with windows; a month of them at a time.
+    """Delete the windows of a site, their modes and hours, before its newest days with windows; a month at a time.
 
     Days are counted, not time: a clock that is set ahead by years costs one day.
     """
@@ -43,6 +43,8 @@ def forget_windows(connection: Connection, site: int, keep_days: int) -> None:
     until = min(first_kept * schema.DAY, oldest + _DAYS_AT_ONCE * schema.DAY)
     for table in (schema.windows, schema.modes):
         connection.execute(delete(table).where(table.c.site == site, table.c.end < until))
+    hours = schema.mode_hours.c
+    connection.execute(delete(schema.mode_hours).where(hours.site == site, hours.hour < until // schema.HOUR))
 
 
 def thin_diagnoses(connection: Connection, site: int) -> None:

@@ -9,6 +9,7 @@ def _site() -> Column[int]:
 
 metadata = MetaData()
 DAY = 86_400 * 10**9  # ns
+HOUR = DAY // 24
 
 versions = Table("schema_version", metadata, Column("version", Integer, primary_key=True, autoincrement=False))
 
@@ -116,19 +117,25 @@ events = Table(
     Index("events_by_topic", "site", "topic", "time"),
 )
 
-mode_days = Table(
-    "mode_days",
-    metadata,
-    _site(),
-    Column("mode", Integer, primary_key=True, autoincrement=False),
-    Column("day", Integer, primary_key=True, autoincrement=False),
-    Column("n", Integer, nullable=False),  # windows that show the mode
-    Column("frequency", Float, nullable=False),  # mean [Hz]
-    Column("lowest", Float, nullable=False),
-    Column("highest", Float, nullable=False),
-    Column("damping", Float),
-    Column("shift_percent", Float),
-)
+
+def _mode_figures(period: str) -> Table:
+    """Return a table of each mode in each hour or day, counted from 1970-01-01 UTC."""
+    return Table(
+        f"mode_{period}s",
+        metadata,
+        _site(),
+        Column("mode", Integer, primary_key=True, autoincrement=False),
+        Column(period, Integer, primary_key=True, autoincrement=False),
+        Column("n", Integer, nullable=False),  # windows that show the mode
+        Column("frequency", Float, nullable=False),  # mean [Hz]
+        Column("lowest", Float, nullable=False),
+        Column("highest", Float, nullable=False),
+        Column("damping", Float),
+        Column("shift_percent", Float),
+    )
+
+
+mode_hours, mode_days = _mode_figures("hour"), _mode_figures("day")
 
 window_days = Table(
     "window_days",

@@ -16,11 +16,11 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from daq import Event
 from monitor.outputs.history import schema
-from monitor.outputs.history.daily import roll_up
 from monitor.outputs.history.engines import error_message, file_of, open_engine, shown_url
 from monitor.outputs.history.errors import HistoryError
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.retention import forget_events, forget_windows, thin_diagnoses
+from monitor.outputs.history.roll_ups import roll_up
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer, check_single_writer, register_site, write_state
 from monitor.outputs.history.sqlite.file import SqliteFile, copy_open_file, is_damage
 from monitor.results.events import event_result
@@ -133,9 +133,8 @@ class HistoryStore:
         """
         try:
             with self._engine.begin() as connection:
-                days = {_write(connection, self._site, item) for item in items}
-                for day in sorted(day for day in days if day is not None):
-                    roll_up(connection, self._site, day)
+                ends = [_write(connection, self._site, item) for item in items]
+                roll_up(connection, self._site, [end for end in ends if end is not None])
         except _NEVER:  # one of them would keep out all that come after it, for good
             return 1 if len(items) == 1 else sum(self.write([item]) for item in items)
         except SQLAlchemyError as error:
@@ -180,7 +179,7 @@ class HistoryStore:
 
 
 def _write(connection: Connection, site: int, item: Event) -> int | None:
-    """Add one item; return the day whose figures it changes."""
+    """Add one item; return the end of a window, whose hour and day are to be summed up."""
     result = _result(item)
     if result is None or isinstance(result, SelfTestResult):
         payload = item.payload if result is None else _test_row(result)
@@ -224,7 +223,7 @@ def _write_window(connection: Connection, site: int, window: WindowResult) -> in
         _put(connection, site, schema.diagnoses, [found | {"json": window.diagnosis.model_dump_json()}])
         if window.phase == "alarm":
             _update_standing(connection, site, window.end, text=text)
-    return window.end // schema.DAY
+    return window.end
 
 
 def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:

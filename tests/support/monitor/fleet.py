@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from sqlalchemy import create_engine
 
 from monitor.outputs.history import HistoryStore
-from monitor.outputs.history.schema import DAY
+from monitor.outputs.history.schema import DAY, HOUR
 
 STEP = 600 * 10**9  # ns between two windows
 
@@ -49,7 +49,7 @@ def fill(url: str, fleet: Fleet) -> None:
         "level": "0.2 + 0.6 * random()",
     } | fleet.__dict__
     with engine.begin() as connection:
-        for statement in (_FILL + _states(fleet)).format(day=DAY, step=STEP, **numbers).split(";"):
+        for statement in (_FILL + _states(fleet)).format(day=DAY, hour=HOUR, step=STEP, **numbers).split(";"):
             if statement.strip():
                 connection.exec_driver_sql(statement)
     engine.dispose()
@@ -74,6 +74,8 @@ INSERT INTO window_days SELECT site, {today} - {days} + i, {per_day}, {per_day},
 INSERT INTO mode_days SELECT site, mode, {today} - {days} + i, {per_day}, 3.0 * mode * (1 + 0.005 * sin(i / 58.0)),
   3.0 * mode * 0.99, 3.0 * mode * 1.01, 0.01, 0.5 * sin(i / 58.0)
   FROM generate_series(1, {days}) i, generate_series(1, {sites}) site, generate_series(1, {modes}) mode;
+INSERT INTO mode_hours SELECT site, mode, ("end" - 1) / {hour}, count(*), avg(frequency), min(frequency),
+  max(frequency), avg(damping), avg(shift_percent) FROM modes GROUP BY site, mode, ("end" - 1) / {hour};
 INSERT INTO alarms SELECT site, {now} - 30 * i * {day} - 3600000000000, {now} - 30 * i * {day}, 3600.0, NULL,
   'ALARM: the structure has changed (not yet explained)', 0
   FROM generate_series(1, {days} / 30) i, generate_series(1, {sites}) site;

@@ -9,8 +9,8 @@ from sqlalchemy import create_engine, text
 
 from daq import Event
 from monitor.outputs.history import HistoryStore, schema
-from monitor.outputs.history.daily import roll_up_missing
 from monitor.outputs.history.migrations import STEPS
+from monitor.outputs.history.roll_ups import roll_up_days, roll_up_hours
 from monitor.results.events import result_event
 from monitor.results.windows import AlarmResult
 from tests.support.monitor.results import Site, whole_run
@@ -69,7 +69,8 @@ def write_years(url: str, *, years: float, step: int, n_modes: int) -> int:
     with engine.begin() as connection:
         connection.execute(schema.windows.insert(), windows)
         connection.execute(schema.modes.insert(), modes)
-        roll_up_missing(connection)
+        roll_up_days(connection)
+        roll_up_hours(connection)
     engine.dispose()
     return n
 

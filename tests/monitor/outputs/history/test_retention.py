@@ -161,6 +161,8 @@ def test_old_windows_are_deleted_and_their_days_keep_their_figures(tmp_path: Pat
         left = {window.end // schema.DAY for window in reader.windows(whole, n)} - {START // schema.DAY}
         assert left == {day.day for day in days[-20:]}
         assert {point.time // schema.DAY for point in reader.trend(2, whole, "window")} == left
+        hours = {point.time // schema.DAY for point in reader.trend(2, whole, "hour")}
+        assert hours == left - {START // schema.DAY}
         span = reader.span()
         assert span is not None
         assert span.days == whole.days

@@ -18,6 +18,7 @@ from monitor.outputs.history.queries import (
     trend_query,
     windows_query,
 )
+from monitor.outputs.history.roll_ups import roll_up_days, roll_up_hours
 from tests.support.monitor.history import HOUR, START, change, make_old, rows, run_events, sqlite_url, write_years
 
 EVENTS = run_events()
@@ -125,9 +126,9 @@ def test_unstorable_item_does_not_block_other_items(url: str) -> None:
     assert [row["time"] for row in rows(url, "events")] == [1, 3]
 
 
-@pytest.mark.parametrize("version", [1, 2])
+@pytest.mark.parametrize("version", [1, 2, 3])
 def test_older_schema_is_migrated_with_all_rows(url: str, version: int) -> None:
-    """A database before there were figures by the day, or sites; its site is named by the monitor that opens it."""
+    """A database before figures per day, sites, or figures per hour; the monitor that opens it names the site."""
     window = {"end": START + HOUR, "start": START, "number": 1, "phase": "watching", "n_modes": 1}
     window |= {"t2": 9.0, "limit": 4.5, "problem": None}
     old_rows: dict[str, dict[str, object]] = {
@@ -139,10 +140,12 @@ def test_older_schema_is_migrated_with_all_rows(url: str, version: int) -> None:
         "alarm_changes": {"time": START, "kind": "state", "state": "alarm", "number": 1, "quiet": 0, "text": "so"},
         "events": {"time": START, "topic": "/event/gap", "device": "left", "json": "{}"},
     }
-    if version == 2:
+    if version >= 2:
         day = {"day": START // schema.DAY}
         old_rows |= {"window_days": day | {"n": 1, "n_judged": 1, "n_over": 1, "level": 2.0}}
         old_rows |= {"mode_days": day | {"mode": 3, "n": 1, "frequency": 7.0, "lowest": 7.0, "highest": 7.0}}
+    if version >= 3:
+        old_rows = {"sites": {"id": 1, "name": ""}} | {name: {"site": 1} | row for name, row in old_rows.items()}
     make_old(url, version, old_rows)
     with Reader(url) as reader:  # which may come before the monitor
         [day_row] = reader.days(Span(start=START, end=START + HOUR))
@@ -151,11 +154,14 @@ def test_older_schema_is_migrated_with_all_rows(url: str, version: int) -> None:
     assert [row["version"] for row in rows(url, "schema_version")] == list(range(1, NEWEST + 1))
     [site] = rows(url, "sites")
     assert site["name"] == "bridge"
+    old_rows.pop("sites", None)
     for table, row in old_rows.items():
         [kept] = rows(url, table)
         assert {name: kept[name] for name in ("site", *row)} == {"site": site["id"]} | row
-    [mode_day] = rows(url, "mode_days")
-    assert (mode_day["mode"], mode_day["n"], mode_day["frequency"]) == (3, 1, 7.0)
+    for table in ("mode_days", "mode_hours"):
+        [figures] = rows(url, table)
+        assert (figures["mode"], figures["n"], figures["frequency"]) == (3, 1, 7.0)
+    assert figures["hour"] == START // HOUR  # that ends with the window
 
 
 def test_newer_schema_version_is_refused(url: str) -> None:
@@ -227,6 +233,21 @@ def test_queries_over_a_year_use_an_index(url: str) -> None:
     with Reader(url) as reader:
         assert len(reader.trend(2, span)) == 366
         assert sum(point.n for point in reader.trend(2, span)) == n
+
+
+def test_figures_are_those_of_all_windows_after_every_write(url: str) -> None:
+    """Hours and days that grow window by window are the same as those summed up at once."""
+    write(url, *([event] for event in EVENTS))
+    kept = {name: rows(url, name) for name in ("mode_hours", "mode_days")}
+    engine = create_engine(url)
+    with engine.begin() as connection:
+        for table in (schema.mode_hours, schema.mode_days, schema.window_days):
+            connection.execute(table.delete())
+        roll_up_days(connection)
+        roll_up_hours(connection)
+    engine.dispose()
+    assert kept == {name: rows(url, name) for name in kept}
+    assert sum(row["n"] for row in kept["mode_hours"]) == len(rows(url, "modes")) > 0
 
 
 def test_trend_per_hour_is_that_of_its_windows(url: str) -> None:
