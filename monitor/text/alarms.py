@@ -18,10 +18,10 @@ def alarm_change_text(change: Change, result: WindowResult) -> str:
     if change.kind in ("flapping", "steady"):
         return _FLAPPING[change.kind]
     if change.state == "alarm":
-        again = " still, after a pause" if change.kind == "reopened" else ""
+        again = " again, after a short interruption" if change.kind == "reopened" else ""
         return f"ALARM{again}: the structure has changed ({figures}){_where(result)}"
     if change.state == "watch":
-        return f"over the limit once: {figures}"
+        return f"one window over the limit: {figures}"
     after = "" if change.lasted is None else f" after {duration_text(change.lasted * 1e-9)} of alarm"
     return f"back to normal{after}: {figures}"
 
@@ -37,7 +37,7 @@ def acknowledged_text(change: Change, request: Acknowledged) -> str:
 
 def resumed_text(n_windows: int, learnt: int, since: int | None) -> str:
     """Return the text of a restart, with an alarm active `since` [ns UTC] if there is one."""
-    alarm = f"; the alarm of {utc(since)} is active" if since is not None else ""
+    alarm = f"; the alarm raised {utc(since)} is still active" if since is not None else ""
     return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{alarm}"
 
 
@@ -86,7 +86,8 @@ def _modes(tracks: list[int]) -> str:
 def undone_text(change: AcceptedShift, request: AcceptanceUndone) -> str:
     """Return the text of an undone acceptance, with name and note."""
     who, why = _who_and_why(request)
-    return f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}, the reference is that of before{why}"
+    undone = f"the acceptance as {change.cause!r} of {utc(change.time)} undone{who}"
+    return f"{undone}, the earlier reference is used again{why}"
 
 
 def _who_and_why(request: Acknowledged | AcceptanceUndone) -> tuple[str, str]:

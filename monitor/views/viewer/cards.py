@@ -79,7 +79,7 @@ def verdict(window: WindowResult, alarms: tuple[AlarmResult, ...]) -> str:
 
 
 def _answer(answer: MassAnswer) -> str:
-    share = f"{share_text(answer.member_probability)} sure of the {answer.member}"
+    share = f"probability of the {answer.member} {share_text(answer.member_probability)}"
     doubt = ". **A mass alone explains it badly.**" if answer.p_value < _DOUBTFUL else ""
     return f"**{mass_text(answer)}**\n\n{share}; {fit_text(answer)}{doubt}"
 

@@ -90,7 +90,7 @@ def test_accepted_change_is_the_new_reference_until_undone(monkeypatch: pytest.M
     assert isinstance(reference, ReferenceResult)
     assert isinstance(undone, AlarmResult)
     assert reference.accepted == []
-    assert undone.text.endswith("undone by Bob, the reference is that of before: wrong one")
+    assert undone.text.endswith("undone by Bob, the earlier reference is used again: wrong one")
     again = run(pipeline, played.windows(2))
     assert min(levels(again)) > 1
     assert any(isinstance(r, AlarmResult) and r.raised for r in again)

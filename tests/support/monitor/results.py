@@ -260,7 +260,7 @@ def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: in
         "windows": windows,
         "alarms": [
             alarm(windows[n_learning - 1], "normal", f"baseline learnt from {n_learning} windows"),
-            alarm(windows[n_learning + n_before], "watch", "over the limit once: novelty 19.0, limit 5.5"),
+            alarm(windows[n_learning + n_before], "watch", "one window over the limit: novelty 19.0, limit 5.5"),
             alarm(windows[n_learning + n_before + 1], "alarm", "ALARM: the structure has changed " + 12 * "indeed "),
         ],
         "name": site.model.structure.name,

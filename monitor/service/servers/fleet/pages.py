@@ -18,6 +18,7 @@ from monitor.service.servers.web.status_page import (
     modes_content,
     novelty_content,
     novelty_course,
+    novelty_text,
 )
 from monitor.settings.section import has_place
 from monitor.text.quantities import duration_text, utc
@@ -108,7 +109,7 @@ def _card(view: SiteView, levels: Sequence[float], pages: Mapping[str, str]) -> 
         "window": f"last window {duration_text(view.window_age)} ago"
         if view.window_age
         else "no window since the start",
-        "level": f"{levels[-1]:.2f}" if levels else "",
+        "level": novelty_text(levels[-1]) if levels else "",
         "over": bool(levels) and levels[-1] > 1,
         "course": novelty_course(levels, _HEIGHT) if levels else "",
     }

@@ -147,11 +147,16 @@ def novelty_content(levels: Sequence[float | None]) -> dict[str, Any] | None:
     if not known:
         return None
     return {
-        "text": f"{known[-1]:.2f} times the limit",
+        "text": novelty_text(known[-1]),
         "over": known[-1] > 1,
         "missing": len(levels) > len(known),
         "course": novelty_course(levels, 64.0),
     }
+
+
+def novelty_text(level: float) -> str:
+    """Return the novelty over its limit in words."""
+    return f"{level:.0f} times the limit" if level >= 10 else f"{level:.2g} times the limit"
 
 
 def novelty_course(levels: Sequence[float | None], height: float) -> Markup:

@@ -103,7 +103,7 @@ def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
     elif any(w.modes for w in run_results.learning):
         parts.append((trends.series("Frequencies found while learning [Hz]", "/trend/found"), 4.0))
     if any(w.novelty for w in run_results.watched):
-        parts.append((trends.series("Novelty, log10(T² / limit): over 0 is out", "/novelty"), 2.4))
+        parts.append((trends.series("Novelty, log10(T² / limit); above 0: over the limit", "/novelty"), 2.4))
     stack = _stack(*parts, (trends.lanes(), 1.7))
     if not run_results.tracks:
         return stack

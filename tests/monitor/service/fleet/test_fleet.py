@@ -117,7 +117,7 @@ def test_page_lists_the_sites_that_need_a_person_first(served: Served) -> None:
         assert f">{label} <b>{round(share * SITES) + extra}</b></a>" in answer.text
     assert answer.text.count("<article") == PAGE_SITES
     first, *_ = served.get("/?q=structure").text.partition("<article")[2].partition("</article>")
-    for text in ("changed", "ALARM: mass added, 204 ± 11 g", "last window", "<polyline", "of the limit"):
+    for text in ("changed", "ALARM: mass added, 204 ± 11 g", "last window", "<polyline", "times the limit"):
         assert text in first
     assert "https://bridge1.example.org" in answer.text
     assert "structure 1000" not in served.get("/?q=structure+1000").text.partition("</header>")[2]

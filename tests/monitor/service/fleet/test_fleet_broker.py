@@ -98,7 +98,7 @@ def test_page_of_a_thousand_sites_from_retained_messages(address: str, tmp_path:
             for kind, number in (("changed", 10), ("stale", 11), ("unwell", 10), ("normal", 969)):
                 assert f">{kind} <b>{number}</b></a>" in text, kind
             first = text.partition("<article")[2].partition("</article>")[0]
-            for part in ("changed", "&lt;b&gt;mass added", "2.50", "<polyline", "last window"):
+            for part in ("changed", "&lt;b&gt;mass added", "2.5 times the limit", "<polyline", "last window"):
                 assert part in first
             assert "<b>mass" not in text
             assert "javascript:" not in text
