@@ -39,6 +39,17 @@ def structure(
             "--sensors.",
         ),
     ] = None,
+    channels: Annotated[
+        Path | None,
+        Option(
+            metavar="LOG",
+            help="Log whose channels are the names of the sensors, in its order: members as the file lists them, along "
+            "each member, axis by axis. Default: names of member, place and axis.",
+        ),
+    ] = None,
+    sensor_mass: Annotated[
+        float | None, Option(metavar="KG", help="Mass of the sensor at each measured place [kg]: a body each.")
+    ] = None,
     pinned: Annotated[
         bool, Option("--pinned", help="Feet that can turn in the plane of the frame. Default: fixed feet.")
     ] = False,
@@ -51,6 +62,7 @@ def structure(
 
     Example:
     modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003
+    modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003 --channels before.mcap
     modalwatch new structure cantilever --height 1.2 --section rectangle:0.05,0.005 --sensors-at column:0.5,1.1
     """
     from monitor.cli.new import structure_file as work
@@ -63,6 +75,8 @@ def structure(
         beam_section=beam_section,
         material=material,
         sensors=work.places_of(sensors, sensors_at or []),
+        channels=channels,
+        sensor_mass=sensor_mass,
         pinned=pinned,
         force=force,
     )

@@ -1,10 +1,12 @@
 """Structure files of common kinds of frames, with comments."""
 
+import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from monitor.analysis.logs import log_channels
 from monitor.cli.exit_codes import DONE
 from monitor.cli.new.kinds import KINDS
 from monitor.cli.new.questions import asked
@@ -122,6 +124,13 @@ def places_of(number: int, given: Sequence[str]) -> SensorPlaces:
 
 
 @dataclass(frozen=True, kw_only=True)
+class _MeasuredAxis:
+    channel: str
+    at: Point
+    axis: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class _Frame:
     members: tuple[_Member, ...]
     feet: tuple[Point, ...]  #: fixed, or pinned if so wanted
@@ -136,6 +145,8 @@ def write_structure(
     beam_section: str | None,
     material: str,
     sensors: "SensorPlaces",
+    channels: Path | None,
+    sensor_mass: float | None,
     pinned: bool,
     force: bool,
 ) -> int:
@@ -167,7 +178,12 @@ def write_structure(
     sections = {"main": _section("--section", str(given["section"] or asked("--section", _QUESTIONS["section"])))}
     if has_beams:
         sections["beam"] = _section("--beam-section", beam_section) if beam_section else sections["main"]
-    text = "\n".join(_lines(kind, frame, sections, material, sensors, pinned=pinned))
+    measured = list(_measured_axes(frame, sensors))
+    if channels is not None:
+        measured = _with_channels(measured, channels)
+    if sensor_mass is not None and not 0 < sensor_mass < math.inf:
+        raise ArgumentError("--sensor-mass", f"expected a positive number, found {sensor_mass:g}")
+    text = "\n".join(_lines(kind, frame, sections, material, measured, sensor_mass, pinned=pinned))
     try:
         loaded = parse_structure(text)
     except StructureError as error:
@@ -269,7 +285,14 @@ _FRAMES: dict[str, Callable[[Mapping[str, float]], _Frame]] = {
 
 
 def _lines(
-    kind: str, frame: _Frame, sections: Mapping[str, str], material: str, sensors: SensorPlaces, *, pinned: bool
+    kind: str,
+    frame: _Frame,
+    sections: Mapping[str, str],
+    material: str,
+    measured: Sequence[_MeasuredAxis],
+    sensor_mass: float | None,
+    *,
+    pinned: bool,
 ) -> Iterator[str]:
     yield "# Structure file of modalwatch. Axes: x along the beam, y out of the plane of the frame, z up."
     yield "# SI units throughout: m, kg, N, Pa. `modalwatch structure FILE` draws it and lists its modes."
@@ -292,13 +315,20 @@ def _lines(
         axes = ", ".join(f'"{axis}"' for axis in fixed.split())
         yield f"[[support]]\nat = {_point(at)}\nfixed = [{axes}]\n"
     yield "# Attached bodies whose mass is known, such as clamps and sensors:"
-    yield "# [[body]]\n# at = [0.0, 0.0, 1.0]\n# mass = 0.25\n"
+    if sensor_mass is None:
+        yield "# [[body]]\n# at = [0.0, 0.0, 1.0]\n# mass = 0.25\n"
+    else:
+        for at in dict.fromkeys(axis.at for axis in measured):
+            yield f"[[body]]\nat = {_point(at)}\nmass = {sensor_mass:g}\n"
     yield "# Sensors: one entry per measured axis. `channel` is its name in the data; the direction is positive."
     yield "# `at` is the position on the axis of a member. Replace names and positions by those of your sensors."
-    yield from _sensors(frame, sensors)
+    for sensor in measured:
+        direction = [int(sensor.axis == other) for other in "xyz"]
+        name = json.dumps(sensor.channel, ensure_ascii=False)
+        yield f"[[sensor]]\nchannel = {name}\nat = {_point(sensor.at)}\ndirection = {direction}\n"
 
 
-def _sensors(frame: _Frame, places: SensorPlaces) -> Iterator[str]:
+def _measured_axes(frame: _Frame, places: SensorPlaces) -> Iterator[_MeasuredAxis]:
     taken: set[tuple[Point, str]] = set()
     held = {*frame.feet, *(at for at, _ in frame.supports)}
     for member in frame.members:
@@ -307,9 +337,31 @@ def _sensors(frame: _Frame, places: SensorPlaces) -> Iterator[str]:
                 if at in held or (at, axis) in taken:
                     continue
                 taken.add((at, axis))
-                direction = [int(axis == other) for other in "xyz"]
                 channel = f"{member.name.replace(' ', '_')}_{number}_{axis}"
-                yield f'[[sensor]]\nchannel = "{channel}"\nat = {_point(at)}\ndirection = {direction}\n'
+                yield _MeasuredAxis(channel=channel, at=at, axis=axis)
+
+
+def _with_channels(measured: Sequence[_MeasuredAxis], log: Path) -> list[_MeasuredAxis]:
+    """Return the measured axes with the channels of a log, in its order.
+
+    Raises
+    ------
+    ArgumentError
+        If there are more or fewer, or a name that ends with an axis is that of another axis.
+    LogError
+        If the log cannot be read, or has no channels.
+    """
+    names = [channel.name for channel in log_channels(log)]
+    expected = ", ".join(axis.channel for axis in measured)
+    if len(names) != len(measured):
+        raise ArgumentError("--channels", f"{log} has {len(names)} channels, expected {len(measured)}: {expected}")
+    for name, own in zip(names, measured, strict=True):
+        last = name.lower()[-2:]
+        if last in ("_x", "_y", "_z", " x", " y", " z") and last[1] != own.axis:
+            raise ArgumentError(
+                "--channels", f"{log}: channel {name!r} has the place of {own.channel}; expected order: {expected}"
+            )
+    return [replace(own, channel=name) for name, own in zip(names, measured, strict=True)]
 
 
 def _point(at: Point) -> str:

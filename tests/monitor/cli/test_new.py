@@ -49,6 +49,32 @@ def test_structure_has_given_sensors_and_corner_radius(modalwatch: Commands, tmp
     assert "corner_radius = 0.005 " in path.read_text(encoding="utf-8")
 
 
+def test_structure_has_channels_of_a_log_and_masses_of_sensors(modalwatch: Commands, tmp_path: Path) -> None:
+    table, log, path = tmp_path / "before.csv", tmp_path / "before.mcap", tmp_path / "frame.toml"
+    head = 'time,foot x,"the ""top""",mid_x,mid_y'
+    rows = "\n".join(f"{k / 100},1,2,3,{k % 7}" for k in range(300))
+    table.write_text(f"{head}\n{rows}\n", encoding="utf-8")
+    assert modalwatch("import", table, "-o", log).code == 0
+    cantilever = "new", "structure", "cantilever", "--height", 1, "--section", "circle:0.02", "-o", path
+    done = modalwatch(*cantilever, "--channels", log, "--sensor-mass", 0.02)
+    assert (done.code, done.err) == (0, "")
+    found = load_structure(path)
+    at = [(0.0, 0.0, 0.5), (0.0, 0.0, 1.0)]
+    assert [(s.channel, s.at, s.direction) for s in found.sensor] == [
+        ("foot x", at[0], (1, 0, 0)),
+        ('the "top"', at[0], (0, 1, 0)),
+        ("mid_x", at[1], (1, 0, 0)),
+        ("mid_y", at[1], (0, 1, 0)),
+    ]
+    assert [(body.at, body.mass) for body in found.body] == [(place, 0.02) for place in at]
+    more = modalwatch(*cantilever, "--force", "--channels", log, "--sensors", 3)
+    assert_refused(more, "--channels: ", "before.mcap has 4 channels, expected 6: column_1_x, column_1_y, column_2_x")
+    table.write_text(table.read_text(encoding="utf-8").replace("mid_x", "mid_z"), encoding="utf-8")
+    assert modalwatch("import", table, "-o", log, "--force").code == 0
+    wrong = modalwatch(*cantilever, "--force", "--channels", log)
+    assert_refused(wrong, "channel 'mid_z' has the place of column_2_x; expected order: column_1_x, column_1_y,")
+
+
 def test_site_has_a_device_per_place_and_its_channels(modalwatch: Commands, tmp_path: Path) -> None:
     structure, path = tmp_path / "frame.toml", tmp_path / "sites" / "site.toml"
     path.parent.mkdir()
