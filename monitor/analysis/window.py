@@ -1,6 +1,6 @@
 """Identified windows: one that needs no state of the watch, and its part that is saved for a restart."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from monitor.results.convert import spectrum_result
 from monitor.results.windows import Spectrum
 from oma import ChannelFault, IdentificationError, ModalEstimate, identify_all
 from updater import estimate_delays, remove_delays
-from updater.modal_data import DeviceDelays, without_known
+from updater.modal_data import DeviceDelays, SynchronizedWindows, without_known
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,3 +125,8 @@ def window_of(
         synchronized=remove_delays(estimate, devices, tau),
         removed={device: seen[device] + t for device, t in tau.items()},
     )
+
+
+def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:
+    """Return windows with the delays of their devices (of each channel)."""
+    return SynchronizedWindows(tuple(w.synchronized for w in windows), devices, tuple(w.removed for w in windows))

@@ -18,6 +18,8 @@ Kind = Literal[
     "accepted",
     "undone",
     "seen_again",
+    "changed_again",
+    "changing",
     "refused",
     "failed",
     "trend",

@@ -19,11 +19,21 @@ def alarm_change_text(change: Change, result: WindowResult) -> str:
         return _FLAPPING[change.kind]
     if change.state == "alarm":
         again = " again, after a short interruption" if change.kind == "reopened" else ""
-        return f"ALARM{again}: the structure has changed ({figures}){_where(result)}"
+        return f"ALARM{again}: the structure has changed ({figures}){location_text(result)}"
     if change.state == "watch":
         return f"one window over the limit: {figures}"
     after = "" if change.lasted is None else f" after {duration_text(change.lasted * 1e-9)} of alarm"
     return f"back to normal{after}: {figures}"
+
+
+def changed_again_text(before: int, after: int) -> str:
+    """Return the text of a further change between the starts of two windows [ns UTC] while the alarm is active."""
+    return f"the structure changed again between {utc(before)} and {utc(after)}; the answer is for the state since"
+
+
+def changing_text(n_windows: int) -> str:
+    """Return the text of a change that goes on."""
+    return f"the structure changes gradually: the answer is for its state in the last {n_windows} windows"
 
 
 def acknowledged_text(change: Change, request: Acknowledged) -> str:
@@ -100,7 +110,8 @@ _FLAPPING = {
 }
 
 
-def _where(result: WindowResult) -> str:
+def location_text(result: WindowResult) -> str:
+    """Return location and size of the change of a window, after a colon."""
     found = [change_text(result.diagnosis)] if result.diagnosis else []
     found += [increment_text(result.increments)] if result.increments else []
     found += [modal_change_text(result.change)] if result.change else []

@@ -1,10 +1,10 @@
 """Results for the windows since a change: increments, a diagnosis, and a mass where that is the only cause."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from monitor.analysis.event import Event
-from monitor.analysis.window import Window
+from monitor.analysis.window import Window, synchronized_windows
 from monitor.optional import OptionalWork
 from monitor.results.comparison import ChannelHealth
 from monitor.results.convert import increment_result, mass_answer
@@ -24,12 +24,6 @@ from updater import (
     Structure,
     locate_mass_with_forecast,
 )
-from updater.modal_data import SynchronizedWindows
-
-
-def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:
-    """Return windows with the delays of their devices (of each channel)."""
-    return SynchronizedWindows(tuple(w.synchronized for w in windows), devices, tuple(w.removed for w in windows))
 
 
 def answer(

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray
-from monitor.analysis.window import Window
+from monitor.analysis.window import Window, synchronized_windows
 from monitor.errors import MonitorError
 from monitor.settings import Settings
 from monitor.text.causes import change_text
 from monitor.text.verdicts import is_one_mass
-from monitor.watch.answer import synchronized_windows
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.explanation import conditions_of, explain_windows
 from monitor.watch.memory import Memory

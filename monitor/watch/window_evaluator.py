@@ -1,12 +1,12 @@
 """Sequence of the monitoring loop: baseline, score of each window, alarm, commands of operators."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from daq import Event, IndexArray
+from monitor.analysis.states.present_state import present_state
 from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm, Change, Kind
 from monitor.optional import OptionalWork
@@ -18,6 +18,9 @@ from monitor.text.alarms import (
     acceptance_text,
     acknowledged_text,
     alarm_change_text,
+    changed_again_text,
+    changing_text,
+    location_text,
     model_added_text,
     restored_text,
     resumed_text,
@@ -58,6 +61,7 @@ class WindowEvaluator:
         self._requested: AcceptanceRequest | None = None
         self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
         self._extras = OptionalWork()
+        self._changing = False  # whether the change that raised the alarm goes on
         self._added = ""  # message on a structure file that was added since the baseline was learned
         if memory is not None:
             self._resume(memory)
@@ -168,9 +172,11 @@ class WindowEvaluator:
         self._out = [*self._out, window][-MAX_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
         result = result.model_copy(update={"novelty": score, "phase": self.phase})
+        notice = None
         if self._alarm.state == "alarm" and over:
-            found = self._extras.found("the diagnosis", lambda: self._answer(learned)) or {}
-            result = result.model_copy(update=found)
+            present, notice = self._present(window, learned)
+            found = self._extras.found("the diagnosis", lambda: answer(learned, present, self._structure, self._extras))
+            result = result.model_copy(update=found or {})
         calm: list[Window] = []
         if len(self._calm) >= self._settings.analysis.first_windows:
             calm, self._calm = self._calm, []
@@ -178,6 +184,8 @@ class WindowEvaluator:
             result = result.model_copy(update={"sensors": health or {}})
         yield result
         yield from (self._alarm_result(window.end, c, alarm_change_text(c, result)) for c in changes)
+        if notice is not None:
+            yield notice.model_copy(update={"text": f"{notice.text}{location_text(result)}"})
         if trending:
             yield self._trend(window.end, learned)
         yield from self._accept(window.end, learned)
@@ -186,8 +194,20 @@ class WindowEvaluator:
         if calm and self._alarm.state == "normal":
             yield from self._restore_hidden_modes(window.end, learned, calm)
 
-    def _answer(self, learned: LearnedBaseline) -> dict[str, Any]:
-        return answer(learned, self._changed_windows(), self._structure, self._extras)
+    def _present(self, window: Window, learned: LearnedBaseline) -> tuple[Sequence[Window], AlarmResult | None]:
+        """Return the windows of the present state, and a message if the structure has changed once more, or changes."""
+        changed = self._changed_windows()
+        look = self._extras.found("the look for further changes", lambda: present_state(changed, learned.devices))
+        if look is None:
+            return changed, None
+        was_changing, self._changing = self._changing, look.gradual
+        if look.before:
+            self._out = [changed[look.before - 1], *look.windows]  # the first may hold both states
+            text = changed_again_text(changed[look.before - 1].start, look.windows[0].start)
+            return look.windows, self._notice(window.end, "changed_again", text).model_copy(update={"quiet": False})
+        if look.gradual and not was_changing:
+            return look.windows, self._notice(window.end, "changing", changing_text(len(look.windows)))
+        return look.windows, None
 
     def _test(self, learned: LearnedBaseline, window: Window, *, over: bool) -> tuple[Result, ...]:
         return tuple(self._tests.after(learned, self._alarm, window, over=over))

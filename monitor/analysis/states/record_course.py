@@ -4,11 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from daq import FloatArray
 from monitor.analysis.explanation import Explanation
 from monitor.analysis.observation import Observation
+from monitor.analysis.states.drift import without_drift
 from monitor.analysis.states.stationarity import in_order_of_time
 from monitor.errors import StateError
 from monitor.results.comparison import ChangeRate, CoursePoint, WithinRecord
@@ -50,7 +48,7 @@ def record_states(observation: Observation) -> RecordStates | None:
         return None
     first, last = ordered.chosen(course.first), ordered.chosen(course.last)
     if course.kind == "gradual":
-        first, last = without_drift(first), without_drift(last)
+        first, last = (replace(side, estimates=without_drift(side.estimates, side.tracks)) for side in (first, last))
     return RecordStates(course=course, observation=ordered, first=first, last=last)
 
 
@@ -79,52 +77,6 @@ def explain_record(
     found = explain_states(before, states.observation if of_all else states.last, heldout)
     within = _within_record(states, change, of_all=of_all)
     return replace(found, diagnosis=found.diagnosis.model_copy(update={"within_record": within}))
-
-
-def without_drift(observation: Observation) -> Observation:
-    """Remove the lines in time from frequencies and shapes of windows, about the windows' mean time.
-
-    The residuals are enlarged for the slope that was fitted to them.
-    """
-    time = np.array([estimate.start for estimate in observation.estimates], dtype=np.float64)
-    estimates = [_copy(estimate) for estimate in observation.estimates]
-    for track in range(len(observation.tracks[0])):
-        seen = np.array([w for w, tracks in enumerate(observation.tracks) if tracks[track] >= 0])
-        if len(seen) < 4:
-            continue
-        modes = [int(observation.tracks[w][track]) for w in seen]
-        log_frequency = np.log([estimates[w].frequency[mode] for w, mode in zip(seen, modes, strict=True)])
-        level = _level(time[seen], log_frequency[:, None])[:, 0]
-        for w, mode, value in zip(seen, modes, level, strict=True):
-            estimates[w].frequency[mode] = np.exp(value)
-        _level_shapes([estimates[w] for w in seen], modes, time[seen])
-    return replace(observation, estimates=tuple(estimates))
-
-
-def _copy(estimate: ModalEstimate) -> ModalEstimate:
-    return replace(estimate, frequency=estimate.frequency.copy(), shape=estimate.shape.astype(np.complex128))
-
-
-def _level_shapes(estimates: Sequence[ModalEstimate], modes: Sequence[int], time: FloatArray) -> None:
-    """Remove the lines in time from the shapes of one mode, in place; windows that lack channels keep theirs."""
-    channels = max((estimate.channels for estimate in estimates), key=len)
-    full = [k for k, estimate in enumerate(estimates) if estimate.channels == channels]
-    if len(full) < 4:
-        return
-    shape = np.array([estimates[k].shape[modes[k]] for k in full])
-    turn = shape @ shape[0].conj()
-    aligned = shape * (turn.conj() / np.maximum(np.abs(turn), 1e-300))[:, None]
-    level = _level(time[full], aligned)
-    for k, row in zip(full, level, strict=True):
-        estimates[k].shape[modes[k]] = row / np.linalg.norm(row)
-
-
-def _level(time: FloatArray, value: np.ndarray) -> np.ndarray:
-    """Return values (n, m) without their lines in time."""
-    n = len(time)
-    design = np.column_stack([np.ones(n), (time - time.mean()) / np.ptp(time)])
-    rest = value - design @ np.linalg.lstsq(design, value, rcond=None)[0]
-    return np.asarray(value.mean(0) + rest * np.sqrt((n - 1) / (n - 2)))
 
 
 def _within_record(states: RecordStates, change: Explanation, *, of_all: bool) -> WithinRecord:

@@ -88,7 +88,7 @@ class NoticeFilter:
             return self._notice("trend", change.time, change.text)
         if change.kind in ("latched", "accepted"):
             return self._notice("recovery", change.time, change.text)
-        if change.raised:
+        if change.raised or change.kind == "changed_again":
             return self._notice("alarm", change.time, change.text)
         over = before == "alarm" and change.state == "normal"
         return self._notice("recovery", change.time, change.text) if over else None
