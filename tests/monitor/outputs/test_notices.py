@@ -72,6 +72,8 @@ def test_changed_cause_in_the_diagnosis_sends_an_update() -> None:
         ([change(1, "alarm"), change(2, "alarm", kind="acknowledged")], ["alarm", "acknowledged"]),
         ([change(1, "alarm", quiet=True), change(2, "normal", lasted=1.0, quiet=True)], []),
         ([change(1, "alarm"), change(2, "alarm", kind="reopened", quiet=True)], ["alarm"]),
+        ([change(1, "alarm"), change(2, "alarm", kind="changed_again")], ["alarm", "alarm"]),
+        ([change(1, "alarm"), change(2, "alarm", kind="changing", quiet=True)], ["alarm"]),
         ([change(1, "alarm", kind="flapping"), change(2, "normal", kind="steady")], ["flapping", "flapping"]),
         ([LOST], ["trouble"]),
         ([Event(topic="/event/gap", time=1, payload={"device": "left"}), make_block("left", 0)], []),
