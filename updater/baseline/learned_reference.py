@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from daq import IndexArray
 from oma import ModalEstimate, mac_matrix
-from updater.baseline.recalibration import Measured, Recalibrated, is_far, model_reference, parameters_of, recalibrated
+from updater.baseline.recalibration import Measured, Recalibrated, is_far, model_reference, recalibrated
 from updater.errors import ModalDataError, PairingError
 from updater.modal_data import (
     NO_DELAYS,
@@ -26,6 +26,7 @@ from updater.reference import (
     Calibration,
     Parameter,
     Reference,
+    best_model,
     calibrate,
     first_stage,
     match_nominal_modes,
@@ -118,13 +119,13 @@ def with_bodies_on(reference: Reference, bodies: Sequence[Body], *, shaped: bool
 def _with_shapes(structure: Structure, calibration: Calibration, measured: Measured) -> Calibration:
     """Return a calibration carried on with shapes; the same where too few modes can be paired then."""
     try:
-        there = model_reference(with_springs(structure), structure, measured)
+        there = model_reference(best_model(with_springs(structure)), structure, measured)
     except (PairingError, ModalDataError):
         return calibration
-    far, start = is_far(calibration, measured.mean), parameters_of(calibration)
-    found = recalibrated(structure, there, measured, far=far, start=start)
+    far = is_far(calibration, measured.mean)
+    found = recalibrated(structure, there, measured, far=far, start=calibration)
     if found is not None and not far and found.p_value < _MIN_P:
-        found = recalibrated(structure, there, measured, far=True, start=start)
+        found = recalibrated(structure, there, measured, far=True, start=calibration)
     return calibration if found is None else _calibration(found, there, measured.mean)
 
 

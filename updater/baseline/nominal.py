@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from updater.baseline.recalibration import Measured, is_far, model_reference, recalibrated
 from updater.modal_data import TrackedModes, learn_scatter, stated_scatter
-from updater.reference import NominalModel, Reference
+from updater.reference import NominalModel, Reference, best_model
 from updater.structure import Structure, nominal_parameters, with_springs
 
 
@@ -42,7 +42,7 @@ def nominal_reference(
     """
     scatter = stated_scatter(windows) if stated else learn_scatter(windows)
     measured = Measured(windows=windows, scatter=scatter, devices=devices, n_modes=n_modes)
-    there = model_reference(with_springs(structure), structure, measured)
+    there = model_reference(best_model(with_springs(structure)), structure, measured)
     if not there.calibration.knobs or not is_far(there.calibration, measured.mean):
         return there
     found = recalibrated(structure, there, measured, far=True)

@@ -13,6 +13,7 @@ import numpy as np
 from daq import FloatArray
 from updater.causes import ModelParameters, propose_model_parameters
 from updater.errors import ModalDataError, PairingError
+from updater.fe import Model
 from updater.inference import MODEL_ERROR, compare, fit
 from updater.modal_data import (
     DeviceDelays,
@@ -68,7 +69,7 @@ def is_far(calibration: Calibration, measured: ModalMean) -> bool:
 
 
 def recalibrated(
-    structure: Structure, there: Reference, measured: Measured, *, far: bool, start: FloatArray | None = None
+    structure: Structure, there: Reference, measured: Measured, *, far: bool, start: Calibration | None = None
 ) -> Recalibrated | None:
     """Return the model with the parameters with which it fits best; None where too few modes can be paired with one.
 
@@ -81,14 +82,17 @@ def recalibrated(
     there : reference of the file's own modes
     measured : modes to fit
     far : whether the file is far off, so that its parameters have wider priors
-    start : (n_knobs,) parameters to begin with; None: fitted to the frequencies alone
+    start : to begin with; None: fitted to the frequencies alone
     """
     found = None
     knobs, modes = there.calibration.knobs, without_fault(there.baseline, measured.mean)
     with suppress(PairingError, ModalDataError):  # the last model that enough modes can be paired with is kept
-        value = parameters_of(calibrate(structure, modes)) if start is None else start
+        start = start or calibrate(structure, modes)
+        value, model = _parameters_of(start), start.model
         for number in range(_MAX_ROUNDS):
-            nearer = model_reference(apply_parameters(structure, list(knobs), value), structure, measured)
+            if number:
+                model = best_model(apply_parameters(structure, list(knobs), value))
+            nearer = model_reference(model, structure, measured)
             nearer = replace(nearer, nominal=NominalModel(reference=there, value=value, far=far))
             cause, best, covariance, p_value = _best_parameters(
                 nearer, modes, _N_STARTS if number < _SCATTERED_ROUNDS else 1
@@ -102,7 +106,7 @@ def recalibrated(
     return found
 
 
-def parameters_of(calibration: Calibration) -> FloatArray:
+def _parameters_of(calibration: Calibration) -> FloatArray:
     """Return the calibrated parameters (n_knobs,), logarithms of factors of stiffness."""
     pairs = zip(calibration.knobs, calibration.parameters, strict=True)
     return np.array([np.log(p.value) if knob.kind == "stiffness" else p.value for knob, p in pairs])
@@ -148,12 +152,12 @@ def _starts(cause: ModelParameters, n: int) -> FloatArray:
     return np.maximum(value - cause.file_value, cause.lower)
 
 
-def model_reference(sprung: Structure, structure: Structure, data: Measured) -> Reference:
-    """Return a reference of a structure's own modes; the file's parameters are those that may be off.
+def model_reference(model: Model, structure: Structure, data: Measured) -> Reference:
+    """Return a reference of a model's own modes; the file's parameters are those that may be off.
 
     Parameters
     ----------
-    sprung : the structure to model, with springs in the place of rigid connections
+    model : of the structure, with springs in the place of rigid connections
     structure : as in the file
     data : modes to pair the model's with
 
@@ -163,7 +167,6 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
         If fewer than three measured modes have a partner in the model.
     """
     measured = data.mean
-    model = best_model(sprung)
     modes, seen, own = own_modes(model, measured, n_modes=data.n_modes)
     check_unit(np.exp(measured.log_frequency), measured.shape, np.exp(own.log_frequency), own.shape)
     found = match_modes(own, measured)
@@ -176,7 +179,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
     return Reference(
         measured=False,
         calibration=Calibration(
-            structure=sprung,
+            structure=model.structure,
             nominal=structure,
             model=model,
             modes=modes,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from updater.fe.redundants import self_stress
     from updater.fe.response import Ambient, AmbientResponse
     from updater.fe.rotations import Hinges, flexibility, hinges_of
-    from updater.fe.section_forces import parts_between, weighted_actions
+    from updater.fe.section_forces import elastic_energy, parts_between, weighted_actions
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
@@ -30,6 +30,7 @@ __all__ = [
     "Modes",
     "ProgramFiles",
     "build_model",
+    "elastic_energy",
     "flexibility",
     "group_strains",
     "hinges_of",

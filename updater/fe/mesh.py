@@ -35,8 +35,8 @@ class _Places:
 
     def near(self, point: FloatArray) -> list[int]:
         """Return the points at a place, first added first."""
-        low, high = ([math.floor((x + side * COINCIDENT) / _CELL) for x in point.tolist()] for side in (-1, 1))
-        cells = itertools.product(*({a, b} for a, b in zip(low, high, strict=True)))
+        low, high = (tuple(math.floor((x + side * COINCIDENT) / _CELL) for x in point.tolist()) for side in (-1, 1))
+        cells = [low] if low == high else itertools.product(*({a, b} for a, b in zip(low, high, strict=True)))
         found = sorted(i for cell in cells for i in self._cells.get(cell, ()))
         return [i for i in found if math.dist(self.points[i], point) < COINCIDENT]
 
@@ -58,7 +58,8 @@ class Mesh:
         self.nodes = np.array(self._places.points)
 
     def _add(self, member: Member) -> None:
-        line = [self._node(p, member) for p in self._stations(member)]
+        joints = [i for i, joint in enumerate(self.structure.joint) if joint.member == member.name]
+        line = [self._node(p, joints) for p in self._stations(member)]
         self.spans += [(a, b, member) for a, b in itertools.pairwise(line)]
 
     def _stations(self, member: Member) -> FloatArray:
@@ -78,11 +79,11 @@ class Mesh:
                 even = np.sort(np.append(even, s))
         return member.point(even)
 
-    def _node(self, point: FloatArray, member: Member) -> int:
+    def _node(self, point: FloatArray, joints: list[int]) -> int:
+        """Return the node of a member at a point, by the member's joints."""
         plain = [i for i in self._places.near(point) if i not in self._doubles]
         node = plain[0] if plain else self._places.add(point)
-        own = (i for i, j in enumerate(self.structure.joint) if j.member == member.name)
-        joint = next((i for i in own if math.dist(self.structure.joint[i].at, point) < COINCIDENT), None)
+        joint = next((i for i in joints if math.dist(self.structure.joint[i].at, point) < COINCIDENT), None)
         if joint is None:
             return node
         if (node, joint) not in self._twin_of:

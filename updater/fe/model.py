@@ -84,6 +84,8 @@ class Model:
     def modes(self, n: int) -> Modes:
         """Return the lowest `n` modes; a semidefinite mass matrix is fine, and bodies that were taken off.
 
+        They are solved for once, and not to be changed.
+
         Raises
         ------
         MechanismError
@@ -91,6 +93,16 @@ class Model:
         ModelError
             If it buckles under its preload, has fewer modes, or a body takes off more mass than moves; names the body.
         """
+        if n not in self._solved:
+            self._solved[n] = self._lowest_modes(n)
+        return self._solved[n]
+
+    @cached_property
+    def _solved(self) -> dict[int, Modes]:
+        """Modes by their number."""
+        return {}
+
+    def _lowest_modes(self, n: int) -> Modes:
         removed = [body for body in self.structure.body if body.mass < 0]
         try:
             return lowest_modes(self.stiffness, self.mass, n, self.structure.name, removed=bool(removed))

@@ -5,6 +5,7 @@ sum_k int (1/s - 1) A_kr A_ks / D_k dx, with D = (E A, kappa G A_y, kappa G A_z,
 """
 
 from collections import defaultdict
+from collections.abc import Collection
 
 import numpy as np
 
@@ -50,6 +51,23 @@ def weighted_actions(model: Model, modes: Modes, stations: dict[int, FloatArray]
             here = which == k
             found[m][here] = _within(model, modes, span, at[here] - start)
     return found
+
+
+def elastic_energy(model: Model, shape: FloatArray, members: Collection[str]) -> FloatArray:
+    """Return twice the elastic energy (n_modes,) of shapes (n_dofs, n_modes) in the elements of members, by name."""
+    kinds = defaultdict(list)  # elements of one matrix and direction
+    for name, span in zip(model.member_names, model.elements, strict=True):
+        if name in members:
+            kinds[id(span[2])].append(span)
+    held = np.vstack([shape, np.zeros(shape.shape[1])])  # the last row is that of held DOFs
+    energy = np.zeros(shape.shape[1])
+    for spans in kinds.values():
+        first, last, element = spans[0]
+        assert isinstance(element, Element)
+        dofs = model.dofs[[span[:2] for span in spans]].reshape(len(spans), 12)
+        local = element.rotation(model.nodes[last] - model.nodes[first]) @ held[dofs]
+        energy += (local * (element.elastic_stiffness @ local)).sum((0, 1))
+    return energy
 
 
 def parts_between(

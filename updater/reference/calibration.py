@@ -18,7 +18,7 @@ from daq import FloatArray, IndexArray
 from oma import pair_modes
 from oma.tracking import mac_of_moving
 from updater.errors import PairingError
-from updater.fe import Model, Modes, build_model, parts_between
+from updater.fe import Model, Modes, build_model, elastic_energy, parts_between
 from updater.modal_data import ModalMean, check_baseline, check_unit
 from updater.quantities import ParameterChange
 from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
@@ -180,16 +180,15 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
     tracks = np.flatnonzero(answers >= 0)
     misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
     fit = fit_parameters(misfit, _prior(knobs))
-    fitted = apply_parameters(structure, knobs, fit.value)
-    model = best_model(fitted)
+    model, _, paired = misfit.solved(fit.value)
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
     return Calibration(
-        structure=fitted,
+        structure=model.structure,
         nominal=structure,
         model=model,
         modes=model.modes(len(modes.frequency)),
         tracks=tracks,
-        paired=misfit.partners(fit.value),
+        paired=paired,
         n_nominal=n_nominal,
         nominal_frequency=modes.frequency[answers[tracks]],
         nominal_mac=_likeness(measured, answers, seen)[tracks],
@@ -266,7 +265,7 @@ class _Misfit:
     def __init__(self, structure: Structure, knobs: list[ModelParameter], measured: ModalMean, n_modes: int) -> None:
         self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
         self._tolerance = np.hypot(measured.log_frequency_std, FREQUENCY_ERROR)
-        self._solved = lru_cache(1)(self._solve)
+        self._solved = lru_cache(2)(self._solve)  # a step that failed, and the parameters before it
 
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:
         model = best_model(apply_parameters(self._structure, self._knobs, np.array(x)))
@@ -277,9 +276,9 @@ class _Misfit:
         _, partner = linear_sum_assignment(unlike + apart)
         return model, Modes(frequency=modes.frequency[partner], shape=modes.shape[:, partner]), partner
 
-    def partners(self, x: FloatArray) -> IndexArray:
-        """Return the model mode (n_tracks,) paired with each measured one."""
-        return self._solved(*x)[2]
+    def solved(self, x: FloatArray) -> tuple[Model, Modes, IndexArray]:
+        """Return the model, its modes (n_tracks,) paired with the measured ones, and their numbers."""
+        return self._solved(*x)
 
     def residual(self, x: FloatArray) -> FloatArray:
         return np.asarray((np.log(self._solved(*x)[1].frequency) - self._measured.log_frequency) / self._tolerance)
@@ -291,14 +290,23 @@ class _Misfit:
 
     def _by_knob(self, model: Model, modes: Modes, x: FloatArray, i: int) -> FloatArray:
         knob = self._knobs[i]
+        if knob.kind == "stiffness" and self._structure.external is None:
+            return self._by_material(model, modes, knob.target)
+        if knob.of_group:
+            return frequency_slope(modes.omega, modes.shape, model.groups[knob.target] @ modes.shape)
         if knob.kind == "stiffness":
             return frequency_slope(modes.omega, modes.shape, self._stiffened(model, x, i) @ modes.shape)
         if knob.kind == "weld":
             return self._by_weld(model, modes, knob, float(x[i]))
         return self._by_spring(model, modes, knob)
 
+    def _by_material(self, model: Model, modes: Modes, material: str) -> FloatArray:
+        """Return d ln omega / d ln E of a material: its members' part of K is proportional to E."""
+        members = {member.name for member in self._structure.member if member.material == material}
+        return elastic_energy(model, modes.shape, members) / (2 * modes.omega**2)
+
     def _stiffened(self, model: Model, x: FloatArray, i: int) -> sparse.csc_array:
-        """Return dK / d ln E of a material: its members' part of K, which is proportional to E."""
+        """Return dK / d ln f of external matrices, their part of K, which is proportional to f."""
         doubled = x.copy()
         doubled[i] += np.log(2)
         return sparse.csc_array(
