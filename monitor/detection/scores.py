@@ -83,8 +83,13 @@ def _alone(deviation: FloatArray, precision: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _known(deviation: FloatArray, covariance: FloatArray) -> FloatArray:
-    """Return the covariance of the modes that are there, one of one for each of the others."""
+    """Return the covariance of the modes that are there, one of one for each of the others.
+
+    Where all are there, it is one for all deviations that have it in common.
+    """
     seen = np.isfinite(deviation)
+    if seen.all():
+        return covariance
     both = seen[..., :, None] & seen[..., None, :]
     return np.asarray(np.where(both, covariance, np.eye(deviation.shape[-1])))
 
