@@ -42,6 +42,10 @@ def test_written_file_has_the_place_and_needs_no_further_cause() -> None:
     assert abs(shift.value - hidden.parameters["shift"]) < 4 * shift.std
     assert 0.008 - 4 * mass.std < mass.value < 0.015 + 4 * mass.std  # of the accelerometers of the specimen [kg]
     assert cause.where.position is not None
+    assert cause.where.region is not None
+    assert _within(cause.where.region[0], hidden.position)
+    assert cause.where.position_std is not None
+    assert cause.where.position_std > shift.std  # of the stated place, its error and the shift, which are correlated
     assert loop.written is not None
     stated = {s.channel: np.array(s.at) for s in structure_of("").sensor}
     for sensor in loop.written.sensor:
@@ -127,6 +131,7 @@ def _within(region: tuple[Vector, Vector], position: Vector | None) -> bool:
     return bool(0 <= (position - begin) @ (end - begin) <= (end - begin) @ (end - begin))
 
 
+@pytest.mark.thorough  # by default of 12 cm, with the written file
 def test_region_contains_the_error_of_the_first_place() -> None:
     """The place is the stated one, its error and the shift, which are correlated."""
     case = drawn(0.02, 4_800_000, file=False)
