@@ -131,9 +131,12 @@ class _SharedTask:
         Raises
         ------
         DriverError
-            If the inputs cannot be read in this way, or the rate is not that of the other devices.
+            If the inputs cannot be read in this way, one is another device's, or the rate is not that of the others.
         """
         with self._lock:
+            taken = [name for other in self._members for name in other.place.inputs if name in member.place.inputs]
+            if taken:
+                raise DriverError(str(member.place), f"{taken[0]} is in use by another device")
             if self._members and rate != self._rate:
                 message = f"rate: expected {self._rate:g} Hz, as the other devices of {self._name}, found {rate:g}"
                 raise DriverError(str(member.place), message)
