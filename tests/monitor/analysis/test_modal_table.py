@@ -19,6 +19,16 @@ from updater import Body, load_structure, t_structure_toml
 
 BODY = Body(at=(0.2, 0, 1.48), mass=0.3)
 CHANNELS = t_frame().channels
+ONLY = (
+    "--only",
+    "added_mass",
+    "--only",
+    "distributed_mass",
+    "--only",
+    "local_stiffness",
+    "--only",
+    "support_stiffness",
+)
 
 
 def table(path: Path, estimate: ModalEstimate, *, shapes: bool = True, stds: bool = True) -> Path:
@@ -45,11 +55,14 @@ def structure(folder: Path) -> Path:
 
 @pytest.mark.parametrize("shapes", few_of([False, True]))
 def test_added_mass_is_found_from_two_tables_of_modes(tmp_path: Path, modalwatch: Commands, shapes: bool) -> None:
-    """Frequencies alone leave a mirror image; the mass is weighed all the same, spread over 30 cm or not."""
+    """Frequencies alone leave a mirror image; the mass is weighed all the same, spread over 30 cm or not.
+
+    Of causes in the structure: from frequencies, many faults of sensors are not determined.
+    """
     before = table(tmp_path / "before.csv", measured(1), shapes=shapes)
     after = table(tmp_path / "after.csv", measured(2, BODY), shapes=shapes)
     out = tmp_path / "found.json"
-    done = modalwatch("diagnose", structure(tmp_path), after, "--reference", before, "--json", out)
+    done = modalwatch("diagnose", structure(tmp_path), after, "--reference", before, "--json", out, *ONLY)
     assert done.code in {0, 1}, done
     found = json.loads(out.read_text(encoding="utf-8"))
     assert found["verdict"] in {"explained", "ambiguous"}

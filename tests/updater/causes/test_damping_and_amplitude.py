@@ -1,6 +1,7 @@
 """Damping that has changed, and joints that soften as the frame shakes harder."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ def learnt() -> tuple[Reference, Model]:
     return learn_reference(t_frame(), [measure(bare, random, GAIN) for _ in range(8)], [TRACK] * 8), bare
 
 
+@lru_cache(maxsize=16)  # windows of one level have their model in common
 def softened(model: Model, share: float) -> Model:
     """The frame with its foot's bending and joint's springs at a share of their stiffness."""
     parts: dict[str, object] = {}
