@@ -132,7 +132,7 @@ def _transforms(data: FloatArray, shapes: FloatArray, complete: BoolArray) -> Co
 def _line(
     lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, i: int, least_damping: float
 ) -> LineTest | None:
-    """Return the comparison of a tone with resonances for one mode; None if the highest line is not the mode's."""
+    """Return the comparison of a tone with resonances for one mode; None if it is not the mode's, or of gaps alone."""
     frequency, std = float(estimate.frequency[i]), float(estimate.frequency_std[i])
     wide = BAND * float(estimate.damping[i]) * frequency * duration
     centre = round(frequency * duration)
@@ -140,6 +140,8 @@ def _line(
     if reach < _REACH[0] // 2:
         return None
     test = line_test(lines, centre, reach, complete.astype(float), 2 * np.pi * frequency * least_damping * duration)
+    if test is None:
+        return None
     away = abs(centre + test.frequency - frequency * duration)
     return test if away < 1 + 3 * std * duration else None
 

@@ -42,7 +42,7 @@ class LineTest:
     n_samples: int  #: independent complex samples compared
 
 
-def line_test(lines: ComplexArray, centre: int, reach: int, complete: FloatArray, least_decay: float) -> LineTest:
+def line_test(lines: ComplexArray, centre: int, reach: int, complete: FloatArray, least_decay: float) -> LineTest | None:
     """Compare a tone with every resonance that decays at least at a given rate.
 
     Parameters
@@ -58,13 +58,16 @@ def line_test(lines: ComplexArray, centre: int, reach: int, complete: FloatArray
 
     Returns
     -------
-    LineTest
+    LineTest or None
+        None if gaps leave no sample.
     """
     signal = _demodulated(lines, centre, reach)
     n = len(signal)
     there = np.interp((np.arange(n) + 0.5) / n, (np.arange(len(complete)) + 0.5) / len(complete), complete) > 0.99
     there = np.convolve(~np.pad(there, 2, mode="edge"), np.ones(5), mode="valid") == 0  # a gap spoils its neighbours
     there[:_EDGE] = there[-_EDGE:] = False
+    if not there.any():
+        return None
     peak = _highest_line(np.where(there, signal, 0))
     least = least_decay / n
     n_faster = max(2, int(np.ceil(np.log(_LONGEST_DECAY / least) / np.log(_DECAY_RATIO))) + 1)

@@ -15,10 +15,7 @@ from monitor.cli.demo.demonstration import SHORT
 from monitor.results.windows import WindowResult
 from monitor.service.replay import logged_results, replay
 
-pytestmark = [
-    pytest.mark.live,
-    pytest.mark.xdist_group("demo"),
-]  # one of them at a time; the rig waits for the analysis
+pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]
 
 MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
 SEED = 7

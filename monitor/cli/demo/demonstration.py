@@ -40,7 +40,7 @@ class Plan:
 
 
 FULL = Plan(window=40.0, baseline_windows=12, windows=27, between=(530.0, 640.0))
-SHORT = Plan(window=20.0, baseline_windows=7, windows=12, between=(145.0, 175.0), rate=500.0)
+SHORT = Plan(window=15.0, baseline_windows=8, windows=13, between=(124.0, 146.0))
 
 
 def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:

@@ -11,7 +11,7 @@ from oma import ComplexArray, ModalEstimate, identify_all
 from oma.selection import Selection
 from oma.spectral import LineClasses, classify
 from oma.spectral.harmonics import _multiples, steadiest
-from oma.spectral.narrow_band import line_test
+from oma.spectral.narrow_band import LineTest, line_test
 from tests.support.oma.scenes import RATE, SCENES, Tone, tower, with_tone
 from tests.support.oma.structures import Structure, simulate
 from tests.support.thorough import few_of
@@ -102,6 +102,18 @@ def narrow_band(decay: float, noise: float, seed: int, n: int = 64) -> ComplexAr
     return fft.fft(turned + np.sqrt(noise) * white[1, :n])
 
 
+def tested(lines: ComplexArray, n: int, least_decay: float) -> LineTest:
+    found = line_test(lines, 200, n // 2, np.ones(1000), least_decay)
+    assert found is not None
+    return found
+
+
+def test_band_without_samples_between_gaps_is_not_tested() -> None:
+    """Each gap spoils its neighbours; three in five samples are there."""
+    complete = np.tile(np.repeat([1.0, 0.0], [12, 8]), 50)
+    assert line_test(np.ones(400, np.complex128), 200, 32, complete, 1.0) is None
+
+
 @pytest.mark.parametrize("noise", [1e-5, 1e-2, 1.0])
 @pytest.mark.parametrize("decay", [0.5, 4.0, 30.0])
 def test_resonance_gives_no_evidence_of_a_tone(decay: float, noise: float) -> None:
@@ -110,7 +122,7 @@ def test_resonance_gives_no_evidence_of_a_tone(decay: float, noise: float) -> No
     found = []
     for seed in range(40):
         lines[200 - n // 2 : 200 + n // 2] = fft.fftshift(narrow_band(decay, noise, seed, n))
-        found.append(line_test(lines, 200, n // 2, np.ones(1000), decay).evidence)
+        found.append(tested(lines, n, decay).evidence)
     evidence = np.array(found)
     assert np.mean(evidence > np.log(20)) < 0.05 + 3 * np.sqrt(0.05 / 40)
     assert evidence.max() < np.log(1e4)
@@ -122,7 +134,7 @@ def test_tone_is_distinguished_from_resonances(least_decay: float, noise: float)
     tests = []
     for seed in range(40):
         lines[200 - n // 2 : 200 + n // 2] = fft.fftshift(narrow_band(0.0, noise, seed, n))
-        tests.append(line_test(lines, 200, n // 2, np.ones(1000), least_decay))
+        tests.append(tested(lines, n, least_decay))
     assert np.mean([t.evidence > np.log(1e4 * n) for t in tests]) > 0.8
     assert np.mean([t.decay_evidence < 2.7 for t in tests]) > 0.9
 
