@@ -42,7 +42,9 @@ class LineTest:
     n_samples: int  #: independent complex samples compared
 
 
-def line_test(lines: ComplexArray, centre: int, reach: int, complete: FloatArray, least_decay: float) -> LineTest | None:
+def line_test(
+    lines: ComplexArray, centre: int, reach: int, complete: FloatArray, least_decay: float
+) -> LineTest | None:
     """Compare a tone with every resonance that decays at least at a given rate.
 
     Parameters
