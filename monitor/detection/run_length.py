@@ -22,6 +22,7 @@ from daq import FloatArray
 
 _DISTANCES = np.concatenate([np.linspace(0.25, 60, 120), np.linspace(62, 240, 60)])
 _NODES = 120  # of integrals over a distance
+_COARSE, _FINE = 23, 13  # intervals of a limit, and parts of the one that has it
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,18 @@ def _limit(rate: FloatArray, n: int, freedom: float, wanted: float) -> float:
     """
     known = np.log(np.maximum(rate, 1e-280))
     variance, share = _variances(freedom)
-    tried = np.geomspace(0.5 * n, 60.0 * n, 300)
-    there = tried[:, None] / variance
     slope = (known[-1] - known[-21]) / (_DISTANCES[-1] - _DISTANCES[-21])
-    beyond = known[-1] + slope * (there - _DISTANCES[-1])
-    logs = np.where(there > _DISTANCES[-1], beyond, np.interp(there, _DISTANCES, known))
-    mean = np.exp(logs) @ share
-    return float(np.interp(-np.log(wanted), -np.log(mean), tried) / n)
+
+    def rarity(distance: FloatArray) -> FloatArray:
+        there = distance[:, None] / variance
+        beyond = known[-1] + slope * (there - _DISTANCES[-1])
+        logs = np.where(there > _DISTANCES[-1], beyond, np.interp(there, _DISTANCES, known))
+        return np.asarray(-np.log(np.exp(logs) @ share))
+
+    tried, rare = np.geomspace(0.5 * n, 60.0 * n, _COARSE * _FINE + 1), -np.log(wanted)
+    k = int(np.clip(np.searchsorted(rarity(tried[::_FINE]), rare) - 1, 0, _COARSE - 1))
+    near = tried[_FINE * k : _FINE * (k + 1) + 1]
+    return float(np.interp(rare, rarity(near), near) / n)
 
 
 @lru_cache(maxsize=64)
