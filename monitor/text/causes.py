@@ -95,11 +95,36 @@ def at_place(name: str) -> str:
 
 
 def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
-    """Return a cause's parameters, name and value, none of them twice; those of the model before and after."""
+    """Return a cause's parameters, name and value, none of them twice; those of the model before and after.
+
+    Parameters of the whole model that are within two deviations of the file are left out: `further_changes_text`.
+    """
     if cause.changes:
-        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in cause.changes]
+        changes = [change for change in cause.changes if change.significant or cause.where is not None]
+        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in changes]
     found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
     return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
+
+
+def further_changes(cause: Cause) -> tuple[ParameterChange, ...]:
+    """Return the parameters of the whole model that were changed too, each within two deviations of the file."""
+    return tuple(change for change in cause.changes if cause.where is None and not change.significant)
+
+
+def further_changes_text(changes: Sequence[ParameterChange]) -> str:
+    """Return the names of parameters within two deviations of the file in one line, by place; empty if there are none.
+
+    Such as `2 more within two deviations of the file: rotational stiffness about x, z at the foot of the left post`.
+    """
+    if not changes:
+        return ""
+    by_place: dict[tuple[str, str], list[str]] = {}
+    for change in changes:
+        what, about, axis = change.quantity.rpartition(" about ")
+        place = _named_quantity(change).removeprefix(change.quantity)
+        by_place.setdefault((f"{what}{about}" or axis, place), []).append(axis if what else "")
+    names = [f"{what}{', '.join(filter(None, axes))}{place}" for (what, place), axes in by_place.items()]
+    return f"{len(changes)} more within two deviations of the file: {'; '.join(names)}"
 
 
 def _parameter_name(cause: Cause, change: ParameterChange) -> str:
@@ -152,6 +177,8 @@ def cause_text(cause: Cause) -> str:
     texts = [f"{name} {value}" for name, value in parameter_texts(cause)]
     if len(texts) > _MANY:
         texts[_FEW:] = [f"and {len(texts) - _FEW} more"]
+    if further := further_changes(cause):
+        texts.append(f"{'and ' * bool(texts)}{len(further)} {'more ' * bool(texts)}within two deviations of the file")
     values = ", ".join(texts)
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
-_GIVES = 0.1  # times c E I / L: prior flexibility of a foot or joint that is rigid in the file
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
 _TURNED = slice(3, None)  # twist and bending, which are reduced in a joint's zone
 _LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
@@ -113,11 +112,10 @@ class ModelParameters(Discrete):
         return {c.name: Quantity(value=c.after, std=c.std, unit=c.unit) for c in self.changes(fit)}
 
     def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
-        """Return the parameters that differ significantly from the file's, as in the file and as fitted.
-
-        Parameters with a posterior as wide as their prior, and those within two deviations of the file, are left out.
-        """
-        return tuple(self._change(k, float(fit.theta[0, k]), std) for k, std in self._significant(fit))
+        """Return every parameter that the written model changes, as in the file and as fitted; significant ones first."""
+        std = np.sqrt(np.diagonal(fit.covariance[0]))
+        found = [self._change(k, float(fit.theta[0, k]), float(std[k])) for k in self._written(fit.theta[0])]
+        return tuple(sorted(found, key=lambda change: not change.significant))
 
     def deviations(self, fit: "Fit[Cause]") -> float:
         """Return by how many standard deviations the parameter that changed most differs from the file's."""
@@ -150,10 +148,14 @@ class ModelParameters(Discrete):
             std=std * physical_slope(self.nominal, knob, value),
         )
 
+    def _written(self, theta: FloatArray) -> list[int]:
+        """Return the parameters with an entry in the written model."""
+        return [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new values of all changed parameters; rigid connections and absent welds get no entry."""
         del row
-        moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+        moved = self._written(theta)
         value = self.file_value + np.minimum(theta, self._upper)
         return apply_parameters(structure, [self.knobs[k] for k in moved], value[moved])
 
@@ -186,7 +188,7 @@ def _prior(knob: ModelParameter, wider: float) -> float:
     if knob.kind == "stiffness":
         return wider * (knob.prior if knob.of_group else _STIFFNESS_STD)
     rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
-    return wider * _GIVES if rigid else knob.prior
+    return wider * knob.prior if rigid else knob.prior
 
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
