@@ -101,7 +101,7 @@ def _scatter_of_both(reference: Reference, base: ModalMean, event: ModalMean) ->
     base, event : (n,) of the modes compared
     """
     scatter = reference.scatter
-    if reference.measured or not np.isfinite(event.shape).any():
+    if not reference.of_file or not np.isfinite(event.shape).any():
         return scatter
     noise, model = (float(np.nanmean(one.shape_std**2)) for one in (event, base))
     of_phases = float(np.nanmean(base.imaginary_std**2))
