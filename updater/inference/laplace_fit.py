@@ -17,7 +17,6 @@ _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
 # chi-square over the best, after the predicted step, within which a step is evaluated
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)
-_LONGER = 12  # further steps of a single alternative, which may have all parameters of a model at their bounds
 _FEW = 150  # alternatives that are continued after the first step: those with the best predictions
 _HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
@@ -186,8 +185,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
     begun = np.flatnonzero(moving)
     slope = _of_priors(hypotheses, point)
     slope[begun] = slopes(comparison, hypotheses, point, begun)
-    longer = _LONGER if len(everything) == 1 else 0
-    for number, reach in enumerate((*_REACH, *_REACH[-1:] * longer)):
+    for number, reach in enumerate(_REACH):
         step, promised = _newton(slope, point.residual, np.zeros(point.theta.shape, bool))
         least = point.cost - promised
         alive = np.flatnonzero(moving & (least < point.cost.min() + reach))

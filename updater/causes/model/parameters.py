@@ -39,7 +39,6 @@ if TYPE_CHECKING:
 
 _STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
-_GIVES = 0.1  # times c E I / L: likewise in a calibration, whose connections may be loose
 # times c E I / L: prior flexibility of a rigid foot or joint in a calibration, where it may have come loose
 _LOOSE = 0.1
 _TURNED = slice(3, None)  # twist and bending, which are reduced in a joint's zone
@@ -88,7 +87,7 @@ class ModelParameters(Discrete):
 
     @property
     def _stiffness(self) -> IndexArray:
-        return np.array([knob.kind in {"stiffness", "section"} for knob in self.knobs])
+        return np.array([knob.kind == "stiffness" for knob in self.knobs])
 
     @property
     def _whole(self) -> BoolArray:
@@ -200,12 +199,12 @@ def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
     rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
     if not rigid:
         return knob.prior
-    return wider * (knob.prior if of_file else _GIVES)
+    return wider * (knob.prior if of_file else _LOOSE)
 
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
-    if knob.kind in ("stiffness", "weld", "section"):
+    if knob.kind in ("stiffness", "weld"):
         return 0.0
     return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
 
@@ -226,12 +225,11 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         return whole - ground_compliance(reference)
     if knob.of_group:
         return group_compliance(reference)[knob.target]
-    if knob.kind in {"stiffness", "section"}:
-        borne = slice(3 + TURNS.index(knob.axis), 4 + TURNS.index(knob.axis)) if knob.kind == "section" else slice(None)
+    if knob.kind == "stiffness":
         parts = [
-            _between(reference, m, np.linspace(0, member.length, member.elements + 1), borne)
+            _between(reference, m, np.linspace(0, member.length, member.elements + 1), slice(None))
             for m, member in enumerate(members)
-            if knob.target == (member.section if knob.kind == "section" else member.material)
+            if member.material == knob.target
         ]
         return np.asarray(np.sum(parts, axis=0))
     if knob.kind == "weld":
