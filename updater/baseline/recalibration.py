@@ -88,6 +88,7 @@ def recalibrated(
     knobs, modes = there.calibration.knobs, without_fault(there.baseline, measured.mean)
     with suppress(PairingError, ModalDataError):  # the last model that enough modes can be paired with is kept
         value = parameters_of(calibrate(structure, modes)) if start is None else start
+        value = np.append(value, np.zeros(len(knobs) - len(value)))  # sections, which a calibration has as in the file
         for number in range(_MAX_ROUNDS):
             nearer = model_reference(apply_parameters(structure, list(knobs), value), structure, measured)
             nearer = replace(nearer, nominal=NominalModel(reference=there, value=value, far=far))
@@ -189,7 +190,7 @@ def model_reference(sprung: Structure, structure: Structure, data: Measured) -> 
             nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
             reason="not_fitted",
-            knobs=tuple(model_parameters_of(structure)),
+            knobs=tuple(model_parameters_of(structure, sections=data.of_file)),
         ),
         baseline=own.only(paired),
         scatter=data.scatter,

@@ -172,7 +172,14 @@ def test_every_parameter_that_a_model_changes_is_named() -> None:
         spring("x", 6e6, 4e6, "foot of the left post"),
         spring("z", 5e5, 5e5, "foot of the left post"),
         ParameterChange(
-            name="steel.E", quantity="Young's modulus", of="steel", unit="Pa", before=210e9, after=212e9, std=2e9
+            name="steel.E",
+            quantity="Young's modulus",
+            of="steel",
+            position=None,
+            unit="Pa",
+            before=210e9,
+            after=212e9,
+            std=2e9,
         ),
     )
     cause = Cause(cause="model_parameters", probability=0.9, where=None, parameters={}, changes=changes)

@@ -1,4 +1,4 @@
-"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, all at once.
+"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, sections, all at once.
 
 This cause applies to a structure file without a learned reference: otherwise the calibration has fitted these
 parameters. All parameters of a calibration have the same priors here. Each of them adds compliance of a material's
@@ -87,7 +87,7 @@ class ModelParameters(Discrete):
 
     @property
     def _stiffness(self) -> IndexArray:
-        return np.array([knob.kind == "stiffness" for knob in self.knobs])
+        return np.array([knob.kind in {"stiffness", "section"} for knob in self.knobs])
 
     @property
     def _whole(self) -> BoolArray:
@@ -204,7 +204,7 @@ def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
-    if knob.kind in ("stiffness", "weld"):
+    if knob.kind in ("stiffness", "weld", "section"):
         return 0.0
     return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
 
@@ -225,11 +225,13 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         return whole - ground_compliance(reference)
     if knob.of_group:
         return group_compliance(reference)[knob.target]
-    if knob.kind == "stiffness":
+    if knob.kind in {"stiffness", "section"}:
+        of_section = knob.kind == "section"
+        borne = slice(3 + TURNS.index(knob.axis), 4 + TURNS.index(knob.axis)) if of_section else slice(None)
         parts = [
-            _between(reference, m, np.linspace(0, member.length, member.elements + 1), slice(None))
+            _between(reference, m, np.linspace(0, member.length, member.elements + 1), borne)
             for m, member in enumerate(members)
-            if member.material == knob.target
+            if knob.target == (member.section if of_section else member.material)
         ]
         return np.asarray(np.sum(parts, axis=0))
     if knob.kind == "weld":
