@@ -13,8 +13,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, Pair
-from updater.quantities import ParameterChange, Quantity, Vector, Where
-from updater.reference import FREQUENCY_STD
+from updater.quantities import FREQUENCY_STD, ParameterChange, Quantity, Vector, Where
 
 if TYPE_CHECKING:
     from updater import MassChange, Structure
