@@ -79,8 +79,9 @@ def test_written_file_has_few_digits_and_no_redundant_entries(found: DiagnosisRe
     springs += [k for joint in written.joint for k in joint.stiffness.values()]
     assert springs
     assert all(unit / k >= MIN_FLEXIBILITY for k in springs)
-    assert all(abs(segment.stiffness - 1) >= 1e-4 for segment in written.segment)
-    for value in (*springs, *(s.stiffness for s in written.segment)):
+    factors = [(segment.stiffness, *segment.bending, segment.torsion) for segment in written.segment]
+    assert all(max(abs(factor - 1) for factor in of) >= 1e-4 for of in factors)
+    for value in (*springs, *(factor for of in factors for factor in of)):
         assert len(f"{value:.12g}".strip("0").replace(".", "").strip("0")) <= 5, value
 
 
