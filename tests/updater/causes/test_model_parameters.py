@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from daq import FloatArray
 from tests.examiner.cases import draw
 from tests.examiner.path import answer, structure_of
 from tests.support.thorough import few_of
@@ -132,7 +133,7 @@ def test_parameters_that_are_only_together_off_are_significant() -> None:
     n, std = len(cause.knobs), cause.prior_std
     information = np.diag(std**-2.0)
     information[:2, :2] += 400 / np.outer(std[:2], std[:2])  # of theta_0 / std_0 + theta_1 / std_1: to a twentieth
-    covariance = np.linalg.inv(information)
+    covariance: FloatArray = np.linalg.inv(information).astype(np.float64)
     theta = np.zeros(n)
     theta[:2] = 0.2 * std[:2]
     together = replace(found, theta=theta[None], covariance=covariance[None])
