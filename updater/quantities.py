@@ -10,6 +10,7 @@ Vector = tuple[float, float, float]
 
 
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
+FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
 
 
 def vector(values: FloatArray) -> Vector:

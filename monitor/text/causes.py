@@ -13,7 +13,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, Pair
-from updater.quantities import ParameterChange, Quantity, Vector, Where
+from updater.quantities import FREQUENCY_STD, ParameterChange, Quantity, Vector, Where
 
 if TYPE_CHECKING:
     from updater import MassChange, Structure
@@ -27,6 +27,7 @@ _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which
 _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
 _MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
+_SAME_ERROR = 0.02  # relative difference of errors of frequencies that are those of the same prediction
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
 SIGNIFICANT = 3.0  #: standard deviations from which a peak of them is named
@@ -95,11 +96,36 @@ def at_place(name: str) -> str:
 
 
 def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
-    """Return a cause's parameters, name and value, none of them twice; those of the model before and after."""
+    """Return a cause's parameters, name and value, none of them twice; those of the model before and after.
+
+    Parameters of the whole model that are within two deviations of the file are left out: `further_changes_text`.
+    """
     if cause.changes:
-        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in cause.changes]
+        changes = [change for change in cause.changes if change.significant or cause.where is not None]
+        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in changes]
     found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
     return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
+
+
+def further_changes(cause: Cause) -> tuple[ParameterChange, ...]:
+    """Return the parameters of the whole model that were changed too, each within two deviations of the file."""
+    return tuple(change for change in cause.changes if cause.where is None and not change.significant)
+
+
+def further_changes_text(changes: Sequence[ParameterChange]) -> str:
+    """Return the names of parameters within two deviations of the file in one line, by place; empty if there are none.
+
+    Such as `within two deviations of the file: rotational stiffness about x, z at the foot of the left post`.
+    """
+    if not changes:
+        return ""
+    by_place: dict[tuple[str, str], list[str]] = {}
+    for change in changes:
+        what, about, axis = change.quantity.rpartition(" about ")
+        place = _named_quantity(change).removeprefix(change.quantity)
+        by_place.setdefault((f"{what}{about}" or axis, place), []).append(axis if what else "")
+    names = [f"{what}{', '.join(filter(None, axes))}{place}" for (what, place), axes in by_place.items()]
+    return f"within two deviations of the file: {'; '.join(names)}"
 
 
 def _parameter_name(cause: Cause, change: ParameterChange) -> str:
@@ -150,8 +176,10 @@ def cause_text(cause: Cause) -> str:
         size = mass.model_copy(update={"value": abs(mass.value)})
         return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
     texts = [f"{name} {value}" for name, value in parameter_texts(cause)]
-    if len(texts) > _MANY:
+    if len(texts) > _MANY and not cause.changes:
         texts[_FEW:] = [f"and {len(texts) - _FEW} more"]
+    if further := further_changes(cause):
+        texts.append(f"{'and ' * bool(texts)}{len(further)} {'more ' * bool(texts)}within two deviations of the file")
     values = ", ".join(texts)
     return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part) + (
         f": {values}" if values else ""
@@ -246,33 +274,53 @@ def gain_text(pair: Pair, std: Pair | None, form: str) -> tuple[str, str]:
     return before, after
 
 
-def model_gain_text(gain: Gain, std: Gain | None) -> str:
-    """Return the gain of a written model on all modes measured, and whether it leaves more than noise."""
+def gain_texts(gain: Gain, std: Gain | None) -> list[str]:
+    """Return the frequency error of a written model on the data that it was fitted to and on data not used, by lines.
+
+    Followed by what remains relative to noise, and the error of the shapes.
+    """
     if gain.frequency_error_percent.after is None:
-        return f"the written model has none of the {gain.n_measured} measured modes"
+        return [f"the written model has none of the {gain.n_measured} measured modes"]
     before, after = gain_text(gain.frequency_error_percent, std.frequency_error_percent if std else None, ".3f")
-    before = before or "none of these modes"
-    text = f"frequency error {before} -> {after} % rms over {gain.n_modes} of {gain.n_measured} modes"
-    if gain.noise_percent is not None:
-        left = "more than" if gain.exceeds_noise else "no more than"
-        text += f", {left} measurement noise ({gain.noise_percent:.2g} %)"
-    if gain.one_minus_mac.before is not None:
-        text += ", 1 - MAC {} -> {}".format(*gain_text(gain.one_minus_mac, std.one_minus_mac if std else None, ".2g"))
-    return text
-
-
-def change_gain_text(gain: Gain) -> str:
-    """Return the error of the predicted changes since the reference, and the data that it is measured on."""
+    data = "on data not used (held-out logs)" if gain.heldout else "on the data that it was fitted to"
+    modes = f"{gain.n_modes} of {gain.n_measured} modes"
+    texts = [f"{data}: {before or 'none of these modes'} -> {after} % rms ({modes})"]
     error = gain.change_error_percent
-    if error is None or error.before is None or error.after is None:
-        return ""
-    errors = f"{error.before:.3g} -> {error.after:.3g} % rms"
-    return f"frequency changes predicted with an error of {errors} ({change_data_text(gain)})"
+    if error is not None and error.before is not None and error.after is not None and not _is_repeated(gain):
+        texts.append(f"{predicted_text(gain)}: {error.before:.3g} -> {error.after:.3g} % rms")
+    if gain.noise_percent is not None:
+        texts.append(remainder_text(gain))
+    if gain.one_minus_mac.before is not None:
+        errors = gain_text(gain.one_minus_mac, std.one_minus_mac if std else None, ".2g")
+        texts.append("shapes, 1 - MAC: {} -> {}".format(*errors))
+    return texts
 
 
-def change_data_text(gain: Gain) -> str:
-    """Return the data that the error of the predicted changes is measured on."""
-    return "on held-out logs" if gain.heldout else "cross-validated: each mode from the others"
+def _is_repeated(gain: Gain) -> bool:
+    """Return whether the errors of predicted changes are those of frequencies: held-out logs, no reference."""
+    error, change = gain.frequency_error_percent, gain.change_error_percent
+    pairs = (
+        [(a, b) for a, b in ((error.before, change.before), (error.after, change.after)) if a and b] if change else []
+    )
+    return gain.heldout and all(math.isclose(a, b, rel_tol=_SAME_ERROR) for a, b in pairs)
+
+
+def predicted_text(gain: Gain) -> str:
+    """Return the name of the error of predicted changes: on held-out logs, or of each mode from the others."""
+    if gain.heldout:
+        return "changes since the reference, on data not used"
+    return "on data not used, each mode predicted from the others"
+
+
+def remainder_text(gain: Gain) -> str:
+    """Return whether the written model leaves more than measurement noise, and more than any model of beams may."""
+    noise = f"measurement noise ({gain.noise_percent:.2g} %)"
+    left = f"what remains is {'more than' if gain.exceeds_noise else 'within'} {noise}"
+    after = gain.frequency_error_percent.after
+    if not gain.exceeds_noise or after is None:
+        return left
+    usual = 100 * FREQUENCY_STD
+    return f"{left} and {'less' if after <= usual else 'more'} than the usual error of a beam model ({usual:.2g} %)"
 
 
 def missed_text(sensors: Sequence[SensorComparison]) -> str:

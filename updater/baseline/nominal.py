@@ -41,7 +41,7 @@ def nominal_reference(
         With fewer than three windows, unless `stated`.
     """
     scatter = stated_scatter(windows) if stated else learn_scatter(windows)
-    measured = Measured(windows=windows, scatter=scatter, devices=devices, n_modes=n_modes)
+    measured = Measured(windows=windows, scatter=scatter, devices=devices, n_modes=n_modes, of_file=True)
     there = model_reference(best_model(with_springs(structure)), structure, measured)
     if not there.calibration.knobs or not is_far(there.calibration, measured.mean):
         return there

@@ -44,6 +44,7 @@ class Measured:
     scatter: Scatter  #: scatter of the windows
     devices: Sequence[str] = ()  #: devices of the channels; in the model they are synchronous within their uncertainty
     n_modes: int = 30  #: smallest number of the model's modes
+    of_file: bool = False  #: whether errors of the structure file are sought, not a change since these modes
 
     @property
     def mean(self) -> ModalMean:
@@ -89,6 +90,7 @@ def recalibrated(
     with suppress(PairingError, ModalDataError):  # the last model that enough modes can be paired with is kept
         start = start or calibrate(structure, modes)
         value, model = _parameters_of(start), start.model
+        value = np.append(value, np.zeros(len(knobs) - len(value)))  # sections, which a calibration has as in the file
         for number in range(_MAX_ROUNDS):
             if number:
                 model = best_model(apply_parameters(structure, list(knobs), value))
@@ -178,6 +180,7 @@ def model_reference(model: Model, structure: Structure, data: Measured) -> Refer
         )
     return Reference(
         measured=False,
+        of_file=data.of_file,
         calibration=Calibration(
             structure=model.structure,
             nominal=structure,
@@ -190,7 +193,7 @@ def model_reference(model: Model, structure: Structure, data: Measured) -> Refer
             nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
             reason="not_fitted",
-            knobs=tuple(model_parameters_of(structure)),
+            knobs=tuple(model_parameters_of(structure, sections=data.of_file)),
         ),
         baseline=own.only(paired),
         scatter=data.scatter,

@@ -28,7 +28,8 @@ from updater.causes import (
 )
 from updater.inference import Comparison, Fit, fit, reanalyse
 from updater.modal_data import COMMON_STD, ModalMean
-from updater.reference import FREQUENCY_STD, Calibration
+from updater.quantities import FREQUENCY_STD
+from updater.reference import Calibration
 from updater.structure import Structure, rounded, simplified
 
 _SHARE = 0.2  # of the model error of frequencies: five times as close

@@ -1,5 +1,6 @@
 """Construction of the comparison of an event with the baseline, block by block of data."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from updater.inference.shape_covariance import (
     shape_whiteners,
     turned_by_noise,
 )
-from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean, check_event
+from updater.modal_data import NOTHING_KNOWN, USUAL_OVERDISPERSION, Circumstances, ModalMean, Scatter, check_event
 from updater.reference import Reference, match_nominal_modes
 
 MODEL_ERROR = 0.01  #: relative to a mode's typical displacement: error of the reference at any point
@@ -58,7 +59,7 @@ def compare(
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
     model_error = model_error * reference.model_error_factor
-    overdispersion = reference.scatter.shape_overdispersion
+    overdispersion, scatter = reference.scatter.shape_overdispersion, _scatter_of_both(reference, base, event)
     late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
@@ -74,8 +75,8 @@ def compare(
         tracks=tracks,
         paired=reference.paired[tracks],
         **_frequencies_of(base, event, model_error),
-        **_shapes_of(base, event, sign, reference, circumstances, foreign),
-        **imaginary_parts(base, event, sign, reference.scatter, nearer, late),
+        **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
+        **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
         nominal=_nominal_modes(reference, tracks, channels, base),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
@@ -86,6 +87,34 @@ def compare(
         circumstances=circumstances,
         new=new_shapes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
     )
+
+
+def _scatter_of_both(reference: Reference, base: ModalMean, event: ModalMean) -> Scatter:
+    """Return the scatter with the overdispersion of the difference of the event's shapes and the baseline's.
+
+    A model in the place of a measured baseline has errors of its own at the sensors. How the noise of windows is
+    correlated concerns the event alone: of a sum of independent errors with variances a and b of each component, the
+    overdispersion tr(R^2) / tr(R) is (a^2 o_a + 2 a b + b^2 o_b) / (a + b)^2.
+
+    Parameters
+    ----------
+    base, event : (n,) of the modes compared
+    """
+    scatter = reference.scatter
+    if not reference.of_file or not np.isfinite(event.shape).any():
+        return scatter
+    noise, model = (float(np.nanmean(one.shape_std**2)) for one in (event, base))
+    of_phases = float(np.nanmean(base.imaginary_std**2))
+    return replace(
+        scatter,
+        shape_overdispersion=_of_sum(noise, scatter.shape_overdispersion, model),
+        phase_overdispersion=_of_sum(noise, scatter.phase_overdispersion, of_phases),
+    )
+
+
+def _of_sum(noise: float, overdispersion: float, model: float) -> float:
+    """Return the overdispersion of noise and of errors of a model, by their variances."""
+    return (noise**2 * overdispersion + 2 * noise * model + model**2 * USUAL_OVERDISPERSION) / (noise + model) ** 2
 
 
 def _nominal_modes(
@@ -129,8 +158,8 @@ def _shapes_of(
     base: ModalMean,
     event: ModalMean,
     sign: FloatArray,
-    reference: Reference,
-    circumstances: Circumstances,
+    scatter: Scatter,
+    wander: float,
     foreign: FloatArray,
 ) -> dict[str, Any]:
     """Return the data of the shapes' real parts.
@@ -141,13 +170,15 @@ def _shapes_of(
     ----------
     base, event : (n,) of the modes compared
     sign : (n, 1) that turns the event's shapes to the baseline's
+    scatter : of the difference
+    wander : of clocks within a window [s]
     foreign : (n, n_modes, n_channels) shares of other modes, by errors of the reference
     """
     shaped = np.asarray(np.isfinite(event.shape).all(1))
     known = shaped[:, None]
-    overdispersion = reference.scatter.shape_overdispersion
+    overdispersion = scatter.shape_overdispersion
     spread = overdispersion * (np.where(known, event.shape_std, 0.0) ** 2 + base.shape_std**2)
-    blurred = _blurred(event, max(reference.delays.wander, circumstances.wander))[:, None] * base.shape
+    blurred = _blurred(event, wander)[:, None] * base.shape
     shape = np.where(known, event.shape * sign, base.shape)
     imaginary = np.where(known & np.isfinite(event.imaginary), event.imaginary, 0.0)
     turned = np.concatenate([foreign, own_phases(shape, imaginary, spread, base.shape)], axis=1)

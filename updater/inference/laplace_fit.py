@@ -196,7 +196,7 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
         before = point.cost[alive]
         _descend(comparison, hypotheses, point, step[alive], alive)
         beyond = point.theta - step <= hypotheses.lower
-        held = alive[(point.cost[alive] >= before) & beyond[alive].any(1)]
+        held = alive[(before - point.cost[alive] <= _ENOUGH) & beyond[alive].any(1)]
         if len(held):  # a parameter at its bound has misled the others
             bounded, _ = _newton(slope[held], point.residual[held], beyond[held])
             _descend(comparison, hypotheses, point, bounded, held)

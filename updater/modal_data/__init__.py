@@ -24,7 +24,14 @@ if TYPE_CHECKING:
     from updater.modal_data.mass_from_modes import ModalMass, mass_of_modes
     from updater.modal_data.matching import match_modes, matched, may_answer, without_fault
     from updater.modal_data.plausibility import check_baseline, check_event, check_unit, doubles
-    from updater.modal_data.scatter import BaselineModes, Scatter, learn_baseline_modes, learn_scatter, stated_scatter
+    from updater.modal_data.scatter import (
+        USUAL_OVERDISPERSION,
+        BaselineModes,
+        Scatter,
+        learn_baseline_modes,
+        learn_scatter,
+        stated_scatter,
+    )
     from updater.modal_data.setups import merge_setups
     from updater.modal_data.states.change_point import ChangePoint, find_change, windows_of_one_state
     from updater.modal_data.states.course import Course, find_course
@@ -41,6 +48,7 @@ __all__ = [
     "NOTHING_KNOWN",
     "NOTHING_REMOVED",
     "NO_DELAYS",
+    "USUAL_OVERDISPERSION",
     "Asynchrony",
     "BaselineModes",
     "ChangePoint",

@@ -9,7 +9,7 @@ from updater.errors import ModalDataError
 from updater.modal_data.device_delays import NO_DELAYS, DeviceDelays
 from updater.modal_data.tracked import ModalMean, TrackedModes, mean_modes, mean_over_windows
 
-_USUAL_OVERDISPERSION = 3.0  # of shapes: the median of 40 simulated records of 300 s was 2.8
+USUAL_OVERDISPERSION = 3.0  #: of shapes: the median of 40 simulated records of 300 s was 2.8
 _AS_STATED = 1000  # degrees of freedom of deviations that are taken at their word
 _WORTH_WINDOWS = 4  # windows of equal weight: eight windows of eight modes determine it to a third
 _WORTH_DATA = 20  # that stated deviations are worth, where windows scatter by less
@@ -123,9 +123,9 @@ def stated_scatter(modes: TrackedModes) -> Scatter:
     return Scatter(
         frequency_factor=1.0,
         shape_factor=1.0,
-        shape_overdispersion=_USUAL_OVERDISPERSION,
+        shape_overdispersion=USUAL_OVERDISPERSION,
         phase_factor=1.0,
-        phase_overdispersion=_USUAL_OVERDISPERSION,
+        phase_overdispersion=USUAL_OVERDISPERSION,
         damping_factor=1.0,
         degrees_of_freedom=_AS_STATED,
         window_std=stated,
@@ -163,4 +163,4 @@ def _overdispersion(z: FloatArray) -> float:
         traces += trace
     n = len(z) if traces else 0
     seen = max(1.0, squares / traces) if traces else 1.0
-    return (n * seen + _WORTH_WINDOWS * _USUAL_OVERDISPERSION) / (n + _WORTH_WINDOWS)
+    return (n * seen + _WORTH_WINDOWS * USUAL_OVERDISPERSION) / (n + _WORTH_WINDOWS)

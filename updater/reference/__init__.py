@@ -20,7 +20,7 @@ from updater.reference.expansion import (
     well_posed_cluster,
 )
 from updater.reference.model_fit import ModelFit, fit_of_model
-from updater.reference.model_modes import FREQUENCY_STD, own_modes
+from updater.reference.model_modes import own_modes
 from updater.reference.new_modes import matched_and_new, matched_surely
 from updater.reference.nominal_modes import match_nominal_modes
 from updater.reference.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
@@ -28,7 +28,6 @@ from updater.reference.reference import NEAR, SAME_SHAPE, NominalModel, Referenc
 from updater.reference.sensitivity_method import Convergence, Prior, SensitivityFit, fit_parameters
 
 __all__ = [
-    "FREQUENCY_STD",
     "LARGEST_CLUSTER",
     "NEAR",
     "SAME_SHAPE",

@@ -5,9 +5,9 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.fe import Model, Modes
 from updater.modal_data import ModalMean
+from updater.quantities import FREQUENCY_STD
 from updater.reference.calibration import channel_rows, enough_modes
 
-FREQUENCY_STD = 2e-3  #: ln f: error of a beam model, for any parameters
 SHAPE_STD = 0.01  #: relative to a unit shape's components: gains are known to half a per cent, positions to millimetres
 _TURNED = 0.02  # rad that sensors are turned by: share of the motion across them that they read
 _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured

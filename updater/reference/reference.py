@@ -32,6 +32,7 @@ class Reference:
     delays: DeviceDelays  #: constant delays of the devices, removed from the baseline's windows
     unpaired_modes: ModalMean | None = None  #: modes that were measured too, to which none of the model's answers
     measured: bool = True  #: whether the baseline was measured; else it is the model's own modes
+    of_file: bool = False  #: whether the baseline is a structure file's modes, with the errors that a file has
     nominal: "NominalModel | None" = None  #: nominal model of a structure file that is far off
 
     @property

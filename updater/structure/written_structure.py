@@ -112,7 +112,7 @@ def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[
             supports[int(knob.target)] = _rounded_spring(supports[int(knob.target)], knob.axis, std[knob.key])
         elif knob.kind == "joint":
             joints = [_rounded_spring(j, knob.axis, std[knob.key]) if is_of(structure, j, knob) else j for j in joints]
-        else:
+        elif knob.kind == "weld":
             zones = weld_segments(structure, knob.at, 0.0)
             welds |= {(zone.member, zone.at, zone.extent): std[knob.key] for zone in zones}
     segments = [_rounded_weld(s, welds.get((s.member, s.at, s.extent))) for s in structure.segment]

@@ -16,13 +16,16 @@ from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, Refe
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     cause_text,
-    change_data_text,
     failed_text,
     fit_text,
+    further_changes,
+    further_changes_text,
     gain_text,
     increment_text,
     mass_text,
     parameter_texts,
+    predicted_text,
+    remainder_text,
     where_text,
 )
 from monitor.text.detectability import last_detectable
@@ -313,6 +316,7 @@ def _diagnosis(
                 "probability": share_text(c.probability),
                 "where": where_text(c.where) or "–",
                 "parameters": parameter_texts(c),
+                "further": further_changes_text(further_changes(c)),
                 "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
             }
             for c in listed_causes(diagnosis.causes)
@@ -346,16 +350,12 @@ def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> dict[str, Any] | None
         return None
     names = (
         ("frequency_error_percent", "frequency error, root mean square [%]", ".3f"),
+        ("change_error_percent", f"{predicted_text(gain)} [%]", ".3f"),
         ("one_minus_mac", "1 - MAC, mean", ".5f"),
-        ("log_likelihood", "log likelihood", ".1f"),
-        (
-            "change_error_percent",
-            f"error of predicted frequency changes, root mean square, {change_data_text(gain)} [%]",
-            ".3f",
-        ),
     )
     known = [(getattr(gain, n), n, label, form) for n, label, form in names]
     rows = [
         (label, *gain_text(pair, getattr(std, n, None), form)) for pair, n, label, form in known if pair is not None
     ]
-    return {"heldout": gain.heldout, "rows": rows}
+    remainder = None if gain.noise_percent is None else remainder_text(gain)
+    return {"heldout": gain.heldout, "rows": rows, "remainder": remainder}

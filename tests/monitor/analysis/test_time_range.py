@@ -188,3 +188,7 @@ def test_range_is_refused_for_a_table_or_a_missing_reference(
     assert_refused(done, "--from, --to: expected a log, found a table of modes")
     done = modalwatch("diagnose", structure, REPLAY, "--reference-to", 5)
     assert_refused(done, "--reference-from, --reference-to: expected --reference LOG, found none")
+    done = modalwatch("diagnose", structure, REPLAY, "--held-out-from", 5)
+    assert_refused(done, "--held-out-from, --held-out-to: expected --held-out LOG, found none")
+    done = modalwatch("diagnose", structure, REPLAY, "--to", 100, "--held-out", REPLAY, "--held-out-from", 90)
+    assert_refused(done, "has samples that the fit uses too")

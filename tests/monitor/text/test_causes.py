@@ -7,12 +7,13 @@ from daq.notebook import number_text
 from monitor.results.comparison import BalanceResult
 from monitor.text.causes import (
     cause_text,
-    change_gain_text,
     change_texts,
     fit_text,
+    further_changes,
+    further_changes_text,
     gain_text,
+    gain_texts,
     left_over_text,
-    model_gain_text,
     parameter_text,
     where_text,
 )
@@ -141,14 +142,53 @@ def test_gain_of_an_extended_model_covers_all_modes() -> None:
         noise_percent=0.02,
         exceeds_noise=True,
     )
-    assert model_gain_text(gain, None) == (
-        "frequency error 5.830 -> 0.131 % rms over 9 of 10 modes, more than measurement noise (0.02 %), "
-        "1 - MAC 0.1 -> 0.001"
-    )
-    assert not change_gain_text(gain)
+    held_out = [
+        "on data not used (held-out logs): 5.830 -> 0.131 % rms (9 of 10 modes)",
+        "what remains is more than measurement noise (0.02 %) and less than the usual error of a beam model (0.2 %)",
+        "shapes, 1 - MAC: 0.1 -> 0.001",
+    ]
+    assert gain_texts(gain, None) == held_out
+    repeated = gain.model_copy(update={"change_error_percent": Pair(before=5.83, after=0.1312)})
+    assert gain_texts(repeated, None) == held_out, "without a reference both errors are the same"
     fitted = gain.model_copy(update={"heldout": False, "change_error_percent": Pair(before=5.8, after=0.13)})
-    text = "frequency changes predicted with an error of 5.8 -> 0.13 % rms (cross-validated: each mode from the others)"
-    assert change_gain_text(fitted) == text
+    assert gain_texts(fitted, None)[:2] == [
+        "on the data that it was fitted to: 5.830 -> 0.131 % rms (9 of 10 modes)",
+        "on data not used, each mode predicted from the others: 5.8 -> 0.13 % rms",
+    ]
+    small = gain.model_copy(update={"exceeds_noise": False})
+    assert "what remains is within measurement noise (0.02 %)" in gain_texts(small, None)
+
+
+def test_every_parameter_that_a_model_changes_is_named() -> None:
+    def spring(axis: str, after: float, std: float, place: str) -> ParameterChange:
+        quantity = f"rotational stiffness about {axis}"
+        return ParameterChange(
+            name=f"{place}.r{axis}", quantity=quantity, of="", position=(0.0, 0.0, 0.0), place=place, unit="N m/rad",
+            before=None, after=after, std=std,
+        )  # fmt: skip
+
+    changes = (
+        spring("y", 6e6, 2e6, "foot of the left post"),
+        spring("x", 6e6, 4e6, "foot of the left post"),
+        spring("z", 5e5, 5e5, "foot of the left post"),
+        ParameterChange(
+            name="steel.E",
+            quantity="Young's modulus",
+            of="steel",
+            position=None,
+            unit="Pa",
+            before=210e9,
+            after=212e9,
+            std=2e9,
+        ),
+    )
+    cause = Cause(cause="model_parameters", probability=0.9, where=None, parameters={}, changes=changes)
+    first = "rotational stiffness about y at the foot of the left post rigid -> 6.0 ± 2.0 MN m/rad"
+    assert cause_text(cause) == f"model parameters: {first}, and 3 more within two deviations of the file"
+    assert further_changes_text(further_changes(cause)) == (
+        "within two deviations of the file: rotational stiffness about x, z at the foot of the left post; "
+        "Young's modulus of steel"
+    )
 
 
 @pytest.mark.parametrize(

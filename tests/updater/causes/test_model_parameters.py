@@ -1,8 +1,11 @@
 """A structure file with small errors everywhere, and modes of the real structure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from daq import FloatArray
 from tests.examiner.cases import draw
 from tests.examiner.path import answer, structure_of
 from tests.support.thorough import few_of
@@ -119,6 +122,44 @@ def test_body_is_found_in_addition_to_file_errors() -> None:
     body = found["added_mass"]
     assert np.linalg.norm(np.subtract(body["where"]["position"], true.position)) < 0.1
     assert abs(body["parameters"]["mass"]["value"] - true.parameters["mass"]) < 3 * body["parameters"]["mass"]["std"]
+
+
+def test_parameters_that_are_only_together_off_are_significant() -> None:
+    """Two springs of which either may be as in the file, if the other one takes its part: the sum is known."""
+    reference, data = _asked(structure_of("portal: "), np.random.default_rng(959))
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None
+    found: Fit[Cause] = fit(data, cause)
+    n, std = len(cause.knobs), cause.prior_std
+    information = np.diag(std**-2.0)
+    information[:2, :2] += 400 / np.outer(std[:2], std[:2])  # of theta_0 / std_0 + theta_1 / std_1: to a twentieth
+    covariance: FloatArray = np.linalg.inv(information).astype(np.float64)
+    theta = np.zeros(n)
+    theta[:2] = 0.2 * std[:2]
+    together = replace(found, theta=theta[None], covariance=covariance[None])
+    assert (np.abs(theta) < 2 * np.sqrt(np.diag(covariance))).all()
+    assert cause.deviations(together) == pytest.approx(8.0, abs=0.1)  # 0.4 / (1 / 20), one degree of freedom
+    assert cause.deviations(replace(together, theta=0.1 * theta[None])) < 2
+
+
+def test_weight_of_the_files_shapes_is_not_that_of_correlated_noise() -> None:
+    """Noise of windows that errs as one along the sensors says nothing about the errors of the file at each."""
+    random = np.random.default_rng(960)
+    model = build_model(t_frame(), shear_flexible=True, mass="consistent")
+    windows = stack_tracks([measure(model, random, np.ones(12)) for _ in range(3)], [TRACK] * 3)
+    reference = nominal_reference(t_frame(), windows)
+    event = matched(reference.baseline, reference.mean_of(windows))
+    plain, correlated = (
+        compare(replace(reference, scatter=replace(reference.scatter, shape_overdispersion=o)), event)
+        for o in (1.0, 20.0)
+    )
+    noise, of_file = (float(np.mean(one.shape_std**2)) for one in (event, reference.baseline))
+    share = noise / (noise + of_file)
+    assert correlated.overdispersion - plain.overdispersion == pytest.approx(19 * share**2)
+    assert correlated.overdispersion < 1.1 * plain.overdispersion
+    measured = replace(reference, of_file=False)
+    kept = compare(replace(measured, scatter=replace(measured.scatter, shape_overdispersion=20.0)), event)
+    assert kept.overdispersion == 20.0
 
 
 @pytest.mark.parametrize("name", ["frame", "bridge", "grid"])

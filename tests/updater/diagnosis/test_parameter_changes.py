@@ -46,15 +46,21 @@ def test_each_change_has_position_unit_and_both_values(found: DiagnosisResult) -
     assert [cause.where for cause in found.diagnosis.causes] == [None]
 
 
-def test_parameter_within_two_deviations_of_the_file_is_no_change(found: DiagnosisResult) -> None:
+def test_every_changed_parameter_is_stated_and_the_significant_ones_first(found: DiagnosisResult) -> None:
     """A connection's flexibility, which the file has as 0, has the relative deviation of its stiffness."""
-    changes = _changes(found)
-    assert changes
-    for change in changes.values():
-        if change.before is None:
-            assert change.after > 2 * change.std, change
-        else:
-            assert abs(change.after - change.before) > 1.9 * change.std, change
+    (cause,) = found.diagnosis.causes
+    significant = [change.significant for change in cause.changes]
+    assert significant == sorted(significant, reverse=True)
+    assert significant[0]
+    assert not significant[-1]
+    for change in cause.changes:
+        away = change.after if change.before is None else abs(change.after - change.before)
+        assert (away > 2 * change.std) == change.significant, change
+    assert found.extended is not None
+    springs = {f"support 0.{axis}" for axis in found.extended.support[0].stiffness}
+    springs |= {f"crossbeam.{axis}" for joint in found.extended.joint for axis in joint.stiffness}
+    assert springs
+    assert springs <= _changes(found).keys(), "written and not stated"
 
 
 def test_cause_text_uses_engineering_units(found: DiagnosisResult) -> None:
@@ -73,8 +79,9 @@ def test_written_file_has_few_digits_and_no_redundant_entries(found: DiagnosisRe
     springs += [k for joint in written.joint for k in joint.stiffness.values()]
     assert springs
     assert all(unit / k >= MIN_FLEXIBILITY for k in springs)
-    assert all(abs(segment.stiffness - 1) >= 1e-4 for segment in written.segment)
-    for value in (*springs, *(s.stiffness for s in written.segment)):
+    factors = [(segment.stiffness, *segment.bending, segment.torsion) for segment in written.segment]
+    assert all(max(abs(factor - 1) for factor in of) >= 1e-4 for of in factors)
+    for value in (*springs, *(factor for of in factors for factor in of)):
         assert len(f"{value:.12g}".strip("0").replace(".", "").strip("0")) <= 5, value
 
 

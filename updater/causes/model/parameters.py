@@ -1,4 +1,4 @@
-"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, all at once.
+"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, sections, all at once.
 
 This cause applies to a structure file without a learned reference: otherwise the calibration has fitted these
 parameters. All parameters of a calibration have the same priors here. Each of them adds compliance of a material's
@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import log_ndtr
+from scipy.special import chdtrc, log_ndtr, ndtri
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import BoolArray, Discrete
@@ -18,7 +18,7 @@ from updater.causes.modal_loads import group_compliance, modal_section_forces, m
 from updater.causes.overall.common_factor import ground_compliance
 from updater.fe import Model, self_stress
 from updater.inference import Comparison, Effect, no_effect
-from updater.quantities import SIGNIFICANT, ParameterChange, Quantity
+from updater.quantities import ParameterChange, Quantity
 from updater.reference import Reference, spring_of
 from updater.structure import (
     TURNS,
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
     from updater.inference import Fit
 
 _STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
-_GIVES = 0.1  # times c E I / L: prior flexibility of a foot or joint that is rigid in the file
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
+# times c E I / L: prior flexibility of a rigid foot or joint in a calibration, where it may have come loose
+_LOOSE = 0.1
 _TURNED = slice(3, None)  # twist and bending, which are reduced in a joint's zone
 _LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
-# times the prior standard deviation: a parameter with a smaller posterior deviation is determined by the data
-_TOLD = 0.7
+_LEAST_P = 1e-300  # probability that is not rounded to 0
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,7 +87,7 @@ class ModelParameters(Discrete):
 
     @property
     def _stiffness(self) -> IndexArray:
-        return np.array([knob.kind == "stiffness" for knob in self.knobs])
+        return np.array([knob.kind in {"stiffness", "section"} for knob in self.knobs])
 
     @property
     def _whole(self) -> BoolArray:
@@ -113,22 +113,22 @@ class ModelParameters(Discrete):
         return {c.name: Quantity(value=c.after, std=c.std, unit=c.unit) for c in self.changes(fit)}
 
     def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
-        """Return the parameters that differ significantly from the file's, as in the file and as fitted.
-
-        Parameters with a posterior as wide as their prior, and those within two deviations of the file, are left out.
-        """
-        return tuple(self._change(k, float(fit.theta[0, k]), std) for k, std in self._significant(fit))
+        """Return every parameter that the written model changes, in the file and as fitted; significant ones first."""
+        std = np.sqrt(np.diagonal(fit.covariance[0]))
+        found = [self._change(k, float(fit.theta[0, k]), float(std[k])) for k in self._written(fit.theta[0])]
+        return tuple(sorted(found, key=lambda change: not change.significant))
 
     def deviations(self, fit: "Fit[Cause]") -> float:
-        """Return by how many standard deviations the parameter that changed most differs from the file's."""
-        return max((abs(fit.theta[0, k]) / std for k, std in self._significant(fit)), default=0.0)
+        """Return by how many standard deviations all parameters together differ from the file's.
 
-    def _significant(self, fit: "Fit[Cause]") -> list[tuple[int, float]]:
-        """Return the parameters that differ significantly from the file's, with their standard deviations."""
-        std = np.sqrt(np.diagonal(fit.covariance[0]))
-        significant = np.abs(fit.theta[0]) > SIGNIFICANT * std
-        found = np.flatnonzero((std < _TOLD * self.prior_std) & significant & (fit.theta[0] > self.lower[0]))
-        return [(k, float(std[k])) for k in found.tolist()]
+        What the data say of all, beyond their priors, is one chi-square with as many degrees of freedom as parameters
+        are determined; returned is the deviation of a Gaussian with the same probability.
+        """
+        theta, covariance = fit.theta[0], fit.covariance[0]
+        information = np.linalg.inv(covariance) - np.diag(self.prior_std**-2.0)
+        determined = max(float(np.trace(covariance @ information)), 1.0)
+        p_value = chdtrc(determined, max(float(theta @ information @ theta), 0.0))
+        return -float(ndtri(max(p_value / 2, _LEAST_P)))
 
     def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
         """Return the standard deviations of all parameters."""
@@ -150,10 +150,14 @@ class ModelParameters(Discrete):
             std=std * physical_slope(self.nominal, knob, value),
         )
 
+    def _written(self, theta: FloatArray) -> list[int]:
+        """Return the parameters with an entry in the written model."""
+        return [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new values of all changed parameters; rigid connections and absent welds get no entry."""
         del row
-        moved = [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+        moved = self._written(theta)
         value = self.file_value + np.minimum(theta, self._upper)
         return apply_parameters(structure, [self.knobs[k] for k in moved], value[moved])
 
@@ -169,7 +173,9 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     value = nominal.value if nominal else file_value
     lower = np.array([knob.lower for knob in knobs]) - file_value
     return ModelParameters(
-        prior_std=np.array([_prior(knob, _LESS_BELIEVED if nominal and nominal.far else 1.0) for knob in knobs]),
+        prior_std=np.array(
+            [_prior(k, _LESS_BELIEVED if nominal and nominal.far else 1.0, reference.of_file) for k in knobs]
+        ),
         lower=np.minimum(lower, 0.0)[None],
         drifting=False,
         comparison=comparison,
@@ -181,17 +187,24 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
     )
 
 
-def _prior(knob: ModelParameter, wider: float) -> float:
-    """Return the standard deviation of a parameter about the file's value, wider for an inconsistent file."""
+def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
+    """Return the standard deviation of a parameter about the file's value, wider for an inconsistent file.
+
+    Parameters
+    ----------
+    of_file : whether errors of the file are sought: a connection that has come loose is a cause of its own there
+    """
     if knob.kind == "stiffness":
         return wider * (knob.prior if knob.of_group else _STIFFNESS_STD)
     rigid = knob.kind in ("support", "joint") and not knob.mean and knob.axis in TURNS
-    return wider * _GIVES if rigid else knob.prior
+    if not rigid:
+        return knob.prior
+    return wider * (knob.prior if of_file else _LOOSE)
 
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
-    if knob.kind in ("stiffness", "weld"):
+    if knob.kind in ("stiffness", "weld", "section"):
         return 0.0
     return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
 
@@ -212,11 +225,13 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         return whole - ground_compliance(reference)
     if knob.of_group:
         return group_compliance(reference)[knob.target]
-    if knob.kind == "stiffness":
+    if knob.kind in {"stiffness", "section"}:
+        of_section = knob.kind == "section"
+        borne = slice(3 + TURNS.index(knob.axis), 4 + TURNS.index(knob.axis)) if of_section else slice(None)
         parts = [
-            _between(reference, m, np.linspace(0, member.length, member.elements + 1), slice(None))
+            _between(reference, m, np.linspace(0, member.length, member.elements + 1), borne)
             for m, member in enumerate(members)
-            if member.material == knob.target
+            if knob.target == (member.section if of_section else member.material)
         ]
         return np.asarray(np.sum(parts, axis=0))
     if knob.kind == "weld":

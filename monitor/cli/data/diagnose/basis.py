@@ -7,7 +7,7 @@ from daq import AnyLog, LogExcerpt
 from daq.log import as_logs, files_of, log_span
 from monitor.analysis.modal_table.table import is_table
 from monitor.analysis.time_range import WHOLE, TimeRange
-from monitor.text.causes import parameter_change_text
+from monitor.text.causes import further_changes_text, parameter_change_text
 from monitor.text.quantities import duration_text, utc
 from updater.reference import Calibration
 
@@ -49,7 +49,6 @@ def calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     """Return the model parameters that the reference logs changed significantly; nothing if none is fitted."""
     changes = calibration.changes()
     moved = [parameter_change_text(change) for change in changes if change.significant]
-    others = len(changes) - len(moved)
-    if others:
-        moved.append(f"{others} {'others' if moved else 'parameters'} without significant change")
+    if others := further_changes_text([change for change in changes if not change.significant]):
+        moved.append(others)
     return [("Fitted to the reference", "; ".join(moved))] if changes else []

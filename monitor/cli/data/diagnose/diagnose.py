@@ -10,6 +10,7 @@ from monitor.cli.options import From, Json, To
 _ReferenceTime = Annotated[
     str | None, Option(metavar="TIME", help="Range of the reference logs, like --from and --to.")
 ]
+_HeldOutTime = Annotated[str | None, Option(metavar="TIME", help="Range of the held-out logs, like --from and --to.")]
 
 
 def diagnose(
@@ -31,6 +32,8 @@ def diagnose(
     stop: To = None,
     reference_from: _ReferenceTime = None,
     reference_to: _ReferenceTime = None,
+    held_out_from: _HeldOutTime = None,
+    held_out_to: _HeldOutTime = None,
     window: Annotated[
         float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
@@ -73,7 +76,8 @@ def diagnose(
     With --reference: what has changed since the reference logs. Without: what the structure file gets wrong.
 
     --from and --to limit LOG, not the logs of --reference and --held-out. A log that shows both states can be LOG with
-    --from and --reference with --reference-to.
+    --from and --reference with --reference-to. A part of a log can be held out: --to 400 --held-out LOG
+    --held-out-from 400.
 
     Names of causes for --only and --without: added_mass, global_stiffness, global_density, temperature,
     sampling_clock, local_stiffness, distributed_mass, axial_force, support_spring, attached_oscillator, mesh_error,
@@ -97,6 +101,7 @@ def diagnose(
         heldout=held_out or (),
         within=time_range(start, stop),
         reference_within=time_range(reference_from, reference_to, ("--reference-from", "--reference-to")),
+        heldout_within=time_range(held_out_from, held_out_to, ("--held-out-from", "--held-out-to")),
         exponential_window=exponential_window,
     )
     for hertz in without_mode or ():

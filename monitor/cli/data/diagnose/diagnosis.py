@@ -34,7 +34,7 @@ from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text, gain_text
+from monitor.text.causes import cause_text, further_changes_text, gain_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
@@ -122,6 +122,7 @@ class Logs:
     heldout: Sequence[Path] = ()
     within: TimeRange = WHOLE  #: range of the current logs
     reference_within: TimeRange = WHOLE
+    heldout_within: TimeRange = WHOLE
     exponential_window: float | None = None  #: time constant, of frequency responses [s]
 
     def check_window(self) -> None:
@@ -153,6 +154,8 @@ def diagnose_logs(
             raise ArgumentError("--pdf", str(error)) from error
     if not (logs.reference or logs.reference_within.whole):
         raise ArgumentError(", ".join(logs.reference_within.options), "expected --reference LOG, found none")
+    if not (logs.heldout or logs.heldout_within.whole):
+        raise ArgumentError(", ".join(logs.heldout_within.options), "expected --held-out LOG, found none")
     if logs.heldout:
         _check_held_out(logs)
     with progress("reading") as work:
@@ -165,7 +168,7 @@ def diagnose_logs(
 
         after = observed(logs.current, "logs", logs.within)
         before = observed(logs.reference, "reference", logs.reference_within)
-        heldout = observed(logs.heldout, "held-out logs")
+        heldout = observed(logs.heldout, "held-out logs", logs.heldout_within)
         assert after is not None  # there is at least one log
         work.stage("fitting the model")
         try:
@@ -199,6 +202,8 @@ def diagnose_logs(
     _say_parameters(found.explained.calibration or found.reference.calibration)
     if nearer:
         echo(nearer)
+    if diagnosis.causes and (hint := _held_out_hint(logs)):
+        console.print(hint, style="dim", markup=False, soft_wrap=True)
     for note in _channel_notes(structure, logs):
         warn(f"note: {note}")
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
@@ -223,7 +228,7 @@ def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[s
         ("Structure", structure_path.name),
         *log_facts("Logs", logs.current, logs.within),
         *log_facts("Reference", logs.reference, logs.reference_within),
-        *log_facts("Held-out", logs.heldout),
+        *log_facts("Held-out", logs.heldout, logs.heldout_within),
         *calibration_facts(found.explained.calibration or found.reference.calibration),
     ]
 
@@ -234,7 +239,16 @@ def _check_held_out(logs: Logs) -> None:
     for paths, within in ((logs.current, logs.within), (logs.reference, logs.reference_within)):
         if within.whole or not any(map(is_table, paths)):  # else refused as it is read
             fitted += within.of_logs(as_logs(paths))
-    check_independent(as_logs(logs.heldout), fitted)
+    if logs.heldout_within.whole or not any(map(is_table, logs.heldout)):
+        check_independent(logs.heldout_within.of_logs(as_logs(logs.heldout)), fitted)
+
+
+def _held_out_hint(logs: Logs) -> str:
+    """Return how to measure the gain on a part of a log; empty if logs are held out, or a reference tests the model."""
+    if logs.heldout or logs.reference or any(map(is_table, logs.current)):
+        return ""
+    within = "--to TIME --held-out LOG --held-out-from TIME"
+    return f"gain on data not used: hold out a part of the record, {within}, such as its last third"
 
 
 def _show_fit(work: Work, causes: Sequence[str], done: int, planned: int) -> None:
@@ -278,10 +292,12 @@ def _say_extended(path: str, *, fitted: bool) -> None:
 
 
 def _say_parameters(calibration: Calibration) -> None:
-    """Print the model parameters that the reference logs have moved significantly away from the file."""
-    changes = [change for change in calibration.changes() if change.significant]
-    if changes:
-        console.print(changes_table(changes, "model parameters fitted to the reference logs"))
+    """Print the model parameters that were fitted to the reference logs: changed ones with values, others by name."""
+    changes = calibration.changes()
+    if moved := [change for change in changes if change.significant]:
+        console.print(changes_table(moved, "model parameters fitted to the reference logs"))
+    if others := further_changes_text([change for change in changes if not change.significant]):
+        console.print(f"fitted to the reference logs, {others}", style="dim", markup=False, soft_wrap=True)
 
 
 def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:

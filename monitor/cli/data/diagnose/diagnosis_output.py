@@ -16,11 +16,12 @@ from monitor.text.causes import (
     NOT_COMPARED,
     calibration_text,
     cause_text,
-    change_gain_text,
     failed_text,
+    further_changes,
+    further_changes_text,
+    gain_texts,
     left_over_text,
     missed_text,
-    model_gain_text,
 )
 from monitor.text.diagnosis import record_change_texts, within_record_text
 from monitor.text.quantities import plain, share_text
@@ -62,7 +63,7 @@ def say_evidence(
         console.print(calibration_text(diagnosis.calibration), markup=False)
     if found is not None:
         _compared(console, diagnosis, found, structure)
-    if line := _gain(diagnosis, found.gain_std if found else None):
+    for line in _gain(diagnosis, found.gain_std if found else None):
         console.print(escape(line))
     _refused(console, diagnosis)
 
@@ -85,6 +86,8 @@ def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyRe
 
 def _cause(cause: Cause) -> str:
     line = f"  [bold]{escape(cause_text(cause))}[/] (probability {share_text(cause.probability)})"
+    if further := further_changes_text(further_changes(cause)):
+        line += f"\n    {escape(further)}"
     if cause.cannot_be_told_from:
         line += f"\n    indistinguishable from {', '.join(map(plain, cause.cannot_be_told_from))}"
     return line
@@ -142,16 +145,12 @@ def _sensor(found: DiscrepancyResult) -> str:
     )
 
 
-def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> str:
+def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> list[str]:
     """Return the gain of the written model with standard deviations; or that it may be chance."""
-    gain = diagnosis.gain
-    if gain is None:
-        return "the causes do not improve the fit significantly on data that were not used to find them" * bool(
-            diagnosis.causes
-        )
-    data = "on held-out logs" if gain.heldout else "on the logs that its causes were fitted to"
-    changes = change_gain_text(gain)
-    return f"extended model {data}: {model_gain_text(gain, std)}{f'; {changes}' if changes else ''}"
+    if diagnosis.gain is None:
+        none = "the causes do not improve the fit significantly on data that were not used to find them"
+        return [none] if diagnosis.causes else []
+    return ["frequency error of the extended model", *(f"  {text}" for text in gain_texts(diagnosis.gain, std))]
 
 
 def _refused(console: Console, diagnosis: DiagnosisAnswer) -> None:

@@ -55,8 +55,8 @@ def test_unused_mode_is_marked_on_page_and_terminal(tmp_path: Path) -> None:
     found, why = shown(), "* not used: no confident match in the reference"
     terminal = Console(record=True, width=200, force_terminal=True, file=StringIO())
     say_evidence(terminal, answers.diagnosis(), found, STRUCTURE)
-    assert "extended model on held-out logs: " in (reported := terminal.export_text(clear=False))
-    assert "cross-validated" not in reported
+    assert "on data not used (held-out logs): " in (reported := terminal.export_text(clear=False))
+    assert "each mode predicted" not in reported
     assert why not in page_of(found, tmp_path).words + terminal.export_text()
     first, *others = found.modes
     marked = found.model_copy(update={"modes": (first.model_copy(update={"compared": False}), *others)})
