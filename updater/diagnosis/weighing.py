@@ -9,9 +9,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from daq import FloatArray
 from updater.causes import CATALOGUE, Cause, Nothing, Propose, SelectedCause, prediction
 from updater.errors import SelectionError
-from updater.inference import Comparison, Fit, fit
+from updater.inference import Comparison, Fit, fit, refined_fit
 from updater.reference import Reference
 from updater.structure import meant
 
@@ -115,6 +116,16 @@ class Candidate:
         return all(self.chi_square < part.chi_square - _MIN_GAIN for part in parts)
 
 
+def _same_alternatives(one: Cause, other: Cause) -> bool:
+    """Return whether two proposals of a cause differ at most in where the fits of their alternatives begin."""
+    pairs = [(name, values, vars(other).get(name)) for name, values in vars(one).items() if name != "start"]
+    return type(one) is type(other) and all(
+        values is theirs or np.array_equal(values, theirs)
+        for _, values, theirs in pairs
+        if isinstance(values, np.ndarray) and isinstance(theirs, np.ndarray)
+    )
+
+
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:
     """Return the most probable first; indistinguishable ones in their given order, independent of rounding."""
     order = sorted(range(len(found)), key=lambda k: -found[k].log_evidence)
@@ -133,6 +144,8 @@ class EvidenceComparison:
     instead : makers of causes that replace those of the catalogue
     allowed : names of the causes that are considered
     faults : collects failures; a cause that has failed alone is not considered further
+    proposed : causes made so far, by their data and maker
+    fitted : first alternatives of causes fitted alone so far, by label
     """
 
     reference: Reference
@@ -141,6 +154,8 @@ class EvidenceComparison:
     instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
     allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
     faults: Faults = field(default_factory=Faults)
+    proposed: dict[tuple[Comparison, Propose[Cause]], Cause | None] = field(default_factory=dict, repr=False)
+    fitted: dict[str, Fit[Cause]] = field(default_factory=dict, repr=False)
 
     @property
     def causes(self) -> Mapping[str, Cause]:
@@ -152,7 +167,10 @@ class EvidenceComparison:
         found = {}
         for name in (name for name in CATALOGUE if name in self.allowed):
             propose = self.instead.get(name, CATALOGUE[name].propose)
-            found[name] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
+            key = self.data, propose
+            if key not in self.proposed:
+                self.proposed[key] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
+            found[name] = self.proposed[key]
         return {name: cause for name, cause in found.items() if cause is not None}
 
     def label(self, name: str) -> str:
@@ -212,9 +230,18 @@ class EvidenceComparison:
             found.append(self.faults.attempt(self.label(name), partial(self._single, name, cause)))
         return ranked([candidate for candidate in found if candidate is not None])
 
+    def known_start(self, cause: Cause) -> FloatArray | None:
+        """Return the parameters of a cause's alternatives fitted alone to these or other data; None if there are none.
+
+        A cause may have other alternatives for other data: then they are not known.
+        """
+        known = self.fitted.get(self.label(cause.name))
+        return known.theta if known is not None and _same_alternatives(known.hypotheses, cause) else None
+
     def _single(self, name: str, cause: Cause) -> Candidate:
         """Fit one cause alone."""
-        whole = fit(self.data, cause)
+        first = self.fitted[self.label(name)] = fit(self.data, cause, refine=False)
+        whole = refined_fit(self.data, first)
         best = SelectedCause(whole.hypotheses, whole.best, whole.theta[whole.best])
         effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _MIN_GAIN)
         if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:
