@@ -18,7 +18,7 @@ from daq.log.format.chunks import FRAME, WholeReads
 
 _FIRST_PIECE, _PIECE = 1 << 14, 1 << 20  # bytes read at once; often only the attachments are wanted
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
-_CHUNK = struct.Struct("<QQQII")  # first and last time, uncompressed size, its checksum, length of the compression's name
+_CHUNK = struct.Struct("<QQQII")  # first and last time, uncompressed size, its checksum, length of a name
 _LENGTH = struct.Struct("<Q")
 _END, _CHUNK_CODE = int(Opcode.DATA_END), int(Opcode.CHUNK)
 _PARSERS: Mapping[int, Callable[[ReadDataStream], McapRecord]] = {
