@@ -286,17 +286,20 @@ def _descend(
     slope : (n_alternatives, n_data + n_parameters, n_parameters) of all alternatives
     step : (len(rows), n_parameters)
     """
-    least = _AT_REST
+    least = np.full(len(rows), _AT_REST)  # gain that a share must promise
     for share in _SHARES:
         theta = np.maximum(point.theta[rows] - share * step, hypotheses.lower[rows])
-        worth = _predicted_gain(slope[rows], point.residual[rows], theta - point.theta[rows]) > least
-        rows, step, theta = rows[worth], step[worth], theta[worth]
+        worth = np.flatnonzero(_predicted_gain(slope[rows], point.residual[rows], theta - point.theta[rows]) > least)
+        if not len(worth):
+            continue
+        tried = evaluate(comparison, hypotheses, theta[worth], rows[worth])
+        better = tried.cost < point.cost[rows[worth]]
+        _adopt(point, tried, rows[worth[better]], better)
+        least[worth] = _ENOUGH
+        left = np.delete(np.arange(len(rows)), worth[better])
+        rows, step, least = rows[left], step[left], least[left]
         if not len(rows):
             break
-        tried = evaluate(comparison, hypotheses, theta, rows)
-        better = tried.cost < point.cost[rows]
-        _adopt(point, tried, rows[better], better)
-        rows, step, least = rows[~better], step[~better], _ENOUGH
 
 
 def _predicted_gain(slope: FloatArray, residual: FloatArray, change: FloatArray) -> FloatArray:
