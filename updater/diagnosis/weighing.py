@@ -118,11 +118,12 @@ class Candidate:
 
 def _same_alternatives(one: Cause, other: Cause) -> bool:
     """Return whether two proposals of a cause differ at most in where the fits of their alternatives begin."""
-    pairs = [(name, values, vars(other).get(name)) for name, values in vars(one).items() if name != "start"]
+    arrays, others = (
+        {name: values for name, values in vars(cause).items() if isinstance(values, np.ndarray) and name != "start"}
+        for cause in (one, other)
+    )
     return type(one) is type(other) and all(
-        values is theirs or np.array_equal(values, theirs)
-        for _, values, theirs in pairs
-        if isinstance(values, np.ndarray) and isinstance(theirs, np.ndarray)
+        others[name] is values or np.array_equal(others[name], values) for name, values in arrays.items()
     )
 
 
@@ -144,7 +145,7 @@ class EvidenceComparison:
     instead : makers of causes that replace those of the catalogue
     allowed : names of the causes that are considered
     faults : collects failures; a cause that has failed alone is not considered further
-    proposed : causes made so far, by their data and maker
+    proposed : causes made so far, by their data and label
     fitted : first alternatives of causes fitted alone so far, by label
     """
 
@@ -154,7 +155,7 @@ class EvidenceComparison:
     instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
     allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
     faults: Faults = field(default_factory=Faults)
-    proposed: dict[tuple[Comparison, Propose[Cause]], Cause | None] = field(default_factory=dict, repr=False)
+    proposed: dict[tuple[Comparison, str], Cause | None] = field(default_factory=dict, repr=False)
     fitted: dict[str, Fit[Cause]] = field(default_factory=dict, repr=False)
 
     @property
@@ -166,10 +167,10 @@ class EvidenceComparison:
     def _proposed(self) -> Mapping[str, Cause]:
         found = {}
         for name in (name for name in CATALOGUE if name in self.allowed):
-            propose = self.instead.get(name, CATALOGUE[name].propose)
-            key = self.data, propose
+            key = self.data, self.label(name)
             if key not in self.proposed:
-                self.proposed[key] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
+                propose = self.instead.get(name, CATALOGUE[name].propose)
+                self.proposed[key] = self.faults.attempt(key[1], partial(propose, self.reference, self.data))
             found[name] = self.proposed[key]
         return {name: cause for name, cause in found.items() if cause is not None}
 
