@@ -115,7 +115,8 @@ def test_step_without_predicted_gain_is_not_evaluated(linear: Any, monkeypatch: 
 
     def counted(comparison: object, h: Linear, theta: FloatArray, rows: IndexArray) -> Point:
         rows_evaluated.append(len(rows))
-        return evaluate(comparison, h, theta, rows)
+        point: Point = evaluate(comparison, h, theta, rows)
+        return point
 
     monkeypatch.setattr(module, "evaluate", counted)
     alternatives = Linear(b, lower, np.zeros((4, 3)), PRIOR)
