@@ -69,6 +69,8 @@ class Work:
     def windows_of(self, text: str, logs: Sequence[AnyLog]) -> None:
         """Begin a stage that analyses windows of logs, one log after the other."""
         self.stage(text)
+        if self._bar.disable:  # not shown: their length is not needed
+            return
         with suppress(LogError):  # of a damaged log, which its reader reports
             self._spans = [span for log in logs if (span := _span(log))]
 

@@ -5,6 +5,7 @@ span too little of a low mode or cost too much.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -122,19 +123,27 @@ def _kept(signals: FloatArray, taps: FloatArray, factor: int, n: int) -> FloatAr
     signals : (n_channels, n_samples) array
     taps : symmetric
     """
-    span = (_AT_ONCE - 1) * factor + len(taps)
-    bank = np.zeros((span, _AT_ONCE))
-    for k in range(_AT_ONCE):
-        bank[k * factor : k * factor + len(taps), k] = taps
+    bank = _bank(taps.tobytes(), factor)
+    span = len(bank)
     n_rows, hop = -(-n // _AT_ONCE), _AT_ONCE * factor
     short = max((n_rows - 1) * hop + span - signals.shape[1], 0)
-    whole = np.pad(signals, ((0, 0), (0, short))) if short else signals
+    whole = np.concatenate((signals, np.zeros((len(signals), short))), axis=1) if short else signals
     pieces = sliding_window_view(whole, span, axis=1)[:, ::hop]
     result = np.empty((len(signals), n_rows, _AT_ONCE))
     for start in range(0, n_rows, _ROWS):
         rows = np.ascontiguousarray(pieces[:, start : min(start + _ROWS, n_rows)])
         result[:, start : start + _ROWS] = rows @ bank
     return result.reshape(len(signals), -1)[:, :n]
+
+
+@lru_cache(maxsize=8)
+def _bank(taps: bytes, factor: int) -> FloatArray:
+    """Return the matrix (n_samples, _AT_ONCE) from samples to every `factor`-th of the filtered ones."""
+    weights = np.frombuffer(taps)
+    bank = np.zeros(((_AT_ONCE - 1) * factor + len(weights), _AT_ONCE))
+    for k in range(_AT_ONCE):
+        bank[k * factor : k * factor + len(weights), k] = weights
+    return bank
 
 
 class HighPass:

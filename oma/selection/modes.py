@@ -41,7 +41,7 @@ class _Group:
     def above(self, order: int) -> "_Group":
         """Return those of this order and above; all where these are too few."""
         chosen = np.flatnonzero(self.members.order >= order)
-        if len(chosen) < MIN_MEMBERS:
+        if len(chosen) < MIN_MEMBERS or len(chosen) == len(self.members):
             return self
         return _Group(self.members[chosen], [self.influences[i] for i in chosen.tolist()])
 
@@ -88,10 +88,12 @@ def candidates(
     ]
     modes = [_mode(group, n_orders, duration, selection) for group in found]
     lowest = poles_a_mode * (n_beside + len(physical(modes, selection)))
-    enough = [_mode(group.above(lowest), n_orders, duration, selection) for group in found]
+    enough = [group.above(lowest) for group in found]
     return [
-        replace(mode, support=of_all.support, law_ratio=of_all.law_ratio)
-        for mode, of_all in zip(enough, modes, strict=True)
+        of_all
+        if group is some
+        else replace(_mode(some, n_orders, duration, selection), support=of_all.support, law_ratio=of_all.law_ratio)
+        for group, some, of_all in zip(found, enough, modes, strict=True)
     ]
 
 

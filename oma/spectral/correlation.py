@@ -197,8 +197,9 @@ def _cross_spectra(values: FloatArray, length: int, n_lags: int, references: Ind
     piece = length - n_lags + 1
     n_pieces = max(-(-(len(values) - n_lags + 1) // piece), 1)
     short = n_pieces * piece + n_lags - 1 - len(values)
-    whole = np.pad(values, ((0, short), (0, 0))) if short else values
-    both = sliding_window_view(whole, length, axis=0)[::piece].transpose(2, 1, 0)  # (time, channel, piece)
+    whole = np.concatenate((values, np.zeros((short, values.shape[1])))) if short else values
+    # (time, channel, piece)
+    both = sliding_window_view(whole, length, axis=0)[::piece].transpose(2, 1, 0) if n_pieces > 1 else whole[..., None]
     now = fft.rfft(both[n_lags - 1 :], length, axis=0)
     every = np.array_equal(references, range(both.shape[1]))
     earlier = fft.rfft(both if every else both[:, references], length, axis=0)
@@ -207,4 +208,5 @@ def _cross_spectra(values: FloatArray, length: int, n_lags: int, references: Ind
 
 def _lags(spectrum: ComplexArray, length: int, n_lags: int) -> FloatArray:
     """Return sums at lags: a piece starts n_lags - 1 samples after its history, which is lag zero."""
-    return np.asarray(np.roll(fft.irfft(spectrum, length, axis=0), n_lags - 1, axis=0)[:n_lags])
+    sums = fft.irfft(spectrum, length, axis=0)
+    return np.concatenate((sums[length - n_lags + 1 :], sums[:1]))

@@ -327,7 +327,8 @@ class Compositions:
         for _ in chosen:
             *others, last = chosen
             free = self.weighing.causes[last.cause.name]
-            found = fit(self.weighing.data, JointHypothesis(free, tuple(others), start_neutral=bool(others)))
+            beside = JointHypothesis(free, tuple(others), start_neutral=bool(others))
+            found = fit(self.weighing.data, beside, start=None if others else self.weighing.known_start(free))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one

@@ -13,7 +13,7 @@ from typing import Any
 from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import common
-from updater.diagnosis.gain import Gained, WindowModes, fit_of_compared, written_gain
+from updater.diagnosis.gain import Gained, WindowModes, compared_rows, fit_of_written, written_gain
 from updater.diagnosis.model_extension import agreeing, drift_beside, extended_structure, with_further_modes
 from updater.diagnosis.naming import (
     MIN_P,
@@ -35,7 +35,7 @@ from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCa
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, compare
 from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
-from updater.reference import Calibration, Reference
+from updater.reference import Calibration, ModelFit, Reference
 from updater.structure import Structure
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
@@ -204,9 +204,9 @@ def _nearer(case: Case) -> RecalibratedModel:
     return RecalibratedModel(written, _gained(case, [chosen], written))
 
 
-def _gained(case: Case, chosen: Sequence[SelectedCause], written: Structure) -> Gained:
+def _gained(case: Case, chosen: Sequence[SelectedCause], written: Structure, known: ModelFit | None = None) -> Gained:
     before = (case.bare or case.reference.file.calibration).structure
-    return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written))
+    return written_gain(case.reference, case.data, case.measured, case.heldout, chosen, (before, written), known)
 
 
 def _explained(case: Case, found: list[Candidate], searched: float) -> DiagnosisResult:
@@ -233,16 +233,21 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     named = tuple(with_place_names(cause, case.reference.structure) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults
-    fit = faults.attempt(
+    written = faults.attempt(
         "the modes of the written model",
-        lambda: fit_of_compared(case.reference, case.data, case.measured, extended, chosen),
+        lambda: fit_of_written(case.reference, case.data, case.measured, extended, chosen),
     )
-    gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended))
+    gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended, written))
     decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
         verdict="explained" if sure else "ambiguous",
         causes=named,
-        modes=modes_of(case.reference, case.event, case.data, fit),
+        modes=modes_of(
+            case.reference,
+            case.event,
+            case.data,
+            None if written is None else written.only(compared_rows(case.data, case.measured)),
+        ),
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),
         failed=_failed(case),

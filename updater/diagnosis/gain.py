@@ -171,6 +171,7 @@ def written_gain(
     heldout: WindowModes | None,
     chosen: Sequence[SelectedCause],
     written: tuple[Structure, Structure],
+    known: ModelFit | None = None,
 ) -> Gained:
     """Return the gain of a written structure over the same without causes.
 
@@ -181,13 +182,17 @@ def written_gain(
     heldout : modes of windows that were not used, which the gain is measured on where they have all channels
     chosen : causes
     written : the structure without causes, and with them written into it
+    known : fit of the latter to `measured`, if it is known
     """
     unused = compare(reference, heldout.event) if heldout else None
     if heldout and unused is not None and unused.channels == data.channels:
         change, data, modes = change_gain_on(unused, chosen), unused, heldout
     else:
         change, modes = change_gain_left_out(data, chosen), measured
-    before, after = (fit_of_written(reference, data, modes, s, c) for s, c in zip(written, (None, chosen), strict=True))
+    before = fit_of_written(reference, data, modes, written[0], None)
+    after = (
+        known if known is not None and modes is measured else fit_of_written(reference, data, modes, written[1], chosen)
+    )
     return gain_of(before, after, change, heldout=modes is heldout)
 
 
@@ -216,11 +221,9 @@ def fit_of_written(
     return fit_of_model(structure, every, expected=expected, overdispersion=data.overdispersion)
 
 
-def fit_of_compared(
-    reference: Reference, data: Comparison, modes: WindowModes, written: Structure, chosen: Sequence[SelectedCause]
-) -> ModelFit:
-    """Return the fit of a written structure to the modes compared, then to those that the baseline has not."""
+def compared_rows(data: Comparison, modes: WindowModes) -> IndexArray:
+    """Return which of all modes were compared, and then those that the baseline has not."""
     rows = modes.rows(modes.event.only(data.tracks))
     if data.circumstances.extra is not None:
         rows = np.concatenate([rows, modes.rows(data.circumstances.extra)])
-    return fit_of_written(reference, data, modes, written, chosen).only(rows)
+    return rows

@@ -9,9 +9,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from daq import FloatArray
 from updater.causes import CATALOGUE, Cause, Nothing, Propose, SelectedCause, prediction
 from updater.errors import SelectionError
-from updater.inference import Comparison, Fit, fit
+from updater.inference import Comparison, Fit, fit, refined_fit
 from updater.reference import Reference
 from updater.structure import meant
 
@@ -118,6 +119,17 @@ class Candidate:
         return all(self.chi_square < part.chi_square - _MIN_GAIN for part in parts)
 
 
+def _same_alternatives(one: Cause, other: Cause) -> bool:
+    """Return whether two proposals of a cause differ at most in where the fits of their alternatives begin."""
+    arrays, others = (
+        {name: values for name, values in vars(cause).items() if isinstance(values, np.ndarray) and name != "start"}
+        for cause in (one, other)
+    )
+    return type(one) is type(other) and all(
+        others[name] is values or np.array_equal(others[name], values) for name, values in arrays.items()
+    )
+
+
 def ranked(found: Sequence[Candidate]) -> list[Candidate]:
     """Return the most probable first; indistinguishable ones in their given order, independent of rounding."""
     order = sorted(range(len(found)), key=lambda k: -found[k].log_evidence)
@@ -136,6 +148,8 @@ class EvidenceComparison:
     instead : makers of causes that replace those of the catalogue
     allowed : names of the causes that are considered
     faults : collects failures; a cause that has failed alone is not considered further
+    proposed : causes made so far, by their data and label
+    fitted : first alternatives of causes fitted alone so far, by label
     """
 
     reference: Reference
@@ -144,6 +158,8 @@ class EvidenceComparison:
     instead: Mapping[str, Propose[Cause]] = field(default_factory=dict)
     allowed: Collection[str] = field(default_factory=lambda: CATALOGUE)
     faults: Faults = field(default_factory=Faults)
+    proposed: dict[tuple[Comparison, str], Cause | None] = field(default_factory=dict, repr=False)
+    fitted: dict[str, Fit[Cause]] = field(default_factory=dict, repr=False)
 
     @property
     def causes(self) -> Mapping[str, Cause]:
@@ -154,8 +170,11 @@ class EvidenceComparison:
     def _proposed(self) -> Mapping[str, Cause]:
         found = {}
         for name in (name for name in CATALOGUE if name in self.allowed):
-            propose = self.instead.get(name, CATALOGUE[name].propose)
-            found[name] = self.faults.attempt(self.label(name), partial(propose, self.reference, self.data))
+            key = self.data, self.label(name)
+            if key not in self.proposed:
+                propose = self.instead.get(name, CATALOGUE[name].propose)
+                self.proposed[key] = self.faults.attempt(key[1], partial(propose, self.reference, self.data))
+            found[name] = self.proposed[key]
         return {name: cause for name, cause in found.items() if cause is not None}
 
     def label(self, name: str) -> str:
@@ -215,9 +234,18 @@ class EvidenceComparison:
             found.append(self.faults.attempt(self.label(name), partial(self._single, name, cause)))
         return ranked([candidate for candidate in found if candidate is not None])
 
+    def known_start(self, cause: Cause) -> FloatArray | None:
+        """Return the parameters of a cause's alternatives fitted alone to these or other data; None if there are none.
+
+        A cause may have other alternatives for other data: then they are not known.
+        """
+        known = self.fitted.get(self.label(cause.name))
+        return known.theta if known is not None and _same_alternatives(known.hypotheses, cause) else None
+
     def _single(self, name: str, cause: Cause) -> Candidate:
         """Fit one cause alone."""
-        whole = fit(self.data, cause)
+        first = self.fitted[self.label(name)] = fit(self.data, cause, refine=False)
+        whole = refined_fit(self.data, first)
         best = SelectedCause(whole.hypotheses, whole.best, whole.theta[whole.best])
         effective = not cause.drifting or bool(whole.chi_square.min() < self._drift - _MIN_GAIN)
         if self._new_for_certain and prediction(self.data, (best,)).new_frequency.size:

@@ -10,6 +10,7 @@ from updater.inference.laplace_fit import (
     evaluate,
     fit,
     freedom_of_frequencies,
+    refined_fit,
     slopes,
 )
 from updater.inference.linearization import first_order, foreseen, linear_in_mass, linearised, most_likely, pulls
@@ -57,6 +58,7 @@ __all__ = [
     "predict",
     "pulls",
     "reanalyse",
+    "refined_fit",
     "residual",
     "shaken",
     "slopes",

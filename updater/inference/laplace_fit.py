@@ -15,10 +15,12 @@ from updater.inference.residuals import residual
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
+_AT_REST = 1e-4  # of chi-square: a step that is predicted to gain less is not evaluated
 # chi-square over the best, after the predicted step, within which a step is evaluated
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)
+_REACH_NEAR = (100.0, 60.0, 60.0, 60.0, 60.0, 60.0)  # likewise, of alternatives that begin near their best
 _FEW = 150  # alternatives that are continued after the first step: those with the best predictions
-_HOPELESS = 300.0  # of chi-square over the best where those about them have come to: not begun
+_HOPELESS = 300.0  # of chi-square over the best: alternatives that begin near their best are not fitted
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 _AT_ONCE = 256  # rows times parameters whose residuals are computed together: their arrays stay in the cache
@@ -155,11 +157,22 @@ def freedom_of_frequencies(comparison: Comparison, found: Fit[H]) -> float:
     return len(slope) - float(np.einsum("ij,jk,ik->", slope, found.covariance[found.best], slope))
 
 
-def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True) -> Fit[H]:
-    """Fit every alternative by Gauss-Newton, all at once; on request, refined alternatives afterwards."""
-    found = _fit(comparison, hypotheses)
-    closer = hypotheses.refined(found.log_density, found.theta) if refine else None
-    return found if closer is None else _fit(comparison, closer, _HOPELESS)
+def fit(comparison: Comparison, hypotheses: H, *, refine: bool = True, start: FloatArray | None = None) -> Fit[H]:
+    """Fit every alternative by Gauss-Newton, all at once; on request, refined alternatives afterwards.
+
+    Parameters
+    ----------
+    start : (n_alternatives, n_parameters) fitted to similar data, in the place of the alternatives' own start
+    """
+    own = hypotheses.start if start is None else start
+    found = _fit(comparison, hypotheses, own, near=start is not None)
+    return refined_fit(comparison, found) if refine else found
+
+
+def refined_fit(comparison: Comparison, found: Fit[H]) -> Fit[H]:
+    """Fit refined alternatives after the first ones; return the fit of these if there are none."""
+    closer = found.hypotheses.refined(found.log_density, found.theta)
+    return found if closer is None else _fit(comparison, closer, closer.start, near=True)
 
 
 @dataclass(eq=False)
@@ -177,15 +190,21 @@ class Point:
         return np.asarray((self.residual**2).sum(1))
 
 
-def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) -> Fit[H]:
-    everything = np.arange(len(hypotheses.start))
-    point = evaluate(comparison, hypotheses, hypotheses.start, everything)
-    moving = point.cost < point.cost.min() + reach_at_start
+def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool) -> Fit[H]:
+    """Fit all alternatives, which begin at `start` (n_alternatives, n_parameters).
+
+    Parameters
+    ----------
+    near : whether that is near the best of each
+    """
+    everything = np.arange(len(start))
+    point = evaluate(comparison, hypotheses, start, everything)
+    moving = point.cost < point.cost.min() + (_HOPELESS if near else np.inf)
     moving &= bool(len(hypotheses.prior_std))
     begun = np.flatnonzero(moving)
     slope = _of_priors(hypotheses, point)
     slope[begun] = slopes(comparison, hypotheses, point, begun)
-    for number, reach in enumerate(_REACH):
+    for number, reach in enumerate(_REACH_NEAR if near else _REACH):
         step, promised = _newton(slope, point.residual, np.zeros(point.theta.shape, bool))
         least = point.cost - promised
         alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
@@ -194,15 +213,17 @@ def _fit(comparison: Comparison, hypotheses: H, reach_at_start: float = np.inf) 
         if not len(alive):
             break
         before = point.cost[alive]
-        _descend(comparison, hypotheses, point, step[alive], alive)
+        _descend(comparison, hypotheses, point, slope, step[alive], alive)
         beyond = point.theta - step <= hypotheses.lower
         held = alive[(before - point.cost[alive] <= _ENOUGH) & beyond[alive].any(1)]
         if len(held):  # a parameter at its bound has misled the others
             bounded, _ = _newton(slope[held], point.residual[held], beyond[held])
-            _descend(comparison, hypotheses, point, bounded, held)
+            _descend(comparison, hypotheses, point, slope, bounded, held)
         gained = before - point.cost[alive]
         moving[alive] = gained > _ENOUGH
-        slope[alive] = slopes(comparison, hypotheses, point, alive)
+        moved = alive[gained > 0]
+        if len(moved):
+            slope[moved] = slopes(comparison, hypotheses, point, moved)
     covariance: FloatArray = np.linalg.inv(normal(slope)).astype(np.float64)
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
     of_new = comparison.freedom_of_new(point.effect.own.shape[1])
@@ -250,16 +271,41 @@ def normal(slope: FloatArray) -> FloatArray:
     return slope.transpose(0, 2, 1) @ slope
 
 
-def _descend(comparison: Comparison, hypotheses: Hypotheses, point: Point, step: FloatArray, rows: IndexArray) -> None:
-    """Take of each row's step the largest share that fits better."""
+def _descend(
+    comparison: Comparison,
+    hypotheses: Hypotheses,
+    point: Point,
+    slope: FloatArray,
+    step: FloatArray,
+    rows: IndexArray,
+) -> None:
+    """Take of each row's step the largest share that fits better; none where none is predicted to gain anything.
+
+    Parameters
+    ----------
+    slope : (n_alternatives, n_data + n_parameters, n_parameters) of all alternatives
+    step : (len(rows), n_parameters)
+    """
+    least = np.full(len(rows), _AT_REST)  # gain that a share must promise
     for share in _SHARES:
         theta = np.maximum(point.theta[rows] - share * step, hypotheses.lower[rows])
-        tried = evaluate(comparison, hypotheses, theta, rows)
-        better = tried.cost < point.cost[rows]
-        _adopt(point, tried, rows[better], better)
-        rows, step = rows[~better], step[~better]
+        worth = np.flatnonzero(_predicted_gain(slope[rows], point.residual[rows], theta - point.theta[rows]) > least)
+        if not len(worth):
+            continue
+        tried = evaluate(comparison, hypotheses, theta[worth], rows[worth])
+        better = tried.cost < point.cost[rows[worth]]
+        _adopt(point, tried, rows[worth[better]], better)
+        least[worth] = _ENOUGH
+        left = np.delete(np.arange(len(rows)), worth[better])
+        rows, step, least = rows[left], step[left], least[left]
         if not len(rows):
             break
+
+
+def _predicted_gain(slope: FloatArray, residual: FloatArray, change: FloatArray) -> FloatArray:
+    """Return by how much a change of the parameters (n, n_parameters) lowers chi-square (n,), to first order."""
+    moved = (slope @ change[:, :, None])[:, :, 0]
+    return np.asarray(-((2 * residual + moved) * moved).sum(1))
 
 
 def _adopt(point: Point, tried: Point, rows: IndexArray, chosen: BoolArray) -> None:

@@ -206,10 +206,11 @@ def _solve(comparison: Comparison, effect: Effect) -> tuple[FloatArray, FloatArr
     plain = np.append(plain, np.zeros(effect.own.shape[1]))
     mass = np.eye(len(plain)) + effect.whole_mass
     flexibility = effect.flexibility
-    if not flexibility.any() and not effect.own.shape[1]:  # its root is diagonal
-        factor = np.sqrt(plain)
-        value, unit = np.linalg.eigh(factor[:, None] * mass * factor)
-        return value, factor[:, None] * unit, unit / factor[:, None]
+    if not flexibility.any():  # its root is diagonal
+        own = np.broadcast_to(plain[: len(comparison.frequency)], (len(effect.own), len(comparison.frequency)))
+        factor = np.sqrt(np.concatenate([own, effect.own], axis=1) if effect.own.shape[1] else plain[None])
+        value, unit = np.linalg.eigh(factor[:, :, None] * mass * factor[:, None, :])
+        return value, factor[:, :, None] * unit, unit / factor[:, :, None]
     if not effect.mass.any() and not effect.own.shape[1]:  # F' x = x / omega'^2
         value, unit = np.linalg.eigh(np.diag(plain) + flexibility)
         scale = np.sqrt(np.maximum(value, _MIN * value[:, -1:]))[:, None]

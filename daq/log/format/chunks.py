@@ -21,7 +21,7 @@ _ZSTD = b"\4\0\0\0zstd"  # name of the compression, with its length
 _READ_AHEAD = 1 << 20
 MAX_CHUNK = 32 << 20  #: bytes of an uncompressed chunk: the writers begin a new one after 1 MB
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
-_CHANNEL = struct.Struct("<H")
+_HEAD_AND_CHANNEL = struct.Struct("<BQH")  # of a message, which begins with its channel
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 
 _MESSAGE_CODE = int(Opcode.MESSAGE)  # a comparison with an enumeration is slower
@@ -107,14 +107,18 @@ class ChunkReader:
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise McapError("chunk: its checksum does not match")
         at, end, passed_over, found = 0, len(data), self._passed_over, list[ChunkRecord]()
+        last = end - _HEAD_AND_CHANNEL.size  # place behind which no message begins
         while at < end:
-            opcode, length = _HEAD.unpack_from(data, at)
+            if at <= last:
+                opcode, length, channel_id = _HEAD_AND_CHANNEL.unpack_from(data, at)
+            else:
+                (opcode, length), channel_id = _HEAD.unpack_from(data, at), -1
             begin = at + FRAME
             at = begin + length
             if at > end:
                 raise McapError("a record is longer than its chunk")
             if opcode == _MESSAGE_CODE:
-                if _CHANNEL.unpack_from(data, begin)[0] not in passed_over:
+                if channel_id not in passed_over:
                     found.append(_message(data, begin, at))
             elif opcode == Opcode.CHANNEL:
                 channel = _parsed(Channel.read, data[begin:at])

@@ -1,7 +1,7 @@
 """Records of a log file in their order, read in large pieces; the indexes between chunks are passed over.
 
 The stock reader takes each field of each record from the file by itself, and checks the whole file by a checksum at its
-end, although each chunk has its own. The records other than chunks are parsed by the stock reader's parsers.
+end, although each chunk has its own. The few records other than chunks are parsed by the stock reader's parsers.
 """
 
 import struct
@@ -18,12 +18,13 @@ from daq.log.format.chunks import FRAME, WholeReads
 
 _FIRST_PIECE, _PIECE = 1 << 14, 1 << 20  # bytes read at once; often only the attachments are wanted
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
-_END = int(Opcode.DATA_END)
+_CHUNK = struct.Struct("<QQQII")  # first and last time, uncompressed size, its checksum, length of a name
+_LENGTH = struct.Struct("<Q")
+_END, _CHUNK_CODE = int(Opcode.DATA_END), int(Opcode.CHUNK)
 _PARSERS: Mapping[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.HEADER: Header.read,
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
-    Opcode.CHUNK: Chunk.read,
     Opcode.ATTACHMENT: Attachment.read,
     Opcode.METADATA: Metadata.read,
 }
@@ -62,7 +63,9 @@ class RecordStream:
             begin = self._at + FRAME
             self._at = begin + length
             self.position += FRAME + length
-            if opcode in _PARSERS or opcode == Opcode.MESSAGE:
+            if opcode == _CHUNK_CODE:
+                yield _chunk(self._buffer, begin, self._at)
+            elif opcode in _PARSERS or opcode == Opcode.MESSAGE:
                 yield _parsed(opcode, self._buffer[begin : self._at])
 
     def _need(self, n: int) -> None:
@@ -77,6 +80,25 @@ class RecordStream:
         if len(more) < missing:
             raise EndOfFile
         self._buffer, self._at = self._buffer[self._at :] + more, 0
+
+
+def _chunk(buffer: bytes, begin: int, end: int) -> Chunk:
+    """Return the chunk whose content is at these places of a buffer."""
+    name = begin + _CHUNK.size
+    if name + _LENGTH.size > end:
+        raise McapError("a record is longer than its length")
+    first, last, size, checksum, named = _CHUNK.unpack_from(buffer, begin)
+    at = name + named + _LENGTH.size
+    if at > end or at + (length := _LENGTH.unpack_from(buffer, name + named)[0]) > end:
+        raise McapError("a record is longer than its length")
+    return Chunk(
+        compression=buffer[name : name + named].decode(),
+        data=buffer[at : at + length],
+        message_end_time=last,
+        message_start_time=first,
+        uncompressed_crc=checksum,
+        uncompressed_size=size,
+    )
 
 
 def _parsed(opcode: int, content: bytes) -> McapRecord:

@@ -77,6 +77,11 @@ def test_windows_of_several_logs_count_by_their_times(log: Path) -> None:
     assert bar.text == "identifying: window 1"
 
 
+def test_lengths_of_logs_are_not_read_for_a_hidden_bar(tmp_path: Path) -> None:
+    work = Work(Progress(disable=True))
+    work.windows_of("identifying", [tmp_path])  # a folder: reading it would be an error of the file system
+
+
 def test_time_left_follows_from_what_is_done() -> None:
     bar = Bar()
     work = Work(bar)

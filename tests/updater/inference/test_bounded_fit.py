@@ -105,6 +105,31 @@ def test_parameter_at_its_bound_does_not_bias_the_others(
         assert reached - cost < 0.2  # of chi-square: a tenth of the evidence
 
 
+def test_step_without_predicted_gain_is_not_evaluated(linear: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alternatives that begin at their best, free or at a bound, are evaluated once: there are no steps to try."""
+    b = np.random.default_rng(9).normal(0.0, 3.0, (4, 5))
+    lower = np.array([[-np.inf] * 3, [0.0] * 3, [-np.inf, 0.0, -np.inf], [-np.inf] * 3])
+    start = np.array([best(one, least) for one, least in zip(b, lower, strict=True)])
+    module = sys.modules["updater.inference.laplace_fit"]
+    evaluate, rows_evaluated = module.evaluate, []
+
+    def counted(comparison: object, h: Linear, theta: FloatArray, rows: IndexArray) -> Point:
+        rows_evaluated.append(len(rows))
+        point: Point = evaluate(comparison, h, theta, rows)
+        return point
+
+    monkeypatch.setattr(module, "evaluate", counted)
+    alternatives = Linear(b, lower, np.zeros((4, 3)), PRIOR)
+    cold = fit(linear, alternatives)  # type: ignore[type-var]
+    assert len(rows_evaluated) > 1
+    rows_evaluated.clear()
+    found = fit(linear, alternatives, start=start)  # type: ignore[type-var]
+    assert rows_evaluated == [4]
+    np.testing.assert_allclose(found.theta, start, rtol=0, atol=0)
+    # chi-square of the cold fit: its last step may leave what is not evaluated
+    np.testing.assert_allclose(found.log_density, cold.log_density, rtol=0, atol=0.1)
+
+
 def test_evidence_includes_the_determinant_of_the_used_whitener(linear: Any) -> None:
     """A drift common to all frequencies is allowed, or not: two covariances of the same data."""
     linear.plain, linear.drifting = SimpleNamespace(log_det=1.5), SimpleNamespace(log_det=-0.7)

@@ -110,8 +110,8 @@ def _search(
     highest = float(comparison.frequency[comparison.paired].max())
     step = _PHASE_STEP / (2 * np.pi * highest)
     tried = step * np.arange(-round(_FARTHEST / step), round(_FARTHEST / step) + 1)
-    signs = np.broadcast_to(sign, (len(tried), len(sign)))
-    cost = np.array([_costs(comparison, known + row * tried[:, None], signs) for row in late]).reshape(-1, len(tried))
+    imaginary = (known + late[:, None] * tried[:, None]).reshape(-1, len(sign))
+    cost = _costs(comparison, imaginary, np.broadcast_to(sign, imaginary.shape)).reshape(-1, len(tried))
     cost = cost + (tried / _STD) ** 2
     best = np.argmin(cost, axis=1)
     return tried[best], cost[:, len(tried) // 2] - cost.min(axis=1)
