@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, above which the data distinguish them
 MIN_P = 1e-3  #: p of chi-square below which a fit is refused
-_WORTH_NAMING = 0.05  # of the best one's posterior
+WORTH_NAMING = 0.05  #: share of the best one's posterior
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # relative to it, if the data cannot distinguish the two: rarer places with the same effect
@@ -73,7 +73,7 @@ def named_causes(
     left_open: list[Candidate] = []
     held = 0.0
     for share, alike in sets:
-        if held >= sure or share < _WORTH_NAMING * sets[0][0]:
+        if held >= sure or share < WORTH_NAMING * sets[0][0]:
             break
         named += _causes([found[i] for i in alike], share)
         left_open += [found[i] for i in alike]
