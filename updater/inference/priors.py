@@ -11,7 +11,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from daq import FloatArray
-from updater.inference.comparison import BoolArray
 
 _POINTS = 200  # of the quadrature over the logarithm: steps are shorter than the narrowest posterior is wide
 _SPREADS = 60  # of the quadrature over the order of several parameters
@@ -57,25 +56,24 @@ def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: f
 
 
 def common_magnitude(
-    value: FloatArray, covariance: FloatArray, active: BoolArray, *, gaussian: float, least: float, most: float
+    value: FloatArray, covariance: FloatArray, *, gaussian: float, least: float, most: float
 ) -> FloatArray:
     """Return the log evidence (n,) under a prior of one unknown order for several parameters, over a Gaussian one.
 
     The prior is a mixture of Gaussians of one standard deviation for all parameters, uniform in its logarithm. With
-    the posterior precision P, the likelihood has the precision L = P - I / gaussian^2 and the gradient P value.
+    the posterior precision P, the likelihood has the precision L = P - I / gaussian^2 and the gradient P value. A
+    parameter without effect on the data adds nothing.
 
     Parameters
     ----------
     value, covariance : (n, k), (n, k, k) Gaussian posterior under the Gaussian prior
-    active : (n, k) parameters that each alternative has; the others remain as they are
     gaussian : standard deviation of the Gaussian prior
     least, most : smallest and largest standard deviation of the mixture
     """
     spread = np.append(np.exp(np.linspace(np.log(least), np.log(most), _SPREADS)), gaussian)
-    both = active[:, :, None] & active[:, None, :]
-    posterior = np.where(both, np.linalg.inv(np.where(both, covariance, np.eye(active.shape[1]))), 0.0)
-    gradient = np.einsum("pij,pj->pi", posterior, np.where(active, value, 0.0))
-    information, axes = np.linalg.eigh(posterior - active[:, :, None] * np.eye(active.shape[1]) / gaussian**2)
+    posterior = np.linalg.inv(covariance)
+    gradient = np.einsum("pij,pj->pi", posterior, value)
+    information, axes = np.linalg.eigh(posterior - np.eye(value.shape[1]) / gaussian**2)
     information = np.maximum(information, 0.0)[:, None]
     square = np.einsum("pij,pi->pj", axes, gradient)[:, None] ** 2
     precision = information + spread[:, None] ** -2.0

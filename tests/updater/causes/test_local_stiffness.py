@@ -147,8 +147,8 @@ def test_cut_from_one_side_is_found(
     assert found.extended is not None
     segment = found.extended.segment[-1]  # after welds of the calibration
     assert segment.stiffness == 1
-    reported = [1 - cause.parameters[key].value for key in names]
-    assert [*segment.bending, segment.torsion] == pytest.approx(reported, abs=0.1)
+    for key, written in zip(names, (*segment.bending, segment.torsion), strict=True):  # the best, not the mean
+        assert abs(1 - written - cause.parameters[key].value) < cause.parameters[key].std
 
 
 @pytest.mark.thorough

@@ -77,7 +77,7 @@ class Springs(Discrete):
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the correction of the evidence for a change of any order: the same about all axes, as of one loss."""
         least, most = np.multiply(_ORDERS, LOOSE)
-        return common_magnitude(theta, covariance, self.active, gaussian=LOOSE, least=least, most=most)
+        return common_magnitude(theta, covariance, gaussian=LOOSE, least=least, most=most)
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return the node."""
