@@ -53,7 +53,7 @@ def test_common_magnitude_matches_numerical_quadrature() -> None:
         prior = np.exp(-0.5 * (point**2).sum(-1) / std**2) / (2 * np.pi * std**2)
         return float((likelihood * prior).sum())
 
-    covariance = np.linalg.inv(information + np.eye(2) / gaussian**2)
+    covariance = np.asarray(np.linalg.inv(information + np.eye(2) / gaussian**2), np.float64)
     value = covariance @ pull
     orders = np.exp(np.linspace(np.log(1e-2), np.log(0.05), 60))  # wider than the grid's step, narrower than the grid
     expected = np.log(np.mean([evidence(std) for std in orders]) / evidence(gaussian))
