@@ -8,7 +8,7 @@ from daq.notebook import number_text, utc_text
 if TYPE_CHECKING:
     from updater.planning import Stretches
 
-_CERTAIN = 0.999
+_CERTAIN = 0.99  # no more is shown by sealed draws
 MIN_P = 1e-12  #: smallest p that is stated: below it neither noise nor model is known well enough
 _NAMES = {
     "sensor_polarity": "sensor sign turned",

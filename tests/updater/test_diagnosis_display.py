@@ -15,7 +15,7 @@ EXPLAINED = Diagnosis(verdict="explained", causes=(MASS, FAULT, WARM), modes=(),
 
 
 def test_diagnosis_is_described_by_its_causes() -> None:
-    text = "Diagnosis(explained: added_mass > 0.999, sensor_gain 0.750, temperature 0.500)"
+    text = "Diagnosis(explained: added_mass > 0.99, sensor_gain 0.750, temperature 0.500)"
     assert repr(EXPLAINED) == str(EXPLAINED) == text
     none = Diagnosis(verdict="nothing_to_explain", causes=(), modes=(), gain=None)
     assert repr(none) == "Diagnosis(nothing_to_explain)"
@@ -25,7 +25,7 @@ def test_diagnosis_is_described_by_its_causes() -> None:
 def test_table_has_a_row_per_cause() -> None:
     shown = DiagnosisResult(EXPLAINED, None)._repr_html_()
     assert shown == EXPLAINED._repr_html_()
-    row = "<td>added mass</td><td>&gt; 0.999</td><td>mass 0.197 ± 0.003 kg</td><td>crossbeam</td>"
+    row = "<td>added mass</td><td>&gt; 0.99</td><td>mass 0.197 ± 0.003 kg</td><td>crossbeam</td>"
     assert row + "<td>0.157, 0.000, 1.480 ± 0.004</td>" in shown
     assert "<td>sensor gain</td><td>0.750</td><td></td><td>top_x, top_y</td><td></td>" in shown
     assert "<td>temperature</td>" in shown

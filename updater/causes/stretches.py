@@ -161,7 +161,7 @@ class Stretches:
                 break
         rows = np.array(sorted(found), float)
         source = np.array([found[key] for key in sorted(found)], np.intp)
-        start = self._starts(rows, theta[source], middle[source], fitted[source], self.size[source])
+        start = self._starts(rows, theta[source], middle[source], fitted[source])
         others = np.setdiff1d(order[:_MAX_OTHERS], near)
         others = others[log_density[others] > log_density.max() - _OPEN]
         fields = _fields(self.cells, self.kinds, rows, first=False) | {"start": start}
@@ -170,25 +170,24 @@ class Stretches:
         }
         return replace(self, **both | {"start": np.concatenate([start, theta[others]])})
 
-    def _starts(
-        self, rows: FloatArray, theta: FloatArray, middle: FloatArray, fitted: FloatArray, size: IndexArray
-    ) -> FloatArray:
+    def _starts(self, rows: FloatArray, theta: FloatArray, middle: FloatArray, fitted: FloatArray) -> FloatArray:
         """Return where the fits of finer alternatives begin (n, n_parameters).
 
-        Those nearest to the fitted values of the coarser ones start there, so that these are kept; all others start at
-        their own middles and lengths, with a strength of the same total effect.
+        Those nearest to the fitted values of the coarser ones start there, so that these are kept. All others start at
+        their own lengths, with a strength of the same total effect, and farther ones at their own middles.
 
         Parameters
         ----------
         rows : (n, 5) of the finer alternatives, see `_about`
-        theta, middle, fitted, size : (n, ...) parameters, fitted middle and length, and length of the coarser ones
+        theta, middle, fitted : (n, ...) parameters, fitted middle and length of the coarser ones
         """
-        start = self.carried(theta, np.maximum(rows[:, 2], 1) / np.maximum(size, 1))
+        start = self.carried(theta, np.maximum(rows[:, 2], 1) / np.maximum(fitted, 1))
         shift = (middle - rows[:, 1] - rows[:, 2] / 2) / rows[:, 4]
         longer = np.log(np.maximum(fitted, 1) / np.maximum(rows[:, 2], 1)) / np.log(RATIO)
-        there = (np.abs(shift) <= 1) & (np.abs(longer) <= 1)
+        near = np.abs(shift) <= 1
+        there = near & (np.abs(longer) <= 1)
         start[there] = theta[there]
-        start[:, 1] = np.where(there, shift, 0.0)
+        start[:, 1] = np.where(near, shift, 0.0)
         if theta.shape[1] > _LENGTH:
             start[:, _LENGTH] = np.where(there, longer, 0.0)
         return start

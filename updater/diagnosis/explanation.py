@@ -29,7 +29,16 @@ from updater.diagnosis.next_measurement import next_measurement
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
 from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
 from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, Verdict
-from updater.diagnosis.search import beside_the_file, closer, fits, judged, nothing_changed, stepwise, within_noise
+from updater.diagnosis.search import (
+    beside_the_file,
+    closer,
+    fits,
+    judged,
+    nothing_changed,
+    stepwise,
+    with_section_error,
+    within_noise,
+)
 from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
 from updater.errors import SelectionError
@@ -160,7 +169,7 @@ def _diagnosed(
         return _refused("unexplained", case, best.log_evidence, "scattered_mass")
     if _worn(found[0]):
         return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
-    return _explained(case, found, best.log_evidence)
+    return _explained(case, with_section_error(case, found), best.log_evidence)
 
 
 def _strewn(best: Candidate) -> bool:

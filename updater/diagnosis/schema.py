@@ -159,7 +159,7 @@ class Diagnosis(PlainValue):
 
 def _probability(cause: Cause) -> str:
     """Return a probability, never rounded to certainty."""
-    return "> 0.999" if cause.probability > 0.999 else f"{cause.probability:.3f}"
+    return "> 0.99" if cause.probability > 0.99 else f"{cause.probability:.3f}"
 
 
 def _cells(cause: Cause) -> tuple[str, ...]:

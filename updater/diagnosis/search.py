@@ -12,14 +12,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import logsumexp
 
-from updater.causes import CATALOGUE
+from updater.causes import CATALOGUE, LocalStiffness
 from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
-from updater.diagnosis.naming import MIN_P
+from updater.diagnosis.naming import MIN_P, WORTH_NAMING
 from updater.diagnosis.relaxation import is_hidden, is_relaxed_doubtful, relaxed_beside
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, SURE, WELL, Candidate, EvidenceComparison, ranked
-from updater.inference import Comparison, fit, freedom_of_frequencies
+from updater.inference import Comparison, compare, fit, freedom_of_frequencies
 
 _MIN_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one place may differ
@@ -81,6 +81,27 @@ def closer(case: Case, found: list[Candidate], good: Comparison) -> list[Candida
     closer = [c for c in sought if within_noise(good, c)][:_MAX_JUDGED]
     again = [Compositions(case.weighing).coordinate_fit(c.chosen) for c in closer]
     return ranked([fitted for fitted in again if fitted is not None]) or found
+
+
+def with_section_error(case: Case, found: list[Candidate]) -> list[Candidate]:
+    """Return explanations with places and sizes of stretches as the error of the section moments leaves them.
+
+    The error of a model is relative to a typical displacement or moment. A stretch near a free end, where all moments
+    are small, has a larger share of it than the measured shifts show. Evidence and p value remain: the error follows
+    from the fitted stretch.
+    """
+    worth = found[0].log_evidence + float(np.log(WORTH_NAMING))
+    return [_with_section_error(case, c) if c.log_evidence >= worth else c for c in found]
+
+
+def _with_section_error(case: Case, candidate: Candidate) -> Candidate:
+    parts = [(p.hypotheses, p) for p in candidate.parts]
+    typical = sum(cause.typical_shift(part) for cause, part in parts if isinstance(cause, LocalStiffness))
+    if typical <= np.abs(case.data.log_ratio).mean():
+        return candidate
+    data = compare(case.reference, case.event, circumstances=case.data.circumstances, typical_shift=typical)
+    again = Compositions(replace(case.weighing, data=data)).coordinate_fit(candidate.chosen)
+    return candidate if again is None else replace(candidate, chosen=again.chosen, parts=again.parts)
 
 
 def judged(case: Case, found: list[Candidate], data: Comparison) -> tuple[Case, list[Candidate]]:

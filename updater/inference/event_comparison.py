@@ -33,6 +33,7 @@ def compare(
     *,
     circumstances: Circumstances = NOTHING_KNOWN,
     model_error: float = MODEL_ERROR,
+    typical_shift: float = 0.0,
 ) -> Comparison:
     """Compare an event with the baseline.
 
@@ -43,6 +44,8 @@ def compare(
     circumstances : further knowledge of the event
     model_error : error of the reference at any point, relative to a mode's typical displacement; a larger one gives a
         coarser search that misses less
+    typical_shift : relative shift of frequencies that the change would cause at a typical place, if it is known to be
+        more than the mean of those measured: the error of the model is relative to it
 
     Raises
     ------
@@ -65,7 +68,7 @@ def compare(
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
     by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
-    foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error)
+    foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error, typical_shift)
     foreign = np.concatenate([foreign, by_noise], axis=1)
     nearer = nearer_modes(reference, tracks, ratio, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
@@ -74,7 +77,7 @@ def compare(
         channels=channels,
         tracks=tracks,
         paired=reference.paired[tracks],
-        **_frequencies_of(base, event, model_error),
+        **_frequencies_of(base, event, model_error, typical_shift),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
@@ -131,17 +134,18 @@ def _nominal_modes(
     return NominalModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
 
 
-def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float) -> dict[str, Any]:
+def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float, typical_shift: float) -> dict[str, Any]:
     """Return the data of log frequencies.
 
     Parameters
     ----------
     base, event : (n,) of the modes compared
     model_error : of a mode's typical displacement
+    typical_shift : of the change at a typical place, at least the mean of those measured
     """
     ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
-    by_model = (2 * model_error) ** 2 * shift * shift.mean()
+    by_model = (2 * model_error) ** 2 * shift * max(shift.mean(), typical_shift)
     wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
     variance = event.log_frequency_std**2 + base.log_frequency_std**2 + by_model + wider**2
     plain, drifting = whiteners_of(variance)

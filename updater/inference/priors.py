@@ -8,10 +8,12 @@ everywhere; here its result is weighted again.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import logsumexp
 
 from daq import FloatArray
 
 _POINTS = 200  # of the quadrature over the logarithm: steps are shorter than the narrowest posterior is wide
+_SPREADS = 60  # of the quadrature over the order of several parameters
 _NARROW = 0.05  # relative to the magnitude: for a narrower posterior the prior is constant
 
 
@@ -51,3 +53,29 @@ def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: f
     mean[wide] = weight @ x / total
     variance[wide] = weight @ x**2 / total - mean[wide] ** 2
     return Magnitude(log_ratio, mean, variance)
+
+
+def common_magnitude(
+    value: FloatArray, covariance: FloatArray, *, gaussian: float, least: float, most: float
+) -> FloatArray:
+    """Return the log evidence (n,) under a prior of one unknown order for several parameters, over a Gaussian one.
+
+    The prior is a mixture of Gaussians of one standard deviation for all parameters, uniform in its logarithm. With
+    the posterior precision P, the likelihood has the precision L = P - I / gaussian^2 and the gradient P value. A
+    parameter without effect on the data adds nothing.
+
+    Parameters
+    ----------
+    value, covariance : (n, k), (n, k, k) Gaussian posterior under the Gaussian prior
+    gaussian : standard deviation of the Gaussian prior
+    least, most : smallest and largest standard deviation of the mixture
+    """
+    spread = np.append(np.exp(np.linspace(np.log(least), np.log(most), _SPREADS)), gaussian)
+    posterior = np.linalg.inv(covariance)
+    gradient = np.einsum("pij,pj->pi", posterior, value)
+    information, axes = np.linalg.eigh(posterior - np.eye(value.shape[1]) / gaussian**2)
+    information = np.maximum(information, 0.0)[:, None]
+    square = np.einsum("pij,pi->pj", axes, gradient)[:, None] ** 2
+    precision = information + spread[:, None] ** -2.0
+    log = 0.5 * (square / precision - np.log(precision * spread[:, None] ** 2)).sum(2)
+    return np.asarray(logsumexp(log[:, :-1], axis=1) - np.log(_SPREADS) - log[:, -1])

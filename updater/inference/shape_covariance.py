@@ -17,14 +17,20 @@ _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come 
 
 
 def foreign_modes(
-    reference: Reference, tracks: IndexArray, ratio: FloatArray, at_channels: FloatArray, error: float
+    reference: Reference,
+    tracks: IndexArray,
+    ratio: FloatArray,
+    at_channels: FloatArray,
+    error: float,
+    typical_shift: float = 0.0,
 ) -> FloatArray:
     """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
 
     A mass m at a point where mode i moves by u_i lowers it by d_i = m u_i^2 / 2, couples it with mode k by m u_i u_k,
     and turns it towards k by that times omega_i^2 / (omega_k^2 - omega_i^2); a spring does the same. If each u is
     wrong by e times its typical size, d_i is wrong by 2 e (d_i d)^1/2 and the coupling by 2 e (d (d_i + d_k))^1/2, d
-    the mean of all: most where modes are close, and not nothing where a mode has its node.
+    the mean of all: most where modes are close, and not nothing where a mode has its node. At a place where all modes
+    move less than they typically do, d is the shift that the same change would cause at a typical place.
 
     Returns
     -------
@@ -34,7 +40,7 @@ def foreign_modes(
     paired, shift = reference.paired[tracks], np.abs(ratio)
     shifts = np.full(len(reference.frequency), shift.mean())
     shifts[paired] = shift
-    coupling = 2 * error * np.sqrt(shift.mean() * (shifts[paired, None] + shifts))
+    coupling = 2 * error * np.sqrt(max(shift.mean(), typical_shift) * (shifts[paired, None] + shifts))
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
     return _towards(np.minimum(coupling * closeness, _MAX_TURNED), paired, at_channels)
 

@@ -75,7 +75,10 @@ def event(seed: int, name: str, start: float, end: float, left: Left, *bodies: B
 @pytest.mark.parametrize("shift", [-0.4, 0.7])
 @pytest.mark.parametrize("longer", [-1.3, 0.0, 0.4, 1.2])
 def test_refined_stretches_start_at_the_fitted_coarse_stretches(shift: float, longer: float) -> None:
-    """Also at a length between those of two kinds: with precise data, half a step away is far off."""
+    """Also at a length between those of two kinds: with precise data, half a step away is far off.
+
+    All start with the flexibility of the fitted one: else lengths next to it are not begun, and deviations too small.
+    """
     reference, observed = reference_and_event()
     cause = propose_local_stiffness(reference, compare(reference, observed))
     assert cause is not None
@@ -88,8 +91,11 @@ def test_refined_stretches_start_at_the_fitted_coarse_stretches(shift: float, lo
         every = np.arange(len(refined.start))
         begun = np.column_stack([refined.middles(refined.start, every), refined.sizes(refined.start, every)])
         own = np.abs(begun - fitted).max(1) < 1e-9
-        assert own.any(), cause.stretch(row, theta[row])
-        np.testing.assert_allclose(refined.start[own][0, [0, 3]], theta[row, [0, 3]])
+        kept = np.isclose(refined.start[:, [0, 3]], theta[row, [0, 3]]).all(1)
+        assert (own & kept).any(), cause.stretch(row, theta[row])
+        inside = begun[:, 1] > refined.size - 1e-9  # no end of the member has shortened it
+        added = np.expm1(refined.start[inside, 0]) * begun[inside, 1]
+        np.testing.assert_allclose(added, np.expm1(theta[row, 0]) * fitted[1])
 
 
 @pytest.mark.parametrize(
@@ -104,6 +110,7 @@ def test_softened_stretch_is_found(seed: int, name: str, start: float, end: floa
     found = diagnose(*event(seed, name, start, end, left)).diagnosis
     assert (found.verdict, [c.cause for c in found.causes]) == ("explained", ["local_stiffness"])
     (cause,) = found.causes
+    assert 0.99 < cause.probability < 0.995  # certain, but for what is not modelled
     assert cause.where is not None
     assert cause.where.member == name
     assert cause.where.position is not None
@@ -140,8 +147,8 @@ def test_cut_from_one_side_is_found(
     assert found.extended is not None
     segment = found.extended.segment[-1]  # after welds of the calibration
     assert segment.stiffness == 1
-    reported = [1 - cause.parameters[key].value for key in names]
-    assert [*segment.bending, segment.torsion] == pytest.approx(reported, abs=0.1)
+    for key, written in zip(names, (*segment.bending, segment.torsion), strict=True):  # the best, not the mean
+        assert abs(1 - written - cause.parameters[key].value) < cause.parameters[key].std
 
 
 @pytest.mark.thorough

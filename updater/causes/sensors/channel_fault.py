@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from updater.causes.base import Cause
     from updater.inference import Fit
 
+ASKEW_STD = 0.02  #: rad: usual misalignment of a sensor
 _SAME_PLACE = 1e-3  # m
 
 

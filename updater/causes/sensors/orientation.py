@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from daq import FloatArray, IndexArray
-from updater.causes.sensors.channel_fault import Chain, groups_of
+from updater.causes.sensors.channel_fault import ASKEW_STD, Chain, groups_of
 from updater.inference import Comparison, Effect, evaluate, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
 _TRIED = 0.3  # rad: angles from which a fit may start, of both signs
-_ASKEW = 0.02  # rad: usual misalignment of a sensor
 _ALONG = 1e-3  # of a direction's part across an axis, under which turning about it shows nothing
 _TURNS = ("about_x", "about_y", "about_z")
 
@@ -119,7 +118,7 @@ def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> 
                     groups.append(turned)
                     axes.append(np.array([axis, np.zeros(3)]))
     return SensorOrientation(
-        prior_std=np.array([_STD, _STD, _ASKEW]),
+        prior_std=np.array([_STD, _STD, ASKEW_STD]),
         lower=np.full((len(groups), 3), -np.inf),
         drifting=False,
         comparison=comparison,

@@ -14,7 +14,7 @@ from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
 from daq import FloatArray, IndexArray
-from updater.causes.sensors.channel_fault import Chain, mounted_together
+from updater.causes.sensors.channel_fault import ASKEW_STD, Chain, mounted_together
 from updater.inference import Comparison, Effect, evaluate, no_effect
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
@@ -38,14 +38,15 @@ class SensorPosition(Chain):
     """A housing at another place of a member.
 
     Parameters are the distance along the member, towards its farther end [m], and, compared with a baseline, the mass
-    that was moved with it [kg] and how far the first place was from the stated one [m].
+    that was moved with it [kg], how far the first place was from the stated one [m], and about which axes the housing
+    is askew [rad]. Its channels then read a share of the motion across them, in the baseline that of the first place.
     """
 
     members: tuple[Member, ...]  #: member of each alternative
     stated: FloatArray  #: (n_alternatives,) distance of the stated place from the member's start [m]
     sense: FloatArray  #: (n_alternatives,) 1 where the end of the member is farther than its start, else -1
     own: tuple[IndexArray, ...]  #: channels of each
-    modes: tuple[CubicSpline, ...]  #: (n_own, n_modes) of the reference at the channels by that distance
+    directions: tuple[FloatArray, ...]  #: (n_own, 3) of the channels of each, times their gains
     translation: tuple[CubicSpline, ...]  #: (3, n_modes) of the reference by that distance
     name: str = "sensor_position"
     advice: str = "Measure the distance of the sensor from the end of its member."
@@ -81,14 +82,21 @@ class SensorPosition(Chain):
         for row in np.unique(rows):
             here = np.flatnonzero(rows == row)
             length, along = self.members[row].length, self.sense[row] * theta[here]
-            before = np.clip(self.stated[row] + along[:, 2:].sum(1), 0.0, length)
+            before = np.clip(self.stated[row] + along[:, 2:3].sum(1), 0.0, length)
             now = np.clip(before + along[:, 0], 0.0, length)
-            moved[np.ix_(here, self.own[row])] = self.modes[row](now) - self.modes[row](before)
-            if theta[here, 1:].any():
-                there, gone = (self.translation[row](at) for at in (now, before))
+            there, gone = (self.translation[row](at) for at in (now, before))
+            way = self.directions[row] + self._askew(row, theta[here])
+            moved[np.ix_(here, self.own[row])] = way @ (there - gone)
+            if theta[here, 1:3].any():
                 more = there.transpose(0, 2, 1) @ there - gone.transpose(0, 2, 1) @ gone
                 mass[here] = theta[here, 1, None, None] * more
         return replace(none, moved=moved, mass=mass)
+
+    def _askew(self, row: int, theta: FloatArray) -> FloatArray:
+        """Return by how much the directions of the channels (len(theta), n_own, 3) of an alternative are off."""
+        if theta.shape[1] == 1:
+            return np.zeros((len(theta), 1, 3))
+        return np.cross(theta[:, None, 3:], self.directions[row])
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the correction for the moved mass, which is not negative."""
@@ -121,7 +129,7 @@ class SensorPosition(Chain):
     @property
     def _of_place(self) -> IndexArray:
         """Parameters whose sum is the distance from the stated place: the shift, and the error of the first place."""
-        return np.arange(0, len(self.prior_std), 2)
+        return np.array([0, 2] if len(self.prior_std) > 1 else [0])
 
     def _place(self, row: int, theta: FloatArray) -> float:
         """Return the distance from the member's start [m], on the member."""
@@ -150,18 +158,17 @@ def propose_sensor_position(reference: Reference, comparison: Comparison) -> Sen
     if not pairs:
         return None
     along = {m.name: _modes_along(reference, m) for m in {m.name: m for _, m in pairs}.values()}
-    modes = []
-    for group, member in pairs:
-        way = [np.divide(sensors[c].direction, np.linalg.norm(sensors[c].direction)) * sensors[c].gain for c in group]
-        spline = along[member.name]
-        modes.append(CubicSpline(spline.x, np.einsum("cx,pxk->pck", way, spline(spline.x))))
+    ways = [
+        [sensors[c].gain * np.divide(sensors[c].direction, np.linalg.norm(sensors[c].direction)) for c in group]
+        for group, _ in pairs
+    ]
     stated = np.array([np.linalg.norm(np.subtract(sensors[g[0]].at, m.start)) for g, m in pairs])
     left = np.array([m.length for _, m in pairs]) - stated  # to the end of the member
     lower = -np.maximum(np.minimum(stated, left), 0.0)[:, None]
     if reference.measured:
-        lower = np.column_stack([lower, np.zeros(len(lower)), np.full(len(lower), -np.inf)])
+        lower = np.column_stack([lower, np.zeros(len(lower)), np.full((len(lower), 4), -np.inf)])
     large = size(reference.structure)
-    prior_std = np.array([_STD * large, _MASS_STD * reference.model.total_mass(), _OFF_STD * large])
+    prior_std = np.array([_STD * large, _MASS_STD * reference.model.total_mass(), _OFF_STD * large, *3 * [ASKEW_STD]])
     return SensorPosition(
         prior_std=prior_std[: lower.shape[1]],
         lower=lower,
@@ -172,7 +179,7 @@ def propose_sensor_position(reference: Reference, comparison: Comparison) -> Sen
         stated=stated,
         sense=np.where(left >= stated, 1.0, -1.0),
         own=tuple(np.array([comparison.channels.index(c) for c in group]) for group, _ in pairs),
-        modes=tuple(modes),
+        directions=tuple(np.array(way) for way in ways),
         translation=tuple(along[m.name] for _, m in pairs),
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.base import BoolArray, Discrete
 from updater.causes.modal_loads import modal_spring_force
-from updater.inference import Comparison, Effect, first_order, no_effect
+from updater.inference import Comparison, Effect, common_magnitude, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import AXES, Axis, Joint, Structure, Support, all_knobs, flexibility_unit, is_of
@@ -28,6 +28,7 @@ SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a connection that has come loose
 _SOFTER = 10.0  # likewise of a bearing, of its own flexibility
 _GIVES = 1e-2  # and at least of c E I / L^3
+_ORDERS = 1e-3, 10.0  # range of the order of a parameter, over that: hardly visible to a hinge
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,6 +73,11 @@ class Springs(Discrete):
         couple = self.couple[rows]
         compliance = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
         return replace(no_effect(len(rows), self.comparison), compliance=compliance)
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+        """Return the correction of the evidence for a change of any order: the same about all axes, as of one loss."""
+        least, most = np.multiply(_ORDERS, LOOSE)
+        return common_magnitude(theta, covariance, gaussian=LOOSE, least=least, most=most)
 
     def where(self, fit: "Fit[Cause]") -> Where:
         """Return the node."""

@@ -97,6 +97,15 @@ class LocalStiffness(Spread):
             "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
         }
 
+    def typical_shift(self, fit: "Fit[Cause]") -> float:
+        """Return the relative shift of frequencies if the stretch were where the strain energy is as on average [-].
+
+        Half of c extent / L, c = loss / (1 - loss) and L the length of all members.
+        """
+        more = np.abs(np.expm1(np.minimum(fit.theta[:, 0], SOFTEST)))
+        length = sum(member.length for member in self.reference.structure.member)
+        return float(self.likely(fit) @ (more * self.extents(fit)[0])) / (2 * length)
+
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add a segment of the stretch's stiffness."""
         member, at, extent = self.stretch(row, theta)

@@ -98,6 +98,19 @@ def test_channels_of_one_place_move_together_along_each_member_there() -> None:
         assert np.abs(fit(data, cause).theta[:, 0]).max() < 0.01  # nothing has moved
 
 
+def test_moved_housing_that_is_askew_reads_the_motion_across_its_channels() -> None:
+    """To first order in the angle, with the translations of the model at both places."""
+    reference, data = compared({})
+    cause = propose_sensor_position(reference, data)
+    assert cause is not None
+    row, theta = cause.channels.index(("beam_right_y", "beam_right_z")), np.zeros((2, 6))
+    theta[:, 0], theta[1, 3] = -0.1, 0.02  # about x: y towards z, z away from y
+    plain, askew = cause.effect(theta, np.array([row, row])).moved
+    y, z = (data.channels.index(channel) for channel in cause.channels[row])
+    np.testing.assert_allclose(askew[y], plain[y] + 0.02 * plain[z], atol=1e-12)
+    np.testing.assert_allclose(askew[z], plain[z] - 0.02 * plain[y], atol=1e-12)
+
+
 def _axes(place: str) -> tuple[str, str]:
     return ("x", "y") if place.startswith("col") or place == "beam_mid" else ("y", "z")
 
