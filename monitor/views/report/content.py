@@ -15,7 +15,6 @@ from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
-    cause_text,
     change_data_text,
     failed_text,
     fit_text,
@@ -23,6 +22,7 @@ from monitor.text.causes import (
     increment_text,
     mass_text,
     parameter_texts,
+    probability_text,
     where_text,
 )
 from monitor.text.detectability import last_detectable
@@ -43,7 +43,7 @@ from monitor.views.report.shape_figure import shapes_figure
 from monitor.views.run import Run
 from oma import mac_matrix
 from updater import Cause, Gain
-from updater.diagnosis import ModeFit
+from updater.diagnosis import FittedCause, ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 
@@ -306,17 +306,7 @@ def _diagnosis(
         "measured": measured_content(found, reference) if found else None,
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),
-        "causes": [
-            {
-                "text": cause_text(c),
-                "name": plain(c.cause),
-                "probability": share_text(c.probability),
-                "where": where_text(c.where) or "–",
-                "parameters": parameter_texts(c),
-                "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
-            }
-            for c in listed_causes(diagnosis.causes)
-        ],
+        "causes": [row for cause in listed_causes(diagnosis.causes) for row in _cause_rows(cause, diagnosis)],
         "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
         "failed": [failed_text(failed) for failed in diagnosis.failed],
         "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
@@ -325,6 +315,26 @@ def _diagnosis(
         "next_measurement": diagnosis.next_measurement,
         "within": [within_record_text(within), *record_change_texts(within)] if within else [],
     }
+
+
+def _cause_rows(cause: Cause, diagnosis: DiagnosisAnswer) -> list[dict[str, Any]]:
+    """Return the row of a cause, then those of its alternatives; each with its check where several are left open."""
+    fitted: dict[str, FittedCause] = {other.cause: other for other in (cause, *cause.alternatives)}
+    rows = []
+    for name in (cause.cause, *cause.cannot_be_told_from):
+        one = fitted.get(name) or FittedCause(cause=name, where=None, parameters={})
+        check = one.advice if diagnosis.verdict == "ambiguous" else ""
+        rows.append(
+            {
+                "name": plain(name),
+                "or": name != cause.cause,
+                "probability": probability_text(cause),
+                "where": where_text(one.where) or ("–" if name in fitted else "not fitted"),
+                "parameters": parameter_texts(one),
+                "check": check if check not in diagnosis.next_measurement else "",
+            }
+        )
+    return rows
 
 
 def _fit(number: int, mode: ModeFit) -> dict[str, str]:

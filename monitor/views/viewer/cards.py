@@ -6,7 +6,14 @@ from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.run_results import RunResults, find_mode, standing_answer
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
+from monitor.text.causes import (
+    alternative_texts,
+    cause_text,
+    failed_text,
+    fit_text,
+    mass_text,
+    probability_text,
+)
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.verdicts import diagnosis_text
@@ -113,9 +120,8 @@ def diagnosis_card(diagnosis: DiagnosisAnswer) -> str:
     """Return the verdict, the causes, the refused ones with reasons, and the gain."""
     parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
     for cause in listed_causes(diagnosis.causes):
-        aliases = ", ".join(plain(name) for name in cause.cannot_be_told_from)
-        doubt = f" Cannot be distinguished from {aliases}." if aliases else ""
-        parts.append(f"**{cause_text(cause)}** (probability {share_text(cause.probability)}).{doubt}")
+        others = "".join(f"\n\nor **{text}**" for text in alternative_texts(cause))
+        parts.append(f"**{cause_text(cause)}** (probability {probability_text(cause)}){others}")
     if diagnosis.gain:
         error = diagnosis.gain.frequency_error_percent
         where = "data not used" if diagnosis.gain.heldout else "the same data"

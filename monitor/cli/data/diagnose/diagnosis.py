@@ -34,8 +34,8 @@ from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text, gain_text
-from monitor.text.quantities import plain, share_text
+from monitor.text.causes import alternative_texts, cause_text, gain_text, probability_text
+from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
 from oma import OmaError
@@ -399,9 +399,9 @@ def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str
     """Return comments on the origin of an extended model."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
-    lines += [
-        f"{cause_text(c)} (probability {share_text(c.probability)})" for c in listed_causes(found.diagnosis.causes)
-    ]
+    for cause in listed_causes(found.diagnosis.causes):
+        lines.append(f"{cause_text(cause)} (probability {probability_text(cause)})")
+        lines += [f"  not written, but as compatible with the data: {text}" for text in alternative_texts(cause)]
     if found.calibration is not None:
         lines.append(_LIFTED)
     if logs.reference:

@@ -1,5 +1,6 @@
 """Output of a diagnosis in the terminal: verdict, then evidence."""
 
+from collections.abc import Iterator
 from functools import partial
 
 from rich import box
@@ -14,6 +15,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
+    alternative_texts,
     calibration_text,
     cause_text,
     change_gain_text,
@@ -21,9 +23,10 @@ from monitor.text.causes import (
     left_over_text,
     missed_text,
     model_gain_text,
+    probability_text,
 )
 from monitor.text.diagnosis import record_change_texts, within_record_text
-from monitor.text.quantities import plain, share_text
+from monitor.text.quantities import plain
 from monitor.text.sensors import health_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain, Structure
@@ -43,7 +46,8 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(f"  {escape(line)}")
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in listed_causes(diagnosis.causes):
-        console.print(_cause(cause))
+        for line in _cause_lines(cause, checks=diagnosis.verdict == "ambiguous", known=diagnosis.next_measurement):
+            console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
 
@@ -83,11 +87,22 @@ def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyRe
             console.print(escape(line))
 
 
-def _cause(cause: Cause) -> str:
-    line = f"  [bold]{escape(cause_text(cause))}[/] (probability {share_text(cause.probability)})"
-    if cause.cannot_be_told_from:
-        line += f"\n    indistinguishable from {', '.join(map(plain, cause.cannot_be_told_from))}"
-    return line
+def _cause_lines(cause: Cause, *, checks: bool, known: str) -> Iterator[str]:
+    """Yield a cause and its alternatives, each with its own check where several are left open.
+
+    Parameters
+    ----------
+    checks : whether they are wanted
+    known : text printed anyway, whose checks are not repeated
+    """
+    others, advice = alternative_texts(cause), {other.cause: other.advice for other in (cause, *cause.alternatives)}
+    probability = f" (probability {probability_text(cause)})"
+    for name, text in zip((cause.cause, *cause.cannot_be_told_from), (cause_text(cause), *others), strict=True):
+        first = name == cause.cause
+        yield f"  {'' if first else 'or '}[bold]{escape(text)}[/]{probability if first else ''}"
+        check = advice.get(name, "")
+        if checks and check and check not in known:
+            yield f"    [dim]check:[/] {escape(check)}"
 
 
 def _modes(found: DiscrepancyResult) -> RenderableType:
