@@ -18,6 +18,13 @@ def vector(values: FloatArray) -> Vector:
     return x, y, z
 
 
+def rounded_value(value: float, std: float) -> float:
+    """Return a value to the second digit of its deviation, and to three digits of its own at least."""
+    if value == 0 or not (math.isfinite(std) and std > 0):
+        return value
+    return round(value, max(1 - math.floor(math.log10(std)), 2 - math.floor(math.log10(abs(value)))))
+
+
 class PlainValue(BaseModel):
     """Base model of values that are written to files and logs: frozen, unknown keys are errors."""
 

@@ -13,6 +13,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
+from updater.quantities import SIGNIFICANT as SIZE_SIGNIFICANT
 from updater.quantities import ParameterChange, Quantity, Vector, Where
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
+_OFFSET = "offset_"  # parameters of a body that are shown if significant
 _MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
@@ -99,8 +101,15 @@ def parameter_texts(cause: FittedCause) -> list[tuple[str, str]]:
     """Return a cause's parameters, name and value, none of them twice; those of the model before and after."""
     if cause.changes:
         return _changed_texts(cause)
-    found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
-    return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
+    repeated = {"loss"} if cause.parameters.keys() & set(_LOSSES) else set()
+    found = {k: q for k, q in cause.parameters.items() if k not in repeated}
+    shown = {k: q for k, q in found.items() if not k.startswith(_OFFSET) or _is_eccentric(k, q)}
+    return [(plain(name), parameter_text(name, q)) for name, q in shown.items()]
+
+
+def _is_eccentric(name: str, quantity: Quantity) -> bool:
+    """Return whether a parameter is the offset of a body from the axis, and significant."""
+    return name.startswith(_OFFSET) and abs(quantity.value) > SIZE_SIGNIFICANT * quantity.std
 
 
 def _changed_texts(cause: FittedCause) -> list[tuple[str, str]]:
@@ -181,7 +190,10 @@ def cause_text(cause: FittedCause) -> str:
     mass = cause.parameters.get("mass")
     if cause.cause == "added_mass" and mass:
         size = mass.model_copy(update={"value": abs(mass.value)})
-        return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
+        text = f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
+        eccentric = ((name, q) for name, q in cause.parameters.items() if _is_eccentric(name, q))
+        offsets = " and ".join(f"{parameter_text(name, q)} along {name[-1]}" for name, q in eccentric)
+        return text + f", its centre off the axis by {offsets}" * bool(offsets)
     texts = [f"{name} {value}" for name, value in parameter_texts(cause)]
     if len(texts) > _MANY:
         texts[_FEW:] = [f"and {len(texts) - _FEW} more"]
