@@ -12,6 +12,7 @@ from daq.log import files_of
 from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
+from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
@@ -282,18 +283,24 @@ def _quality(run: Run) -> dict[str, Any]:
 
 
 def diagnosis_content(
-    diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
+    diagnosis: DiagnosisAnswer,
+    reference: ReferenceResult | None,
+    found: DiscrepancyResult | None = None,
+    states: StateComparison | None = None,
 ) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
     drawn = picture(
         lambda: fits.causes_figure(reference, listed_causes(diagnosis.causes)) if reference else None,
         "The structure with the causes where they are",
     )
-    return _diagnosis(diagnosis, reference, found) | {"places": drawn}
+    return _diagnosis(diagnosis, reference, found, states) | {"places": drawn}
 
 
 def _diagnosis(
-    diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None
+    diagnosis: DiagnosisAnswer,
+    reference: ReferenceResult | None,
+    found: DiscrepancyResult | None,
+    states: StateComparison | None = None,
 ) -> dict[str, Any]:
     """Return the values without the picture of the places."""
     within = diagnosis.within_record
@@ -303,11 +310,11 @@ def _diagnosis(
             lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
         ),
         "evidence": picture(lambda: evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
-        "measured": measured_content(found, reference) if found else None,
+        "measured": measured_content(found, reference, states) if found else None,
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),
         "causes": [row for cause in listed_causes(diagnosis.causes) for row in _cause_rows(cause, diagnosis)],
-        "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
+        "rejected": _refused(diagnosis),
         "failed": [failed_text(failed) for failed in diagnosis.failed],
         "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
         "gain": _gain(diagnosis, found.gain_std if found else None),
@@ -315,6 +322,14 @@ def _diagnosis(
         "next_measurement": diagnosis.next_measurement,
         "within": [within_record_text(within), *record_change_texts(within)] if within else [],
     }
+
+
+def _refused(diagnosis: DiagnosisAnswer) -> list[tuple[str, str]]:
+    """Return the reasons, each with the causes that were refused for it, the most probable first."""
+    found: dict[str, list[str]] = {}
+    for rejected in sorted(diagnosis.rejected, key=lambda r: -r.log_evidence):
+        found.setdefault(rejected.why, []).append(plain(rejected.cause))
+    return [(why, ", ".join(names)) for why, names in found.items()]
 
 
 def _cause_rows(cause: Cause, diagnosis: DiagnosisAnswer) -> list[dict[str, Any]]:

@@ -65,7 +65,7 @@ def draw(
     diagnosis : to draw
     found : comparison of measured with simulated modes of the structure; None: not known, and no recording
     structure : that was diagnosed
-    states : shapes and signals before and after, for the recording
+    states : shapes and signals before and after, for report and recording
     pdf : of the report as a PDF
     facts : names and values for the head of the report
 
@@ -81,7 +81,7 @@ def draw(
     run_optional(
         REPORT if page else str(pdf),
         lambda: diagnosis_report(
-            diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf, facts=facts
+            diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf, facts=facts, states=states
         ),
     )
     if out and found is not None:

@@ -27,14 +27,13 @@ from monitor.text.causes import (
 )
 from monitor.text.diagnosis import record_change_texts, within_record_text
 from monitor.text.quantities import plain
-from monitor.text.sensors import health_text
+from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain, Structure
 from updater.structure import place_name
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
-_STANDS_OUT = 3.0  # times the noise, above which a sensor is named
 _MAX = 6  # refused causes that are listed individually
 
 
@@ -82,7 +81,7 @@ def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyRe
     if not all(mode.compared for mode in found.modes):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
-    for line in (_sensor(found), health, missed_text(found.sensors)):
+    for line in (worst_sensor_text(found.sensors), health, missed_text(found.sensors)):
         if line:
             console.print(escape(line))
 
@@ -112,7 +111,8 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
     """
     after = any(m.off_percent_after is not None for m in found.modes)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with\ncauses %", "MAC"] * after:
+    first = ["before Hz", "now Hz", "change %"] if found.measured_before else ["model Hz", "measured Hz", "off by %"]
+    for name in first + ["σ", "MAC"] + ["with\ncauses %", "MAC"] * after:
         table.add_column(name, justify="right", no_wrap=True)
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "
@@ -143,18 +143,6 @@ def _percent(mode: ModeComparison, value: float | None) -> str:
 
 def _or(value: float | None, form: str, missing: str = "-") -> str:
     return missing if value is None else format(value, form)
-
-
-def _sensor(found: DiscrepancyResult) -> str:
-    """Return the sensor farthest from the simulated shapes, if significant."""
-    worst = max(found.sensors, key=lambda s: s.residual / max(s.noise, 1e-12), default=None)
-    if worst is None or worst.residual < _STANDS_OUT * worst.noise:
-        return ""
-    after = "" if worst.residual_after is None else f", {100 * worst.residual_after:.1f} % with the causes"
-    return (
-        f"largest deviation from the simulated shapes: sensor {worst.channel}, {100 * worst.residual:.1f} % of a "
-        f"typical component{after} (expected from noise: {100 * worst.noise:.1f} %)"
-    )
 
 
 def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> str:
