@@ -217,7 +217,7 @@ def _change(run_results: RunResults) -> dict[str, Any] | None:
 def _mode_change(mode: ModeChange) -> dict[str, str]:
     return {
         "id": str(mode.id),
-        "frequency": f"{mode.frequency:.4g}",
+        "frequency": rounded_text(mode.frequency, 0.01 * mode.shift_std_percent * mode.frequency),
         "shift": _number(mode.shift_percent, mode.shift_std_percent),
         "damping": rounded_text(100 * mode.damping, 100 * mode.damping_shift_std),
         "damping_shift": _number(100 * mode.damping_shift, 100 * mode.damping_shift_std),
@@ -243,7 +243,7 @@ def _mode(
     number: int, frequency: float, std: float, model_mac: float, first: WindowResult | None, last: WindowResult | None
 ) -> dict[str, str]:
     row = dict.fromkeys(("now", "shift", "sigmas", "damping", "mac"), "")
-    row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
+    row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.4f}"}
     mode = find_mode(last, number) if last else None
     if mode is None or last is None:
         return row | {"now": "not identified"}
@@ -358,11 +358,16 @@ def _fit(number: int, mode: ModeFit) -> dict[str, str]:
     return {
         "number": str(number),
         "measured": measured or "not identified",
-        "before": optional(frequency.before, ".3f"),
-        "after": optional(frequency.after, ".3f"),
+        "before": _hertz(frequency.before, frequency.std),
+        "after": _hertz(frequency.after, frequency.std),
         "mac_before": optional(mac_pair.before, ".4f"),
         "mac_after": optional(mac_pair.after, ".4f"),
     }
+
+
+def _hertz(value: float | None, std: float | None) -> str:
+    """Return a frequency of the model with the digits of the measured one; empty for none."""
+    return "" if value is None else rounded_text(value, std or 0.0)
 
 
 def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> dict[str, Any] | None:
