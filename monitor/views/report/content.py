@@ -325,10 +325,10 @@ def _diagnosis(
 
 
 def _refused(diagnosis: DiagnosisAnswer) -> list[tuple[str, str]]:
-    """Return the reasons, each with the causes that were refused for it, the most probable first."""
+    """Return the reasons, each with the causes that were refused for it and their log evidence."""
     found: dict[str, list[str]] = {}
     for rejected in sorted(diagnosis.rejected, key=lambda r: -r.log_evidence):
-        found.setdefault(rejected.why, []).append(plain(rejected.cause))
+        found.setdefault(rejected.why, []).append(f"{plain(rejected.cause)} ({rejected.log_evidence:+.1f})")
     return [(why, ", ".join(names)) for why, names in found.items()]
 
 
