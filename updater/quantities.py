@@ -9,6 +9,7 @@ from daq import FloatArray
 Vector = tuple[float, float, float]
 
 
+ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its member's axis is reported
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
 
 

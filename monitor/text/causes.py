@@ -13,8 +13,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
-from updater.quantities import SIGNIFICANT as SIZE_SIGNIFICANT
-from updater.quantities import ParameterChange, Quantity, Vector, Where
+from updater.quantities import ECCENTRIC, ParameterChange, Quantity, Vector, Where
 
 if TYPE_CHECKING:
     from updater import MassChange, Structure
@@ -109,7 +108,7 @@ def parameter_texts(cause: FittedCause) -> list[tuple[str, str]]:
 
 def _is_eccentric(name: str, quantity: Quantity) -> bool:
     """Return whether a parameter is the offset of a body from the axis, and significant."""
-    return name.startswith(_OFFSET) and abs(quantity.value) > SIZE_SIGNIFICANT * quantity.std
+    return name.startswith(_OFFSET) and abs(quantity.value) > ECCENTRIC * quantity.std
 
 
 def _changed_texts(cause: FittedCause) -> list[tuple[str, str]]:

@@ -31,7 +31,7 @@ from updater.causes import (
 from updater.diagnosis.weighing import Candidate
 from updater.inference import Comparison, Fit, fit, reanalyse, residual
 from updater.modal_data import COMMON_STD, ModalMean
-from updater.quantities import SIGNIFICANT
+from updater.quantities import ECCENTRIC
 from updater.reference import FREQUENCY_STD, Calibration
 from updater.structure import Structure, rounded, simplified, with_few_digits
 
@@ -70,7 +70,7 @@ def as_reported(data: Comparison, chosen: tuple[SelectedCause, ...], best: Candi
         replace(one, theta=body.reported_size(part, one.theta)) if body else one
         for one, part, body in zip(agreeing(data, moved), best.parts, bodies, strict=True)
     )
-    return found if _misfit(data, found) < _misfit(data, chosen) + SIGNIFICANT**2 else chosen
+    return found if _misfit(data, found) < _misfit(data, chosen) + ECCENTRIC**2 else chosen
 
 
 def _added_body(chosen: SelectedCause, part: Fit[Cause]) -> AddedMass | None:

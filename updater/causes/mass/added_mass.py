@@ -26,7 +26,7 @@ from updater.inference import (
     most_likely,
     no_effect,
 )
-from updater.quantities import SIGNIFICANT, Quantity, Vector, Where, rounded_value, vector
+from updater.quantities import ECCENTRIC, Quantity, Vector, Where, rounded_value, vector
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure, fineness, size
 
@@ -211,7 +211,7 @@ class AddedMass:
         posterior = self.posterior(fit)
         place = posterior.places[0]
         distance = rounded_value(*posterior.distance(place))
-        kept = np.array([abs(mean) > SIGNIFICANT * std for mean, std in self._local_offsets(fit, place)], float)
+        kept = np.array([abs(mean) > ECCENTRIC * std for mean, std in self._local_offsets(fit, place)], float)
         start = theta * [1.0, *kept, 1.0]
         grid = {place.member: np.array([distance])}
         found = along(self.reference, self.comparison, grid, self.gap, start[None])
@@ -221,7 +221,7 @@ class AddedMass:
         """Return parameters (4,) with the reported mass and offsets, rounded by their deviations."""
         place = self.posterior(fit).places[0]
         offsets = [
-            rounded_value(mean, std) if abs(mean) > SIGNIFICANT * std else 0.0
+            rounded_value(mean, std) if abs(mean) > ECCENTRIC * std else 0.0
             for mean, std in self._local_offsets(fit, place)
         ]
         return np.array([rounded_value(*self.mass(fit, place)), *offsets, theta[3]])
