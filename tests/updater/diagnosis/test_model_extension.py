@@ -60,8 +60,9 @@ def test_body_is_written_as_it_is_reported_with_a_significant_offset_only(seed: 
     assert abs(reported["offset_y"].value - offset) < 3 * reported["offset_y"].std
     assert reported["offset_y"].std < 0.005
     assert cause.where is not None
+    assert cause.where.position is not None
     assert cause.where.position_std is not None
     assert written.mass == pytest.approx(reported["mass"].value, abs=0.05 * reported["mass"].std)
-    assert written.at[0] == pytest.approx((cause.where.position or ())[0], abs=0.05 * cause.where.position_std)
+    assert written.at[0] == pytest.approx(cause.where.position[0], abs=0.05 * cause.where.position_std)
     assert written.offset == pytest.approx((0, reported["offset_y"].value if offset else 0, 0), abs=1e-4)
     assert ("off the axis by" in cause_text(cause)) == bool(offset)
