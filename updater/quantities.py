@@ -9,6 +9,7 @@ from daq import FloatArray
 Vector = tuple[float, float, float]
 
 
+ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its member's axis is reported
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
 FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
 
@@ -17,6 +18,13 @@ def vector(values: FloatArray) -> Vector:
     """Return three plain numbers."""
     x, y, z = (float(v) for v in values)
     return x, y, z
+
+
+def rounded_value(value: float, std: float) -> float:
+    """Return a value to the second digit of its deviation, and to three digits of its own at least."""
+    if value == 0 or not (math.isfinite(std) and std > 0):
+        return value
+    return round(value, max(1 - math.floor(math.log10(std)), 2 - math.floor(math.log10(abs(value)))))
 
 
 class PlainValue(BaseModel):
@@ -57,19 +65,35 @@ class ParameterChange(PlainValue):
     std: float  #: standard deviation of `after`
     before_std: float = 0.0  #: standard deviation of `before`; 0 for a value of the file
     place: str = ""  #: name of the place, such as `foot of the right post`; empty where there is none
+    member: str = ""  #: member that a rotational spring holds; empty if not known
+    member_stiffness: float | None = None  #: of this member's end: 4 E I / L in bending, G J / L in twist [N m/rad]
+    twists: bool = False  #: whether the spring holds this member against twist
 
     @property
-    def relative(self) -> tuple[float, float] | None:
-        """Relative change and its standard deviation; None for a connection that was rigid.
+    def added_flexibility(self) -> tuple[float, float]:
+        """Flexibility added to a connection and its standard deviation [rad/(N m) or m/N]: the quantity fitted.
 
         The deviation of `after` contains that of `before`: flexibilities add, with independent errors.
         """
+        before = 0.0 if self.before is None else 1 / self.before
+        of_before = self.before_std * before**2
+        return 1 / self.after - before, math.sqrt(max((self.std / self.after**2) ** 2 - of_before**2, 0.0))
+
+    @property
+    def overlaps(self) -> bool:
+        """True if the values before and after agree within two standard deviations of each."""
+        if self.before is None:
+            return False
+        return abs(self.after - self.before) < SIGNIFICANT * (self.before_std + self.std)
+
+    @property
+    def relative(self) -> tuple[float, float] | None:
+        """Relative change and its standard deviation; None for a connection that was rigid."""
         if self.before is None or self.after == 0:
             return None
         before, after = 1 / self.before, 1 / self.after
-        of_before, of_after = self.before_std * before**2, self.std * after**2
-        of_change = math.sqrt(max(of_after**2 - of_before**2, 0.0))
-        std = math.hypot((after - before) * of_before, before * of_change) / after**2
+        added, of_added = self.added_flexibility
+        std = math.hypot(added * self.before_std * before**2, before * of_added) / after**2
         return self.after / self.before - 1, std
 
     @property

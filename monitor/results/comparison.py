@@ -155,3 +155,4 @@ class DiscrepancyResult(PlainValue):
     places: tuple[PlaceDensity, ...] = ()
     gain_std: Gain | None = None  #: standard deviations of the gain, if it is significant
     note: str = ""  #: why a part is missing
+    measured_before: bool = False  #: whether the simulated modes are those of the reference logs; else of the model

@@ -99,6 +99,7 @@ def discrepancy_result(
         trends=trends,
         places=_places(densities(reference.structure, explained.parts)),
         gain_std=explained.gained.std if explained.gained and explained.gained.significant else None,
+        measured_before=reference.measured,
         note=" ".join(filter(None, [note, _FAULTY if faulty else "", "" if shaped else _FREQUENCIES_ONLY])),
     )
 

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq import FloatArray, Recording
+from oma import mac_matrix
 from updater import ModalMean, Reference, correlate_modes
+from updater.reference import LARGEST_CLUSTER, expand_shape
 from updater.validation import modes_before, modes_with_causes
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ class ModeShapes:
     frequency: float  #: measured now [Hz]
     before: FloatArray  #: (n_channels,) measured in the reference logs, else of the model [-]
     now: FloatArray  #: (n_channels,) measured [-]
+    before_moved: FloatArray  #: (n_nodes, 3) the same at the nodes of the reference's model
+    now_moved: FloatArray  #: (n_nodes, 3); the largest motion is 1
     with_causes: FloatArray | None = None  #: (n_channels,) expected with the diagnosed causes [-]; None without any
 
 
@@ -67,12 +71,17 @@ def compare_states(
     for column in sorted(pairs, key=lambda k: float(measured.log_frequency[k])):
         shape = new.shape[column] / np.abs(new.shape[column]).max()
         row = after.get(column)
+        earlier = _scaled(old.shape[pairs[column]], shape)
+        moved = [_at_nodes(reference, channels, one) for one in (earlier, shape)]
+        largest = max(float(np.linalg.norm(moved[1], axis=1).max()), 1e-300)
         shapes.append(
             ModeShapes(
                 frequency_before=float(np.exp(old.log_frequency[pairs[column]])),
                 frequency=float(np.exp(new.log_frequency[column])),
-                before=_scaled(old.shape[pairs[column]], shape),
+                before=earlier,
                 now=shape,
+                before_moved=moved[0] / largest,
+                now_moved=moved[1] / largest,
                 with_causes=_scaled(causes.shape[row], shape) if causes and row is not None else None,
             )
         )
@@ -90,6 +99,15 @@ def _pairs(simulated: ModalMean, measured: ModalMean) -> dict[int, int]:
     seen = np.flatnonzero(np.isfinite(measured.log_frequency) & np.isfinite(measured.shape).all(1))
     partner = correlate_modes(simulated, measured.only(seen)).partner
     return {int(seen[column]): row for row, column in enumerate(partner.tolist()) if column >= 0}
+
+
+def _at_nodes(reference: Reference, channels: tuple[str, ...], shape: FloatArray) -> FloatArray:
+    """Return a shape (n_channels,) expanded to the nodes (n_nodes, 3) by the model's modes most like it."""
+    model = reference.at_channels(channels).T
+    likest = int(np.argmax(mac_matrix(shape[None], model)[0]))
+    expansion = expand_shape(shape, model, 2 * np.pi * reference.frequency, likest, largest=LARGEST_CLUSTER)
+    at_dofs = reference.shape @ (expansion.inverse @ shape)
+    return np.asarray(np.append(at_dofs, 0.0)[reference.model.dofs[:, :3]])  # -1: a DOF that is held
 
 
 def _scaled(shape: FloatArray, like: FloatArray) -> FloatArray:

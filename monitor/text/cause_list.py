@@ -5,13 +5,16 @@ that several alternatives have in common is one entry with the sum of their prob
 of a member next to it are one entry too: only the model distinguishes them.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from updater import Cause
+from updater.diagnosis import Alternative, FittedCause
 
 _CONNECTIONS = ("support_stiffness", "joint_stiffness", "local_stiffness")  # the one that names the entry comes first
+_LEAST = 1e-12  # probability that a ratio is taken of
 _SAME_VALUE = 2.0  # standard deviations within which parameters of two alternatives are the same
 
 
@@ -72,6 +75,7 @@ def _merged(entry: list[Cause]) -> Cause:
     first = entry[0]
     own = [c for c in entry if c.cause == first.cause]
     others = (name for c in entry for name in (c.cause, *c.cannot_be_told_from))
+    fitted = {other.cause: other for c in reversed(entry) for other in _alternatives(c, first)}
     parameters = {name: quantity for c in reversed(own) for name, quantity in c.parameters.items()}
     changes = {change.name: change for c in reversed(own) for change in c.changes}
     return first.model_copy(
@@ -79,6 +83,16 @@ def _merged(entry: list[Cause]) -> Cause:
             "probability": min(1.0, sum({c.probability for c in entry})),
             "parameters": dict(sorted(parameters.items())),
             "changes": tuple(changes[name] for name in sorted(changes)),
-            "cannot_be_told_from": tuple(dict.fromkeys(name for name in others if name != first.cause)),
+            "cannot_be_told_from": (names := tuple(dict.fromkeys(name for name in others if name != first.cause))),
+            "alternatives": tuple(fitted[name] for name in names if name in fitted),
         }
     )
+
+
+def _alternatives(cause: Cause, first: Cause) -> list[Alternative]:
+    """Return a cause and its alternatives as alternatives of the first one of its entry."""
+    if cause.cause == first.cause:
+        return list(cause.alternatives)
+    own = {name: getattr(cause, name) for name in FittedCause.model_fields}
+    relative = math.log(max(cause.probability, _LEAST) / max(first.probability, _LEAST))
+    return [*cause.alternatives, Alternative(**own, log_evidence=relative)]

@@ -12,8 +12,8 @@ from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, 
 from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
 from updater import Cause, Diagnosis, Gain
-from updater.diagnosis import CalibrationSummary, Failed, Pair
-from updater.quantities import FREQUENCY_STD, ParameterChange, Quantity, Vector, Where
+from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
+from updater.quantities import ECCENTRIC, FREQUENCY_STD, ParameterChange, Quantity, Vector, Where
 
 if TYPE_CHECKING:
     from updater import MassChange, Structure
@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 _SPOKEN = {"m": (1000.0, "mm"), "s": (1000.0, "ms"), "rad": (180 / math.pi, "degrees"), "1/K": (100.0, "%/K")}
 _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and stiffness
+_FINE_PREFIXES = ((1e-1, 1.0, ""), (1e-4, 1e3, "m"), (1e-7, 1e6, "µ"), (0.0, 1e9, "n"))  # of flexibilities per kN
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
 _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
+_OFFSET = "offset_"  # parameters of a body that are shown if significant
 _MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
 _SAME_ERROR = 0.02  # relative difference of errors of frequencies that are those of the same prediction
 _LARGE = 10.0  # kg: smaller masses are given in grams
@@ -95,19 +97,25 @@ def at_place(name: str) -> str:
     return f"{'at' if name.startswith(begins) else 'on'} the {name}"
 
 
-def parameter_texts(cause: Cause) -> list[tuple[str, str]]:
+def parameter_texts(cause: FittedCause) -> list[tuple[str, str]]:
     """Return a cause's parameters, name and value, none of them twice; those of the model before and after.
 
     Parameters of the whole model that are within two deviations of the file are left out: `further_changes_text`.
     """
     if cause.changes:
-        changes = [change for change in cause.changes if change.significant or cause.where is not None]
-        return [(_parameter_name(cause, change), " -> ".join(change_texts(change))) for change in changes]
-    found = {k: q for k, q in cause.parameters.items() if k != "loss" or not cause.parameters.keys() & set(_LOSSES)}
-    return [(plain(name), parameter_text(name, q)) for name, q in found.items()]
+        return _changed_texts(cause)
+    repeated = {"loss"} if cause.parameters.keys() & set(_LOSSES) else set()
+    found = {k: q for k, q in cause.parameters.items() if k not in repeated}
+    shown = {k: q for k, q in found.items() if not k.startswith(_OFFSET) or _is_eccentric(k, q)}
+    return [(plain(name), parameter_text(name, q)) for name, q in shown.items()]
 
 
-def further_changes(cause: Cause) -> tuple[ParameterChange, ...]:
+def _is_eccentric(name: str, quantity: Quantity) -> bool:
+    """Return whether a parameter is the offset of a body from the axis, and significant."""
+    return name.startswith(_OFFSET) and abs(quantity.value) > ECCENTRIC * quantity.std
+
+
+def further_changes(cause: FittedCause) -> tuple[ParameterChange, ...]:
     """Return the parameters of the whole model that were changed too, each within two deviations of the file."""
     return tuple(change for change in cause.changes if cause.where is None and not change.significant)
 
@@ -128,7 +136,40 @@ def further_changes_text(changes: Sequence[ParameterChange]) -> str:
     return f"within two deviations of the file: {'; '.join(names)}"
 
 
-def _parameter_name(cause: Cause, change: ParameterChange) -> str:
+def _changed_texts(cause: FittedCause) -> list[tuple[str, str]]:
+    """Return name and value of each parameter that a cause changes, one unit for those of one kind.
+
+    Springs whose stiffness before and after overlap are given by the flexibility added, which is determined better.
+    """
+    changes = [change for change in cause.changes if change.significant or cause.where is not None]
+    springs = [c for c in changes if c.unit.startswith("N")]
+    added = any(change.overlaps for change in springs)
+    largest = max((abs(change.added_flexibility[0]) for change in springs), default=0.0)
+    texts = []
+    for change in changes:
+        name = _parameter_name(cause, change)
+        if added and change in springs:
+            texts.append((name.replace("stiffness", "flexibility", 1), _added_text(change, largest)))
+        else:
+            least = min(c.after for c in changes if c.unit == change.unit)
+            texts.append((name, " -> ".join(change_texts(change, least))))
+    return texts
+
+
+def _added_text(change: ParameterChange, largest: float) -> str:
+    """Return the flexibility added to a spring, in the unit of the largest, and its share of the member's own."""
+    value, std = change.added_flexibility
+    scale, prefix = next((s, p) for least, s, p in _FINE_PREFIXES if 1e3 * largest >= least)
+    unit = "rad per kN m" if change.unit == "N m/rad" else "m per kN"
+    text = f"{number_text(1e3 * scale * value, 1e3 * scale * std, sign=True)} {prefix}{unit}"
+    if change.member_stiffness is None:
+        return text
+    percent = 100 * change.member_stiffness
+    own = f"{'L/GJ' if change.twists else 'L/4EI'} of the {change.member}"
+    return f"{text} ({number_text(abs(percent * value), percent * std)} % of {own})"
+
+
+def _parameter_name(cause: FittedCause, change: ParameterChange) -> str:
     """Return the quantity, with its place if the cause itself has none."""
     return _named_quantity(change) if cause.where is None else change.quantity
 
@@ -145,16 +186,16 @@ def _named_quantity(change: ParameterChange) -> str:
     return f"{change.quantity} of {change.of}{place}"
 
 
-def change_texts(change: ParameterChange) -> tuple[str, str]:
+def change_texts(change: ParameterChange, least: float | None = None) -> tuple[str, str]:
     """Return a parameter before and after, such as `rigid`, `60 ± 3 kN m/rad`; or `210`, `203.1 ± 0.4 GPa (-3.3 %)`.
 
-    Of a stiffness that may be infinite, such as that of a locked bearing, only a lower bound is known: the flexibility
-    is Gaussian. It is `over 12.7 MN m/rad (95 %)`.
+    The unit is that of `least`, the smallest of several values, if given. Of a stiffness that may be infinite, such as
+    that of a locked bearing, whose flexibility is Gaussian, only a lower bound is known: `over 12.7 MN m/rad (95 %)`.
     """
     bound = change.after / (1 + _BOUND * change.std / change.after) if change.after > 0 else change.after
     open_above = change.unit.startswith("N") and change.std > _OPEN * change.after
     shown = bound if open_above else change.after
-    size, prefix = next(pair for pair in _PREFIXES if abs(shown) >= pair[0])
+    size, prefix = next(pair for pair in _PREFIXES if abs(shown if least is None else least) >= pair[0])
     scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
     before = "rigid" if change.before is None else number_text(scale * change.before, scale * change.before_std)
     if open_above:
@@ -169,12 +210,15 @@ def signed_text(value: float, std: float) -> str:
     return f"{'+' if value > 0 else ''}{number_text(value, std)}"
 
 
-def cause_text(cause: Cause) -> str:
-    """Return one accepted cause in one line."""
+def cause_text(cause: FittedCause) -> str:
+    """Return one cause with its place and size in one line."""
     mass = cause.parameters.get("mass")
     if cause.cause == "added_mass" and mass:
         size = mass.model_copy(update={"value": abs(mass.value)})
-        return f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
+        text = f"{quantity_text(size)} {'added' if mass.value > 0 else 'removed'} {where_text(cause.where)}".rstrip()
+        eccentric = ((name, q) for name, q in cause.parameters.items() if _is_eccentric(name, q))
+        offsets = " and ".join(f"{parameter_text(name, q)} along {name[-1]}" for name, q in eccentric)
+        return text + f", its centre off the axis by {offsets}" * bool(offsets)
     texts = [f"{name} {value}" for name, value in parameter_texts(cause)]
     if len(texts) > _MANY and not cause.changes:
         texts[_FEW:] = [f"and {len(texts) - _FEW} more"]
@@ -186,11 +230,41 @@ def cause_text(cause: Cause) -> str:
     )
 
 
-def placed_text(cause: Cause) -> str:
+def placed_text(cause: FittedCause) -> str:
     """Return a cause with the name of its place, for a label at that place."""
     what = cause_text(cause).split(" on the ")[0].split(" at ")[0]
     place = at_place(cause.where.name) if cause.where else ""
     return f"{what} {place}".rstrip()
+
+
+def alternative_texts(cause: Cause) -> list[str]:
+    """Return the causes that the data cannot distinguish from one: each in one line, with its place and size.
+
+    An alternative that was not fitted, because the search was limited to other causes, is its name alone.
+    """
+    fitted = {other.cause: other for other in cause.alternatives}
+    return [cause_text(fitted[name]) if name in fitted else plain(name) for name in cause.cannot_be_told_from]
+
+
+def probability_text(cause: Cause) -> str:
+    """Return the probability of a cause, or of one of several."""
+    return share_text(cause.probability) + " that it is one of these" * bool(cause.cannot_be_told_from)
+
+
+def brief_text(cause: Cause) -> str:
+    """Return a cause in one line; where the data cannot distinguish it from others, all of them without their sizes."""
+    if not cause.cannot_be_told_from:
+        return cause_text(cause)
+    fitted: dict[str, FittedCause] = {other.cause: other for other in (cause, *cause.alternatives)}
+    names = (cause.cause, *cause.cannot_be_told_from)
+    return " or ".join(_without_size(fitted[name]) if name in fitted else plain(name) for name in names)
+
+
+def _without_size(cause: FittedCause) -> str:
+    """Return a cause with its place; of a mass with its size, which is short."""
+    if cause.cause == "added_mass":
+        return cause_text(cause)
+    return " ".join(part for part in (plain(cause.cause), where_text(cause.where)) if part)
 
 
 MARK = "*"  #: mark of a mode that is not `compared`
@@ -248,11 +322,7 @@ def change_text(diagnosis: Diagnosis) -> str:
         return "too small for a cause to be named"
     if not diagnosis.causes:
         return "no known cause explains it"
-    return "; ".join(cause_text(c) + _aliases(c) for c in listed_causes(diagnosis.causes))
-
-
-def _aliases(cause: Cause) -> str:
-    return "".join(f" or {plain(name)}" for name in cause.cannot_be_told_from)
+    return "; ".join(map(brief_text, listed_causes(diagnosis.causes)))
 
 
 def calibration_text(summary: CalibrationSummary) -> str:

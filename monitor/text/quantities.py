@@ -33,6 +33,11 @@ def mass_words(mass: float) -> str:
     return f"{1000 * mass:.2g} g" if mass < 0.1 else f"{1000 * mass:.0f} g"
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number of things, such as `1 force`, `3 forces`."""
+    return f"{number} {noun}{'s' * (number != 1)}"
+
+
 def aligned_numbers(pairs: Iterable[tuple[float, float]]) -> list[str]:
     """Return values with their standard deviations, with all decimal points and all `±` in one column."""
     rows = [number_text(value, std).split(" ± ") for value, std in pairs]

@@ -1,12 +1,12 @@
 """Texts on sensor health: gain, polarity and delay of every channel."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq.notebook import number_text
-from monitor.results.comparison import ChannelHealth
+from monitor.results.comparison import ChannelHealth, SensorComparison
 
 if TYPE_CHECKING:
     from updater.modal_data import Asynchrony
@@ -18,6 +18,7 @@ _GAIN = 0.03  # from which a change of gain matters [-]
 _NOTHING = 0.1  # gain under which a channel is as good as dead [-]
 _FINEST = 0.1  # % of a gain: smallest stated difference
 _DELAY = 1e-4  # from which a delay matters [s]
+_STANDS_OUT = 3.0  # times the noise, above which the residual of a sensor is named
 _MAX_NAMED = 8  # channels that are not synchronous
 
 
@@ -49,10 +50,28 @@ def health_text(sensors: Mapping[str, ChannelHealth], *, explained: bool = True)
         return (
             "sensors: " if explained else "sensors (assuming that the unexplained part is a sensor fault): "
         ) + "; ".join(wrong)
-    gains = [100 * (abs(s.gain - 1) + _WIDE * s.gain_std) for s in sensors.values()]
-    text = f"sensors: all gains within {max(_FINEST, *gains):.1f} %"
+    bounds = [100 * (abs(s.gain - 1) + _WIDE * s.gain_std) for s in sensors.values()]
+    name, largest = max(sensors.items(), key=lambda item: abs(item[1].gain - 1))
+    found = number_text(100 * (largest.gain - 1), 100 * largest.gain_std, sign=True)
+    text = f"sensors: no gain error over {max(_FINEST, *bounds):.1f} % (95 %; largest found: {name}, {found} %)"
     delays = [abs(s.delay) + _WIDE * (s.delay_std or 0.0) for s in sensors.values() if s.delay is not None]
-    return f"{text}, delays within {1e3 * max(delays):.3f} ms" if delays else text
+    return f"{text}, no delay over {1e3 * max(delays):.3f} ms (95 %)" if delays else text
+
+
+def worst_sensor_text(sensors: Sequence[SensorComparison]) -> str:
+    """Return the sensor with the largest residual from the shapes compared, if any is significant; empty for none.
+
+    The residual is that of the report's figure; it is significant from three times the residual expected from noise.
+    """
+    significant = [s for s in sensors if s.residual >= _STANDS_OUT * s.noise]
+    if not significant:
+        return ""
+    worst = max(significant, key=lambda s: s.residual)
+    after = "" if worst.residual_after is None else f", {100 * worst.residual_after:.1f} % with the causes"
+    return (
+        f"largest deviation from the shapes without the causes: {worst.channel}, {100 * worst.residual:.1f} % of "
+        f"a typical component{after} (expected from noise: {100 * worst.noise:.1f} %)"
+    )
 
 
 def asynchrony_text(found: "Asynchrony") -> str:

@@ -3,7 +3,7 @@
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text, change_text, mass_text
+from monitor.text.causes import brief_text, change_text, mass_text
 from monitor.text.modal_change import modal_change_headline
 from monitor.text.quantities import utc
 from monitor.text.trends import standing_trend
@@ -31,7 +31,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the diagnosis in one sentence."""
     if not diagnosis.causes:
         return VERDICTS[diagnosis.verdict]
-    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(map(cause_text, listed_causes(diagnosis.causes)))}."
+    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(map(brief_text, listed_causes(diagnosis.causes)))}."
 
 
 def changed_between(run_results: RunResults) -> tuple[int, int] | None:

@@ -9,10 +9,12 @@ if TYPE_CHECKING:
     from updater.diagnosis.explanation import diagnose
     from updater.diagnosis.places import Density, densities
     from updater.diagnosis.schema import (
+        Alternative,
         CalibrationSummary,
         Cause,
         Diagnosis,
         Failed,
+        FittedCause,
         FrequencyFit,
         Gain,
         Measurement,
@@ -30,12 +32,14 @@ else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
+    "Alternative",
     "CalibrationSummary",
     "Cause",
     "Density",
     "Diagnosis",
     "DiagnosisResult",
     "Failed",
+    "FittedCause",
     "FrequencyFit",
     "Gain",
     "Measurement",

@@ -14,7 +14,13 @@ from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, S
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import common
 from updater.diagnosis.gain import Gained, WindowModes, compared_rows, fit_of_written, written_gain
-from updater.diagnosis.model_extension import agreeing, drift_beside, extended_structure, with_further_modes
+from updater.diagnosis.model_extension import (
+    agreeing,
+    as_reported,
+    drift_beside,
+    extended_structure,
+    with_further_modes,
+)
 from updater.diagnosis.naming import (
     MIN_P,
     as_written,
@@ -228,6 +234,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     named, sure, left_open = named_causes(case.data, found, SURE)
     best = found[0]
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
+    chosen = as_reported(data, chosen, best)
     chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get(_DRIFT)))
     calibration = case.reference.file.calibration
     taken = [] if case.bare is None else removed_bodies(chosen)

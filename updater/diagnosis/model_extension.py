@@ -9,6 +9,7 @@ own, whose error counts.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from daq import IndexArray
 from oma import mac_matrix
 from updater.causes import (
     CATALOGUE,
+    AddedMass,
     Cause,
     CommonFactor,
     JointHypothesis,
@@ -26,11 +28,12 @@ from updater.causes import (
     effect_of,
     prediction,
 )
-from updater.inference import Comparison, Fit, fit, reanalyse
+from updater.diagnosis.weighing import Candidate
+from updater.inference import Comparison, Fit, fit, reanalyse, residual
 from updater.modal_data import COMMON_STD, ModalMean
-from updater.quantities import FREQUENCY_STD
+from updater.quantities import ECCENTRIC, FREQUENCY_STD
 from updater.reference import Calibration
-from updater.structure import Structure, rounded, simplified
+from updater.structure import Structure, rounded, simplified, with_few_digits
 
 _SHARE = 0.2  # of the model error of frequencies: five times as close
 _NEAR = 0.03  # ln f between measured and predicted modes that may be the same
@@ -42,6 +45,46 @@ def agreeing(data: Comparison, chosen: Sequence[SelectedCause]) -> tuple[Selecte
     """Return the same alternatives as they agree best with the frequencies."""
     alone = fixed(data, chosen)
     return alone.best(fit(data.trusting(_SHARE), alone))[1:]
+
+
+def as_reported(data: Comparison, chosen: tuple[SelectedCause, ...], best: Candidate) -> tuple[SelectedCause, ...]:
+    """Return causes with added bodies at the places and with the sizes that are reported, offsets only if significant.
+
+    Reported are means of the posterior. Where the measured modes contradict them, which include those that the baseline
+    lacks, the causes are returned as they are.
+
+    Parameters
+    ----------
+    data : with all modes
+    chosen : the causes of `best`, as they agree with these
+    best : candidate that is reported
+    """
+    bodies = [_added_body(one, part) for one, part in zip(chosen, best.parts, strict=True)]
+    if not any(bodies):
+        return chosen
+    moved = [
+        SelectedCause(*body.at_reported_place(part, one.theta)) if body else one
+        for one, part, body in zip(chosen, best.parts, bodies, strict=True)
+    ]
+    found = tuple(
+        replace(one, theta=body.reported_size(part, one.theta)) if body else one
+        for one, part, body in zip(agreeing(data, moved), best.parts, bodies, strict=True)
+    )
+    return found if _misfit(data, found) < _misfit(data, chosen) + ECCENTRIC**2 else chosen
+
+
+def _added_body(chosen: SelectedCause, part: Fit[Cause]) -> AddedMass | None:
+    """Return the alternatives of a body that was added; None for other causes."""
+    cause = part.hypotheses
+    return cause if isinstance(cause, AddedMass) and chosen.theta[0] > 0 else None
+
+
+def _misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> float:
+    """Return the chi-square that `agreeing` minimises."""
+    trusting = data.trusting(_SHARE)
+    whitener = trusting.drifting if any(c.cause.drifting for c in chosen) else trusting.plain
+    prior = sum(float(((c.theta / c.cause.prior_std) ** 2).sum()) for c in chosen)
+    return float((residual(trusting, prediction(trusting, chosen), whitener) ** 2).sum()) + prior
 
 
 def fixed(data: Comparison, chosen: Sequence[SelectedCause]) -> JointHypothesis[Any]:
@@ -130,7 +173,7 @@ def _as_known(calibration: Calibration, extended: Structure, parts: Sequence[Fit
         if isinstance(part.hypotheses, Parametric):
             std |= part.hypotheses.physical_std(part)
     knobs = calibration.knobs
-    return rounded(simplified(extended, knobs), knobs, std)
+    return with_few_digits(rounded(simplified(extended, knobs), knobs, std), calibration.structure)
 
 
 def _turn(chosen: SelectedCause) -> int:

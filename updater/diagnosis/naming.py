@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.special import logsumexp
@@ -21,8 +21,10 @@ from updater.causes import (
 )
 from updater.diagnosis.places import by_place
 from updater.diagnosis.schema import (
+    Alternative,
     CalibrationSummary,
     Cause,
+    FittedCause,
     FrequencyFit,
     Misfit,
     ModeFit,
@@ -41,6 +43,8 @@ if TYPE_CHECKING:
     from updater import causes
     from updater.diagnosis.weighing import Candidate
     from updater.inference import Fit
+
+    _Part = tuple[Candidate, SelectedCause, Fit[causes.Cause]]
 
 _SEPARATE = 6.0  # squared distance of two predictions, in standard deviations, above which the data distinguish them
 MIN_P = 1e-3  #: p of chi-square below which a fit is refused
@@ -78,7 +82,7 @@ def named_causes(
     for share, alike in sets:
         if held >= sure or share < WORTH_NAMING * sets[0][0]:
             break
-        named += _causes([found[i] for i in alike], (1 - _UNMODELLED) * share)
+        named += _causes([found[i] for i in alike], (1 - _UNMODELLED) * share, found)
         left_open += [found[i] for i in alike]
         held += share
     alone = sets[0][0] >= sure and not any(c.cannot_be_told_from for c in named)
@@ -134,28 +138,41 @@ def _informed(candidate: "Candidate") -> bool:
     return any(isinstance(c.cause, CommonFactor) and c.cause.informed for c in candidate.chosen)
 
 
-def _causes(alike: "list[Candidate]", probability: float) -> list[Cause]:
-    """Return the causes of the first candidate, each with its alternatives in the others."""
+def _causes(alike: "list[Candidate]", probability: float, every: "list[Candidate]") -> list[Cause]:
+    """Return the causes of the first candidate, each with its alternatives in the others.
+
+    Parameters
+    ----------
+    alike : candidates that the data cannot separate
+    probability : of all of them
+    every : all candidates; less probable ones that differ by a connection and a stretch next to it are alternatives too
+    """
     first, *others = alike
-    return [
-        Cause(
-            cause=chosen.cause.name,
-            probability=probability,
-            where=part.hypotheses.where(part),
-            parameters=part.hypotheses.parameters(part),
-            changes=part.hypotheses.changes(part) if isinstance(part.hypotheses, Parametric) else (),
-            cannot_be_told_from=tuple(
-                dict.fromkeys(
-                    (
-                        *chosen.cause.cannot_be_told_from,
-                        *_in_its_place(chosen.cause.name, first, others),
-                        *_of_a_connection(part),
-                    )
-                )
-            ),
+    fitted = [*others, *(c for c in every if c not in alike and _at_one_connection(first, c))]
+    found = []
+    for chosen, part in zip(first.chosen, first.parts, strict=True):
+        name = chosen.cause.name
+        in_its_place = [other.cause.name for _, other, _ in _in_its_place(name, first, others)]
+        aliases = tuple(dict.fromkeys((*chosen.cause.cannot_be_told_from, *in_its_place, *_of_a_connection(part))))
+        best = {other.cause.name: (c, other, fit) for c, other, fit in reversed(_in_its_place(name, first, fitted))}
+        alternatives = tuple(
+            Alternative(log_evidence=candidate.log_evidence - first.log_evidence, **_fitted(other, fit))
+            for candidate, other, fit in (best[alias] for alias in aliases if alias in best)
         )
-        for chosen, part in zip(first.chosen, first.parts, strict=True)
-    ]
+        own = _fitted(chosen, part)
+        found.append(Cause(probability=probability, cannot_be_told_from=aliases, alternatives=alternatives, **own))
+    return found
+
+
+def _fitted(chosen: SelectedCause, part: "Fit[causes.Cause]") -> dict[str, Any]:
+    """Return the fields of a fitted cause."""
+    return {
+        "cause": chosen.cause.name,
+        "where": part.hypotheses.where(part),
+        "parameters": part.hypotheses.parameters(part),
+        "changes": part.hypotheses.changes(part) if isinstance(part.hypotheses, Parametric) else (),
+        "advice": chosen.cause.advice,
+    }
 
 
 def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
@@ -170,8 +187,15 @@ def _of_a_connection(part: "Fit[causes.Cause]") -> list[str]:
     return [name for name, at in ends if np.linalg.norm(np.subtract(where.position, at)) < near]
 
 
-def _in_its_place(name: str, first: "Candidate", others: "list[Candidate]") -> list[str]:
-    return [n for other in others if name not in other.names for n in other.names if n not in first.names]
+def _in_its_place(name: str, first: "Candidate", others: "list[Candidate]") -> "list[_Part]":
+    """Return the causes that other candidates have in place of one of the first, each with its candidate and fit."""
+    return [
+        (other, chosen, part)
+        for other in others
+        if name not in other.names
+        for chosen, part in zip(other.chosen, other.parts, strict=True)
+        if chosen.cause.name not in first.names
+    ]
 
 
 def shares(found: "Sequence[Candidate]") -> FloatArray:
@@ -349,7 +373,13 @@ def as_written(cause: Cause, structure: Structure) -> Cause:
 
 
 def with_place_names(cause: Cause, structure: Structure) -> Cause:
-    """Return a cause with the names of its place, and of the places of the parameters that it changes."""
+    """Return a cause with the names of its places and its alternatives', and of the parameters that they change."""
+    alternatives = tuple(other.model_copy(update=_place_names(other, structure)) for other in cause.alternatives)
+    return cause.model_copy(update=_place_names(cause, structure) | {"alternatives": alternatives})
+
+
+def _place_names(cause: FittedCause, structure: Structure) -> dict[str, object]:
+    """Return the place of a cause, and the parameters that it changes, with the names of their places."""
     where = cause.where
     if where and where.position:
         where = where.model_copy(update={"name": place_name(structure, where.position)})
@@ -357,7 +387,7 @@ def with_place_names(cause: Cause, structure: Structure) -> Cause:
         change.model_copy(update={"place": place_name(structure, change.position)}) if change.position else change
         for change in cause.changes
     )
-    return cause.model_copy(update={"where": where, "changes": changes})
+    return {"where": where, "changes": changes}
 
 
 def _with_quantities(

@@ -10,15 +10,28 @@ Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_m
 Situation = Literal["no_change", "unsteady", "scattered_mass", "widespread_stiffness"]
 
 
-class Cause(PlainValue):
-    """One accepted cause."""
+class FittedCause(PlainValue):
+    """One cause with its place and size."""
 
     cause: str
-    probability: float
     where: Where | None  #: None for a cause that has no place
     parameters: dict[str, Quantity]
-    cannot_be_told_from: tuple[str, ...] = ()
     changes: tuple[ParameterChange, ...] = ()  #: changes of the model's own parameters, for causes that consist of them
+    advice: str = ""  #: check or measurement that decides about this cause
+
+
+class Alternative(FittedCause):
+    """A cause that the data cannot distinguish from an accepted one."""
+
+    log_evidence: float  #: relative to the accepted one [-]
+
+
+class Cause(FittedCause):
+    """One accepted cause."""
+
+    probability: float  #: probability that it, or one of `cannot_be_told_from`, is true
+    cannot_be_told_from: tuple[str, ...] = ()
+    alternatives: tuple[Alternative, ...] = ()  #: those of `cannot_be_told_from` that were fitted
 
 
 class Rejected(PlainValue):

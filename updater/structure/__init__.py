@@ -38,7 +38,13 @@ from updater.structure.sensors import Correction, Sensor, sensor_axes
 from updater.structure.structure import Structure, extent, fineness, size
 from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.structure.unit_check import odd_units
-from updater.structure.written_structure import rounded, simplified, stands_for_rigid, without_empty_segments
+from updater.structure.written_structure import (
+    rounded,
+    simplified,
+    stands_for_rigid,
+    with_few_digits,
+    without_empty_segments,
+)
 
 __all__ = [
     "AXES",
@@ -89,6 +95,7 @@ __all__ = [
     "stands_for_rigid",
     "t_structure_toml",
     "welded",
+    "with_few_digits",
     "with_springs",
     "without_empty_segments",
 ]

@@ -5,7 +5,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from updater.structure.base import Vector
+from updater.quantities import rounded_value
+from updater.structure.base import Entry, Vector
 from updater.structure.entries import AXES, Axis, External, Joint, Material, Segment, Support
 from updater.structure.parameters import (
     ModelParameter,
@@ -17,6 +18,8 @@ from updater.structure.parameters import (
 from updater.structure.structure import Structure
 
 _Connection = TypeVar("_Connection", Support, Joint)
+_Entry = TypeVar("_Entry", bound=Entry)
+_DIGITS, _PLACE_DECIMALS = 5, 6  # of numbers without a deviation; of places [m]
 _NEGLIGIBLE = 15.0  # times the least flexibility: a stiffer connection is rigid, which changes frequencies by 2e-5
 _FACTOR_DIGITS = 0.01  # relative deviation that a factor is rounded as if it had at most: a change is known better
 _NO_WELD = 1e-4  # relative change of a segment's stiffness that is left out, which changes frequencies by 1e-5
@@ -123,22 +126,22 @@ def rounded(structure: Structure, knobs: Sequence[ModelParameter], std: Mapping[
 def _rounded_factor(external: External, group: str, std: float) -> External:
     """Return external matrices with the factor of a group, or of all if it is "", rounded."""
     part = external.group[group] if group else external
-    changed = part.model_copy(update={"factor": _rounded(part.factor, min(std, _FACTOR_DIGITS * part.factor))})
+    changed = part.model_copy(update={"factor": rounded_value(part.factor, min(std, _FACTOR_DIGITS * part.factor))})
     if isinstance(changed, External):
         return changed
     return external.model_copy(update={"group": {**external.group, group: changed}})
 
 
 def _rounded_material(material: Material, std: float) -> Material:
-    modulus = _rounded(material.youngs_modulus, std)
+    modulus = rounded_value(material.youngs_modulus, std)
     shear = material.shear_modulus * modulus / material.youngs_modulus
     return material.model_copy(
-        update={"youngs_modulus": modulus, "shear_modulus": _rounded(shear, std * shear / modulus)}
+        update={"youngs_modulus": modulus, "shear_modulus": rounded_value(shear, std * shear / modulus)}
     )
 
 
 def _rounded_spring(connection: _Connection, axis: Axis, std: float) -> _Connection:
-    stiffness = {a: _rounded(k, std) if a == axis else k for a, k in connection.stiffness.items()}
+    stiffness = {a: rounded_value(k, std) if a == axis else k for a, k in connection.stiffness.items()}
     return connection.model_copy(update={"stiffness": stiffness})
 
 
@@ -146,10 +149,29 @@ def _rounded_weld(segment: Segment, std: float | None) -> Segment:
     """Return a segment with its stiffness rounded if it is of a weld whose factor has a deviation."""
     if std is None:
         return segment
-    return segment.model_copy(update={"stiffness": _rounded(segment.stiffness, std)})
+    return segment.model_copy(update={"stiffness": rounded_value(segment.stiffness, std)})
 
 
-def _rounded(value: float, std: float) -> float:
-    """Return a value to the second digit of its deviation, and to three digits of its own at least."""
-    digits = max(1 - int(np.floor(np.log10(std))), 2 - int(np.floor(np.log10(abs(value)))))
-    return round(value, digits)
+def with_few_digits(structure: Structure, own: Structure) -> Structure:
+    """Return the structure with the numbers of bodies, segments and oscillators that `own` lacks to five digits.
+
+    Places are to a micrometre: they stay on their member. Frequencies change by less than 5e-6.
+    """
+    parts = {
+        kind: tuple(part if part in getattr(own, kind) else _with_few_digits(part) for part in getattr(structure, kind))
+        for kind in ("body", "segment", "oscillator")
+    }
+    return structure.model_copy(update=parts)
+
+
+def _with_few_digits(part: _Entry) -> _Entry:
+    return part.model_copy(update={name: _few_digits(name, value) for name, value in part})
+
+
+def _few_digits(name: str, value: object) -> object:
+    """Return a number, or numbers, to five digits; a place to a micrometre."""
+    if isinstance(value, tuple):
+        return tuple(_few_digits(name, one) for one in value)
+    if not isinstance(value, float):
+        return value
+    return round(value, _PLACE_DECIMALS) + 0.0 if name == "at" else float(f"{value:.{_DIGITS}g}")

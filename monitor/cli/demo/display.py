@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from daq.notebook import rounded_text
 from monitor.cli.site.console_log import line
 from monitor.results.windows import AlarmResult, Result, WindowResult
 from monitor.text.quantities import aligned_numbers
@@ -48,12 +49,12 @@ class Display:
         latest = Table.grid(padding=(0, 2))
         frequencies = aligned_numbers((mode.frequency, mode.frequency_std) for mode in result.modes)
         for mode, frequency in zip(result.modes, frequencies, strict=True):
-            shift = f"{mode.shift_percent:+.2f} %" if mode.shift_percent is not None else ""
+            shift = mode.shift_percent
             latest.add_row(
                 f"mode {mode.id}",
                 f"{frequency} Hz",
-                f"{100 * mode.damping:.2f} %",
-                shift,
+                f"{rounded_text(100 * mode.damping, 100 * mode.damping_std)} %",
+                "" if shift is None else f"{rounded_text(shift, mode.shift_std_percent or 0.0, sign=True)} %",
             )
         self._live.update(Group(latest, self._bar))
         if result.answer:

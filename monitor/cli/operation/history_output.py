@@ -6,10 +6,12 @@ from dataclasses import asdict
 from pathlib import Path
 from time import time_ns
 
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from daq.notebook import rounded_text
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
@@ -137,11 +139,22 @@ def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
         if not points:
             continue
         last = points[-1]
-        figures = [f"{points[0].frequency:.5g}", f"{last.frequency:.5g}"]
-        figures += [f"{min(p.lowest for p in points):.5g}", f"{max(p.highest for p in points):.5g}"]
-        figures += [_number(None if last.damping is None else 100 * last.damping, ".2f")]
-        table.add_row(str(mode), str(sum(p.n for p in points)), *figures, _number(last.shift_percent, "+.2f"))
+        lowest, highest = min(p.lowest for p in points), max(p.highest for p in points)
+        scatter = float(np.std([p.frequency for p in points], ddof=1)) if len(points) > 1 else 0.0
+        figures = [rounded_text(f, scatter) for f in (points[0].frequency, last.frequency, lowest, highest)]
+        damping = [100 * p.damping for p in points if p.damping is not None]
+        shift = [p.shift_percent for p in points if p.shift_percent is not None]
+        table.add_row(
+            str(mode), str(sum(p.n for p in points)), *figures, _last_value(damping), _last_value(shift, sign=True)
+        )
     return table
+
+
+def _last_value(values: list[float], *, sign: bool = False) -> str:
+    """Return the last value with digits by the scatter of all."""
+    if not values:
+        return "-"
+    return rounded_text(values[-1], float(np.std(values, ddof=1)) if len(values) > 1 else 0.0, sign=sign)
 
 
 def _events(events: list[EventRow]) -> Table:
@@ -152,7 +165,3 @@ def _events(events: list[EventRow]) -> Table:
         records = event_text(json.loads(event.json), without="device")
         table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(records))
     return table
-
-
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from daq import Recording
 from monitor.results.sensor_geometry import SensorGeometry
+from monitor.views.plots.deformed_shapes import plot_deformed_shapes
 from monitor.views.plots.identification import (
     complexity_figure,
     mac_figure,
@@ -74,8 +75,6 @@ def _geometry(results: Results) -> tuple[dict[str, Place] | None, dict[int, Vect
 
 
 def _skeleton(results: Results) -> Skeleton | None:
-    if results.model:
-        return Skeleton.of_structure(results.model.structure)
     return Skeleton.of_sensors(results.geometry) if results.geometry else None
 
 
@@ -85,7 +84,9 @@ def _pictures(results: Results) -> dict[str, Callable[[], Figure]]:
         "stabilization.png": lambda: plot_stabilization(results.found, results.recording, estimate),
         "singular_values.png": lambda: plot_spectrum(results.recording, results.found, estimate),
         "mac.png": lambda: mac_figure(estimate, model.near(estimate.frequency) if model else None),
-        "shapes.png": lambda: plot_shapes_on(estimate, _skeleton(results)),
+        "shapes.png": lambda: (
+            plot_deformed_shapes(estimate, model) if model else plot_shapes_on(estimate, _skeleton(results))
+        ),
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:

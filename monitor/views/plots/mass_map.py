@@ -27,7 +27,7 @@ _TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 4
 
 
 def draw_map(figure: SubFigure, sight: ModeVisibility, outlook: DetectabilityStudy, planned: Plan | None) -> None:
-    """Draw the weakest masses on the structure and along the members, and under these the target's records."""
+    """Draw the smallest detectable masses on the structure and along the members, below them the target's records."""
     left, right = np.ravel(np.asarray(figure.subfigures(1, 2, width_ratios=(1, 1.25)), object))
     limits = _limits(sight, outlook)
     _coloured(left, sight, outlook, limits)
@@ -66,7 +66,7 @@ def _coloured(
     bar = figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.1, ticks=LogLocator(subs=_SUBS), extend=more)
     bar.ax.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
     bar.ax.yaxis.set_minor_locator(NullLocator())
-    figure.suptitle("Weakest mass that raises the alarm", fontsize=12)
+    figure.suptitle("Smallest detectable mass", fontsize=12)
 
 
 def _width(outlook: DetectabilityStudy, width: float) -> float:
@@ -93,14 +93,14 @@ def _places(outlook: DetectabilityStudy) -> Iterator[tuple[str, Vector]]:
 def _weakest(
     axes: Axes, sight: ModeVisibility, outlook: DetectabilityStudy, unrolled: Unrolled, limits: tuple[float, float]
 ) -> None:
-    """Draw the weakest mass along the members, red on the axis where even the heaviest raises no alarm."""
+    """Draw the smallest detectable mass along the members, red on the axis where it exceeds the heaviest."""
     x, top = _along(outlook, unrolled), heaviest(outlook)
     for m in np.unique(outlook.member):
         here = outlook.member == m
         blind = sight.weakest[here] > top
         axes.plot(x[here], np.where(blind, np.nan, sight.weakest[here]), color=_LINE, linewidth=_width(outlook, 1.8))
         axes.plot(x[here], np.where(blind, limits[1], np.nan), color=_BLIND, linewidth=4, solid_capstyle="butt")
-    axes.set(yscale="log", ylim=(0.8 * limits[0], 1.15 * limits[1]), ylabel="smallest detectable mass")
+    axes.set(yscale="log", ylim=(0.8 * limits[0], 1.15 * limits[1]), ylabel="mass")
     axes.yaxis.set_major_locator(LogLocator(subs=_SUBS))
     axes.yaxis.set_major_formatter(FuncFormatter(lambda mass, _: mass_words(mass)))
     record = outlook.record

@@ -9,23 +9,28 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from monitor.views.plots.axes3d import SWAY, frame_axes, lines, size
 from monitor.views.plots.mass_map import draw_map
 from updater.planning import ModeVisibility, Plan
-from updater.structure import Support
+from updater.quantities import Vector
+from updater.structure import Structure, Support
 
 _COLUMNS = 3  # of modes
 _MOTIONS = 6  # that a support can hold
-_MEMBER, _STILL, _SENSOR, _SUPPORT, _BODY, _JOINT = "#37474f", "#b0bec5", "#1565c0", "#2e7d32", "#c62828", "#ef6c00"
-_SEGMENT = "#8e24aa"
+_MEMBER, _STILL, _SENSOR, _SUPPORT, _BODY, _JOINT = "#37474f", "#b0bec5", "#1565c0", "#2e7d32", "#6d4c41", "#ef6c00"
+_SEGMENT, _NOT_MEASURED = "#8e24aa", "#c62828"
+_LEAST_HEIGHT, _MODE_HEIGHT, _MAP_HEIGHT = 7.5, 2.5, 7.0  # inches
+_UPRIGHT = 0.7  # sine of the slope from which a member is upright
 _LABELS = 30  # sensors up to which each has its name
 
 
-def draw_structure(sight: ModeVisibility, path: Path, planned: Plan | None = None, n_modes: int = 6) -> None:
+def draw_structure(sight: ModeVisibility, path: Path, planned: Plan | None = None, n_modes: int = 12) -> None:
     """Write a PNG: the structure at the left, its first modes at the right; below them the detectability of a mass."""
     n = min(n_modes, len(sight.modes.frequency))
     rows = -(-n // _COLUMNS)
-    figure = Figure(figsize=(15, 15 if sight.outlook else 7.5), layout="constrained")
+    tall = max(_LEAST_HEIGHT, _MODE_HEIGHT * rows)
+    figure = Figure(figsize=(15, tall + (_MAP_HEIGHT if sight.outlook else 0.0)), layout="constrained")
     upper = figure
     if sight.outlook:
-        upper, lower = np.ravel(np.asarray(figure.subfigures(2, 1), object))
+        parts = figure.subfigures(2, 1, height_ratios=(tall, _MAP_HEIGHT))
+        upper, lower = np.ravel(np.asarray(parts, object))
         draw_map(lower, sight, sight.outlook, planned)
     left, right = np.ravel(np.asarray(upper.subfigures(1, 2, width_ratios=(1, 1.25)), object))
     _draw_parts(frame_axes(left.add_subplot(projection="3d"), sight.model, 0.92), sight)
@@ -58,14 +63,26 @@ def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
         way = np.array([np.asarray(s.direction) / np.linalg.norm(s.direction) for s in structure.sensor])
         tip = at + 0.07 * extent * way
         axes.quiver(*at.T, *(tip - at).T, color=_SENSOR, linewidth=1.5, arrow_length_ratio=0.35, label="sensor")
-        for sensor, place in zip(structure.corrected_sensors[:_LABELS], at + 0.09 * extent * way, strict=False):
-            below = "top" if abs(sensor.direction[0]) > abs(sensor.direction[1]) else "bottom"  # x points down here
-            axes.text(*place, sensor.channel, fontsize=7, color=_SENSOR, va=below)
+        _label_sensors(axes, structure, extent)
     for support in structure.support[:_LABELS]:
         x, y, z = support.at
         axes.text(x, y, z - 0.06 * extent, _held(support), fontsize=7, color=_SUPPORT, ha="center", va="top")
     if axes.get_legend_handles_labels()[0]:  # a model without sensors has nothing to name
         axes.legend(loc="upper left", fontsize=8)
+
+
+def _label_sensors(axes: Axes3D, structure: Structure, extent: float) -> None:
+    """Write the channels of each place once: beside an upright member, below another."""
+    channels: dict[Vector, list[str]] = {}
+    for sensor in structure.corrected_sensors[:_LABELS]:
+        channels.setdefault(sensor.at, []).append(sensor.channel)
+    for (x, y, z), names in channels.items():
+        members = (m for m in structure.member if m.passes((x, y, z)))
+        if any(abs(m.end[2] - m.start[2]) > _UPRIGHT * m.length for m in members):
+            text = "\n" + "\n".join(f"    {name}" for name in names)
+            axes.text(x, y, z, text, fontsize=7, color=_SENSOR, va="top", ha="left")
+        else:
+            axes.text(x, y, z - 0.03 * extent, "\n".join(names), fontsize=7, color=_SENSOR, va="top", ha="center")
 
 
 def _held(support: Support) -> str:
@@ -79,6 +96,6 @@ def _draw_mode(axes: Axes3D, sight: ModeVisibility, k: int) -> None:
     nodes, spans = sight.model.nodes, sight.model.spans
     lines(axes, nodes, spans, _STILL, 1.0)
     lines(axes, nodes + SWAY * size(sight.model) * sight.motion[k], spans, _MEMBER, 2.0)
-    colour = "black" if sight.is_seen(k) else _BODY
+    colour = "black" if sight.is_seen(k) else _NOT_MEASURED
     note = "" if sight.is_seen(k) else "\nnot measured by any sensor"
     axes.set_title(f"{k + 1}: {sight.modes.frequency[k]:.2f} Hz{note}", fontsize=10, color=colour, pad=-4)

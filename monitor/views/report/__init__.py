@@ -2,6 +2,7 @@
 
 import errno
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 from monitor.errors import ResultsError, writing
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
+from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
 from monitor.views.report.content import diagnosis_content, run_content, versions
 from monitor.views.report.pdf import load_typst, pdf_of
@@ -54,6 +56,7 @@ def diagnosis_report(
     found: DiscrepancyResult | None = None,
     pdf: Path | None = None,
     facts: Sequence[tuple[str, str]] = (),
+    states: StateComparison | None = None,
 ) -> None:
     """Write the report of a diagnosis alone; errors as for `run_report`.
 
@@ -66,10 +69,12 @@ def diagnosis_report(
     found : comparison of measured and simulated modes, of the same structure
     pdf : of a PDF with the content of the page
     facts : names and values, shown before the diagnosis
+    states : shapes before and now, of the same structure
     """
 
     def values() -> dict[str, Any]:
-        return _diagnosis_values(diagnosis, bare_reference(structure) if structure else None, found, title, facts)
+        reference = bare_reference(structure) if structure else None
+        return _diagnosis_values(diagnosis, reference, found, title, facts, states)
 
     _write(path, "diagnosis.html", values, pdf)
 
@@ -96,8 +101,9 @@ def _diagnosis_values(
     found: DiscrepancyResult | None,
     title: str,
     facts: Sequence[tuple[str, str]],
+    states: StateComparison | None = None,
 ) -> dict[str, Any]:
-    content = diagnosis_content(diagnosis, reference, found)
+    content = diagnosis_content(diagnosis, reference, found, states)
     return {
         "title": title,
         "state": {"nothing_to_explain": "normal", "explained": "alarm"}.get(diagnosis.verdict, "watch"),
@@ -106,6 +112,9 @@ def _diagnosis_values(
         "diagnosis": content,
         "versions": versions(),
     }
+
+
+_UNIT = re.compile(r"(?<=[\d)]) (?=(?:%|degrees\b|[µnmkMG]?(?:m|g|N|Hz|s|rad|Pa)\b))|(?<=N) (?=m\b)")
 
 
 class _DiagnosisFile(DiagnosisAnswer):
@@ -171,5 +180,5 @@ def _rendered(template: str, values: dict[str, Any]) -> str:
 
 
 def _tied(text: str) -> str:
-    """Return a text with deviations that stay on one line."""
-    return text.replace("± ", "±\u00a0")
+    """Return a text with deviations and units that stay on one line."""
+    return _UNIT.sub("\u00a0", text.replace("± ", "±\u00a0").replace(" per kN", "\u00a0per\u00a0kN"))

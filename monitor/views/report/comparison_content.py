@@ -5,19 +5,27 @@ from typing import Any
 
 from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiscrepancyResult, ModeComparison, SensorComparison
+from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
 from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
 from monitor.text.quantities import plain
-from monitor.text.sensors import health_rows
+from monitor.text.sensors import health_rows, worst_sensor_text
 from monitor.views.report import comparison_figures as beside
 from monitor.views.report.evidence_figures import density_figure
 from monitor.views.report.figure import optional, picture
+from monitor.views.report.shape_figure import states_figure
 
 
-def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:
-    """Return the template's values; drawings of the structure need one."""
+def measured_content(
+    found: DiscrepancyResult, reference: ReferenceResult | None, states: StateComparison | None = None
+) -> dict[str, Any]:
+    """Return the template's values; drawings of the structure need one, those of mode shapes also the states."""
     return {
         "modes": [_mode(m) for m in found.modes],
+        "measured_before": found.measured_before,
+        "shapes": picture(
+            lambda: states_figure(reference, states) if reference and states else None, "Mode shapes before and now"
+        ),
         "not_compared": "" if all(m.compared for m in found.modes) else f"{MARK} {NOT_COMPARED}.",
         "after": any(m.off_percent_after is not None for m in found.modes),
         "offsets": picture(
@@ -73,18 +81,11 @@ def _hertz(mode: ModeComparison, value: float | None) -> str:
 
 
 def _worst(sensors: tuple[SensorComparison, ...]) -> str:
-    """Return which sensor has the most significant residual, if any."""
+    """Return which sensor has the largest residual, if any is significant."""
     if not sensors:
         return ""
-    worst = max(sensors, key=lambda s: s.residual / max(s.noise, 1e-12))
-    ratio = worst.residual / max(worst.noise, 1e-12)
-    if ratio < 3:
-        return "No sensor deviates from the simulated shapes by more than three times the expected noise."
-    text = (
-        f"Largest deviation from the simulated shapes: {worst.channel}, {100 * worst.residual:.1f} % of a typical "
-        "component"
-    )
-    return f"{text}, {ratio:.1f} times the expected noise."
+    text = worst_sensor_text(sensors)
+    return f"{text[:1].upper()}{text[1:]}." if text else "No sensor deviates significantly from the shapes compared."
 
 
 def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> list[dict[str, Any]]:

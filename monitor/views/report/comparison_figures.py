@@ -35,9 +35,11 @@ def mac_figure(found: DiscrepancyResult) -> Figure | None:
     image = axes.imshow(mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     axes.set_xticks(range(columns), [f"{f:.4g}" for f in found.columns], rotation=90, fontsize=7)
     axes.set_yticks(range(rows), [f"{f:.4g}" for f in found.rows], fontsize=7)
-    axes.set_title("MAC of simulated with measured modes")
-    axes.set_xlabel("measured [Hz]")
-    axes.set_ylabel("simulated [Hz]")
+    first, second = ("before", "now") if found.measured_before else ("model", "measured")
+    modes = "modes before with modes now" if found.measured_before else "simulated with measured modes"
+    axes.set_title(f"MAC of {modes}")
+    axes.set_xlabel(f"{second} [Hz]")
+    axes.set_ylabel(f"{first} [Hz]")
     if max(rows, columns) <= _WRITTEN:
         for (i, k), value in np.ndenumerate(mac):
             if value >= 0.005:
@@ -77,8 +79,8 @@ def offsets_figure(found: DiscrepancyResult) -> Figure | None:
         )
         figure.legend(fontsize=7, loc="outside lower center", ncols=2)
     axes.set_xticks(number, [f"{m.measured:.4g}" for m in pairs], rotation=90, fontsize=7)
-    axes.set_xlabel("measured mode [Hz]")
-    axes.set_title("Measured frequencies relative to the model")
+    axes.set_xlabel("mode now [Hz]" if found.measured_before else "measured mode [Hz]")
+    axes.set_title(f"Measured frequencies relative to {'those before' if found.measured_before else 'the model'}")
     axes.set_ylabel("difference [%]")
     return figure
 

@@ -12,10 +12,10 @@ from daq.log import files_of
 from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.run_results import RunResults, find_mode
+from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
-    cause_text,
     failed_text,
     fit_text,
     further_changes,
@@ -25,6 +25,7 @@ from monitor.text.causes import (
     mass_text,
     parameter_texts,
     predicted_text,
+    probability_text,
     remainder_text,
     where_text,
 )
@@ -46,7 +47,7 @@ from monitor.views.report.shape_figure import shapes_figure
 from monitor.views.run import Run
 from oma import mac_matrix
 from updater import Cause, Gain
-from updater.diagnosis import ModeFit
+from updater.diagnosis import FittedCause, ModeFit
 
 _VERSIONS = ("modalwatch", "numpy", "scipy", "rerun-sdk")
 
@@ -219,7 +220,7 @@ def _change(run_results: RunResults) -> dict[str, Any] | None:
 def _mode_change(mode: ModeChange) -> dict[str, str]:
     return {
         "id": str(mode.id),
-        "frequency": f"{mode.frequency:.4g}",
+        "frequency": rounded_text(mode.frequency, 0.01 * mode.shift_std_percent * mode.frequency),
         "shift": _number(mode.shift_percent, mode.shift_std_percent),
         "damping": rounded_text(100 * mode.damping, 100 * mode.damping_shift_std),
         "damping_shift": _number(100 * mode.damping_shift, 100 * mode.damping_shift_std),
@@ -245,7 +246,7 @@ def _mode(
     number: int, frequency: float, std: float, model_mac: float, first: WindowResult | None, last: WindowResult | None
 ) -> dict[str, str]:
     row = dict.fromkeys(("now", "shift", "sigmas", "damping", "mac"), "")
-    row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.3f}"}
+    row |= {"id": str(number), "reference": number_text(frequency, std), "model_mac": f"{model_mac:.4f}"}
     mode = find_mode(last, number) if last else None
     if mode is None or last is None:
         return row | {"now": "not identified"}
@@ -285,18 +286,24 @@ def _quality(run: Run) -> dict[str, Any]:
 
 
 def diagnosis_content(
-    diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None = None
+    diagnosis: DiagnosisAnswer,
+    reference: ReferenceResult | None,
+    found: DiscrepancyResult | None = None,
+    states: StateComparison | None = None,
 ) -> dict[str, Any]:
     """Return the template's values for a diagnosis; its places are drawn if there is a structure to draw."""
     drawn = picture(
         lambda: fits.causes_figure(reference, listed_causes(diagnosis.causes)) if reference else None,
         "The structure with the causes where they are",
     )
-    return _diagnosis(diagnosis, reference, found) | {"places": drawn}
+    return _diagnosis(diagnosis, reference, found, states) | {"places": drawn}
 
 
 def _diagnosis(
-    diagnosis: DiagnosisAnswer, reference: ReferenceResult | None, found: DiscrepancyResult | None
+    diagnosis: DiagnosisAnswer,
+    reference: ReferenceResult | None,
+    found: DiscrepancyResult | None,
+    states: StateComparison | None = None,
 ) -> dict[str, Any]:
     """Return the values without the picture of the places."""
     within = diagnosis.within_record
@@ -306,22 +313,11 @@ def _diagnosis(
             lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
         ),
         "evidence": picture(lambda: evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
-        "measured": measured_content(found, reference) if found else None,
+        "measured": measured_content(found, reference, states) if found else None,
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),
-        "causes": [
-            {
-                "text": cause_text(c),
-                "name": plain(c.cause),
-                "probability": share_text(c.probability),
-                "where": where_text(c.where) or "–",
-                "parameters": parameter_texts(c),
-                "further": further_changes_text(further_changes(c)),
-                "aliases": ", ".join(plain(name) for name in c.cannot_be_told_from),
-            }
-            for c in listed_causes(diagnosis.causes)
-        ],
-        "rejected": [(plain(r.cause), f"{r.log_evidence:+.1f}", r.why) for r in diagnosis.rejected],
+        "causes": [row for cause in listed_causes(diagnosis.causes) for row in _cause_rows(cause, diagnosis)],
+        "rejected": _refused(diagnosis),
         "failed": [failed_text(failed) for failed in diagnosis.failed],
         "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
         "gain": _gain(diagnosis, found.gain_std if found else None),
@@ -331,17 +327,51 @@ def _diagnosis(
     }
 
 
+def _refused(diagnosis: DiagnosisAnswer) -> list[tuple[str, str]]:
+    """Return the reasons, each with the causes that were refused for it and their log evidence."""
+    found: dict[str, list[str]] = {}
+    for rejected in sorted(diagnosis.rejected, key=lambda r: -r.log_evidence):
+        found.setdefault(rejected.why, []).append(f"{plain(rejected.cause)} ({rejected.log_evidence:+.1f})")
+    return [(why, ", ".join(names)) for why, names in found.items()]
+
+
+def _cause_rows(cause: Cause, diagnosis: DiagnosisAnswer) -> list[dict[str, Any]]:
+    """Return the row of a cause, then those of its alternatives; each with its check where several are left open."""
+    fitted: dict[str, FittedCause] = {other.cause: other for other in (cause, *cause.alternatives)}
+    rows = []
+    for name in (cause.cause, *cause.cannot_be_told_from):
+        one = fitted.get(name) or FittedCause(cause=name, where=None, parameters={})
+        check = one.advice if diagnosis.verdict == "ambiguous" else ""
+        rows.append(
+            {
+                "name": plain(name),
+                "or": name != cause.cause,
+                "probability": probability_text(cause),
+                "where": where_text(one.where) or ("–" if name in fitted else "not fitted"),
+                "parameters": parameter_texts(one),
+                "further": further_changes_text(further_changes(one)),
+                "check": check if check not in diagnosis.next_measurement else "",
+            }
+        )
+    return rows
+
+
 def _fit(number: int, mode: ModeFit) -> dict[str, str]:
     frequency, mac_pair = mode.frequency, mode.mac
     measured = "" if frequency.measured is None else number_text(frequency.measured, frequency.std or 0.0)
     return {
         "number": str(number),
         "measured": measured or "not identified",
-        "before": optional(frequency.before, ".3f"),
-        "after": optional(frequency.after, ".3f"),
+        "before": _hertz(frequency.before, frequency.std),
+        "after": _hertz(frequency.after, frequency.std),
         "mac_before": optional(mac_pair.before, ".4f"),
         "mac_after": optional(mac_pair.after, ".4f"),
     }
+
+
+def _hertz(value: float | None, std: float | None) -> str:
+    """Return a frequency of the model with the digits of the measured one; empty for none."""
+    return "" if value is None else rounded_text(value, std or 0.0)
 
 
 def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> dict[str, Any] | None:

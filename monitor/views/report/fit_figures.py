@@ -11,7 +11,7 @@ from monitor.text.quantities import plain
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ALARM, OK, SOFT, new_figure
 from updater import Cause, Diagnosis
-from updater.diagnosis import ModeFit
+from updater.diagnosis import FittedCause, ModeFit
 
 _MIN = 1e-6  # of 1 - MAC that is drawn
 
@@ -71,19 +71,29 @@ def causes_figure(reference: ReferenceResult, causes: tuple[Cause, ...]) -> Figu
     frame.draw(axes, names=True)
     places = [
         (
-            cause.where.position,
-            [Interval(member=cause.where.member or "", start=start, end=end) for start, end in cause.where.region],
-            _label(cause),
+            one.where.position,
+            [Interval(member=one.where.member or "", start=start, end=end) for start, end in one.where.region],
+            _label(cause) if one is cause else _label_of_alternative(one, cause),
         )
         for cause in placed
-        if cause.where and cause.where.position
+        for one in (cause, *cause.alternatives)
+        if one.where and one.where.position
     ]
     frame.draw_places(axes, places)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=3, fontsize=7)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=7)
     return figure
 
 
 def _label(cause: Cause) -> str:
-    """Return the cause, and its place on a second line where that has a name."""
-    place = at_place(cause.where.name) if cause.where else ""
-    return "\n".join(filter(None, (plain(cause.cause), place)))
+    """Return a cause, the alternatives at the same place, and the place in a line of its own where it has a name."""
+    name = cause.where.name if cause.where else ""
+    here = [f"or {plain(other.cause)}" for other in cause.alternatives if other.where and other.where.name == name]
+    return "\n".join(filter(None, (plain(cause.cause), *here, at_place(name))))
+
+
+def _label_of_alternative(other: FittedCause, cause: Cause) -> str:
+    """Return an alternative with its place; nothing for one at the place of its cause."""
+    name = other.where.name if other.where else ""
+    if cause.where and name == cause.where.name:
+        return ""
+    return "\n".join(filter(None, (f"or {plain(other.cause)}", at_place(name))))

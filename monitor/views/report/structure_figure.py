@@ -111,8 +111,8 @@ class Frame:
         for (x, y), names in labels:
             left = x > middle[0]
             axes.annotate(
-                "\n".join(names), (x, y), (-9 if left else 9, -4), textcoords="offset points", fontsize=8, zorder=7,
-                ha="right" if left else "left", va="top", bbox=_PAPER,
+                "\n".join(filter(None, names)), (x, y), (-9 if left else 9, -4), textcoords="offset points", fontsize=8,
+                zorder=7, ha="right" if left else "left", va="top", bbox=_PAPER,
             )  # fmt: skip
 
     def _region(self, axes: Axes, region: list[Interval]) -> None:

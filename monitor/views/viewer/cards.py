@@ -2,11 +2,19 @@
 
 import rerun as rr
 
+from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.run_results import RunResults, find_mode, standing_answer
 from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text, failed_text, fit_text, mass_text
+from monitor.text.causes import (
+    alternative_texts,
+    cause_text,
+    failed_text,
+    fit_text,
+    mass_text,
+    probability_text,
+)
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text
 from monitor.text.verdicts import diagnosis_text
@@ -99,23 +107,34 @@ def _row(number: int, mode: ModeResult | None) -> str:
 
 
 def _frequency(mode: ModeResult) -> str:
-    return f"{mode.frequency:.3f} | {mode.frequency_std:.3f} | {100 * mode.damping:.2f}"
+    return _measured(mode.frequency, mode.frequency_std, mode.damping, mode.damping_std)
+
+
+def _measured(frequency: float, std: float, damping: float, damping_std: float = 0.0) -> str:
+    """Return the cells of a frequency [Hz], its deviation and a damping [%], with digits by their deviations."""
+    shown = rounded_text(100 * damping, 100 * damping_std) if damping_std else f"{100 * damping:.3g}"
+    return f"{_cells(frequency, std)} | {shown}"
+
+
+def _cells(value: float, std: float, *, sign: bool = False) -> str:
+    """Return the cells of a value and its deviation."""
+    shown, _, deviation = number_text(value, std, sign=sign).partition(" ± ")
+    return f"{shown} | {deviation}"
 
 
 def _shift(mode: ModeResult) -> str:
     if mode.shift_percent is None or mode.shift_std_percent is None:
         return " | | "
     sigmas = f"{mode.shift_percent / mode.shift_std_percent:+.1f}" if mode.shift_std_percent else ""
-    return f"{mode.shift_percent:+.2f} | {mode.shift_std_percent:.2f} | {sigmas}"
+    return f"{_cells(mode.shift_percent, mode.shift_std_percent, sign=True)} | {sigmas}"
 
 
 def diagnosis_card(diagnosis: DiagnosisAnswer) -> str:
     """Return the verdict, the causes, the refused ones with reasons, and the gain."""
     parts = [f"# {diagnosis.verdict.replace('_', ' ').capitalize()}"]
     for cause in listed_causes(diagnosis.causes):
-        aliases = ", ".join(plain(name) for name in cause.cannot_be_told_from)
-        doubt = f" Cannot be distinguished from {aliases}." if aliases else ""
-        parts.append(f"**{cause_text(cause)}** (probability {share_text(cause.probability)}).{doubt}")
+        others = "".join(f"\n\nor **{text}**" for text in alternative_texts(cause))
+        parts.append(f"**{cause_text(cause)}** (probability {probability_text(cause)}){others}")
     if diagnosis.gain:
         error = diagnosis.gain.frequency_error_percent
         where = "data not used" if diagnosis.gain.heldout else "the same data"
@@ -139,7 +158,7 @@ def baseline_card(reference: ReferenceResult) -> str:
     lines = [f"Baseline of {reference.n_windows} windows; no structure file.", ""]
     lines += ["| mode | measured Hz | ± | ζ % |", "|---:|---:|---:|---:|"]
     for m in reference.modes:
-        lines.append(f"| **{m.id}** | {m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f} |")
+        lines.append(f"| **{m.id}** | {_measured(m.frequency, m.frequency_std, m.damping)} |")
     return "\n".join(lines)
 
 
@@ -149,8 +168,9 @@ def modes_card(reference: ReferenceResult) -> str:
     lines += ["| mode | measured Hz | ± | ζ % | model Hz | off % | MAC |", "|---:|---:|---:|---:|---:|---:|---:|"]
     for m in reference.modes:
         off = 100 * (m.model_frequency / m.frequency - 1)
-        measured = f"{m.frequency:.3f} | {m.frequency_std:.3f} | {100 * m.damping:.2f}"
-        lines.append(f"| **{m.id}** | {measured} | {m.model_frequency:.2f} | {off:+.2f} | {m.mac:.4f} |")
+        measured = _measured(m.frequency, m.frequency_std, m.damping)
+        model = rounded_text(m.model_frequency, m.frequency_std)
+        lines.append(f"| **{m.id}** | {measured} | {model} | {off:+.2f} | {m.mac:.4f} |")
     return "\n".join(lines)
 
 
@@ -159,5 +179,5 @@ def model_card(reference: ReferenceResult) -> str:
     if not reference.calibrated:
         return "Nothing was calibrated."
     lines = ["What calibration found about the model:", "", "| parameter | value | ± |", "|:--|---:|---:|"]
-    lines += [f"| {name} | {value:.4f} | {std:.4f} |" for name, (value, std) in reference.calibrated.items()]
+    lines += [f"| {name} | {_cells(value, std)} |" for name, (value, std) in reference.calibrated.items()]
     return "\n".join(lines)

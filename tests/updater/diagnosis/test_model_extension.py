@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from monitor.text.causes import cause_text
 from tests.support.thorough import few_of
-from tests.support.updater.diagnosis_data import TRACK
+from tests.support.updater.diagnosis_data import TRACK, Change, learnt
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import (
+    Body,
     DiagnosisResult,
     Structure,
     TrackedModes,
@@ -44,3 +46,23 @@ def test_extended_model_needs_no_further_cause(seed: int) -> None:
     assert found.extended is not None
     extended = parse_structure(dump_structure(found.extended))
     assert asked(extended, windows()).diagnosis.verdict == "nothing_to_explain"
+
+
+@pytest.mark.parametrize(("seed", "offset"), [(901, 0.0), (904, 0.03)])
+def test_body_is_written_as_it_is_reported_with_a_significant_offset_only(seed: int, offset: float) -> None:
+    """A body whose centre is on the crossbeam's axis, or 30 mm from it along y; both are known to about 2 mm."""
+    reference, _, event = learnt(seed)
+    body = Body(at=(0.2, 0, 1.48), mass=0.3, offset=(0, offset, 0))
+    found = diagnose(reference, event(Change(bodies=(body,))), only=("added_mass",))
+    (cause,) = found.diagnosis.causes
+    assert found.extended is not None
+    written, reported = found.extended.body[-1], cause.parameters
+    assert abs(reported["offset_y"].value - offset) < 3 * reported["offset_y"].std
+    assert reported["offset_y"].std < 0.005
+    assert cause.where is not None
+    assert cause.where.position is not None
+    assert cause.where.position_std is not None
+    assert written.mass == pytest.approx(reported["mass"].value, abs=0.05 * reported["mass"].std)
+    assert written.at[0] == pytest.approx(cause.where.position[0], abs=0.05 * cause.where.position_std)
+    assert written.offset == pytest.approx((0, reported["offset_y"].value if offset else 0, 0), abs=1e-4)
+    assert ("off the axis by" in cause_text(cause)) == bool(offset)

@@ -26,7 +26,7 @@ from updater.inference import (
     most_likely,
     no_effect,
 )
-from updater.quantities import Quantity, Vector, Where, vector
+from updater.quantities import ECCENTRIC, Quantity, Vector, Where, rounded_value, vector
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure, fineness, size
 
@@ -49,6 +49,7 @@ _LARGE_SHARE = 0.15  # of a mode's mass
 MASS_STD = 0.2  # of the structure's mass, Gaussian prior of the body's while it is fitted
 _MIN_MASS = 1e-4  # of the structure's mass, the smallest of a body's
 LARGEST_REMOVED = 0.1  # share of the structure's mass: largest removed mass
+_ACROSS = 1e-6  # direction cosine from which an offset has a component along a global axis
 OFFSET_STD = 0.02  # m on a frame of 1.5 m, prior of the offset of a body's centre from the member's axis
 _BEGUN_BESIDE = 0.1  # of that, where fits begin
 GYRATION_STD = 0.03**2  # m2 on such a frame, prior of its squared radius of gyration
@@ -179,9 +180,55 @@ class AddedMass:
         return self.posterior(fit).where
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """Return the mass, averaged over positions."""
-        value, std = self.mass(fit, self.posterior(fit).places[0])
-        return {"mass": Quantity(value=value, std=std, unit="kg")}
+        """Return the mass and the offsets of its centre along global axes, averaged over the positions of its place."""
+        place = self.posterior(fit).places[0]
+        value, std = self.mass(fit, place)
+        offset, offset_std = self._offset(fit, place)
+        across = np.abs(self._across(place.member)).max(axis=0) > _ACROSS
+        offsets = {
+            f"offset_{axis}": Quantity(value=float(offset[k]), std=float(offset_std[k]), unit="m")
+            for k, axis in enumerate("xyz")
+            if across[k]
+        }
+        return {"mass": Quantity(value=value, std=std, unit="kg")} | offsets
+
+    def _across(self, member: int) -> FloatArray:
+        """Return the cross axes (2, 3) of a member that offsets are along."""
+        found = self._member_of(member)
+        return local_axes(np.subtract(found.end, found.start), found.local_y)[1:]
+
+    def _offset(self, fit: "Fit[Any]", place: Place) -> tuple[FloatArray, FloatArray]:
+        """Return mean and deviation (3,) of the offset of the centre at a place [m]."""
+        across = self._across(place.member)
+        value, std = np.array(self._local_offsets(fit, place)).T
+        return value @ across, np.sqrt(std**2 @ across**2)
+
+    def at_reported_place(self, fit: "Fit[Any]", theta: FloatArray) -> tuple["AddedMass", int, FloatArray]:
+        """Return the one alternative at the reported place, its row and its start (4,), theta.
+
+        The place is rounded by its deviation; offsets that are not significant are held at zero.
+        """
+        posterior = self.posterior(fit)
+        place = posterior.places[0]
+        distance = rounded_value(*posterior.distance(place))
+        kept = np.array([abs(mean) > ECCENTRIC * std for mean, std in self._local_offsets(fit, place)], float)
+        start = theta * [1.0, *kept, 1.0]
+        grid = {place.member: np.array([distance])}
+        found = along(self.reference, self.comparison, grid, self.gap, start[None])
+        return replace(found, by_offset=found.by_offset * kept[:, None, None, None]), 0, start
+
+    def reported_size(self, fit: "Fit[Any]", theta: FloatArray) -> FloatArray:
+        """Return parameters (4,) with the reported mass and offsets, rounded by their deviations."""
+        place = self.posterior(fit).places[0]
+        offsets = [
+            rounded_value(mean, std) if abs(mean) > ECCENTRIC * std else 0.0
+            for mean, std in self._local_offsets(fit, place)
+        ]
+        return np.array([rounded_value(*self.mass(fit, place)), *offsets, theta[3]])
+
+    def _local_offsets(self, fit: "Fit[Any]", place: Place) -> list[tuple[float, float]]:
+        """Return mean and deviation of each offset along the member's cross axes [m]."""
+        return [self.averaged(fit, place, k) for k in (1, 2)]
 
     def points(self, fit: "Fit[Any]") -> FloatArray:
         """Return where each alternative is (n, 3), on its member's axis [m]."""

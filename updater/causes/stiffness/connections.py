@@ -7,17 +7,18 @@ spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact i
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import BoolArray, Discrete
 from updater.causes.modal_loads import modal_spring_force
+from updater.fe import local_axes
 from updater.inference import Comparison, Effect, common_magnitude, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
-from updater.structure import AXES, Axis, Joint, Structure, Support, all_knobs, flexibility_unit, is_of
+from updater.structure import AXES, Axis, Joint, Member, Structure, Support, all_knobs, flexibility_unit, is_of
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -117,6 +118,7 @@ class Springs(Discrete):
                 after=after[f"stiffness_{knob.axis}"].value,
                 std=after[f"stiffness_{knob.axis}"].std,
                 before_std=0.0 if rigid[knob.axis] else self._std_before(fit.best, knob.axis),
+                **_member_end(self.structure, connection, knob.axis),
             )
             for knob in all_knobs(self.structure)
             if is_of(self.structure, connection, knob) and f"stiffness_{knob.axis}" in after
@@ -157,6 +159,26 @@ CONNECTIONS: Mapping[str, Callable[[Structure], Sequence[Support | Joint]]] = {
     "support_stiffness": lambda structure: structure.support,
     "joint_stiffness": lambda structure: structure.joint,
 }
+
+
+def _member_end(structure: Structure, connection: Support | Joint, axis: Axis) -> dict[str, Any]:
+    """Return the member that a rotational spring holds, its end's stiffness about the axis, and whether it twists."""
+    at, own = connection.at, getattr(connection, "member", None)
+    members = [m for m in structure.member if (m.name == own if own else at in (m.start, m.end))]
+    if axis not in TURNS or structure.external is not None or not members:
+        return {}
+    ends = [(*_end_stiffness(structure, member, axis), member.name) for member in members]
+    stiffness, twists, name = max(ends)
+    return {"member": name, "member_stiffness": stiffness, "twists": twists}
+
+
+def _end_stiffness(structure: Structure, member: Member, axis: Axis) -> tuple[float, bool]:
+    """Return 4 E I / L and G J / L of a member, as far as each acts about a global axis [N m/rad]; whether J does."""
+    material, section = structure.material[member.material], structure.section[member.section]
+    bending = [4 * material.youngs_modulus * moment for moment in section.second_moment]
+    rigidity = np.array([material.shear_modulus * section.torsion_constant, *bending])
+    share = local_axes(np.subtract(member.end, member.start), member.local_y)[:, TURNS.index(axis)] ** 2
+    return float(share @ rigidity) / member.length, bool(share[0] > 0.5)
 
 
 def _stiffness(connection: Support | Joint) -> dict[Axis, float]:

@@ -34,8 +34,8 @@ from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text, further_changes_text, gain_text
-from monitor.text.quantities import plain, share_text
+from monitor.text.causes import alternative_texts, cause_text, further_changes_text, gain_text, probability_text
+from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
 from oma import OmaError
@@ -65,7 +65,7 @@ def draw(
     diagnosis : to draw
     found : comparison of measured with simulated modes of the structure; None: not known, and no recording
     structure : that was diagnosed
-    states : shapes and signals before and after, for the recording
+    states : shapes and signals before and after, for report and recording
     pdf : of the report as a PDF
     facts : names and values for the head of the report
 
@@ -81,7 +81,7 @@ def draw(
     run_optional(
         REPORT if page else str(pdf),
         lambda: diagnosis_report(
-            diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf, facts=facts
+            diagnosis, page, title=structure.name, structure=structure, found=found, pdf=pdf, facts=facts, states=states
         ),
     )
     if out and found is not None:
@@ -415,9 +415,9 @@ def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str
     """Return comments on the origin of an extended model."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
     lines = [f"{structure_path.name} as extended: what was found in {_names(logs.current)}{since}"]
-    lines += [
-        f"{cause_text(c)} (probability {share_text(c.probability)})" for c in listed_causes(found.diagnosis.causes)
-    ]
+    for cause in listed_causes(found.diagnosis.causes):
+        lines.append(f"{cause_text(cause)} (probability {probability_text(cause)})")
+        lines += [f"  not written, but as compatible with the data: {text}" for text in alternative_texts(cause)]
     if found.calibration is not None:
         lines.append(_LIFTED)
     if logs.reference:

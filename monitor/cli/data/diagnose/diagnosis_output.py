@@ -1,5 +1,6 @@
 """Output of a diagnosis in the terminal: verdict, then evidence."""
 
+from collections.abc import Iterator
 from functools import partial
 
 from rich import box
@@ -14,6 +15,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
+    alternative_texts,
     calibration_text,
     cause_text,
     failed_text,
@@ -22,17 +24,17 @@ from monitor.text.causes import (
     gain_texts,
     left_over_text,
     missed_text,
+    probability_text,
 )
 from monitor.text.diagnosis import record_change_texts, within_record_text
-from monitor.text.quantities import plain, share_text
-from monitor.text.sensors import health_text
+from monitor.text.quantities import plain
+from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain, Structure
 from updater.structure import place_name
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
 _FAR = 3.0  # standard deviations from which a frequency is off
-_STANDS_OUT = 3.0  # times the noise, above which a sensor is named
 _MAX = 6  # refused causes that are listed individually
 
 
@@ -44,7 +46,8 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(f"  {escape(line)}")
     console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
     for cause in listed_causes(diagnosis.causes):
-        console.print(_cause(cause))
+        for line in _cause_lines(cause, checks=diagnosis.verdict == "ambiguous", known=diagnosis.next_measurement):
+            console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
 
@@ -79,18 +82,29 @@ def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyRe
     if not all(mode.compared for mode in found.modes):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
-    for line in (_sensor(found), health, missed_text(found.sensors)):
+    for line in (worst_sensor_text(found.sensors), health, missed_text(found.sensors)):
         if line:
             console.print(escape(line))
 
 
-def _cause(cause: Cause) -> str:
-    line = f"  [bold]{escape(cause_text(cause))}[/] (probability {share_text(cause.probability)})"
-    if further := further_changes_text(further_changes(cause)):
-        line += f"\n    {escape(further)}"
-    if cause.cannot_be_told_from:
-        line += f"\n    indistinguishable from {', '.join(map(plain, cause.cannot_be_told_from))}"
-    return line
+def _cause_lines(cause: Cause, *, checks: bool, known: str) -> Iterator[str]:
+    """Yield a cause and its alternatives, each with its own check where several are left open.
+
+    Parameters
+    ----------
+    checks : whether they are wanted
+    known : text printed anyway, whose checks are not repeated
+    """
+    others, advice = alternative_texts(cause), {other.cause: other.advice for other in (cause, *cause.alternatives)}
+    probability = f" (probability {probability_text(cause)})"
+    for name, text in zip((cause.cause, *cause.cannot_be_told_from), (cause_text(cause), *others), strict=True):
+        first = name == cause.cause
+        yield f"  {'' if first else 'or '}[bold]{escape(text)}[/]{probability if first else ''}"
+        if first and (further := further_changes_text(further_changes(cause))):
+            yield f"    {escape(further)}"
+        check = advice.get(name, "")
+        if checks and check and check not in known:
+            yield f"    [dim]check:[/] {escape(check)}"
 
 
 def _modes(found: DiscrepancyResult) -> RenderableType:
@@ -100,7 +114,8 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
     """
     after = any(m.off_percent_after is not None for m in found.modes)
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ["model Hz", "measured Hz", "off by %", "σ", "MAC"] + ["with\ncauses %", "MAC"] * after:
+    first = ["before Hz", "now Hz", "change %"] if found.measured_before else ["model Hz", "measured Hz", "off by %"]
+    for name in first + ["σ", "MAC"] + ["with\ncauses %", "MAC"] * after:
         table.add_column(name, justify="right", no_wrap=True)
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "
@@ -131,18 +146,6 @@ def _percent(mode: ModeComparison, value: float | None) -> str:
 
 def _or(value: float | None, form: str, missing: str = "-") -> str:
     return missing if value is None else format(value, form)
-
-
-def _sensor(found: DiscrepancyResult) -> str:
-    """Return the sensor farthest from the simulated shapes, if significant."""
-    worst = max(found.sensors, key=lambda s: s.residual / max(s.noise, 1e-12), default=None)
-    if worst is None or worst.residual < _STANDS_OUT * worst.noise:
-        return ""
-    after = "" if worst.residual_after is None else f", {100 * worst.residual_after:.1f} % with the causes"
-    return (
-        f"largest deviation from the simulated shapes: sensor {worst.channel}, {100 * worst.residual:.1f} % of a "
-        f"typical component{after} (expected from noise: {100 * worst.noise:.1f} %)"
-    )
 
 
 def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> list[str]:

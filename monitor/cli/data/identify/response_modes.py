@@ -20,7 +20,7 @@ from monitor.cli.output import write_json
 from monitor.cli.progress import progress
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
-from monitor.text.quantities import aligned_numbers
+from monitor.text.quantities import aligned_numbers, counted
 from oma import ResponseIdentification, mpc, mpd
 from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC
@@ -126,7 +126,7 @@ def _say(path: Path, found: ResponseIdentification, model: "ModelModes | None") 
     """Print the table and the notes."""
     estimate = found.estimate
     n_lines, n_channels, n_forces = found.response.shape
-    title = f"{escape(path.name)}: {n_channels} channels, {n_forces} forces, {n_lines} lines"
+    title = f"{escape(path.name)}: {counted(n_channels, 'channel')}, {counted(n_forces, 'force')}, {n_lines} lines"
     console.print(_table(title, found, model))
     low, high = found.band
     console.print(f"band: {low:.4g} to {high:.4g} Hz; lines of {1 / found.record_seconds:.4g} Hz")

@@ -41,8 +41,7 @@ def test_page_shows_modes_sensors_and_locations(tmp_path: Path) -> None:
         "-37.0",
         "not identified",
         "71.5 ",
-        "Largest deviation from the simulated shapes: beam_left_z,",
-        "8.0 times the expected noise",
+        "Largest deviation from the shapes without the causes: beam_left_z,",
         "7.4 % rms.",
     ):
         assert words in page.words

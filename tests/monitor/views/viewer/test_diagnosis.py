@@ -30,6 +30,8 @@ SHAPES = ModeShapes(
     frequency=F_NOW,
     before=np.array([0.9, -0.5]),
     now=np.array([1.0, -0.3]),
+    before_moved=np.array([[0.0, 0.0, 0.9]]),
+    now_moved=np.array([[0.0, 0.0, 1.0]]),
     with_causes=np.array([1.0, -0.31]),
 )
 STATES = StateComparison(
