@@ -70,7 +70,10 @@ class RotatingWriter:
         if self._full:
             finished = self._writer
             self.begin_next()
-            _finish(finished)
+            try:
+                finished.close()
+            except OSError:
+                finished.abandon()  # without space for its summary it stays as after its last flush, for repair
         self._writer.write(item)
         self._holds += 1
         self.contents[item.device if isinstance(item, Block) else "events"] += (
@@ -149,11 +152,3 @@ class RotatingWriter:
     def abandon(self) -> None:
         """Close the open file as it is: the disk takes no more."""
         self._writer.abandon()
-
-
-def _finish(writer: McapWriter) -> None:
-    """Finish a file; without space for its summary it stays as after its last flush, for repair."""
-    try:
-        writer.close()
-    except OSError:
-        writer.abandon()

@@ -248,10 +248,6 @@ def _place(found: IncrementLocation) -> IncrementPlace:
     )
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _components(values: FloatArray) -> tuple[float | None, float | None, float | None]:
-    x, y, z = (_known(v) for v in values)
+    x, y, z = ((float(v) if np.isfinite(v) else None) for v in values)
     return x, y, z

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from daq import AnyLog, Block, Event, Item, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
+from daq import AnyLog, Block, Event, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
 from daq.events import DeviceFailed
 from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, read_channel_map
 from monitor.results.events import event_result, result_event
@@ -186,14 +186,10 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
                 logged.append(result)
             elif not stopped:
                 worker.feed(item)
-                stopped = _is_last(item)
+                stopped = isinstance(item, Event) and item.topic == Stopped.topic
     finally:
         if not stopped:
             worker.feed(Stopped().event(0))
-
-
-def _is_last(item: Item) -> bool:
-    return isinstance(item, Event) and item.topic == Stopped.topic
 
 
 def _until_last(worker: Worker) -> Iterator[WorkerMessage]:

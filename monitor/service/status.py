@@ -171,7 +171,9 @@ class MonitorStatus:
             elif item.topic in (TOPIC_WINDOW, TOPIC_ALARM):
                 self._take_result(item)
             elif item.topic == TOPIC_SELF_TEST:
-                self._take_self_test(item)
+                result = event_result(item)
+                if isinstance(result, SelfTestResult):
+                    self._self_test = result
             elif item.topic == TOPIC_REFERENCE:
                 self._learnt, self._learning = True, None
             else:
@@ -265,11 +267,6 @@ class MonitorStatus:
             device.scans += len(block.counts)
             device.last_block, device.lost = time.monotonic(), False
             device.temperature = block.temperature if math.isfinite(block.temperature) else None
-
-    def _take_self_test(self, event: Event) -> None:
-        result = event_result(event)
-        if isinstance(result, SelfTestResult):
-            self._self_test = result
 
     def _take_event(self, event: Event) -> None:
         if event.topic == AnalysisLagging.topic:

@@ -178,7 +178,8 @@ class Model:
         local, axes = np.empty((len(found), 6, 12)), np.empty((len(found), 3, 3))
         for element, direction, here in self._by_kind(found):
             local[here], axes[here] = element.displacement(xi[here]), element.axes(direction)
-        block = _to_global(local, axes)
+        blocks = local.reshape(-1, 2, 3, 4, 3)
+        block = np.asarray(np.einsum("nax,npacb,nby->npxcy", axes, blocks, axes, optimize=True).reshape(-1, 6, 12))
         dofs = np.concatenate([self.dofs[self._index.first[found]], self.dofs[self._index.last[found]]], axis=1)
         row = np.broadcast_to(np.arange(6 * len(found)).reshape(-1, 6, 1), block.shape)
         column = np.broadcast_to(dofs[:, None, :], block.shape)
@@ -289,9 +290,3 @@ class Model:
 
 def _member_mass(structure: Structure, member: Member) -> float:
     return structure.material[member.material].density * structure.section[member.section].area * member.length
-
-
-def _to_global(local: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return R^T N diag(R, R, R, R) (n, 6, 12) of shape functions (n, 6, 12) in axes (n, 3, 3), rows = local."""
-    blocks = local.reshape(-1, 2, 3, 4, 3)
-    return np.asarray(np.einsum("nax,npacb,nby->npxcy", axes, blocks, axes, optimize=True).reshape(-1, 6, 12))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from oma import ChannelFault, merge
+from oma import merge
 from oma.windows import Windows, common_band
 from updater.modal_data.averaging import FusedModes
 
@@ -24,7 +24,7 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
     windows = [part for part, _ in parts]
     estimates = tuple(fused.estimate for _, fused in parts)
     merged = merge(estimates, references)
-    faults = _faults(windows)
+    faults = {channel: fault for part in reversed(windows) for channel, fault in part.faults.items()}
     tones = np.sort(np.concatenate([w.harmonics for w in windows]))
     new = np.diff(np.log(tones), prepend=-np.inf) > _SAME_TONE
     return (
@@ -43,8 +43,3 @@ def merge_setups(parts: Sequence[tuple[Windows, FusedModes]], references: Sequen
         ),
         FusedModes(estimate=merged, n=np.full(merged.n_modes, len(parts), np.intp), scatter=None),
     )
-
-
-def _faults(windows: Sequence[Windows]) -> dict[str, ChannelFault]:
-    """Return the fault of each channel in the first set-up that has one."""
-    return {channel: fault for part in reversed(windows) for channel, fault in part.faults.items()}

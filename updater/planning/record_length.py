@@ -158,7 +158,9 @@ class LocalizationSimulation:
         model = np.sqrt(np.maximum(_variance(data) - _variance(quiet), 0))
         blur = outlook.record.blur(outlook.frequency)[:, None] * self._draws.blur
         by_mode = np.einsum("din,inc->dic", self._draws.mixing, outlook.shape_error)
-        root = _root(_covariance(data.shape_whitener) - _covariance(quiet.shape_whitener))
+        covariance = _covariance(data.shape_whitener) - _covariance(quiet.shape_whitener)
+        value, vector = np.linalg.eigh(covariance)  # rounding may have made it indefinite
+        root = np.asarray(vector * np.sqrt(np.maximum(value, 0))[:, None, :])
         by_model = np.einsum("icd,sid->sic", root, self._draws.shape_model)
         frequency = std * self._draws.frequency + model * self._draws.frequency_model
         return frequency, np.sqrt(2) * (by_mode + blur) + by_model
@@ -236,9 +238,3 @@ def _variance(data: Comparison) -> FloatArray:
 def _covariance(whitener: FloatArray) -> FloatArray:
     lower = np.linalg.inv(whitener)
     return np.asarray(lower @ lower.transpose(0, 2, 1))
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """Return a square root of covariances (n, n_channels, n_channels) that rounding may have made indefinite."""
-    value, vector = np.linalg.eigh(covariance)
-    return np.asarray(vector * np.sqrt(np.maximum(value, 0))[:, None, :])

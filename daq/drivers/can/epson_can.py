@@ -74,7 +74,10 @@ class EpsonCan:
 
     def _begin(self, member: Member, node: canopen.RemoteNode) -> DeviceIdentity:
         node.nmt.send_command(_PRE_OPERATIONAL)
-        self._wait_until_quiet(member)
+        end = time.monotonic() + 1.0
+        while member.take(_QUIET_SECONDS):  # data that are still sent by an earlier run
+            if time.monotonic() > end:
+                raise ValueError("it does not stop sampling")
         identity = identify(node)
         configure(node, self._address, self._rate)
         self._thermometer = Thermometer(node)
@@ -88,14 +91,6 @@ class EpsonCan:
             member.hub.syncs.restart()
             produce_sync(node)
         return identity
-
-    @staticmethod
-    def _wait_until_quiet(member: Member) -> None:
-        """Discard data that are still sent by an earlier run."""
-        end = time.monotonic() + 1.0
-        while member.take(_QUIET_SECONDS):
-            if time.monotonic() > end:
-                raise ValueError("it does not stop sampling")
 
     @staticmethod
     def _wait_for_sync(member: Member) -> None:

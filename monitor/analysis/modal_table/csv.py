@@ -62,7 +62,7 @@ class CsvTable:
         rows = [(i, cells) for i, cells in rows if any(cells)]
         self._first, headings = rows[0] if rows else (1, [])
         self._rows = rows[1:]
-        if headings and all(_is_number(cell) for cell in headings if cell):
+        if headings and all(bool(np.isfinite(_parsed(cell))) for cell in headings if cell):
             raise LogError(path, f"line {self._first}: expected names of columns, found numbers")
         columns = [self._column(cell) for cell in headings]
         used = [i for i, (name, _) in enumerate(columns) if not self._is_ignored(i, name)]
@@ -117,10 +117,6 @@ class CsvTable:
         if not np.isfinite(value) or (name in OWN and value.imag):
             raise LogError(self._path, f"line {line}, column {name}: expected a number, found {cell!r}")
         return value
-
-
-def _is_number(cell: str) -> bool:
-    return bool(np.isfinite(_parsed(cell)))
 
 
 def _parsed(cell: str) -> complex:

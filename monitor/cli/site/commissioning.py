@@ -9,7 +9,6 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from daq import AnyLog
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
@@ -27,7 +26,7 @@ def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Pat
     """Report whether an attached mass [kg] was found; return 1 if not."""
     site, place = load_site(path), _place(at)
     structure = attached_structure(site.structure_text)
-    memory = parse_memory(_replayed(one_log(logs), site) if logs else _remembered(site))
+    memory = parse_memory(replay(one_log(logs), site, lambda _: None).memory if logs else _remembered(site))
     proof = prove(gather(memory, structure, site.settings), mass, place)
     _say(proof)
     kept = json or _unused(site.state / "proofs", utc(proof.end).replace(":", "").replace(" ", "_"))
@@ -59,10 +58,6 @@ def _remembered(site: Site) -> str:
     if found.text is None:
         raise ProofError(f"the watch has no baseline: {found.refused or 'it has never run'}")
     return found.text
-
-
-def _replayed(log: AnyLog, site: Site) -> str:
-    return replay(log, site, lambda _: None).memory
 
 
 def _say(proof: Proof) -> None:

@@ -153,7 +153,10 @@ class LiveResults:
     def _window(self, window: WindowResult) -> None:
         self._windows = [*self._windows, window]
         older = self._windows[:-_KEPT_WINDOWS]
-        self._windows[: len(older)] = [_light(w) for w in older]
+        self._windows[: len(older)] = [
+            w.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})
+            for w in older
+        ]
         del self._windows[1 : max(1, len(self._windows) - self._most)]
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
@@ -204,8 +207,3 @@ class LiveResults:
         if grown != self._shown:
             self._shown = grown
             self._recording.send_blueprint(layout(run_results, self._live))
-
-
-def _light(window: WindowResult) -> WindowResult:
-    """Return a window without large parts, which have been drawn."""
-    return window.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})

@@ -42,7 +42,6 @@ from oma import OmaError
 from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
-from updater.reference import Calibration
 from updater.structure import without_empty_segments
 
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
@@ -178,7 +177,7 @@ def diagnose_logs(
             )
             found = explain_record(explained, before, after, heldout)
         except StateError as error:
-            raise LogError(_named(getattr(logs, error.state)), str(error)) from error
+            raise LogError(", ".join(map(str, getattr(logs, error.state))), str(error)) from error
     diagnosis = _write(found, structure_path, logs, out, json_path)
     nearer = _write_nearer(found.explained, structure_path, logs, out)
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
@@ -196,7 +195,10 @@ def diagnose_logs(
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         if found.explained.calibration is not None:
             console.print(f"  {_LIFTED}", style="dim", soft_wrap=True)
-    _say_parameters(found.explained.calibration or found.reference.calibration)
+    calibration = found.explained.calibration or found.reference.calibration
+    changes = [change for change in calibration.changes() if change.significant]
+    if changes:
+        console.print(changes_table(changes, "model parameters fitted to the reference logs"))
     if nearer:
         echo(nearer)
     for note in _channel_notes(structure, logs):
@@ -277,13 +279,6 @@ def _say_extended(path: str, *, fitted: bool) -> None:
         )
 
 
-def _say_parameters(calibration: Calibration) -> None:
-    """Print the model parameters that the reference logs have moved significantly away from the file."""
-    changes = [change for change in calibration.changes() if change.significant]
-    if changes:
-        console.print(changes_table(changes, "model parameters fitted to the reference logs"))
-
-
 def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:
     """Write the recalibrated model of a file that is far off, if requested; return a message, if any."""
     if found.nearer is None:
@@ -304,10 +299,6 @@ def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out:
     except OSError as error:
         raise ArgumentError("--out", f"{path}: cannot be written: {error.strerror}") from error
     return f"recalibrated model: {path}\n  {what}; diagnose again with it"
-
-
-def _named(paths: Sequence[Path]) -> str:
-    return ", ".join(map(str, paths))
 
 
 def selected_structure(path: Path, selection: Selection) -> Structure:
