@@ -5,18 +5,19 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from daq.drivers.addresses import (
+    from daq.drivers.base import (
         CanAddress,
         CanPlace,
         DaqmxAddress,
         DbcAddress,
         DbcSensor,
+        Driver,
         Found,
         LogAddress,
         PortAnswer,
+        Scans,
         TextAddress,
     )
-    from daq.drivers.base import Driver, Scans
     from daq.drivers.can.dbc_file import read_layout
     from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
     from daq.drivers.ni_daqmx import daqmx_devices

@@ -8,7 +8,7 @@ from pathlib import Path
 from serial import Serial
 from serial.tools import list_ports
 
-from daq.drivers.addresses import PortAnswer
+from daq.drivers.base import PortAnswer
 from daq.drivers.network.ports import network_address
 from daq.errors import DriverError
 
@@ -64,7 +64,7 @@ def serial_ports(by_id: Path = _BY_ID) -> list[SerialPortInfo]:
 def can_adapters() -> list[tuple[str, str]]:
     """Return (interface, channel) of the CAN adapters that python-can finds; those on serial ports are found there."""
     logging.getLogger("can").addHandler(logging.NullHandler())  # vendors' libraries that are missing are no news
-    found = import_module("daq.protocol.can_library").can.detect_available_configs(interfaces=_INTERFACES)
+    found = import_module("daq.protocol.frames").can.detect_available_configs(interfaces=_INTERFACES)
     return [(str(config["interface"]), str(config["channel"])) for config in found]
 
 

@@ -7,8 +7,7 @@ import tty
 import weakref
 from abc import ABC, abstractmethod
 
-from daq.emulator.line_faults import FaultyLine, LineFaults
-from daq.emulator.serving import PORT_BUFFER, SampleSource, bytes_to_read
+from daq.emulator.serving import PORT_BUFFER, FaultyLine, LineFaults, SampleSource, bytes_to_read
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray
 

@@ -14,9 +14,8 @@ from daq.events import DeviceFailed
 from daq.log import absent_devices
 from monitor.analysis.window import IdentifiedWindow, identify_window
 from monitor.archive.packing import Packer, unpack
-from monitor.results.events import event_result
 from monitor.results.service_events import Stopped
-from monitor.results.windows import Spectrum
+from monitor.results.windows import Spectrum, event_result
 from monitor.settings import Settings
 from monitor.watch.memory.codec import decode, encode
 from monitor.watch.pipeline import assembler_of

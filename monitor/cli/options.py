@@ -62,3 +62,7 @@ def one_of(option: str, values: tuple[str, ...], text: str) -> OptionInfo:
         option, metavar="|".join(values), help=text, callback=checked, autocompletion=lambda: values
     )
     return found
+
+
+KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
+MATERIALS = ("steel", "aluminium", "concrete", "timber")

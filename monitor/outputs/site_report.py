@@ -12,8 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from daq import Event, Item
 from monitor.outputs.history import SiteState
-from monitor.results.events import event_result
-from monitor.results.windows import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
+from monitor.results.windows import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult, event_result
 from monitor.text.causes import change_text
 
 N_LEVELS = 40  #: windows whose novelty is reported

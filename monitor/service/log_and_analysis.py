@@ -24,9 +24,8 @@ from daq.log import (
 )
 from daq.supervision import FAILURES, Backoff
 from monitor.errors import StartError
-from monitor.results.events import result_event
 from monitor.results.service_events import AnalysisFailed, AnalysisLagging, BaselineReset, Stopped
-from monitor.results.windows import Result
+from monitor.results.windows import Result, result_event
 from monitor.service.site import Site
 from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
 from monitor.settings import RecorderSettings, attached_structure

@@ -11,10 +11,9 @@ from pathlib import Path
 from daq import AnyLog, Block, Event, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
 from daq.events import DeviceFailed
 from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, read_channel_map
-from monitor.results.events import event_result, result_event
 from monitor.results.replay_comparison import ReplayComparison, compare_results
 from monitor.results.service_events import Stopped
-from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
+from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult, event_result, result_event
 from monitor.service.site import Site
 from monitor.service.worker import SavedState, Worker, WorkerMessage
 from monitor.settings import Override, attachable, attached_structure, has_settings, overridden, parse_settings

@@ -16,7 +16,6 @@ from daq import Block, Event, HostClock, Item
 from daq.events import DeviceFailed, DeviceOpened, DeviceRecovered, EventPayload, ScansMissing
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.detection.alarm import State
-from monitor.results.events import event_result
 from monitor.results.service_events import (
     AnalysisCaughtUp,
     AnalysisLagging,
@@ -45,6 +44,7 @@ from monitor.results.windows import (
     Novelty,
     SelfTestResult,
     WindowResult,
+    event_result,
 )
 from monitor.service.processes import held_memory
 from monitor.watch.blindness import BlindWindows, MissingChannels

@@ -9,12 +9,10 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator, model_va
 from daq import Channel
 from monitor.detection.alarm import AlarmRules
 from monitor.results.sensor_geometry import SensorGeometry
-from monitor.settings.device import AXES, DeviceSettings
-from monitor.settings.home_assistant import HomeAssistantSettings
-from monitor.settings.notify import NotifySettings
+from monitor.settings.device import AXES, DeviceSettings, SensorSettings
+from monitor.settings.notify import HomeAssistantSettings, NotifySettings
 from monitor.settings.redaction import revealed
 from monitor.settings.section import Positive, Section, has_place
-from monitor.settings.sensor import SensorSettings
 
 _BASELINE_WINDOWS = 24  # to begin with
 _MAX_WINDOWS = 100_000  # two years of windows of 10 minutes

@@ -28,10 +28,17 @@ from daq.log import BEGINNING, END, PartedLog, files_of, newest_log
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.errors import ResultsError, SettingsError
-from monitor.results.events import event_result
 from monitor.results.run_results import RunResults
 from monitor.results.service_events import Stopped
-from monitor.results.windows import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results.windows import (
+    TOPIC_ALARM,
+    TOPIC_REFERENCE,
+    AlarmResult,
+    ReferenceResult,
+    Result,
+    WindowResult,
+    event_result,
+)
 from monitor.settings import attachable, parse_attached
 from monitor.text.events import event_sentence
 from oma import aligned

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from updater.modal_data.averaging import MIN_PRESENCE, FusedModes, choose_tracks, fuse
+    from updater.modal_data.averaging import MIN_PRESENCE, FusedModes, choose_tracks, fuse, merge_setups
     from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
     from updater.modal_data.delay_removal import (
         NOTHING_REMOVED,
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from updater.modal_data.matching import match_modes, matched, may_answer, without_fault
     from updater.modal_data.plausibility import check_baseline, check_event, check_unit, doubles
     from updater.modal_data.scatter import BaselineModes, Scatter, learn_baseline_modes, learn_scatter, stated_scatter
-    from updater.modal_data.setups import merge_setups
     from updater.modal_data.states.change_point import ChangePoint, find_change, windows_of_one_state
     from updater.modal_data.states.course import Course, find_course
     from updater.modal_data.states.stationarity import is_steady

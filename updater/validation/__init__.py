@@ -14,9 +14,14 @@ if TYPE_CHECKING:
         modes_before,
         modes_with_causes,
     )
-    from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
     from updater.validation.residual_forces import ForceBalance, force_balance
-    from updater.validation.shape_expansion import ExpandedShapes, expand_measured
+    from updater.validation.shape_expansion import (
+        ExpandedShapes,
+        ModelModes,
+        ModelPartner,
+        expand_measured,
+        model_modes,
+    )
     from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)

@@ -8,11 +8,11 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-import daq.protocol.can_library  # noqa: F401, isort: skip - python-can without asammdf, before cantools imports it
+import daq.protocol.frames  # noqa: F401, isort: skip - python-can without asammdf, before cantools imports it
 from cantools.database import Database, Message, Signal, load_string
 from cantools.errors import Error
 
-from daq.drivers.addresses import DbcSensor
+from daq.drivers.base import DbcSensor
 from daq.errors import DbcError
 from daq.protocol.can_scan import LARGEST_COUNT, LONGEST_COUNTER, MIN_COUNT, ScanLayout, ScanMessage
 from daq.protocol.can_signals import CanSignal

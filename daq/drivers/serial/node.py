@@ -5,10 +5,8 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans, positive_rate
-from daq.drivers.serial.base import SerialDriver
-from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.drivers.base import Found, PortAnswer, Scans, positive_rate
+from daq.drivers.serial.base import PORT_ERRORS, SerialDriver, SerialPort
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import node
 from daq.types import DeviceIdentity

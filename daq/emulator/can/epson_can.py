@@ -7,8 +7,7 @@ import numpy as np
 
 from daq.emulator.can.canopen_server import Entry, Place, SdoServer
 from daq.emulator.can.sync import SyncProducer
-from daq.emulator.line_faults import NO_FAULTS, FaultyLine, LineFaults
-from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
+from daq.emulator.serving import NO_FAULTS, NO_SYNCS, FaultyLine, Frame, LineFaults, SampleSource, Syncs
 from daq.protocol import epson_can as epson
 from daq.protocol.epson import temperature_raw
 from daq.protocol.epson_filters import TAPS, group_delay

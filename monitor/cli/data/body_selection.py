@@ -12,8 +12,7 @@ from rich.table import Table
 from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, progress
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text
 from updater.quantities import Quantity

@@ -9,8 +9,7 @@ from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.progress import files_of_logs, progress
-from monitor.cli.terminal import echo
+from monitor.cli.terminal import echo, files_of_logs, progress
 from monitor.views.run import late_devices
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 
 from monitor.analysis.logs import log_channels
 from monitor.cli.exit_codes import DONE
-from monitor.cli.new.kinds import KINDS
-from monitor.cli.new.questions import asked
-from monitor.cli.output import write_new
+from monitor.cli.options import KINDS
+from monitor.cli.output import asked, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from updater import StructureError, parse_structure

@@ -9,7 +9,7 @@ from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.service.servers.fleet import serve_fleet
 from monitor.settings.fleet import FleetSettings, load_fleet_settings
-from monitor.settings.home_assistant import is_broker
+from monitor.settings.notify import is_broker
 
 
 def serve(target: str, port: int | None) -> None:

@@ -17,8 +17,7 @@ from typing import Any, TextIO
 
 from daq import Block, Event, Item
 from daq.supervision import SupervisedThread
-from monitor.results.events import event_result
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult, event_result
 from monitor.text.causes import change_text
 from monitor.text.sensors import health_text
 

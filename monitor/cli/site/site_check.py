@@ -11,8 +11,7 @@ from rich.table import Table
 
 from daq.drivers import low_grade
 from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo, warn
+from monitor.cli.terminal import console, echo, progress, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site

@@ -11,8 +11,7 @@ from typing import Self
 from daq import Event, Item
 from daq.events import EventPayload
 from daq.supervision import SupervisedThread
-from monitor.outputs.history.engines import file_of, shown_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, file_of, shown_url
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, StateSchedule, Writer
 from monitor.outputs.history.sqlite.renewal import Takeover, renew_file
 from monitor.outputs.history.store import HistoryStore

@@ -16,15 +16,13 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from daq import Event
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import error_message, file_of, open_engine, shown_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, error_message, file_of, open_engine, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.retention import forget_events, forget_windows, thin_diagnoses
 from monitor.outputs.history.roll_ups import roll_up
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer, check_single_writer, register_site, write_state
 from monitor.outputs.history.sqlite.file import SqliteFile, copy_open_file, is_damage
-from monitor.results.events import event_result
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult, event_result
 from monitor.text.causes import change_text
 
 #: errors of one item, not of the database

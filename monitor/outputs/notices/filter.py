@@ -1,7 +1,6 @@
 """Choice of the logged items that are sent as notices: a pure function of the items before."""
 
 from daq import Block, Event, Item
-from monitor.results.events import event_result
 from monitor.results.windows import (
     TOPIC_ALARM,
     TOPIC_SELF_TEST,
@@ -9,6 +8,7 @@ from monitor.results.windows import (
     AlarmResult,
     SelfTestResult,
     WindowResult,
+    event_result,
 )
 from monitor.text.causes import change_text
 from monitor.text.events import event_name, event_text

@@ -10,16 +10,15 @@ import rerun as rr
 
 from daq import Block, Item
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
-from monitor.results.events import event_result
 from monitor.results.run_results import RunResults, standing_answer
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, event_result
 from monitor.settings import Settings, attached_structure, parse_attached
 from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
-from monitor.views.viewer.modes.drawing import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
+from monitor.views.viewer.modes.shapes import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at

@@ -84,7 +84,7 @@ def identify(
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
     from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file
     from monitor.cli.output import write_json
-    from monitor.cli.progress import progress
+    from monitor.cli.terminal import progress
     from monitor.errors import ArgumentError
     from oma import METHODS as IMPLEMENTED
 

@@ -17,8 +17,7 @@ from monitor.cli.data.identify.identification import animate_modes, load_structu
 from monitor.cli.data.identify.identification_output import LOW_MAC, mode_json
 from monitor.cli.exit_codes import DONE
 from monitor.cli.output import write_json
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, progress
 from monitor.errors import ArgumentError
 from monitor.text.quantities import aligned_numbers
 from oma import ResponseIdentification, mpc, mpd

@@ -11,6 +11,7 @@ from monitor.results.run_results import find_mode
 from monitor.results.windows import ModeResult, ReferenceMode, ReferenceResult, WindowResult
 from monitor.views.geometry import RIB, RIBS_APART, Geometry, ribs, screen
 from monitor.views.palette import GREY, TEXT, mode_colour
+from monitor.views.viewer.modes.bars import draw_bars, draw_window_bars
 from monitor.views.viewer.primitives import PHASE, at, once
 from monitor.views.viewer.scene import TUBE, plates
 
@@ -197,3 +198,17 @@ def _nearest(geometry: Geometry, places: FloatArray) -> list[int]:
     distance = np.linalg.norm(geometry.nodes[None] - places.reshape(-1, 1, 3), axis=2)
     nearest: list[int] = np.argmin(distance, axis=1).tolist()
     return nearest
+
+
+def draw_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
+    """Draw the modes of a reference from a time on [ns UTC]."""
+    if reference.has_shapes:
+        (draw_mode_shapes if reference.has_geometry else draw_bars)(recording, reference, time)
+
+
+def draw_window_shapes(
+    recording: rr.RecordingStream, reference: ReferenceResult, windows: Sequence[WindowResult]
+) -> None:
+    """Draw the shapes of windows, scaled to those of the reference."""
+    if reference.has_shapes:
+        (draw_measured_shapes if reference.has_geometry else draw_window_bars)(recording, reference, windows)
