@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     )
     from updater.validation.residual_forces import ForceBalance, force_balance
     from updater.validation.shape_expansion import (
-        ExpandedShapes,
         ModelModes,
         ModelPartner,
         expand_measured,
@@ -27,7 +26,6 @@ else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
-    "ExpandedShapes",
     "ForceBalance",
     "ModalCorrelation",
     "ModelModes",

@@ -227,10 +227,6 @@ def _section(option: str, text: str) -> str:
     return "\n".join([f'shape = "{shape}"', *dimensions])
 
 
-def _cantilever(size: Mapping[str, float]) -> _Frame:
-    return _Frame(members=(_column(size["height"]),), feet=((0, 0, 0),))
-
-
 def _column(height: float) -> _Member:
     return _Member(name="column", start=(0, 0, 0), end=(0, 0, height), directions="xy", places=_up_to_the_end)
 
@@ -275,7 +271,7 @@ def _t_frame(size: Mapping[str, float]) -> _Frame:
 
 
 _FRAMES: dict[str, Callable[[Mapping[str, float]], _Frame]] = {
-    "cantilever": _cantilever,
+    "cantilever": lambda size: _Frame(members=(_column(size["height"]),), feet=((0, 0, 0),)),
     "beam": _beam,
     "portal": _storeys,
     "storeys": _storeys,

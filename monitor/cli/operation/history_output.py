@@ -36,7 +36,8 @@ def read_history(target: str, site: str, days: float | None) -> Found:
     with Reader(url, site or own) as reader:
         if site and not reader.is_known:
             raise ArgumentError("--site", f"expected a site of the database, found {site!r}")
-        return look(reader, None if days is None else _last(days))
+        now = time_ns()
+        return look(reader, None if days is None else Span(start=now - round(min(_EONS, days) * _DAY), end=now))
 
 
 def _place(target: str) -> tuple[str, str]:
@@ -50,11 +51,6 @@ def _place(target: str) -> tuple[str, str]:
     if not path.is_file():
         raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}")
     return f"sqlite:///{path}", ""
-
-
-def _last(days: float) -> Span:
-    now = time_ns()
-    return Span(start=now - round(min(_EONS, days) * _DAY), end=now)
 
 
 def write_csv(path: Path, found: Found) -> None:

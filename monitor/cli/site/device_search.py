@@ -80,8 +80,8 @@ def _table(
         answer = seen.get(port.path, "not queried")
         who = answer.who if isinstance(answer, PortAnswer) else answer or "no known device"
         if isinstance(answer, PortAnswer):
-            nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
-            who += "".join(f"\nnode {_node(d)}: {d.identity}" for d in nodes)
+            nodes = [(d.place.node, d.identity) for d in answer.devices if isinstance(d.place, CanAddress)]
+            who += "".join(f"\nnode {node}: {identity}" for node, identity in nodes)
         system = port.device if port.by_id else ""
         what = port.description or ("network" if "://" in port.path else "serial port")
         table.add_row(*(escape(text) for text in (port.path, system, what, who)))
@@ -92,10 +92,6 @@ def _table(
     if not ports and not adapters and not analog:
         table.add_row("none", "", "", "")
     return table
-
-
-def _node(device: Found) -> int:
-    return device.place.node if isinstance(device.place, CanAddress) else 0
 
 
 def settings_for(found: Sequence[Found]) -> str:

@@ -180,7 +180,10 @@ def _write(connection: Connection, site: int, item: Event) -> int | None:
     """Add one item; return the end of a window, whose hour and day are to be summed up."""
     result = _result(item)
     if result is None or isinstance(result, SelfTestResult):
-        payload = item.payload if result is None else _test_row(result)
+        payload = item.payload
+        if result is not None:  # the stored part of a self-test; the log has the rest
+            payload = {name: getattr(result, name) for name in ("passed", "mass", "places", "detected")}
+            payload["mass"] = round(result.mass, 4)
         row = {"time": item.time, "topic": item.topic[:64], "device": str(payload.get("device", ""))[:64]}
         _put(connection, site, schema.events, [row | {"json": json.dumps(payload)}])
     elif isinstance(result, ReferenceResult):
@@ -230,11 +233,6 @@ def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:
         {"mode": mode.id, "end": window.end} | {name: _finite(getattr(mode, name)) for name in names}
         for mode in window.modes
     ]
-
-
-def _test_row(test: SelfTestResult) -> dict[str, Any]:
-    """Return the stored part of a self-test; the log has the rest."""
-    return {"passed": test.passed, "mass": round(test.mass, 4), "places": test.places, "detected": test.detected}
 
 
 def _write_change(connection: Connection, site: int, change: AlarmResult) -> None:

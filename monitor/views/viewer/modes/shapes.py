@@ -46,7 +46,8 @@ def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, 
         recording.log(f"{base}/name", name, static=True)
         at(recording, time)
         swing = _swing(geometry, mode)
-        recording.log(f"{base}/shape", _shape(geometry, mode, swing))
+        line = rr.LineStrips3D(geometry.strips(swing), colors=[mode_colour(mode.id)], radii=0.9 * TUBE * geometry.size)
+        recording.log(f"{base}/shape", line)
         colour = (*mode_colour(mode.id), 140)
         (turned,) = ribs_of(geometry, mode, [1.0])
         recording.log(f"{base}/ribs", rr.LineStrips3D(turned, colors=[colour], radii=_RIB_RADIUS))
@@ -144,12 +145,6 @@ def mode_label(mode: ReferenceMode) -> str:
 
 def _swing(geometry: Geometry, mode: ReferenceMode) -> FloatArray:
     return np.asarray(_SWING * geometry.size * np.array(mode.displacement, float))
-
-
-def _shape(geometry: Geometry, mode: ReferenceMode, displacement: FloatArray) -> rr.LineStrips3D:
-    return rr.LineStrips3D(
-        geometry.strips(displacement), colors=[mode_colour(mode.id)], radii=0.9 * TUBE * geometry.size
-    )
 
 
 def _still(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: ReferenceMode) -> None:
