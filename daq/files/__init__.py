@@ -11,13 +11,12 @@ if TYPE_CHECKING:
     from daq.files.columns.time_column import TIME_UNITS, date_column, header_unit, time_column
     from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, parse_sensitivity, parse_unit
     from daq.files.dataframe import read_dataframe
-    from daq.files.differentiation import differentiated
     from daq.files.export import with_channels, write_recording
     from daq.files.formats.mat import read_mat
     from daq.files.formats.registry import FORMATS
     from daq.files.formats.universal.geometry import Geometry, read_geometry
     from daq.files.formats.universal.responses import FrequencyResponses, read_responses
-    from daq.files.measured import Measured
+    from daq.files.measured import Measured, differentiated
     from daq.files.measurement_file import read_data
     from daq.files.message_export import expand_log
     from daq.files.sequence import in_order, read_in_order

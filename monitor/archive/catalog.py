@@ -17,7 +17,11 @@ _FIRST, _LARGEST = 1 << 16, 8 << 20  # bytes of a range: each that follows on an
 
 @dataclass(frozen=True)
 class StoredFile:
-    """Object with a URL, in place of a path to a log file."""
+    """Object with a URL (`s3://`, `gs://` and what else fsspec knows), in place of a path to a log file.
+
+    A range is requested only when it is read: the plan of a run requests the beginning and the end of a log, the
+    identification each part once.
+    """
 
     url: str
     size: int = field(compare=False)  #: [bytes]

@@ -158,14 +158,8 @@ def _modes(log: str, window: WindowResult) -> list[dict[str, Any]]:
             "window": window.index,
             "start": window.start,
             "mode": mode.id,
-            "frequency": mode.frequency,
-            "frequency_std": mode.frequency_std,
-            "damping": mode.damping,
-            "damping_std": mode.damping_std,
-            "shift_percent": mode.shift_percent,
-            "shift_std_percent": mode.shift_std_percent,
             "channels": window.channels,
-            "shape": mode.shape,
+            **mode.model_dump(exclude={"id"}),
         }
         for mode in window.modes
     ]

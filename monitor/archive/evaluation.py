@@ -8,8 +8,7 @@ from daq import Event
 from monitor.archive.catalog import ArchiveLog
 from monitor.archive.dataset import LogTables
 from monitor.archive.log_texts import LogTexts
-from monitor.archive.packing import Packer, unpack
-from monitor.archive.steps import LogSteps, unpacked
+from monitor.archive.steps import LogSteps, Packer, unpack, unpacked
 from monitor.errors import MonitorError
 from monitor.results.windows import AlarmResult, result_event
 from monitor.settings import attached_structure, parse_attached

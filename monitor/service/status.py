@@ -40,7 +40,6 @@ from monitor.results.windows import (
     TOPIC_WINDOW,
     AlarmResult,
     LearningProgress,
-    ModeResult,
     Novelty,
     SelfTestResult,
     WindowResult,
@@ -317,7 +316,7 @@ class MonitorStatus:
                 novelty=result.novelty,
                 end=result.end,
                 n_modes=len(result.modes),
-                modes={mode.id: _mode_status(mode) for mode in result.modes},
+                modes={mode.id: ModeStatus.model_validate(mode, from_attributes=True) for mode in result.modes},
             )
 
     def _check_channels(self, window: WindowResult) -> None:
@@ -329,12 +328,3 @@ class MonitorStatus:
             self._events.append(ChannelFailed(channels=", ".join(channels), why=why))
         if self._missing.back:
             self._events.append(ChannelRecovered(channels=", ".join(self._missing.back)))
-
-
-def _mode_status(mode: ModeResult) -> ModeStatus:
-    return ModeStatus(
-        frequency=mode.frequency,
-        frequency_std=mode.frequency_std,
-        damping=mode.damping,
-        damping_std=mode.damping_std,
-    )

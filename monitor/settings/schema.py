@@ -98,15 +98,9 @@ class AlarmSettings(Section):
     @property
     def rules(self) -> AlarmRules:
         """The same for the state machine."""
-        return AlarmRules(
-            hold_windows=self.hold_windows,
-            clear_windows=self.clear_windows,
-            clear_below=self.clear_below,
-            latched=self.latched,
-            cooldown=round(self.cooldown_minutes * 60e9),
-            flapping_changes=self.flapping_changes,
-            flapping_span=round(self.flapping_hours * 3600e9),
-        )
+        same = self.model_dump(include={"hold_windows", "clear_windows", "clear_below", "latched", "flapping_changes"})
+        cooldown, span = round(self.cooldown_minutes * 60e9), round(self.flapping_hours * 3600e9)
+        return AlarmRules(cooldown=cooldown, flapping_span=span, **same)
 
 
 class TemperatureSettings(Section):

@@ -7,6 +7,9 @@ Guillaume, P., Verboven, P., Vanlanduit, S., Van der Auweraer, H., Peeters, B. (
 of the least-squares complex frequency-domain estimator. Proceedings of IMAC XXI.
 De Troyer, T., Guillaume, P., Pintelon, R., Vanlanduit, S. (2009). Fast calculation of confidence intervals on parameter
 estimates of least-squares frequency-domain estimators. Mechanical Systems and Signal Processing 23(2), 261-273.
+Verboven, P. (2002). Frequency-domain system identification for modal analysis. Vrije Universiteit Brussel, chapter 6:
+shapes by least squares once poles and participation are known.
+Stewart, G. W., Sun, J.-G. (1990). Matrix perturbation theory. Academic Press, chapter 5: vectors of a moved matrix.
 """
 
 from collections.abc import Sequence

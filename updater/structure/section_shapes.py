@@ -203,7 +203,10 @@ def _thin_walled(m: float, extra: float) -> float:
 
 
 class Section(Entry):
-    """A cross-section's constants; in a file, `shape = "box"` and its measures give them as well."""
+    """A cross-section's constants; in a file, `shape = "box"` and its measures give them as well.
+
+    Local axes: x along the member, y across (horizontal, unless the member states it), z orthogonal to both.
+    """
 
     area: Positive  #: [m2]
     second_moment: tuple[Positive, Positive]  #: about the local y and z axes [m4]

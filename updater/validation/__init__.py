@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from updater.validation.acting_causes import with_acting
-    from updater.validation.channel_health import SensorHealth, sensor_health
+    from updater.validation.channel_health import SensorHealth, sensor_health, with_acting
     from updater.validation.modal_correlation import (
         ModalCorrelation,
         as_written,

@@ -36,7 +36,11 @@ _PADDING = 8  # bytes in which the next object begins
 
 
 class BoundedBlfReader(can.BLFReader):
-    """Reader of a BLF file that refuses containers which are larger than any writer makes."""
+    """Reader of a BLF file that refuses containers which are larger than any writer makes.
+
+    python-can's reader inflates a container to whatever size it has, and does not end where an object states a length
+    of 0.
+    """
 
     def __iter__(self) -> Generator[can.Message, None, None]:
         """Yield the messages."""

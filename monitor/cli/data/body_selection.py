@@ -10,8 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.output import write_json
+from monitor.cli.output import DONE, NEEDS_A_PERSON, write_json
 from monitor.cli.terminal import console, echo, progress
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text

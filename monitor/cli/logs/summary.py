@@ -11,9 +11,8 @@ from rich.table import Table
 
 from daq import AnyLog, inspect_log
 from daq.log import DeviceInfo, LogInfo, files_of, log_info
-from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.output import write_json
+from monitor.cli.output import DONE, write_json
 from monitor.cli.terminal import console, echo
 
 

@@ -4,8 +4,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Person, Site
+from monitor.cli.output import DONE
 
 
 def accept(

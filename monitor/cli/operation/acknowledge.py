@@ -4,8 +4,8 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Person, Site
+from monitor.cli.output import DONE
 
 
 def acknowledge(site: Site, by: Person = "", note: Annotated[str, Option(help="Comment.")] = "") -> int:

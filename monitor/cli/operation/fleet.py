@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE
+from monitor.cli.output import DONE
 
 
 def fleet(

@@ -5,8 +5,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE
 from monitor.cli.options import Json
+from monitor.cli.output import DONE
 
 
 def history(

@@ -9,9 +9,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.output import write_json
+from monitor.cli.output import DONE, NEEDS_A_PERSON, write_json
 from monitor.cli.terminal import console, echo
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay

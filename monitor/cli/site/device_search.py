@@ -14,8 +14,7 @@ from rich.table import Table
 
 from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters, daqmx_devices
-from monitor.cli.exit_codes import DONE
-from monitor.cli.output import write_json
+from monitor.cli.output import DONE, write_json
 from monitor.cli.terminal import console, echo, progress
 from monitor.errors import StartError
 from monitor.settings import AXES

@@ -6,8 +6,8 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE
 from monitor.cli.options import ANIMATIONS, METHODS, From, Json, To, one_of
+from monitor.cli.output import DONE
 
 
 def identify(

@@ -29,7 +29,11 @@ MAX_CONNECTIONS = 512  #: above it, the connection that has waited longest for i
 
 
 class BoundedProtocol(H11Protocol):
-    """One connection; those that wait for a request are known to all of them, the oldest first."""
+    """One connection; those that wait for a request are known to all of them, the oldest first.
+
+    uvicorn's `timeout_keep_alive` counts from the last byte, and only between requests; `limit_concurrency` refuses
+    requests but closes no connection.
+    """
 
     waiting: ClassVar[dict["BoundedProtocol", None]] = {}
 
