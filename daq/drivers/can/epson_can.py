@@ -26,7 +26,8 @@ _ASK, _ANSWER = 0x40, 0x43  # SDO commands: read an object; its four bytes
 class Thermometer:
     """One node's temperature, requested at intervals while it samples, without waiting for the reply.
 
-    A message with every scan (TPDO4) has no room on a bus of four nodes at 1000 Hz. Answers come in the bus's thread, questions from the driver's.
+    A message with every scan (TPDO4) has no room on a bus of four nodes at 1000 Hz. Answers come in the bus's thread,
+    questions from the driver's.
 
     Parameters
     ----------
