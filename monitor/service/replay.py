@@ -197,11 +197,3 @@ def _until_last(worker: Worker) -> Iterator[WorkerMessage]:
             if result is None:
                 return
             yield result
-
-
-def logged_results(log: AnyLog) -> Iterator[Result]:
-    """Yield the results in a log; errors as for `read_log`."""
-    for event in read_events(log):
-        result = event_result(event)
-        if result is not None:
-            yield result

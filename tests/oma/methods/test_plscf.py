@@ -14,7 +14,7 @@ from oma.methods.fraction_poles import FractionModel, Windowed, continuous, frac
 from oma.methods.matrix_fraction import half_spectrum, matrix_fractions
 from oma.methods.plscf import shape_moves
 from oma.selection import normalised_move, uncertainty_law
-from oma.spectral.correlation import correlation_sums
+from tests.support.oma.correlations import correlation_sums
 from tests.support.oma.structures import chain, frame, simulate
 from tests.support.thorough import few_of
 
