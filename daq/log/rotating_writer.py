@@ -57,7 +57,7 @@ class RotatingWriter:
         self._part = Part(run=uuid.uuid4().hex, started=started, number=0)
         self._view = View(view_rate) if view_rate else None
         self.newest = started  #: time of the newest data [ns UTC]
-        self._first = started  # the same of the first data in the open file
+        self.first = started  #: the same of the first data in the open file
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
         self.contents: Counter[str] = Counter()  #: content of the open file: device -> scans, "events" -> their number
         self.paths = [log_path(folder, started)]  #: paths of all files so far
@@ -96,7 +96,7 @@ class RotatingWriter:
     def flush(self) -> None:
         """Close the chunk and flush it to the disk; if the file is full now, the next item begins a new one."""
         self._writer.flush()
-        seconds = (self.newest - self._first) * 1e-9
+        seconds = (self.newest - self.first) * 1e-9
         large = self._writer.size >= self._rotation.size or seconds >= self._rotation.seconds
         self._full = large and self._holds > 0
 
@@ -113,7 +113,7 @@ class RotatingWriter:
             self._folder.mkdir(parents=True, exist_ok=True)
         path = log_path(self._folder, self.newest)
         self._writer = McapWriter(path, self._attachments, part)
-        self._part, self._first, self._holds, self._full = part, self.newest, 0, False
+        self._part, self.first, self._holds, self._full = part, self.newest, 0, False
         self.contents = Counter()
         self.paths.append(path)
 
@@ -125,11 +125,6 @@ class RotatingWriter:
     def close(self) -> None:
         """Finish the open file."""
         self._writer.close()
-
-    @property
-    def first(self) -> int:
-        """Time of the first data in the open file [ns UTC]."""
-        return self._first
 
     @property
     def size(self) -> int:

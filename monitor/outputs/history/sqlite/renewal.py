@@ -4,6 +4,7 @@ import json
 import sqlite3
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
 from urllib.parse import quote
@@ -62,17 +63,9 @@ class _Sites:
         return (self._moved.get(row[0], self._default), *row[1:]) if self.known else (self._default, *row)
 
 
-class _opened:  # noqa: N801 - a context
-    """A connection that is closed at the end."""
-
-    def __init__(self, path: Path, mode: str) -> None:
-        self._connection = sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode={mode}", uri=True, timeout=5.0)
-
-    def __enter__(self) -> sqlite3.Connection:
-        return self._connection
-
-    def __exit__(self, *_: object) -> None:
-        self._connection.close()
+def _opened(path: Path, mode: str) -> closing[sqlite3.Connection]:
+    """Return a connection that is closed at the end of its context."""
+    return closing(sqlite3.connect(f"file:{quote(str(path.absolute()))}?mode={mode}", uri=True, timeout=5.0))
 
 
 def _readable(connection: sqlite3.Connection, table: str, names: list[str]) -> Iterator[tuple[object, ...]]:
