@@ -4,12 +4,14 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.console import Console, ConsoleDimensions
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
+from rich.table import Table
 from rich.text import Text
 
 from daq import AnyLog, LogError, LogExcerpt
@@ -148,6 +150,23 @@ def _span(log: AnyLog) -> tuple[int, int] | None:
     """Return first and last time of a log [ns UTC]; None if it is empty."""
     span = log_span(log)
     return (max(span[0], log.start), min(span[1], log.stop)) if span and isinstance(log, LogExcerpt) else span
+
+
+def new_table(
+    left: Iterable[str] = (),
+    right: Iterable[str] = (),
+    *,
+    no_wrap: bool = False,
+    overflow: Literal["fold", "ellipsis"] = "ellipsis",
+    **options: Any,  # noqa: ANN401 - as rich has them
+) -> Table:
+    """Return a table without rows: columns of texts, then columns of numbers, with options of `rich.table.Table`."""
+    table = Table(box=SIMPLE_HEAD, **options)
+    for name in left:
+        table.add_column(name, no_wrap=no_wrap, overflow=overflow)
+    for name in right:
+        table.add_column(name, justify="right", no_wrap=no_wrap, overflow=overflow)
+    return table
 
 
 @contextmanager

@@ -6,11 +6,10 @@ from dataclasses import asdict
 from pathlib import Path
 from time import time_ns
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
 from monitor.outputs.history.summary import Found, look
@@ -126,9 +125,9 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
 
 
 def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
-    table = Table(title="modes: frequencies in Hz, last damping and shift in %", title_justify="left", box=SIMPLE_HEAD)
-    for name in ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift"):
-        table.add_column(name, justify="right", no_wrap=True)
+    title = "modes: frequencies in Hz, last damping and shift in %"
+    names = ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift")
+    table = new_table(right=names, no_wrap=True, title=title, title_justify="left")
     for mode, points in trends.items():
         if not points:
             continue
@@ -141,9 +140,8 @@ def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
 
 
 def _events(events: list[EventRow]) -> Table:
-    table = Table(title="events", title_justify="left", box=SIMPLE_HEAD)
-    for name in ("time", "what", "device", ""):
-        table.add_column(name, no_wrap=bool(name))
+    table = new_table(("time", "what", "device"), no_wrap=True, title="events", title_justify="left")
+    table.add_column("")
     for event in events[-_MAX:]:
         records = event_text(json.loads(event.json), without="device")
         table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(records))

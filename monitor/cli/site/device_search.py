@@ -8,14 +8,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters, daqmx_devices
 from monitor.cli.output import DONE, write_json
-from monitor.cli.terminal import console, echo, progress
+from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import StartError
 from monitor.settings import AXES
 
@@ -72,9 +71,7 @@ def _table(
     analog: Sequence[tuple[str, str, list[str]]],
     seen: dict[str, Seen],
 ) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("port", "system's name", "what", "who answers"):
-        table.add_column(name, overflow="fold")
+    table = new_table(("port", "system's name", "what", "who answers"), overflow="fold")
     for port in ports:
         answer = seen.get(port.path, "not queried")
         who = answer.who if isinstance(answer, PortAnswer) else answer or "no known device"
