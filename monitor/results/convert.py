@@ -105,10 +105,11 @@ def reference_result(
     mean = baseline.mean
     geometry = geometry if mean.has_shapes else None
     modes = _model_modes(reference) if reference else _measured_shapes(mean, geometry)
-    about = _channels(mean, geometry)
     if reference:
         calibrated = {p.name: (p.value, p.std) for p in reference.calibration.parameters}
         about = {**_geometry(reference.model), "calibrated": calibrated}
+    else:
+        about = _channels(mean, geometry)
     return ReferenceResult(
         time=time,
         n_windows=int(mean.n.max()),

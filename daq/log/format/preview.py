@@ -69,7 +69,8 @@ class _DeviceView:
 
     def add(self, block: Block, clock: ScanClock) -> tuple[IndexArray, FloatArray]:
         """Take a block and its clock; return times (n,) [ns UTC] and accelerations (n, n_axes) [m/s2]."""
-        counts = block.counts if block.first_index != self._end else np.concatenate([self._kept, block.counts])
+        continues = block.first_index == self._end and len(self._kept)
+        counts = np.concatenate([self._kept, block.counts]) if continues else block.counts
         self._end = block.end_index
         self._kept = counts[max(0, len(counts) - len(self._taps) + 1) :]
         begin = self._end - len(counts)

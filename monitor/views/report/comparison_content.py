@@ -11,7 +11,7 @@ from monitor.text.quantities import plain
 from monitor.text.sensors import health_rows
 from monitor.views.report import comparison_figures as beside
 from monitor.views.report.evidence_figures import density_figure
-from monitor.views.report.svg import optional, picture
+from monitor.views.report.figure import optional, picture
 
 
 def measured_content(found: DiscrepancyResult, reference: ReferenceResult | None) -> dict[str, Any]:

@@ -25,7 +25,7 @@ _MIN = 1e-5  # smallest value on a logarithmic scale
 
 def mac_figure(found: DiscrepancyResult) -> Figure | None:
     """Return the MAC of every simulated with every measured mode; None without modes."""
-    mac = np.array([[np.nan if v is None else v for v in row] for row in found.mac], float)
+    mac = _matrix(found.mac)
     if not mac.size:
         return None
     rows, columns = mac.shape
@@ -52,6 +52,10 @@ def mac_figure(found: DiscrepancyResult) -> Figure | None:
 def _mac_height(found: DiscrepancyResult) -> float:
     """Return the height of the picture of the MAC [inches], so that its cells are nearly square."""
     return 0.9 + min(4.0, WIDTH * 0.72 * len(found.rows) / max(len(found.columns), 1))
+
+
+def _matrix(rows: tuple[tuple[float | None, ...], ...]) -> FloatArray:
+    return np.array([[np.nan if v is None else v for v in row] for row in rows], float)
 
 
 def offsets_figure(found: DiscrepancyResult) -> Figure | None:

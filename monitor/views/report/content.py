@@ -38,8 +38,8 @@ from monitor.views.report import place_figures as places
 from monitor.views.report import time_figures as trends
 from monitor.views.report.comparison_content import measured_content
 from monitor.views.report.evidence_figures import evidence_figure
+from monitor.views.report.figure import Picture, optional, picture
 from monitor.views.report.shape_figure import shapes_figure
-from monitor.views.report.svg import Picture, optional, picture
 from monitor.views.run import Run
 from oma import mac_matrix
 from updater import Cause, Gain

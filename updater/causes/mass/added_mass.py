@@ -286,10 +286,12 @@ def _likely_nodes(reference: Reference, comparison: Comparison) -> tuple[dict[in
     for span in np.flatnonzero(kept.any(1)).tolist():
         found.setdefault(number[model.member_names[span]], []).extend(spans[span][kept[span]].tolist())
     apart = np.linalg.norm(np.diff(model.nodes[spans], axis=1), axis=2).max()
-    return {
-        m: np.unique(np.round(np.linalg.norm(model.nodes[n] - members[m].start, axis=1), 6))
-        for m, n in sorted(found.items())
-    }, float(apart)
+    return {m: _distances(members[m], model.nodes[n]) for m, n in sorted(found.items())}, float(apart)
+
+
+def _distances(member: Member, points: FloatArray) -> FloatArray:
+    """Return the distances (n,), ascending, of points (n, 3) on a member from its start [m]."""
+    return np.unique(np.round(np.linalg.norm(points - member.start, axis=1), 6))
 
 
 def along(

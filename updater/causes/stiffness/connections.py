@@ -203,13 +203,7 @@ def _springs(
                 both[i, a] = modal_spring_force(reference, connection, axis, rows[a])
     before_std = np.array([[reference.calibration.flexibility_std(c, a) for a in axes] for c, axes, _ in sprung])
     rigid = np.array([[reference.calibration.is_rigid(c, a) for a in axes] for c, axes, _ in sprung])
-    sets = [
-        (i, axes)
-        for i in range(len(stiffness))
-        for axes in itertools.product((False, True), repeat=3)
-        if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
-    ]
-    which, active = np.array([i for i, _ in sets]), np.array([axes for _, axes in sets])
+    which, active = _together(stiffness)
     couple = np.where(active[:, :, None], both[which], 0.0)
     lower = -0.999 * own[which]
     least = np.where(own > of_member, of_member - own, -0.999 * own)[which]
@@ -252,3 +246,19 @@ def _stiffness_and_unit(
     turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
     usual = np.where(turning, np.maximum(LOOSE, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
     return stiffness, bending, bending * LOOSE / usual
+
+
+def _together(stiffness: FloatArray) -> tuple[IndexArray, BoolArray]:
+    """Return every set of springs that may change together: connection (n_sets,), and whether each axis (n_sets, 3).
+
+    Parameters
+    ----------
+    stiffness : (n_connections, 3), infinite where nothing can change
+    """
+    sets = [
+        (i, axes)
+        for i in range(len(stiffness))
+        for axes in itertools.product((False, True), repeat=3)
+        if any(axes) and np.isfinite(stiffness[i, list(axes)]).all()
+    ]
+    return np.array([i for i, _ in sets]), np.array([axes for _, axes in sets])
