@@ -39,7 +39,7 @@ def fleet(
     if is_mqtt and not is_broker(target):
         raise ArgumentError("TARGET", "expected mqtt://HOST/TOPIC, without wildcards")
     if "://" in target:
-        settings = FleetSettings(**{"mqtt" if is_mqtt else "url": SecretStr(target)})
+        settings = FleetSettings(mqtt=SecretStr(target)) if is_mqtt else FleetSettings(url=SecretStr(target))
     else:
         settings = load_fleet_settings(path)
     settings = settings if port is None else settings.model_copy(update={"port": port})

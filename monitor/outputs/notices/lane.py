@@ -5,7 +5,6 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from daq.supervision import FAILURES, Backoff, SupervisedThread, error_text
@@ -102,9 +101,12 @@ class Lane:
             going = not self.thread.ending.wait(_TICK)
             self._keep()
             self._deliver(last=not going)
-            beat = self._heartbeat()
-            if beat is not None:
-                self._attempt(partial(self._send, [beat], 0), repeated=False)
+            self._beat()
+
+    def _beat(self) -> None:
+        beat = self._heartbeat()
+        if beat is not None:
+            self._attempt(lambda: self._send([beat], 0), repeated=False)
 
     def _keep(self) -> None:
         """Write new notices to disk before anything else: a kill from here on loses nothing."""
