@@ -1,4 +1,4 @@
-"""Exit codes, files that commands write, and questions for what a command line leaves open."""
+"""Files that commands write, and questions for what a command line leaves open."""
 
 import json
 import os
@@ -94,23 +94,3 @@ def asked(option: str, question: str, choices: Sequence[str] = ()) -> str:
     if choices and answer not in choices:
         raise ArgumentError(option, f"expected one of {', '.join(choices)}, found {answer!r}")
     return answer
-
-
-DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130
-
-
-def explain(error: Exception, *, debug: bool) -> int:
-    """Print an error in one line and return the exit code; unforeseen errors are raised again for debugging."""
-    from daq import DaqError
-    from daq.bounded_text import one_line
-    from monitor.errors import MonitorError, StartError
-    from oma import OmaError
-    from updater import UpdaterError
-
-    if isinstance(error, DaqError | OmaError | MonitorError | UpdaterError):
-        typer.echo(f"error: {error}", err=True)
-        return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
-    typer.echo(f"internal error: {one_line(f'{type(error).__name__}: {error}')}", err=True)
-    if debug:
-        raise error
-    return INTERNAL

@@ -29,7 +29,7 @@ from daq.protocol.text_line import TextDecoder
 from daq.timing.resampling import StampCount
 from monitor.analysis.modal_table.table import read_table
 from monitor.cli.main import _run
-from monitor.cli.output import explain
+from monitor.cli.options import explain
 from monitor.rig import World, load_scenario
 from monitor.rig.process import load_rig_structure
 from monitor.service.operator_commands import Inbox

@@ -9,7 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
-from monitor.cli.output import DONE, NEEDS_A_PERSON, write_json
+from monitor.cli.options import DONE, NEEDS_A_PERSON
+from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text

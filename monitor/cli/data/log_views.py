@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 from daq import AnyLog, LogExcerpt
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.output import DONE
+from monitor.cli.options import DONE
 from monitor.cli.terminal import Work, echo, files_of_logs, progress
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report

@@ -17,7 +17,7 @@ from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.demo.rig_process import Pace, RigProcess
 from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.demo.score import reveal
-from monitor.cli.output import INTERRUPTED
+from monitor.cli.options import INTERRUPTED
 from monitor.cli.site.console_log import line
 from monitor.cli.site.monitoring import tell_live
 from monitor.cli.terminal import console

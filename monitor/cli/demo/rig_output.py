@@ -7,7 +7,8 @@ from rich.table import Table
 
 from daq.notebook import utc_text
 from monitor.cli.demo.rig_site import rig_site
-from monitor.cli.output import DONE, write_new
+from monitor.cli.options import DONE
+from monitor.cli.output import write_new
 from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError, SettingsError
 from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios

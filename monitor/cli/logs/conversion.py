@@ -8,7 +8,7 @@ from daq.files import expand_log
 from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.output import DONE
+from monitor.cli.options import DONE
 from monitor.cli.terminal import echo, files_of_logs, progress
 from monitor.views.run import late_devices
 

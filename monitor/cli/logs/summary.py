@@ -10,7 +10,8 @@ from rich.markup import escape
 from daq import AnyLog, inspect_log
 from daq.log import DeviceInfo, LogInfo, files_of, log_info
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.output import DONE, write_json
+from monitor.cli.options import DONE
+from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, new_table
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from daq import FloatArray
-from monitor.cli.output import DONE, replacing, write_new
+from monitor.cli.options import DONE
+from monitor.cli.output import replacing, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from updater import Matrices, ProgramFiles, parse_structure, read_program_files, save_matrices

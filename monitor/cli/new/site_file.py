@@ -9,7 +9,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from daq.drivers import driver_names
-from monitor.cli.output import DONE, asked, write_new
+from monitor.cli.options import DONE
+from monitor.cli.output import asked, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, annotated

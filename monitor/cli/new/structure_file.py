@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from monitor.analysis.logs import log_channels
-from monitor.cli.options import KINDS
-from monitor.cli.output import DONE, asked, write_new
+from monitor.cli.options import DONE, KINDS
+from monitor.cli.output import asked, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from updater import StructureError, parse_structure

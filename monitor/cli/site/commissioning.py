@@ -9,7 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.output import DONE, NEEDS_A_PERSON, write_json
+from monitor.cli.options import DONE, NEEDS_A_PERSON
+from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay

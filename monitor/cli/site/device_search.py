@@ -13,7 +13,8 @@ from rich.table import Table
 
 from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters, daqmx_devices
-from monitor.cli.output import DONE, write_json
+from monitor.cli.options import DONE
+from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import StartError
 from monitor.settings import AXES

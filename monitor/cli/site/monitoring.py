@@ -8,7 +8,7 @@ from signal import SIGHUP
 from threading import Event
 
 from daq.signals import STOP_SIGNALS, signal_event
-from monitor.cli.output import DONE
+from monitor.cli.options import DONE
 from monitor.cli.site.console_log import journal
 from monitor.cli.terminal import console, echo
 from monitor.results.windows import Result

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq.drivers import low_grade
-from monitor.cli.output import DONE, NEEDS_A_PERSON
+from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import console, echo, new_table, progress, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices

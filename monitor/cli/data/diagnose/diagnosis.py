@@ -23,7 +23,8 @@ from monitor.cli.data.diagnose.basis import calibration_facts, log_facts
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.diagnose.held_out import check_independent
 from monitor.cli.data.structure.parameters_output import changes_table
-from monitor.cli.output import DONE, NEEDS_A_PERSON, STDOUT, write_json
+from monitor.cli.options import DONE, NEEDS_A_PERSON
+from monitor.cli.output import STDOUT, write_json
 from monitor.cli.terminal import Work, console, echo, files_of_logs, progress, warn
 from monitor.errors import ArgumentError, RecordLengthError, StateError, writing
 from monitor.optional import run_optional

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import ANIMATIONS, METHODS, From, Json, To, one_of
-from monitor.cli.output import DONE
+from monitor.cli.options import ANIMATIONS, DONE, METHODS, From, Json, To, one_of
 
 
 def identify(

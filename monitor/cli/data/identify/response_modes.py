@@ -14,7 +14,8 @@ from daq.files import read_geometry
 from monitor.analysis.modal_table.responses import identify_file
 from monitor.cli.data.identify.identification import animate_modes, load_structure_file
 from monitor.cli.data.identify.identification_output import LOW_MAC, mode_json
-from monitor.cli.output import DONE, write_json
+from monitor.cli.options import DONE
+from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import ArgumentError
 from monitor.text.quantities import aligned_numbers

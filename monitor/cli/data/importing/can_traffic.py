@@ -6,7 +6,7 @@ from pathlib import Path
 
 from daq import Channel, DbcSensor
 from daq.files import LoggedSensor, import_can_log
-from monitor.cli.output import DONE
+from monitor.cli.options import DONE
 from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site

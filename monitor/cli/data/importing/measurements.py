@@ -20,7 +20,7 @@ from daq.files import (
 )
 from monitor.analysis.time_range import instant
 from monitor.cli.data.importing.new_site import learning_notes, new_site
-from monitor.cli.output import DONE
+from monitor.cli.options import DONE
 from monitor.cli.terminal import echo, progress, warn
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site

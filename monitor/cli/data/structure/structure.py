@@ -5,8 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import Json
-from monitor.cli.output import DONE, NEEDS_A_PERSON
+from monitor.cli.options import DONE, NEEDS_A_PERSON, Json
 
 
 def structure(
