@@ -64,7 +64,7 @@ def serial_ports(by_id: Path = _BY_ID) -> list[SerialPortInfo]:
 def can_adapters() -> list[tuple[str, str]]:
     """Return (interface, channel) of the CAN adapters that python-can finds; those on serial ports are found there."""
     logging.getLogger("can").addHandler(logging.NullHandler())  # vendors' libraries that are missing are no news
-    found = import_module("daq.protocol.frames").can.detect_available_configs(interfaces=_INTERFACES)
+    found = import_module("daq.protocol.can_library").can.detect_available_configs(interfaces=_INTERFACES)
     return [(str(config["interface"]), str(config["channel"])) for config in found]
 
 

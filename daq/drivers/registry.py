@@ -66,7 +66,7 @@ def low_grade(name: str, place: Place | None = None) -> str:
 
 def can_interfaces() -> tuple[str, ...]:
     """Return the names of all kinds of CAN interfaces; their dependencies may not be installed."""
-    import_module("daq.protocol.frames")
+    import_module("daq.protocol.can_library")
     return tuple(sorted({OURS, *import_module("can.interfaces").BACKENDS}))
 
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-import daq.protocol.frames  # noqa: F401, isort: skip - python-can without asammdf, before cantools imports it
+import daq.protocol.can_library  # noqa: F401, isort: skip - python-can without asammdf, before cantools imports it
 from cantools.database import Database, Message, Signal, load_string
 from cantools.errors import Error
 
