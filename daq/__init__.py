@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from daq.drivers.addresses import CanAddress, DbcAddress, DbcSensor, LogAddress
-    from daq.drivers.base import Driver, Scans
+    from daq.drivers.base import CanAddress, DbcAddress, DbcSensor, Driver, LogAddress, Scans
     from daq.drivers.discovery import search_port, serial_ports
     from daq.drivers.reader import DeviceReader
     from daq.drivers.registry import driver_names, make_driver

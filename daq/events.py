@@ -1,16 +1,20 @@
 """Events of devices, of the log and of background threads: one class for each topic."""
 
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, dataclass_transform
 
 from daq.types import DeviceIdentity, Event
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True, kw_only=True)
 class EventPayload:
-    """Fields of an event; a subclass names its topic."""
+    """Fields of an event, a frozen dataclass; a subclass names its topic."""
 
     topic: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
 
     def payload(self) -> dict[str, Any]:
         """Return the fields as JSON values; those that are None are left out."""
@@ -28,14 +32,12 @@ class EventPayload:
         return cls(**{names[name]: value for name, value in event.payload.items() if name in names})
 
 
-@dataclass(frozen=True, kw_only=True)
 class ReasonPayload(EventPayload):
     """Event with a reason as its only field."""
 
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class IdentityPayload(EventPayload):
     """Event of a device with its identity."""
 
@@ -49,7 +51,6 @@ class IdentityPayload(EventPayload):
         return {"device": self.device, **self.identity.payload(), **rest}
 
 
-@dataclass(frozen=True, kw_only=True)
 class DeviceOpened(IdentityPayload):
     """A device samples from the start of a run."""
 
@@ -57,7 +58,6 @@ class DeviceOpened(IdentityPayload):
     filter_delay: float | None = None  #: [s]
 
 
-@dataclass(frozen=True, kw_only=True)
 class DeviceFailed(EventPayload):
     """A device is lost."""
 
@@ -72,7 +72,6 @@ class DeviceRecovered(IdentityPayload):
     topic = "/event/device_recovered"
 
 
-@dataclass(frozen=True, kw_only=True)
 class WrongDevice(EventPayload):
     """Another device is at the address of a lost one."""
 
@@ -82,7 +81,6 @@ class WrongDevice(EventPayload):
     found: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
 class DeviceWarning(EventPayload):
     """Warning of a device that still sends."""
 
@@ -91,7 +89,6 @@ class DeviceWarning(EventPayload):
     what: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class WrongRate(EventPayload):
     """A device samples at another rate than its settings state."""
 
@@ -101,7 +98,6 @@ class WrongRate(EventPayload):
     found: float  #: [Hz]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ScansMissing(EventPayload):
     """Scans of a device are missing."""
 
@@ -112,7 +108,6 @@ class ScansMissing(EventPayload):
     exact: bool = False  #: False if the device has restarted, and the number is an estimate by the clock
 
 
-@dataclass(frozen=True, kw_only=True)
 class LogFileLost(EventPayload):
     """Another program has moved, deleted or truncated the open log file."""
 
@@ -126,7 +121,6 @@ class LogFileLost(EventPayload):
     until: int | None = None  #: time of the last one [ns UTC]
 
 
-@dataclass(frozen=True, kw_only=True)
 class LogDeleted(EventPayload):
     """An expired log file is deleted."""
 
@@ -136,7 +130,6 @@ class LogDeleted(EventPayload):
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class DiskLow(EventPayload):
     """Free space is below its limit, and no file may be deleted."""
 
@@ -156,7 +149,6 @@ class RecordingFailed(ReasonPayload):
     topic = "/event/recording_failed"
 
 
-@dataclass(frozen=True, kw_only=True)
 class RecordingRecovered(EventPayload):
     """The log can be written again."""
 
@@ -165,7 +157,6 @@ class RecordingRecovered(EventPayload):
     lost: dict[str, int]  #: scans of each device, and other items, that did not fit in memory
 
 
-@dataclass(frozen=True, kw_only=True)
 class ThreadFailed(EventPayload):
     """A background thread is restarted after an unforeseen exception."""
 
@@ -174,7 +165,6 @@ class ThreadFailed(EventPayload):
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class ThreadRecovered(EventPayload):
     """A background thread has worked without a further exception."""
 

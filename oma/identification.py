@@ -235,7 +235,9 @@ class IdentificationStream:
             raise TooFewModes(len(poles))
         both = self._estimate(modes)
         lines = self._lines(both, data)
-        is_mode = ~lines.tone & self._certain(both)
+        # one channel has no shapes, but the damping of noise poles scatters
+        certain = both.damping > self._method.selection.min_damping_sigmas * both.damping_std
+        is_mode = ~lines.tone & (certain | (len(self._channels) > 1))
         if not is_mode.any():
             raise TooFewModes(len(poles))
         estimate = both[is_mode]
@@ -268,11 +270,6 @@ class IdentificationStream:
         if data is None:
             return LineClasses(tone=undamped, uncertain=np.zeros_like(undamped), frequency=both.frequency)
         return classify(data, self._rate, both, undamped, limits)
-
-    def _certain(self, both: ModalEstimate) -> BoolArray:
-        """Return the modes that are not noise: one channel has no shapes, but the damping of noise poles scatters."""
-        sure: BoolArray = both.damping > self._method.selection.min_damping_sigmas * both.damping_std
-        return sure | (len(self._channels) > 1)
 
     def _estimate(self, modes: Sequence[Mode]) -> ModalEstimate:
         """Put modes into arrays."""

@@ -15,8 +15,7 @@ from pathlib import Path
 from daq import Event
 from monitor.outputs.history import HistoryStore
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.results.events import result_event
-from monitor.results.windows import ModeResult, WindowResult
+from monitor.results.windows import ModeResult, WindowResult, result_event
 from tests.support.monitor.history import START, change, rows, sqlite_url
 from updater import Cause
 

@@ -25,8 +25,7 @@ import psutil
 from benchmarks.monitor.soak.run import free_port
 from daq import AnyLog, Block, Item, read_attachments, read_log
 from monitor.cli.logs.run_log import one_log
-from monitor.results.events import event_result, result_event
-from monitor.results.windows import ReferenceResult, WindowResult
+from monitor.results.windows import ReferenceResult, WindowResult, event_result, result_event
 from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import parse_settings
 

@@ -63,7 +63,7 @@ def ours_data(path: str, rate: float) -> Work:
 def _ours(path: str, rate: float, method: Any) -> Work:
     from oma.methods.realization import realisations
     from oma.selection import Stabilization, stabilization
-    from oma.spectral.correlation import correlation_sums
+    from tests.support.oma.correlations import correlation_sums
 
     data = np.load(path)
     every = range(data.shape[1])
@@ -82,7 +82,7 @@ def _ours(path: str, rate: float, method: Any) -> Work:
 
 def ours_correlations(path: str, rate: float) -> Work:
     """Correlations alone."""
-    from oma.spectral.correlation import correlation_sums
+    from tests.support.oma.correlations import correlation_sums
 
     del rate
     data = np.load(path)

@@ -5,23 +5,19 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from daq.drivers.addresses import (
-        CanAddress,
+    from daq.drivers.base import (
         CanPlace,
         DaqmxAddress,
-        DbcAddress,
-        DbcSensor,
+        Driver,
         Found,
-        LogAddress,
         PortAnswer,
+        Scans,
         TextAddress,
     )
-    from daq.drivers.base import Driver, Scans
     from daq.drivers.can.dbc_file import read_layout
-    from daq.drivers.discovery import SerialPortInfo, can_adapters, search_port, serial_ports
+    from daq.drivers.discovery import SerialPortInfo, can_adapters, serial_ports
     from daq.drivers.ni_daqmx import daqmx_devices
-    from daq.drivers.reader import DeviceReader
-    from daq.drivers.registry import can_interfaces, driver_names, low_grade, make_driver
+    from daq.drivers.registry import can_interfaces, driver_names, low_grade
     from daq.protocol.epson import SCALE as EPSON_SCALE
     from daq.protocol.text_line import LineFormat
 else:
@@ -29,16 +25,11 @@ else:
 
 __all__ = [
     "EPSON_SCALE",
-    "CanAddress",
     "CanPlace",
     "DaqmxAddress",
-    "DbcAddress",
-    "DbcSensor",
-    "DeviceReader",
     "Driver",
     "Found",
     "LineFormat",
-    "LogAddress",
     "PortAnswer",
     "Scans",
     "SerialPortInfo",
@@ -48,8 +39,6 @@ __all__ = [
     "daqmx_devices",
     "driver_names",
     "low_grade",
-    "make_driver",
     "read_layout",
-    "search_port",
     "serial_ports",
 ]

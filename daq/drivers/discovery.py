@@ -8,7 +8,7 @@ from pathlib import Path
 from serial import Serial
 from serial.tools import list_ports
 
-from daq.drivers.addresses import PortAnswer
+from daq.drivers.base import PortAnswer
 from daq.drivers.network.ports import network_address
 from daq.errors import DriverError
 

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from daq.drivers.addresses import DaqmxAddress
-from daq.drivers.base import Scans, positive_rate
+from daq.drivers.base import DaqmxAddress, Scans, positive_rate
 from daq.errors import DeviceLost, DriverError
 from daq.types import DeviceIdentity, FloatArray
 

@@ -6,8 +6,7 @@ from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from daq.drivers.addresses import OURS, CanAddress, CanPlace, DaqmxAddress, DbcAddress, LogAddress, TextAddress
-from daq.drivers.base import Driver
+from daq.drivers.base import OURS, CanAddress, CanPlace, DaqmxAddress, DbcAddress, Driver, LogAddress, TextAddress
 
 Place = str | CanPlace | TextAddress | LogAddress | DaqmxAddress  #: location: a port, a bus, a log, analog inputs
 #: name of each kind of location in the settings

@@ -9,8 +9,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from daq.drivers.addresses import LogAddress
-from daq.drivers.base import Scans
+from daq.drivers.base import LogAddress, Scans
 from daq.errors import DeviceLost, DriverError, LogError
 from daq.log.mcap_log import read_log
 from daq.log.naming import as_logs

@@ -10,10 +10,9 @@ if TYPE_CHECKING:
     from daq.emulator.can.slcan import EmulatedSlcan
     from daq.emulator.can.witmotion_can import EmulatedWitmotionCan
     from daq.emulator.epson import EmulatedEpson
-    from daq.emulator.line_faults import LineFaults, LineSpell
     from daq.emulator.network import EmulatedAdapter, EmulatedShake, FaultyNetwork, free_port
     from daq.emulator.node import EmulatedNode
-    from daq.emulator.serving import EmulatedPort, SampleSource, serve_all, unplugging
+    from daq.emulator.serving import EmulatedPort, LineFaults, LineSpell, serve_all, unplugging
     from daq.emulator.text_lines import EmulatedTextLines
     from daq.emulator.witmotion import EmulatedWitmotion
 else:
@@ -34,7 +33,6 @@ __all__ = [
     "FaultyNetwork",
     "LineFaults",
     "LineSpell",
-    "SampleSource",
     "free_port",
     "serve_all",
     "unplugging",

@@ -1,8 +1,7 @@
 """An Epson M-A352 on a pty."""
 
-from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
-from daq.emulator.serving import SampleSource
+from daq.emulator.serving import NO_FAULTS, LineFaults, SampleSource
 from daq.protocol import epson
 from daq.protocol.epson_filters import TAPS, group_delay
 from daq.timing.host_clock import HostClock

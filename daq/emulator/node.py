@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
-from daq.emulator.serving import SampleSource
+from daq.emulator.serving import NO_FAULTS, LineFaults, SampleSource
 from daq.protocol import node
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray

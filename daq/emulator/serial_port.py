@@ -7,8 +7,7 @@ import tty
 import weakref
 from abc import ABC, abstractmethod
 
-from daq.emulator.line_faults import FaultyLine, LineFaults
-from daq.emulator.serving import PORT_BUFFER, SampleSource, bytes_to_read
+from daq.emulator.serving import PORT_BUFFER, FaultyLine, LineFaults, SampleSource, bytes_to_read
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray
 
@@ -43,7 +42,7 @@ class SerialEmulator(ABC):
         self._unplugged = False
         self.line = FaultyLine(faults)  #: counts the damaged frames
         self._pending = bytearray(self.line.babble())
-        self._started: int | None = None
+        self.sampling_since: int | None = None  #: time of the first scan [ns UTC], None while it is not sampling
         self._first_started: int | None = None
         self._delay = 0.0  # of the filter: scans are sent that much after the motion [s]
         self._true_rate = 0.0  # of the scans, by the world's clock [Hz]
@@ -58,11 +57,6 @@ class SerialEmulator(ABC):
     @abstractmethod
     def encode(self, counts: IntArray, first: int) -> bytes:
         """Return the frames of scans (n, 3) from number `first` on."""
-
-    @property
-    def sampling_since(self) -> int | None:
-        """Time of the first scan [ns UTC], None while it is not sampling."""
-        return self._started
 
     @property
     def unread(self) -> int:
@@ -81,8 +75,8 @@ class SerialEmulator(ABC):
             return
         understood = self._understood()
         self._listen(understood)
-        if self._started is not None:
-            self._sample(self._started)
+        if self.sampling_since is not None:
+            self._sample(self.sampling_since)
         if not understood:
             self._pending = bytearray(self.line.noise(len(self._pending)))
         self._drain()
@@ -94,14 +88,14 @@ class SerialEmulator(ABC):
     def start(self, rate: float, delay: float = 0.0) -> None:
         """Sample from now on, at a nominal rate [Hz], behind a filter with a delay [s]."""
         self._delay = delay
-        self._started, self._due = self._clock.now(), 0
-        self._first_started = self._first_started or self._started
+        self.sampling_since, self._due = self._clock.now(), 0
+        self._first_started = self._first_started or self.sampling_since
         self._true_rate = rate * (1 + self._clock_error)
-        self._source.start(self._started, self._true_rate)
+        self._source.start(self.sampling_since, self._true_rate)
 
     def stop(self) -> None:
         """Stop sampling, and discard unsent data."""
-        self._started = None
+        self.sampling_since = None
         self._pending.clear()
 
     def _understood(self) -> bool:

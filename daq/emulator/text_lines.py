@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from daq.emulator.line_faults import NO_FAULTS, LineFaults
 from daq.emulator.serial_port import SerialEmulator
-from daq.emulator.serving import SampleSource
+from daq.emulator.serving import NO_FAULTS, LineFaults, SampleSource
 from daq.protocol.text_line import LONGEST, LineFormat, TextScans, encode_lines
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray

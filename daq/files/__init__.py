@@ -6,21 +6,19 @@ from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from daq.files.archive_size import DAMAGED_FILE, check_archive
-    from daq.files.can.traffic import CAN_LOGS, ImportedSensor, LoggedSensor, import_can_log
+    from daq.files.can.traffic import CAN_LOGS, LoggedSensor, import_can_log
     from daq.files.columns.calibration import Calibration, read_calibration
     from daq.files.columns.time_column import TIME_UNITS, date_column, header_unit, time_column
     from daq.files.columns.units import ACCELERATIONS, Sensitivity, acceleration, parse_sensitivity, parse_unit
     from daq.files.dataframe import read_dataframe
-    from daq.files.differentiation import differentiated
-    from daq.files.export import export_recording, with_channels, write_recording, write_recordings
+    from daq.files.export import with_channels, write_recording
     from daq.files.formats.mat import read_mat
-    from daq.files.formats.registry import FORMATS, Format, format_of
+    from daq.files.formats.registry import FORMATS
     from daq.files.formats.universal.geometry import Geometry, read_geometry
     from daq.files.formats.universal.responses import FrequencyResponses, read_responses
-    from daq.files.measured import Measured
-    from daq.files.measurement_file import read_data, read_measured
+    from daq.files.measured import Measured, differentiated
+    from daq.files.measurement_file import read_data
     from daq.files.message_export import expand_log
-    from daq.files.options import DataOptions
     from daq.files.sequence import in_order, read_in_order
     from daq.files.tables.text_table import is_table, read_rows, table_layout
 else:
@@ -33,11 +31,8 @@ __all__ = [
     "FORMATS",
     "TIME_UNITS",
     "Calibration",
-    "DataOptions",
-    "Format",
     "FrequencyResponses",
     "Geometry",
-    "ImportedSensor",
     "LoggedSensor",
     "Measured",
     "Sensitivity",
@@ -46,8 +41,6 @@ __all__ = [
     "date_column",
     "differentiated",
     "expand_log",
-    "export_recording",
-    "format_of",
     "header_unit",
     "import_can_log",
     "in_order",
@@ -60,12 +53,10 @@ __all__ = [
     "read_geometry",
     "read_in_order",
     "read_mat",
-    "read_measured",
     "read_responses",
     "read_rows",
     "table_layout",
     "time_column",
     "with_channels",
     "write_recording",
-    "write_recordings",
 ]

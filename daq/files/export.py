@@ -85,15 +85,12 @@ def write_recordings(
     for number, recording in enumerate(recordings):
         warmth = np.full(len(recording.data), recording.temperature) if temperatures is None else temperatures[number]
         skipped = round((recording.start - first.start) * 1e-9 * first.rate)
-        blocks = [block for device in _devices(recording) for block in _blocks(recording, device, warmth, skipped)]
+        devices = dict.fromkeys(channel.device for channel in recording.channels)
+        blocks = [block for device in devices for block in _blocks(recording, device, warmth, skipped)]
         for count, block in enumerate(sorted(blocks, key=lambda block: block.first_index), 1):
             writer.write(block)
             report_progress(path, number + count / len(blocks), len(recordings))
     writer.close()
-
-
-def _devices(recording: Recording) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(channel.device for channel in recording.channels))
 
 
 def _blocks(recording: Recording, device: str, warmth: FloatArray, skipped: int) -> Iterator[Block]:

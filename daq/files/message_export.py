@@ -119,13 +119,6 @@ class _Messages:
         self.written: dict[str, int] = {}
 
     def write(self, block: Block, times: IndexArray) -> None:
-        channel = self._channel(block)
-        messages = encode_scans(block.device, times, np.asarray(block.counts * block.scale, float))
-        for sequence, (time, data) in enumerate(zip(times.tolist(), messages, strict=True), self.written[block.device]):
-            self._writer.add_message(channel, log_time=time, publish_time=time, data=data, sequence=sequence)
-        self.written[block.device] += block.n_scans
-
-    def _channel(self, block: Block) -> int:
         if block.device not in self._channels:
             kind = message_kind(block.counts.shape[1])
             if kind not in self._schemas:
@@ -133,4 +126,8 @@ class _Messages:
             topic = VIEW + block.device
             self._channels[block.device] = self._writer.register_channel(topic, ENCODING, self._schemas[kind])
             self.written[block.device] = 0
-        return self._channels[block.device]
+        channel = self._channels[block.device]
+        messages = encode_scans(block.device, times, np.asarray(block.counts * block.scale, float))
+        for sequence, (time, data) in enumerate(zip(times.tolist(), messages, strict=True), self.written[block.device]):
+            self._writer.add_message(channel, log_time=time, publish_time=time, data=data, sequence=sequence)
+        self.written[block.device] += block.n_scans

@@ -5,11 +5,11 @@ The analysis process is fed by the writer thread: all analysed data are logged.
 
 from daq.log.channel_map import CHANNELS, ChannelMap
 from daq.log.format.progress import progress_reported_to, report_progress
-from daq.log.mcap_log import McapWriter, log_span, log_start, read_attachments, read_events, read_log
+from daq.log.mcap_log import log_span, log_start, read_attachments, read_log
 from daq.log.naming import as_logs, newest_log
-from daq.log.parts import BEGINNING, END, AnyLog, LogExcerpt, PartedLog, files_of
+from daq.log.parts import BEGINNING, END, LogExcerpt, PartedLog, files_of
 from daq.log.recordings import HOW_TO_PLACE, absent_devices, load_recordings, read_channel_map
-from daq.log.repair import LogState, has_end, inspect_log, repair_log
+from daq.log.repair import LogState, has_end
 from daq.log.resilient_writer import ResilientWriter
 from daq.log.retention import DiskGuard, Retention
 from daq.log.rotating_writer import RotatingWriter, Rotation
@@ -21,14 +21,12 @@ __all__ = [
     "CHANNELS",
     "END",
     "HOW_TO_PLACE",
-    "AnyLog",
     "ChannelMap",
     "DeviceInfo",
     "DiskGuard",
     "LogExcerpt",
     "LogInfo",
     "LogState",
-    "McapWriter",
     "PartedLog",
     "ResilientWriter",
     "Retention",
@@ -39,7 +37,6 @@ __all__ = [
     "as_logs",
     "files_of",
     "has_end",
-    "inspect_log",
     "load_recordings",
     "log_info",
     "log_span",
@@ -48,8 +45,6 @@ __all__ = [
     "progress_reported_to",
     "read_attachments",
     "read_channel_map",
-    "read_events",
     "read_log",
-    "repair_log",
     "report_progress",
 ]

@@ -37,11 +37,11 @@ from daq.log.format.record_stream import RecordStream
 from daq.log.format.ros_messages import ENCODING as VIEW_ENCODING
 from daq.log.format.ros_messages import schema as view_schema
 from daq.log.parts import END, PART, AnyLog, LogExcerpt, Part, files_of
-from daq.types import Block
+from daq.types import Block, Event, Item
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
-from daq.types import Event, Item
+
 
 ACCEL = "/accel/"
 PROFILE = "modalwatch"

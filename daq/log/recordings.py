@@ -63,7 +63,9 @@ def load_recordings(
         known, rates = _known(log, channels, late)
         found = frozenset(channel.name for channel in known.channels)
         if names is not None and found != names:
-            raise LogError(str(log), f"expected the same channels in all logs, found others: {_list(found ^ names)}")
+            raise LogError(
+                str(log), f"expected the same channels in all logs, found others: {', '.join(sorted(found ^ names))}"
+            )
         names = found
         rate = min(rates.values())
         length = max(1, round((window_seconds or _PIECE_SECONDS) * rate))
@@ -90,10 +92,6 @@ def _known(
     on_grid = bool(stored and stored.on_grid) and not any(late.values())
     known = ChannelMap(channels=channels or stored.channels, on_grid=on_grid)  # type: ignore[union-attr]
     return known, _rates(log, known.channels)
-
-
-def _list(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))
 
 
 def read_channel_map(log: AnyLog) -> ChannelMap | None:

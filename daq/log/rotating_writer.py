@@ -57,7 +57,7 @@ class RotatingWriter:
         self._part = Part(run=uuid.uuid4().hex, started=started, number=0)
         self._view = View(view_rate) if view_rate else None
         self.newest = started  #: time of the newest data [ns UTC]
-        self._first = started  # the same of the first data in the open file
+        self.first = started  #: the same of the first data in the open file
         self._holds, self._full = 0, False  # items in the open file; whether it takes no more
         self.contents: Counter[str] = Counter()  #: content of the open file: device -> scans, "events" -> their number
         self.paths = [log_path(folder, started)]  #: paths of all files so far
@@ -70,7 +70,10 @@ class RotatingWriter:
         if self._full:
             finished = self._writer
             self.begin_next()
-            _finish(finished)
+            try:
+                finished.close()
+            except OSError:
+                finished.abandon()  # without space for its summary it stays as after its last flush, for repair
         self._writer.write(item)
         self._holds += 1
         self.contents[item.device if isinstance(item, Block) else "events"] += (
@@ -93,7 +96,7 @@ class RotatingWriter:
     def flush(self) -> None:
         """Close the chunk and flush it to the disk; if the file is full now, the next item begins a new one."""
         self._writer.flush()
-        seconds = (self.newest - self._first) * 1e-9
+        seconds = (self.newest - self.first) * 1e-9
         large = self._writer.size >= self._rotation.size or seconds >= self._rotation.seconds
         self._full = large and self._holds > 0
 
@@ -110,7 +113,7 @@ class RotatingWriter:
             self._folder.mkdir(parents=True, exist_ok=True)
         path = log_path(self._folder, self.newest)
         self._writer = McapWriter(path, self._attachments, part)
-        self._part, self._first, self._holds, self._full = part, self.newest, 0, False
+        self._part, self.first, self._holds, self._full = part, self.newest, 0, False
         self.contents = Counter()
         self.paths.append(path)
 
@@ -122,11 +125,6 @@ class RotatingWriter:
     def close(self) -> None:
         """Finish the open file."""
         self._writer.close()
-
-    @property
-    def first(self) -> int:
-        """Time of the first data in the open file [ns UTC]."""
-        return self._first
 
     @property
     def size(self) -> int:
@@ -149,11 +147,3 @@ class RotatingWriter:
     def abandon(self) -> None:
         """Close the open file as it is: the disk takes no more."""
         self._writer.abandon()
-
-
-def _finish(writer: McapWriter) -> None:
-    """Finish a file; without space for its summary it stays as after its last flush, for repair."""
-    try:
-        writer.close()
-    except OSError:
-        writer.abandon()

@@ -122,7 +122,9 @@ class WriterThread:
         for _ in range(self._queue.qsize()):
             item = self._queue.get_nowait()
             if isinstance(item, _Switch):
-                self._turn_to(item)
+                self._guarded(self._writer.close)
+                item.then()
+                self._writer, self.failure = item.writer, None
                 continue
             self._guarded(self._writer.write, item)
             FAILURES.attempt("log readers", self._on_written, item)
@@ -142,12 +144,6 @@ class WriterThread:
             self._flushed = time.monotonic()
             if self.failure is None:
                 self.turned = self._flushed
-
-    def _turn_to(self, switch: _Switch) -> None:
-        """Finish the log and continue with another."""
-        self._guarded(self._writer.close)
-        switch.then()
-        self._writer, self.failure = switch.writer, None
 
     def _guarded(self, action: Callable[..., None], *arguments: Item) -> None:
         """Do something to the file unless the disk has failed already: a full disk must not stop the watch."""

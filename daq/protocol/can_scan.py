@@ -65,18 +65,14 @@ def encode_scans(layout: ScanLayout, counts: IntArray, first_count: int) -> CanF
     n, m = len(counts), len(layout.messages)
     data = np.zeros((n, m, 8), np.uint8)
     for (place, signal), column in zip(layout.axes, counts.T, strict=True):
-        _put(data, place, signal, column * (layout.scale / layout.unit))
+        values = column * (layout.scale / layout.unit)
+        raw = (np.clip(values, *signal.limits) - signal.offset) / signal.factor
+        _write(data, place, signal, raw if signal.is_float else np.rint(raw).astype(np.int64))
     number = (first_count + np.arange(n)) % layout.modulus
     for place, signal in layout.counters:
         _write(data, place, signal, number)
     sizes = np.array([message.size for message in layout.messages], np.uint8)
     return CanFrames(np.tile(layout.identifiers, n), np.tile(sizes, n), data.reshape(n * m, 8))
-
-
-def _put(data: npt.NDArray[np.uint8], place: int, signal: CanSignal, values: FloatArray) -> None:
-    """Write the values of a signal [its unit] into its message of scans' data (n, n_messages, 8)."""
-    raw = (np.clip(values, *signal.limits) - signal.offset) / signal.factor
-    _write(data, place, signal, raw if signal.is_float else np.rint(raw).astype(np.int64))
 
 
 def _write(data: npt.NDArray[np.uint8], place: int, signal: CanSignal, raw: FloatArray | npt.NDArray[np.int64]) -> None:

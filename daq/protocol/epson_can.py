@@ -79,7 +79,8 @@ class ScanDecoder:
         second = (frames.ids == self._ids[1]) & (frames.dlc == TPDO2_SIZE)
         joined = concatenate([self._rest, frames[first | second]])
         syncs = np.concatenate([self._rest_syncs, syncs[first | second]])
-        once = _once(joined)
+        same = (joined.ids[1:] == joined.ids[:-1]) & (joined.data[1:] == joined.data[:-1]).all(1)
+        once = np.append(np.ones(min(1, len(joined)), bool), ~same)
         joined, syncs = joined[once], syncs[once]
         ends = np.flatnonzero(joined.ids == self._ids[1])
         keep = max(0, len(joined) - _KEPT) if not len(ends) else int(ends[-1])
@@ -91,12 +92,6 @@ class ScanDecoder:
         whole = np.flatnonzero((halves > 0) & (halves == np.diff(counter) % MODULUS)) + 1
         self.bad_frames += int(ends[-1] - ends[0]) - 2 * len(whole)
         return _counts(joined.data, ends[whole]), counter[whole], syncs[ends[whole] - 1]
-
-
-def _once(frames: CanFrames) -> npt.NDArray[np.bool_]:
-    """Return which frames (n,) are not the same as the one before."""
-    same = (frames.ids[1:] == frames.ids[:-1]) & (frames.data[1:] == frames.data[:-1]).all(1)
-    return np.append(np.ones(min(1, len(frames)), bool), ~same)
 
 
 def _counts(data: npt.NDArray[np.uint8], ends: npt.NDArray[np.intp]) -> IntArray:

@@ -206,15 +206,12 @@ class TextDecoder:
             self._sealed = True
             found = self._match(body)
         if found is None:
-            self._refuse(text, len(line) + 1)
+            self.refused = text
+            self.bad_bytes += len(line) + 1
             self._line += max(1, round((len(line) + 1) / self.length)) if self.length else 1
         else:
             self.length = len(line) + 1
         return found
-
-    def _refuse(self, text: bytes, size: int) -> None:
-        self.refused = text
-        self.bad_bytes += size
 
     def _scans(self, values: FloatArray, line: IndexArray, lengths: IndexArray) -> TextScans:
         """Return the scans of lines; a number that no count can be is refused."""

@@ -157,7 +157,9 @@ def follow(
     _, kept, tracks = choose_tracks(estimates)
     if not len(kept):
         raise IdentificationError("no mode is identified in most of the windows")
-    temperature, rms = _at_windows(seen, estimates)
+    start = np.array([at for at, _, _ in seen])
+    chosen = [seen[int(np.argmin(np.abs(start - estimate.start)))] for estimate in estimates]
+    temperature, rms = np.array([t for _, t, _ in chosen]), np.array([rms for _, _, rms in chosen])
     return Observation(
         windows=windows,
         estimates=estimates,
@@ -183,15 +185,6 @@ def root_mean_square(recording: Recording) -> float:
     mean = np.where(present, recording.data, 0.0).sum(0) / count
     square = np.where(present, recording.data - mean, 0.0) ** 2
     return float(np.sqrt(np.mean(square.sum(0) / count)))
-
-
-def _at_windows(
-    seen: Sequence[tuple[int, float, float]], estimates: Sequence[ModalEstimate]
-) -> tuple[FloatArray, FloatArray]:
-    """Return temperature and rms of the windows that gave modes; alignment may have moved their start a little."""
-    start = np.array([at for at, _, _ in seen])
-    chosen = [seen[int(np.argmin(np.abs(start - estimate.start)))] for estimate in estimates]
-    return np.array([t for _, t, _ in chosen]), np.array([rms for _, _, rms in chosen])
 
 
 def given_up(observation: Observation) -> dict[str, ChannelFault]:

@@ -69,10 +69,8 @@ class SiteTemperature:
         self._readings = [(t, c) for t, c in self._readings if t >= oldest]
         if within or (known and max(known)[0] >= oldest):
             found = float(np.mean(within)) if within else max(known)[1]
-            self._compare(found - recording.temperature)
+            apart = found - recording.temperature
+            if math.isfinite(apart):
+                self.offset = apart if math.isnan(self.offset) else self.offset + _FORGET * (apart - self.offset)
             return found
         return recording.temperature + self.offset
-
-    def _compare(self, apart: float) -> None:
-        if math.isfinite(apart):
-            self.offset = apart if math.isnan(self.offset) else self.offset + _FORGET * (apart - self.offset)

@@ -1,14 +1,120 @@
 """Catalog of an archive: the logs in files, folders and object storage, each with a key of its content."""
 
+import errno
 import hashlib
+import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import IO, Any, cast
 
 from daq import AnyLog
 from daq.log import as_logs, files_of
-from monitor.archive.object_storage import StoredFile, stored_logs
 from monitor.errors import ArgumentError
+
+_FIRST, _LARGEST = 1 << 16, 8 << 20  # bytes of a range: each that follows on another has twice as many
+
+
+@dataclass(frozen=True)
+class StoredFile:
+    """Object with a URL (`s3://`, `gs://` and what else fsspec knows), in place of a path to a log file.
+
+    A range is requested only when it is read: the plan of a run requests the beginning and the end of a log, the
+    identification each part once.
+    """
+
+    url: str
+    size: int = field(compare=False)  #: [bytes]
+    version: str = field(compare=False)  #: as the storage states it
+
+    def __str__(self) -> str:
+        """Return the URL."""
+        return self.url
+
+    @property
+    def name(self) -> str:
+        """Last part of the URL."""
+        return self.url.rpartition("/")[2]
+
+    def is_dir(self) -> bool:
+        """Return False: it is an object."""
+        return False
+
+    def open(self, mode: str = "rb") -> IO[bytes]:
+        """Return a file that reads in ranges; every error of the storage is an OSError."""
+        assert mode == "rb"
+        return cast("IO[bytes]", _Ranges(self))
+
+    def as_path(self) -> Path:
+        """Return it as the type of a path, of which it has what is needed."""
+        return cast("Path", self)
+
+
+class _Ranges(io.RawIOBase):
+    """Contents of an object, requested as they are read."""
+
+    def __init__(self, stored: StoredFile) -> None:
+        self._url, self._size = stored.url, stored.size
+        self._at, self._start, self._held, self._ahead = 0, 0, b"", _FIRST
+
+    def read(self, size: int = -1, /) -> bytes:
+        end = self._size if size < 0 else min(self._at + size, self._size)
+        here = self._held[self._at - self._start : end - self._start] if self._start <= self._at else b""
+        missing = self._at + len(here)
+        if missing < end:
+            follows = missing == self._start + len(self._held)
+            self._ahead = min(2 * self._ahead, _LARGEST) if follows else _FIRST
+            self._start, self._held = missing, self._range(missing, min(max(end, missing + self._ahead), self._size))
+            here += self._held[: end - missing]
+        self._at += len(here)
+        return here
+
+    def _range(self, start: int, end: int) -> bytes:
+        from fsspec.core import url_to_fs
+
+        try:
+            storage, name = url_to_fs(self._url)
+            return bytes(storage.cat_file(name, start=start, end=end))
+        except Exception as error:  # each storage has errors of its own
+            raise OSError(errno.EIO, f"{type(error).__name__}: {error}") from error
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET, /) -> int:
+        self._at = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._at, io.SEEK_END: self._size}[whence]
+        return self._at
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._at
+
+
+def stored_logs(url: str) -> list[StoredFile]:
+    """Return the objects with the name of a log that a URL means, sorted by name.
+
+    Raises
+    ------
+    ArgumentError
+        If the storage cannot be read.
+    """
+    from fsspec.core import url_to_fs
+
+    try:
+        storage, root = url_to_fs(url)
+        details = storage.find(root, detail=True)
+    except Exception as error:  # each storage has errors of its own
+        raise ArgumentError("ARCHIVE", f"{url}: cannot be listed: {type(error).__name__}: {error}") from error
+    return [
+        StoredFile(storage.unstrip_protocol(path), int(entry["size"]), _version(entry))
+        for path, entry in sorted(details.items())
+        if path.endswith(".mcap")
+    ]
+
+
+def _version(entry: dict[str, Any]) -> str:
+    """Return what changes with the content: by one of these names, each storage states it."""
+    names = ("ETag", "etag", "md5Hash", "LastModified", "mtime", "created")
+    return " ".join(str(entry[name]) for name in names if entry.get(name))
 
 
 @dataclass(frozen=True, kw_only=True)

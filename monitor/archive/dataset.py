@@ -33,24 +33,15 @@ def schemas() -> "Mapping[str, pa.Schema]":
                 "mass": number,
                 "mass_std": number,
                 "member": text,
-                "x": number,
-                "y": number,
-                "z": number,
+                **dict.fromkeys("xyz", number),
             }
         ),
         "modes": pa.schema(
             window
-            | {
-                "mode": pa.int32(),
-                "frequency": number,
-                "frequency_std": number,
-                "damping": number,
-                "damping_std": number,
-                "shift_percent": number,
-                "shift_std_percent": number,
-                "channels": pa.list_(text),
-                "shape": pa.list_(number),
-            }
+            | {"mode": pa.int32()}
+            | dict.fromkeys((f"{name}{std}" for name in ("frequency", "damping") for std in ("", "_std")), number)
+            | {"shift_percent": number, "shift_std_percent": number}
+            | {"channels": pa.list_(text), "shape": pa.list_(number)}
         ),
         "alarms": pa.schema({"log": text, "time": time, "state": text, "kind": text, "text": text}),
         "logs": pa.schema(
@@ -158,14 +149,8 @@ def _modes(log: str, window: WindowResult) -> list[dict[str, Any]]:
             "window": window.index,
             "start": window.start,
             "mode": mode.id,
-            "frequency": mode.frequency,
-            "frequency_std": mode.frequency_std,
-            "damping": mode.damping,
-            "damping_std": mode.damping_std,
-            "shift_percent": mode.shift_percent,
-            "shift_std_percent": mode.shift_std_percent,
             "channels": window.channels,
-            "shape": mode.shape,
+            **mode.model_dump(exclude={"id"}),
         }
         for mode in window.modes
     ]

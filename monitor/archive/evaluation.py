@@ -8,11 +8,9 @@ from daq import Event
 from monitor.archive.catalog import ArchiveLog
 from monitor.archive.dataset import LogTables
 from monitor.archive.log_texts import LogTexts
-from monitor.archive.packing import Packer, unpack
-from monitor.archive.steps import LogSteps, unpacked
+from monitor.archive.steps import LogSteps, Packer, unpack, unpacked
 from monitor.errors import MonitorError
-from monitor.results.events import result_event
-from monitor.results.windows import AlarmResult
+from monitor.results.windows import AlarmResult, result_event
 from monitor.settings import attached_structure, parse_attached
 from monitor.watch.memory import MEMORY, check_saved_state, memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline

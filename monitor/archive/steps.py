@@ -1,6 +1,7 @@
 """Steps of a log: its events and identified windows, in order, as compact bytes that any process can read."""
 
 import hashlib
+import io
 import json
 import math
 import time
@@ -9,17 +10,43 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import zstandard
+
 from daq import AnyLog, Event, LogError, read_log
 from daq.events import DeviceFailed
 from daq.log import absent_devices
 from monitor.analysis.window import IdentifiedWindow, identify_window
-from monitor.archive.packing import Packer, unpack
-from monitor.results.events import event_result
 from monitor.results.service_events import Stopped
-from monitor.results.windows import Spectrum
+from monitor.results.windows import Spectrum, event_result
 from monitor.settings import Settings
 from monitor.watch.memory.codec import decode, encode
 from monitor.watch.pipeline import assembler_of
+
+_LEVEL = 3  # of compression
+
+
+class Packer:
+    """Packed lines, so far."""
+
+    def __init__(self) -> None:
+        self._packer = zstandard.ZstdCompressor(level=_LEVEL).compressobj()
+        self._parts: list[bytes] = []
+
+    def add(self, entry: dict[str, Any]) -> None:
+        """Add one line."""
+        self._parts.append(self._packer.compress(json.dumps(entry).encode() + b"\n"))
+
+    def finish(self) -> bytes:
+        """Return all lines; none can be added any more."""
+        return b"".join([*self._parts, self._packer.flush()])
+
+
+def unpack(packed: bytes) -> Iterator[dict[str, Any]]:
+    """Yield the entries that a `Packer` has packed."""
+    with io.TextIOWrapper(zstandard.ZstdDecompressor().stream_reader(packed), encoding="utf-8") as lines:
+        for line in lines:
+            yield json.loads(line)
+
 
 Step = int | Event | IdentifiedWindow  #: arrival of the first block [ns UTC], an event, or a window
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from monitor.cli.commands import CommandGroup
-from monitor.cli.exit_codes import DONE, INTERRUPTED, explain
+from monitor.cli.options import DONE, INTERRUPTED, explain
 
 
 def _exit(code: int, **_options: bool) -> None:

@@ -1,11 +1,13 @@
-"""Arguments and options that several commands have."""
+"""Arguments and options that several commands have, and exit codes."""
 
 from pathlib import Path
 from typing import Annotated
 
+import typer
 from typer import Argument, Option
 from typer.models import OptionInfo
 
+DONE, NEEDS_A_PERSON, WRONG_INPUT, COULD_NOT_START, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 70, 130  #: exit codes
 METHODS = ("ssi-data", "ssi-cov", "plscf", "fdd", "efdd", "fsdd")  #: names of `oma.METHODS`, without importing it
 ANIMATIONS = (".html", ".gif")  #: those of `monitor.views.animation`, without importing it
 DATE_ORDERS = ("dmy", "mdy")  #: those of `DataOptions.date_order`
@@ -62,3 +64,24 @@ def one_of(option: str, values: tuple[str, ...], text: str) -> OptionInfo:
         option, metavar="|".join(values), help=text, callback=checked, autocompletion=lambda: values
     )
     return found
+
+
+KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
+MATERIALS = ("steel", "aluminium", "concrete", "timber")
+
+
+def explain(error: Exception, *, debug: bool) -> int:
+    """Print an error in one line and return the exit code; unforeseen errors are raised again for debugging."""
+    from daq import DaqError
+    from daq.bounded_text import one_line
+    from monitor.errors import MonitorError, StartError
+    from oma import OmaError
+    from updater import UpdaterError
+
+    if isinstance(error, DaqError | OmaError | MonitorError | UpdaterError):
+        typer.echo(f"error: {error}", err=True)
+        return COULD_NOT_START if isinstance(error, StartError) else WRONG_INPUT
+    typer.echo(f"internal error: {one_line(f'{type(error).__name__}: {error}')}", err=True)
+    if debug:
+        raise error
+    return INTERNAL

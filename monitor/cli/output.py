@@ -1,8 +1,9 @@
-"""Files that commands write for other programs."""
+"""Files that commands write, and questions for what a command line leaves open."""
 
 import json
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -76,3 +77,20 @@ def write_new(path: Path, text: str, *, force: bool, option: str = "--out") -> N
             file.write(text)
     except OSError as error:
         raise ArgumentError(option, f"{path}: cannot be written: {error.strerror}") from error
+
+
+def asked(option: str, question: str, choices: Sequence[str] = ()) -> str:
+    """Return the answer of the person at the terminal.
+
+    Raises
+    ------
+    ArgumentError
+        If nobody can be asked, or the answer is not one of the choices.
+    """
+    listed = f" ({', '.join(choices)})" if choices else ""
+    if not sys.stdin.isatty():
+        raise ArgumentError(option, f"needed{listed}: {question}")
+    answer: str = typer.prompt(f"{question}{listed}")
+    if choices and answer not in choices:
+        raise ArgumentError(option, f"expected one of {', '.join(choices)}, found {answer!r}")
+    return answer

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         start,
     )
     from monitor.detection.run_length import DetectionSettings
-    from monitor.detection.sensitivity import Detectable, detectable_change, least_unsure
+    from monitor.detection.sensitivity import detectable_change, least_unsure
     from monitor.detection.temperature_law import CHUNK
     from monitor.detection.trend import NO_TREND, Trend, TrendWatch, follow_trend
 else:
@@ -29,7 +29,6 @@ __all__ = [
     "DETECTORS",
     "GUARD",
     "NO_TREND",
-    "Detectable",
     "DetectionSettings",
     "DetectorName",
     "LawState",

@@ -45,6 +45,7 @@ _EVEN_WORTH = 24.0  # ... and that modes scatter by the same times these
 _MAX_FREEDOM = 1e4
 _EFFICIENCY = 2 / 3  # degrees of freedom that a successive difference is worth
 _CORRELATED_SECONDS = np.array([86400.0, 2 * _UNOBSERVED_SECONDS])  # of slow and of unobserved movements
+_SCATTER = ("fast", "freedom", "slow", "unobserved", "rank", "tail", "thermometer")  # fields of a law
 _WILD = 4.5  # standard deviations from which a mode's value teaches nothing
 _TAILS = np.array([3.0, 3.5, 4.0, 5.0, 6.0, 8.0, 12.0, 24.0, 100.0])  # degrees of freedom that a tail may have ...
 _TAILS_PRIOR = np.array([-12.0, -11.0, -10.0, -9.0, -8.0, -7.0, -5.0, -3.0, 0.0])  # ... and the logarithm of how likely
@@ -227,7 +228,8 @@ def _first_law(blank: Law, log_frequency: FloatArray, terms: FloatArray, lag: in
     law = learn(blank, terms, cleaned, lag=lag, age=age, variance=variance)
     for _ in range(2):  # values rejected about the median are judged again about the law
         cleaned = np.where(_wild(law, terms, whitened, age, variance), np.nan, whitened)
-        law = learn(_with_scatter(blank, law), terms, cleaned, lag=lag, age=age, variance=variance)
+        known = replace(blank, **{name: getattr(law, name) for name in _SCATTER})
+        law = learn(known, terms, cleaned, lag=lag, age=age, variance=variance)
     return law
 
 
@@ -329,11 +331,6 @@ def _blank(centre: FloatArray, scale: FloatArray, measured: BoolArray, step: flo
         tail=np.full(lead, 100.0),
         thermometer=np.full(lead, THERMOMETER_STD),
     )
-
-
-def _with_scatter(blank: Law, law: Law) -> Law:
-    names = ("fast", "freedom", "slow", "unobserved", "rank", "tail", "thermometer")
-    return replace(blank, **{name: getattr(law, name) for name in names})
 
 
 def _wild(law: Law, terms: FloatArray, whitened: FloatArray, age: float, variance: FloatArray) -> BoolArray:

@@ -191,15 +191,10 @@ def _frost(air: FloatArray, lagged: FloatArray) -> FloatArray:
     return np.asarray((coldest - warmest) / np.sqrt(12))
 
 
-def _hinges(temperature: FloatArray) -> FloatArray:
-    """Return the hinges (..., n_knots): temperature below each knot, counted from the middle [K]."""
-    return np.asarray(np.minimum(temperature[..., None] - KNOTS, 0.0) - np.minimum(_MIDDLE - KNOTS, 0.0))
-
-
 def _varying(air: FloatArray, lagged: FloatArray) -> FloatArray:
     """Return the regressors without the constant (..., N_TERMS - 1)."""
     lagged = lagged[..., _REGRESSED]
-    hinges = _hinges(lagged[..., 0])
+    hinges = np.asarray(np.minimum(lagged[..., 0][..., None] - KNOTS, 0.0) - np.minimum(_MIDDLE - KNOTS, 0.0))
     colder = np.minimum(lagged[..., None] - _FREEZING_LATE, 0.0)  # (..., memory, knot)
     late = (colder[..., 1:, :] - colder[..., :1, :]).reshape(*air.shape, -1)
     return np.concatenate([air[..., None] - _MIDDLE, lagged - air[..., None], hinges, late], axis=-1)

@@ -4,7 +4,7 @@ import threading
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import count
 from typing import TYPE_CHECKING, Self
 
@@ -167,14 +167,7 @@ def _row(found: _Received, *, offline: bool) -> FleetRow:
     return FleetRow(
         number=found.number,
         name=report.site,
-        state=SiteState(
-            state=report.state,
-            window=report.window,
-            window_age=report.window_age,
-            overdue=report.overdue,
-            problems=report.problems,
-            url=report.url,
-        ),
+        state=SiteState(**{field.name: getattr(report, field.name) for field in fields(SiteState)}),
         age=max(age, STATE_SECONDS + 1) if offline else age,
         lasts=report.lasts + age,
         alarm=alarm,

@@ -6,14 +6,14 @@ All times in it are ages at the time of writing: the clocks of two machines are 
 import math
 import time
 from collections import deque
+from dataclasses import asdict
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from daq import Event, Item
 from monitor.outputs.history import SiteState
-from monitor.results.events import event_result
-from monitor.results.windows import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult
+from monitor.results.windows import TOPIC_ALARM, TOPIC_WINDOW, AlarmResult, WindowResult, event_result
 from monitor.text.causes import change_text
 
 N_LEVELS = 40  #: windows whose novelty is reported
@@ -101,15 +101,6 @@ class SiteReporter:
         now = time.monotonic()
         if state.state != self._state:
             self._state, self._since = state.state, now
-        return SiteReport(
-            site=site[:200],
-            state=state.state,
-            lasts=now - self._since,
-            window=state.window,
-            window_age=state.window_age,
-            overdue=state.overdue,
-            problems=tuple(problem[:2000] for problem in state.problems[:100]),
-            url=state.url,
-            alarm=self._alarm,
-            levels=tuple(self._levels),
-        )
+        known = asdict(state) | {"problems": tuple(problem[:2000] for problem in state.problems[:100])}
+        lasts, levels = now - self._since, tuple(self._levels)
+        return SiteReport(site=site[:200], lasts=lasts, alarm=self._alarm, levels=levels, **known)

@@ -46,7 +46,10 @@ class Spool:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with _LOCK, self.path.open("a+b") as file:
-                _end_line(file)
+                if file.seek(0, os.SEEK_END):
+                    file.seek(-1, os.SEEK_END)
+                    if file.read(1) != b"\n":
+                        file.write(b"\n")  # a kill has cut the line: the next one stays whole
                 for kept, line in enumerate(lines):
                     if file.tell() + len(line) >= self._largest:
                         return len(lines) - kept
@@ -94,14 +97,6 @@ class Spool:
             return os.path.samestat(os.fstat(file.fileno()), self.path.stat())
         except FileNotFoundError:
             return False
-
-
-def _end_line(file: BinaryIO) -> None:
-    """End a line that a kill has cut, so that the next one stays whole."""
-    if file.seek(0, os.SEEK_END):
-        file.seek(-1, os.SEEK_END)
-        if file.read(1) != b"\n":
-            file.write(b"\n")
 
 
 def _lines(file: BinaryIO, end: int) -> Iterator[str]:

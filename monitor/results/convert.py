@@ -105,7 +105,11 @@ def reference_result(
     mean = baseline.mean
     geometry = geometry if mean.has_shapes else None
     modes = _model_modes(reference) if reference else _measured_shapes(mean, geometry)
-    about = _about_model(reference) if reference else _channels(mean, geometry)
+    if reference:
+        calibrated = {p.name: (p.value, p.std) for p in reference.calibration.parameters}
+        about = {**_geometry(reference.model), "calibrated": calibrated}
+    else:
+        about = _channels(mean, geometry)
     return ReferenceResult(
         time=time,
         n_windows=int(mean.n.max()),
@@ -146,11 +150,6 @@ def _measured_shapes(mean: ModalMean, geometry: SensorGeometry | None) -> list[d
     largest = np.maximum(np.abs(motion).max(axis=(1, 2), keepdims=True), _TINY)
     moved = [{"displacement": [vector(u) for u in mode]} for mode in motion / largest]
     return [shape | displacement for shape, displacement in zip(measured, moved, strict=True)]
-
-
-def _about_model(reference: Reference) -> dict[str, Any]:
-    calibrated = {p.name: (p.value, p.std) for p in reference.calibration.parameters}
-    return {**_geometry(reference.model), "calibrated": calibrated}
 
 
 def _model_modes(reference: Reference) -> list[dict[str, Any]]:
@@ -248,10 +247,6 @@ def _place(found: IncrementLocation) -> IncrementPlace:
     )
 
 
-def _known(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _components(values: FloatArray) -> tuple[float | None, float | None, float | None]:
-    x, y, z = (_known(v) for v in values)
+    x, y, z = ((float(v) if np.isfinite(v) else None) for v in values)
     return x, y, z

@@ -86,7 +86,8 @@ def discrepancy_result(
     )
     written = _correlation(as_written(extended, expected), measured, shaped=shaped) if extended else None
     sensing, note = _sensing(reference, measured, extended, recording) if recording else (None, "")
-    faulty = _only_sensors(explained)
+    causes = explained.diagnosis.causes  # of sensors only: residual forces are then theirs, not the structure's
+    faulty = bool(causes) and all(c.where is not None and c.where.channels and not c.where.position for c in causes)
     matched = matched_surely(reference, measured)
     return DiscrepancyResult(
         modes=_modes(before, written, _compared(reference, expected, matched, before)),
@@ -108,12 +109,6 @@ def _correlation(simulated: ModalMean, measured: ModalMean, *, shaped: bool) -> 
     """Return modes paired; without MAC where the shapes are not measured but the model's own."""
     paired = correlate_modes(simulated, measured)
     return paired if shaped else replace(paired, mac=np.full_like(paired.mac, np.nan))
-
-
-def _only_sensors(explained: DiagnosisResult) -> bool:
-    """Return whether only sensor faults were found: residual forces are then theirs, not the structure's."""
-    causes = explained.diagnosis.causes
-    return bool(causes) and all(c.where is not None and c.where.channels and not c.where.position for c in causes)
 
 
 def _places(found: tuple[Density, ...]) -> tuple[PlaceDensity, ...]:

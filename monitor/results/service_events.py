@@ -1,12 +1,10 @@
 """Events of the service: one class for each topic. Those of devices and of the log are in `daq.events`."""
 
-from dataclasses import dataclass
 from typing import Any
 
 from daq.events import EventPayload, ReasonPayload
 
 
-@dataclass(frozen=True, kw_only=True)
 class Acknowledged(EventPayload):
     """A person has acknowledged the alarm."""
 
@@ -15,7 +13,6 @@ class Acknowledged(EventPayload):
     note: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
 class ChangeAccepted(EventPayload):
     """A person has accepted the change as the new reference."""
 
@@ -29,7 +26,6 @@ class ChangeAccepted(EventPayload):
         return super().payload() | {"alarm": self.alarm}
 
 
-@dataclass(frozen=True, kw_only=True)
 class AcceptanceUndone(EventPayload):
     """A person has undone the last acceptance."""
 
@@ -38,7 +34,6 @@ class AcceptanceUndone(EventPayload):
     note: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
 class CommandRefused(EventPayload):
     """A file in the inbox is no command."""
 
@@ -47,7 +42,6 @@ class CommandRefused(EventPayload):
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class Stopped(EventPayload):
     """Last item of a run, or of its log and analysis if others follow."""
 
@@ -62,7 +56,6 @@ class UncleanEnd(ReasonPayload):
     topic = "/event/unclean_end"
 
 
-@dataclass(frozen=True, kw_only=True)
 class Reloaded(EventPayload):
     """The run continues with other settings."""
 
@@ -77,7 +70,6 @@ class ReloadRefused(ReasonPayload):
     topic = "/event/reload_refused"
 
 
-@dataclass(frozen=True, kw_only=True)
 class ClockChanged(EventPayload):
     """The clock of the host was set."""
 
@@ -85,7 +77,6 @@ class ClockChanged(EventPayload):
     by_s: float  #: [s]
 
 
-@dataclass(frozen=True, kw_only=True)
 class AnalysisFailed(EventPayload):
     """The process of the analysis has died."""
 
@@ -94,7 +85,6 @@ class AnalysisFailed(EventPayload):
     again_in_s: float  #: time until it is started again [s]
 
 
-@dataclass(frozen=True, kw_only=True)
 class AnalysisLagging(EventPayload):
     """The analysis is restarted without its backlog."""
 
@@ -108,7 +98,6 @@ class WindowsLeftOut(ReasonPayload):
     topic = "/event/windows_left_out"
 
 
-@dataclass(frozen=True, kw_only=True)
 class AnalysisCaughtUp(EventPayload):
     """None of the last windows was left out."""
 
@@ -122,7 +111,6 @@ class BaselineReset(ReasonPayload):
     topic = "/event/baseline_reset"
 
 
-@dataclass(frozen=True, kw_only=True)
 class DeviceReplaced(EventPayload):
     """Another device is at the address of the device of the run before."""
 
@@ -132,7 +120,6 @@ class DeviceReplaced(EventPayload):
     now: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
 class ChannelFailed(EventPayload):
     """Channels are without valid data."""
 
@@ -141,7 +128,6 @@ class ChannelFailed(EventPayload):
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class ChannelRecovered(EventPayload):
     """Channels have valid data again."""
 
@@ -167,7 +153,6 @@ class HistoryFailed(ReasonPayload):
     topic = "/event/history_failed"
 
 
-@dataclass(frozen=True, kw_only=True)
 class HistoryRecovered(EventPayload):
     """The history can be written again."""
 
@@ -175,7 +160,6 @@ class HistoryRecovered(EventPayload):
     brought_in: int  #: entries that were kept on disk meanwhile
 
 
-@dataclass(frozen=True, kw_only=True)
 class HistoryRenewed(EventPayload):
     """A new SQLite file has begun."""
 
@@ -186,7 +170,6 @@ class HistoryRenewed(EventPayload):
     restored: bool | None = None  #: whether a displaced file is back at its place
 
 
-@dataclass(frozen=True, kw_only=True)
 class HistoryRestored(EventPayload):
     """Rows of an earlier SQLite file are in the present one."""
 
@@ -196,7 +179,6 @@ class HistoryRestored(EventPayload):
     why: str | None = None  #: reason why it was not read to its end
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoticeFailed(EventPayload):
     """A target of notices is not available."""
 
@@ -205,7 +187,6 @@ class NoticeFailed(EventPayload):
     why: str
 
 
-@dataclass(frozen=True, kw_only=True)
 class NoticeRecovered(EventPayload):
     """A target of notices is available again."""
 

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from daq import Event
 from monitor.detection import DetectorName
 from monitor.detection.alarm import Kind, State
 from monitor.results.comparison import ChannelHealth, DiagnosisAnswer, DiscrepancyResult
@@ -378,3 +379,29 @@ class AlarmResult(_Result):
 
 
 Result = WindowResult | ReferenceResult | AlarmResult | SelfTestResult  #: results of the analysis
+
+
+_TYPES: dict[str, type[Result]] = {
+    TOPIC_WINDOW: WindowResult,
+    TOPIC_REFERENCE: ReferenceResult,
+    TOPIC_ALARM: AlarmResult,
+    TOPIC_SELF_TEST: SelfTestResult,
+}
+
+
+def result_event(result: Result) -> Event:
+    """Return a result as an event of the log."""
+    time_ns = result.end if isinstance(result, WindowResult) else result.time
+    topic = next(topic for topic, kind in _TYPES.items() if isinstance(result, kind))
+    return Event(topic=topic, time=time_ns, payload=result.payload())
+
+
+def is_result(event: Event) -> bool:
+    """Return whether an event of the log is a result."""
+    return event.topic in _TYPES
+
+
+def event_result(event: Event) -> Result | None:
+    """Return the result in an event of the log, None if there is none."""
+    kind = _TYPES.get(event.topic)
+    return kind.model_validate(event.payload) if kind else None

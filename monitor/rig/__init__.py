@@ -3,13 +3,12 @@
 from monitor.rig.device_model import DeviceSource, make_sources
 from monitor.rig.player import Place, PlayReport, play
 from monitor.rig.process import run_rig
-from monitor.rig.random_scenario import T_DEVICES, T_NODES, draw_t_frame
+from monitor.rig.random_scenario import T_DEVICES, draw_t_frame
 from monitor.rig.scenario import RigDevice, RigEvent, Scenario, Truth, dump_scenario, load_scenario, shipped_scenarios
 from monitor.rig.world import World, true_structure
 
 __all__ = [
     "T_DEVICES",
-    "T_NODES",
     "DeviceSource",
     "Place",
     "PlayReport",

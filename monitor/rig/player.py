@@ -179,16 +179,12 @@ def _serve(rig: _Rig, duration: float, world: World, clock: _LeashedClock, stop:
         world.keep_up(clock.now())
         serve_all(rig.ports, turn)
         if begun is None:
-            begun = _last_begun(list(rig.devices.values()))
+            devices = list(rig.devices.values())
+            times = [time for device in devices if (time := device.sampling_since) is not None]
+            begun = max(times) if len(times) == len(devices) else None
             coming = [] if begun is None else list(world.begin(begun))
         elif duration and clock.now() - begun > duration * 1e9:
             break
         while coming and coming[0] <= clock.now():
             yield coming.pop(0)
     yield from (time for time in coming if time <= clock.now())
-
-
-def _last_begun(devices: list[Emulated]) -> int | None:
-    """Return when the last device began to sample [ns UTC]; None if one has not."""
-    times = [time for device in devices if (time := device.sampling_since) is not None]
-    return max(times) if len(times) == len(devices) else None

@@ -24,9 +24,8 @@ from daq.log import (
 )
 from daq.supervision import FAILURES, Backoff
 from monitor.errors import StartError
-from monitor.results.events import result_event
 from monitor.results.service_events import AnalysisFailed, AnalysisLagging, BaselineReset, Stopped
-from monitor.results.windows import Result
+from monitor.results.windows import Result, result_event
 from monitor.service.site import Site
 from monitor.service.worker import AnalysisError, SavedState, Worker, WorkerMessage
 from monitor.settings import RecorderSettings, attached_structure
@@ -73,7 +72,7 @@ def new_analysis(site: Site, clock: HostClock, tell: Callable[[Event], None], me
         folder,
         attachments,
         clock.now(),
-        _rotation(recorder_settings),
+        Rotation(size=recorder_settings.rotate_mb * 1e6, seconds=recorder_settings.rotate_minutes * 60),
         view_rate=recorder_settings.view_rate,
     )
     return Analysis(
@@ -125,10 +124,6 @@ def _key(site: Site) -> tuple[object, ...]:
     settings = site.settings
     devices = tuple((device.name, device.driver, device.rate, device.channels) for device in settings.device)
     return site.structure_text, settings.recorder, settings.analysis, settings.alarm, settings.temperature, devices
-
-
-def _rotation(recorder: RecorderSettings) -> Rotation:
-    return Rotation(size=recorder.rotate_mb * 1e6, seconds=recorder.rotate_minutes * 60)
 
 
 def _retention(recorder: RecorderSettings) -> Retention:

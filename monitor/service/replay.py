@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from daq import AnyLog, Block, Event, Item, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
+from daq import AnyLog, Block, Event, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
 from daq.events import DeviceFailed
 from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, read_channel_map
-from monitor.results.events import event_result, result_event
 from monitor.results.replay_comparison import ReplayComparison, compare_results
 from monitor.results.service_events import Stopped
-from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult
+from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult, event_result, result_event
 from monitor.service.site import Site
 from monitor.service.worker import SavedState, Worker, WorkerMessage
 from monitor.settings import Override, attachable, attached_structure, has_settings, overridden, parse_settings
@@ -186,14 +185,10 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
                 logged.append(result)
             elif not stopped:
                 worker.feed(item)
-                stopped = _is_last(item)
+                stopped = isinstance(item, Event) and item.topic == Stopped.topic
     finally:
         if not stopped:
             worker.feed(Stopped().event(0))
-
-
-def _is_last(item: Item) -> bool:
-    return isinstance(item, Event) and item.topic == Stopped.topic
 
 
 def _until_last(worker: Worker) -> Iterator[WorkerMessage]:
@@ -201,12 +196,4 @@ def _until_last(worker: Worker) -> Iterator[WorkerMessage]:
         for result in worker.results(1.0):
             if result is None:
                 return
-            yield result
-
-
-def logged_results(log: AnyLog) -> Iterator[Result]:
-    """Yield the results in a log; errors as for `read_log`."""
-    for event in read_events(log):
-        result = event_result(event)
-        if result is not None:
             yield result

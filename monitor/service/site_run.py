@@ -107,7 +107,10 @@ class SiteRun:
             FAILURES.attempt(part, self._log_events, events)
         FAILURES.attempt("temperature", self._log_temperature)
         FAILURES.attempt("clock", self._follow_clock)
-        self._sweep()
+        if time.monotonic() >= self._sweep_due:
+            gc.collect()  # circular references: with few objects Python does that once in hours
+            trim_memory()  # what that frees in pieces
+            self._sweep_due = time.monotonic() + _SWEEP
         return FAILURES.attempt("status", self._write_status) and self._second_over
 
     def _log_events(self, events: Callable[[], Iterable[EventPayload]]) -> None:
@@ -123,16 +126,6 @@ class SiteRun:
         self._second_over = status is not None
         if status:
             self._outputs.put_status(status)
-
-    def _sweep(self) -> None:
-        """Free circular references: with few objects Python does that once in hours.
-
-        Memory that is thereby freed in pieces is returned to the system.
-        """
-        if time.monotonic() >= self._sweep_due:
-            gc.collect()
-            trim_memory()
-            self._sweep_due = time.monotonic() + _SWEEP
 
     def finish(self) -> None:
         """Log the received data, and analyse them as far as possible in a while."""

@@ -16,7 +16,6 @@ from daq import Block, Event, HostClock, Item
 from daq.events import DeviceFailed, DeviceOpened, DeviceRecovered, EventPayload, ScansMissing
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.detection.alarm import State
-from monitor.results.events import event_result
 from monitor.results.service_events import (
     AnalysisCaughtUp,
     AnalysisLagging,
@@ -41,10 +40,10 @@ from monitor.results.windows import (
     TOPIC_WINDOW,
     AlarmResult,
     LearningProgress,
-    ModeResult,
     Novelty,
     SelfTestResult,
     WindowResult,
+    event_result,
 )
 from monitor.service.processes import held_memory
 from monitor.watch.blindness import BlindWindows, MissingChannels
@@ -171,7 +170,9 @@ class MonitorStatus:
             elif item.topic in (TOPIC_WINDOW, TOPIC_ALARM):
                 self._take_result(item)
             elif item.topic == TOPIC_SELF_TEST:
-                self._take_self_test(item)
+                result = event_result(item)
+                if isinstance(result, SelfTestResult):
+                    self._self_test = result
             elif item.topic == TOPIC_REFERENCE:
                 self._learnt, self._learning = True, None
             else:
@@ -266,11 +267,6 @@ class MonitorStatus:
             device.last_block, device.lost = time.monotonic(), False
             device.temperature = block.temperature if math.isfinite(block.temperature) else None
 
-    def _take_self_test(self, event: Event) -> None:
-        result = event_result(event)
-        if isinstance(result, SelfTestResult):
-            self._self_test = result
-
     def _take_event(self, event: Event) -> None:
         if event.topic == AnalysisLagging.topic:
             self._note(self._overload.take(left_out=True))
@@ -320,7 +316,7 @@ class MonitorStatus:
                 novelty=result.novelty,
                 end=result.end,
                 n_modes=len(result.modes),
-                modes={mode.id: _mode_status(mode) for mode in result.modes},
+                modes={mode.id: ModeStatus.model_validate(mode, from_attributes=True) for mode in result.modes},
             )
 
     def _check_channels(self, window: WindowResult) -> None:
@@ -332,12 +328,3 @@ class MonitorStatus:
             self._events.append(ChannelFailed(channels=", ".join(channels), why=why))
         if self._missing.back:
             self._events.append(ChannelRecovered(channels=", ".join(self._missing.back)))
-
-
-def _mode_status(mode: ModeResult) -> ModeStatus:
-    return ModeStatus(
-        frequency=mode.frequency,
-        frequency_std=mode.frequency_std,
-        damping=mode.damping,
-        damping_std=mode.damping_std,
-    )

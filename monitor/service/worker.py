@@ -9,6 +9,7 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
+from monitor.results.service_events import Stopped
 from monitor.results.windows import Result
 from monitor.service.processes import (
     LastWords,
@@ -23,7 +24,7 @@ from monitor.service.processes import (
 
 if TYPE_CHECKING:
     from monitor.watch.pipeline import Pipeline
-from monitor.results.service_events import Stopped
+
 
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
 #: glibc returns large blocks at once, for a monitor of years; it keeps them in a replay, which is a quarter faster so

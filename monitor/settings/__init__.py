@@ -2,8 +2,7 @@
 
 from monitor.settings.attached import attachable, attached_structure, has_settings, parse_attached
 from monitor.settings.device import AXES, DeviceSettings
-from monitor.settings.home_assistant import HomeAssistantSettings
-from monitor.settings.notify import NotifySettings
+from monitor.settings.notify import HomeAssistantSettings, NotifySettings
 from monitor.settings.overrides import Override, overridden, overrides
 from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
 from monitor.settings.schema import AnalysisSettings, RecorderSettings, Settings, TemperatureSettings

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import tomlkit
 
@@ -68,17 +67,12 @@ def attachable(text: str) -> str:
         return ""
     content.pop("notify", None)
     content.pop("home_assistant", None)
-    _drop(content, "history", "url")
+    table = content.get("history")
+    if isinstance(table, dict):
+        table.pop("url", None)
+    if not (isinstance(table, dict) and table):
+        content.pop("history", None)
     temperature = content.get("temperature")
     if isinstance(temperature, dict) and "mqtt" in temperature:
         temperature["mqtt"] = redacted_topic(str(temperature["mqtt"]))
     return tomlkit.dumps(content)
-
-
-def _drop(content: dict[str, Any], section: str, setting: str) -> None:
-    """Drop a setting, and its section if nothing else is in it or it is no table."""
-    table = content.get(section)
-    if isinstance(table, dict):
-        table.pop(setting, None)
-    if not (isinstance(table, dict) and table):
-        content.pop(section, None)

@@ -1,4 +1,4 @@
-"""[[device]]: connection of a device."""
+"""[[device]] and [[sensor]]: connection of a device, positions of channels."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self
@@ -9,6 +9,7 @@ from daq import CanAddress, DbcAddress, DbcSensor, LogAddress
 from daq.drivers import CanPlace, DaqmxAddress, LineFormat, TextAddress, can_interfaces
 from daq.log import HOW_TO_PLACE
 from monitor.settings.section import Positive, Section
+from updater.quantities import Vector
 
 AXES = ("x", "y", "z")
 
@@ -222,3 +223,20 @@ class DeviceSettings(Section):
         if self.dbc is not None:
             return DbcAddress(**bus, sensor=self.dbc.sensor)
         return CanAddress(**bus, node=self.can.node or 0, sync=self.can.sync)
+
+
+def _not_zero(direction: Vector) -> Vector:
+    if not any(direction):
+        raise ValueError("expected a direction, found [0, 0, 0]")
+    return direction
+
+
+class SensorSettings(Section):
+    """Position of a channel, as in a structure file: mode shapes are drawn there. Not used with `structure`."""
+
+    channel: Annotated[str, Field(examples=["beam_left_y"])]
+    """Name of the channel, as in `channels` of a device."""
+    at: Annotated[Vector, Field(examples=[[0.0, 0.0, 0.9]])]
+    """Position x, y, z [m]; z is up."""
+    direction: Annotated[Vector, AfterValidator(_not_zero), Field(examples=[[0.0, 1.0, 0.0]])]
+    """Direction of positive values, along x, y, z; of any length."""

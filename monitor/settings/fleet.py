@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field, SecretStr, ValidationError, field_va
 
 from daq.bounded_text import parse_toml
 from monitor.errors import SettingsError
-from monitor.settings.home_assistant import is_broker
+from monitor.settings.notify import is_broker
 from monitor.settings.redaction import revealed
 from monitor.settings.schema import listening_address
 from monitor.settings.section import Section, has_place

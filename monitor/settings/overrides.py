@@ -45,12 +45,9 @@ def overrides(arguments: Sequence[str] = (), environment: Mapping[str, str] | No
     """
     variables = os.environ if environment is None else environment
     names = sorted(name for name in variables if name.startswith(_PREFIX) and "__" in name[len(_PREFIX) - 1 :])
-    return (*(_of_variable(name, variables[name]) for name in names), *map(_of_argument, arguments))
-
-
-def _of_variable(name: str, text: str) -> Override:
-    keys = name[len(_PREFIX) :].lower().strip("_").split("__")
-    return Override(source=name, keys=tuple(keys), value=_value(text))
+    keys = {name: tuple(name[len(_PREFIX) :].lower().strip("_").split("__")) for name in names}
+    given = (Override(source=name, keys=keys[name], value=_value(variables[name])) for name in names)
+    return (*given, *map(_of_argument, arguments))
 
 
 def _of_argument(argument: str) -> Override:

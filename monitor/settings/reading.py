@@ -1,6 +1,7 @@
 """Reading and checking of SITE.toml; errors name file and key."""
 
 import difflib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
@@ -57,7 +58,8 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
         of_logs = [str(device.place) for device in settings.device if device.log]
         hint = f": {HOW_TO_PLACE}" if repeated in of_logs else ""
         raise SettingsError(path, f"device: two are connected to {repeated}{hint}")
-    inputs = [name for place in (device.place for device in settings.device) for name in _inputs(place)]
+    daqmx = [device.place for device in settings.device if isinstance(device.place, DaqmxAddress)]
+    inputs = [name for place in daqmx for name in place.inputs]
     for repeated in sorted({name for name in inputs if inputs.count(name) > 1}):
         raise SettingsError(path, f"device: two are connected to {repeated}")
     rates: dict[tuple[str, str], int] = {}
@@ -67,10 +69,6 @@ def _check_devices(settings: Settings, path: Path | str) -> None:
                 path, f"device: {address} is at {address.bitrate} bit/s, its bus at {rates[address.bus]}"
             )
     _check_sync(settings, path)
-
-
-def _inputs(place: object) -> tuple[str, ...]:
-    return place.inputs if isinstance(place, DaqmxAddress) else ()
 
 
 def _check_sync(settings: Settings, path: Path | str) -> None:
@@ -160,7 +158,7 @@ def _what(first: Any, place: tuple[str, ...]) -> str:  # noqa: ANN401 - one of p
         else f"{message.partition(', unable')[0]}, found {first['input']!r:.80}"
     )
     if first["type"] == "literal_error":
-        return found + nearest(str(first["input"]), [word.strip("'") for word in _words(first["ctx"]["expected"])])
+        return found + nearest(str(first["input"]), re.findall(r"'([^']*)'", first["ctx"]["expected"]))
     return found
 
 
@@ -182,10 +180,6 @@ def _holds_secrets(annotation: Any) -> bool:  # noqa: ANN401 - any annotation of
     if section is not None:
         return any(_holds_secrets(field.annotation) for field in section.model_fields.values())
     return annotation is SecretStr or any(map(_holds_secrets, get_args(annotation)))
-
-
-def _words(expected: str) -> list[str]:
-    return expected.replace(" or ", ", ").split(", ")
 
 
 def nearest(word: str, known: Sequence[str]) -> str:

@@ -9,12 +9,10 @@ from pydantic import AfterValidator, Field, SecretStr, field_validator, model_va
 from daq import Channel
 from monitor.detection.alarm import AlarmRules
 from monitor.results.sensor_geometry import SensorGeometry
-from monitor.settings.device import AXES, DeviceSettings
-from monitor.settings.home_assistant import HomeAssistantSettings
-from monitor.settings.notify import NotifySettings
+from monitor.settings.device import AXES, DeviceSettings, SensorSettings
+from monitor.settings.notify import HomeAssistantSettings, NotifySettings
 from monitor.settings.redaction import revealed
 from monitor.settings.section import Positive, Section, has_place
-from monitor.settings.sensor import SensorSettings
 
 _BASELINE_WINDOWS = 24  # to begin with
 _MAX_WINDOWS = 100_000  # two years of windows of 10 minutes
@@ -100,15 +98,9 @@ class AlarmSettings(Section):
     @property
     def rules(self) -> AlarmRules:
         """The same for the state machine."""
-        return AlarmRules(
-            hold_windows=self.hold_windows,
-            clear_windows=self.clear_windows,
-            clear_below=self.clear_below,
-            latched=self.latched,
-            cooldown=round(self.cooldown_minutes * 60e9),
-            flapping_changes=self.flapping_changes,
-            flapping_span=round(self.flapping_hours * 3600e9),
-        )
+        same = self.model_dump(include={"hold_windows", "clear_windows", "clear_below", "latched", "flapping_changes"})
+        cooldown, span = round(self.cooldown_minutes * 60e9), round(self.flapping_hours * 3600e9)
+        return AlarmRules(cooldown=cooldown, flapping_span=span, **same)
 
 
 class TemperatureSettings(Section):

@@ -67,18 +67,13 @@ def message(notices: list[Notice], template: str | None = None, others: int = 0)
     """
     most = _MAX
     while True:
-        shown = _worth_telling(notices, most)
+        numbers = sorted(range(len(notices)), key=lambda i: (notices[i].kind == "trouble", -i))[:most]
+        shown = [notices[i] for i in sorted(numbers)]  # the newest, troubles only where there is room for them
         left_out = others + len(notices) - len(shown)
         text = _rendered(shown, template, left_out)
         if len(text) <= _LONGEST or len(shown) == 1:
             return Message(notices=shown, text=text)
         most = len(shown) // 2
-
-
-def _worth_telling(notices: list[Notice], most: int) -> list[Notice]:
-    """Return the newest, troubles only where there is room for them."""
-    numbers = sorted(range(len(notices)), key=lambda i: (notices[i].kind == "trouble", -i))[:most]
-    return [notices[i] for i in sorted(numbers)]
 
 
 def _rendered(notices: list[Notice], template: str | None, others: int) -> str:

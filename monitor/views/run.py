@@ -14,7 +14,6 @@ from daq import (
     AnyLog,
     Assembler,
     Block,
-    Channel,
     Event,
     Flag,
     LogError,
@@ -29,11 +28,18 @@ from daq.log import BEGINNING, END, PartedLog, files_of, newest_log
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.errors import ResultsError, SettingsError
-from monitor.results.events import event_result
 from monitor.results.run_results import RunResults
 from monitor.results.service_events import Stopped
-from monitor.results.windows import TOPIC_ALARM, TOPIC_REFERENCE, AlarmResult, ReferenceResult, Result, WindowResult
-from monitor.settings import Settings, attachable, parse_attached
+from monitor.results.windows import (
+    TOPIC_ALARM,
+    TOPIC_REFERENCE,
+    AlarmResult,
+    ReferenceResult,
+    Result,
+    WindowResult,
+    event_result,
+)
+from monitor.settings import attachable, parse_attached
 from monitor.text.events import event_sentence
 from oma import aligned
 from updater import StructureError, parse_structure
@@ -258,7 +264,8 @@ def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, flo
     except SettingsError:
         return None
     blocks = list(blocks)
-    channels = _alive(settings, {block.device for block in blocks})
+    devices = {block.device for block in blocks}
+    channels = tuple(channel for channel in settings.channels if channel.device in devices)
     if not channels:
         return None
     rates = {d.name: d.rate for d in settings.device if d.name in {c.device for c in channels}}
@@ -267,10 +274,6 @@ def last_signals(blocks: Iterable[Block], site_text: str, late: Mapping[str, flo
     if not recordings:
         return None
     return slower(aligned(recordings[-1], {name: late.get(name, 0.0) for name in rates}))
-
-
-def _alive(settings: Settings, devices: set[str]) -> tuple[Channel, ...]:
-    return tuple(channel for channel in settings.channels if channel.device in devices)
 
 
 def slower(recording: Recording, most: float = _VIEW_RATE) -> Recording:

@@ -78,7 +78,9 @@ def filled(data: FloatArray) -> FloatArray:
     lost = short_gaps(missing)
     if not lost.any() or len(data) < 10 * ORDER * data.shape[1]:
         return data
-    learnt = _blocks(len(data), _ROWS * ORDER * data.shape[1])
+    n = len(data)
+    every = max(n // max(_ROWS * ORDER * data.shape[1], _BLOCK), 1)  # of blocks, spread evenly over the samples
+    learnt = np.asarray(np.arange(n) // _BLOCK % every == 0)
     beside = np.convolve(lost.any(axis=1), np.ones(2 * ORDER + 1), mode="same") > 0
     rows = np.flatnonzero(learnt | beside)
     part, gap, short = data[rows], missing[rows], lost[rows]
@@ -93,12 +95,6 @@ def filled(data: FloatArray) -> FloatArray:
     result = data.copy()
     result[lost] = (values * size + mean)[short]
     return result
-
-
-def _blocks(n: int, n_rows: int) -> BoolArray:
-    """Choose about n_rows of n samples, in blocks spread evenly over them."""
-    every = max(n // max(n_rows, _BLOCK), 1)
-    return np.asarray(np.arange(n) // _BLOCK % every == 0)
 
 
 def bridged(data: FloatArray, missing: BoolArray) -> FloatArray:

@@ -77,7 +77,9 @@ class Decimator:
 
     def __init__(self, factor: int) -> None:
         self._factor = factor
-        self._taps = _low_pass(factor)
+        k = np.arange(-HALF_LENGTH * factor, HALF_LENGTH * factor + 1)
+        taps = np.sinc(k / factor) * np.kaiser(len(k), _BETA)
+        self._taps = np.asarray(taps / taps.sum())
         self._rest: FloatArray | None = None
 
     def add(self, data: FloatArray) -> FloatArray:
@@ -106,13 +108,6 @@ class Decimator:
         weight = np.abs(self._taps) / np.sum(np.abs(self._taps))
         smooth[_kept(missing.astype(np.float64), weight, self._factor, n) > _MAX_MISSING] = np.nan
         return smooth
-
-
-def _low_pass(factor: int) -> FloatArray:
-    """Return the taps of a filter with half the amplitude at half the new rate, of sum 1."""
-    k = np.arange(-HALF_LENGTH * factor, HALF_LENGTH * factor + 1)
-    taps = np.sinc(k / factor) * np.kaiser(len(k), _BETA)
-    return np.asarray(taps / taps.sum())
 
 
 def _kept(signals: FloatArray, taps: FloatArray, factor: int, n: int) -> FloatArray:

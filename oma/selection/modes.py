@@ -98,7 +98,9 @@ def candidates(
 
 
 def _group(members: Stabilization, influence: Callable[[int, int], PoleInfluence]) -> _Group:
-    members = _one_an_order(members)
+    away = np.abs(members.frequency - np.median(members.frequency))
+    best = {members.order[i]: i for i in np.argsort(-away, kind="stable")}
+    members = members[np.array([best[o] for o in sorted(best)])]
     return _Group(members, [influence(int(o), int(c)) for o, c in zip(members.order, members.column, strict=True)])
 
 
@@ -128,13 +130,6 @@ def _mode(group: _Group, n_orders: int, duration: float, selection: Selection) -
         law_ratio=frequency_std / floor[0],
         frequency_moves=frequency_moves,
     )
-
-
-def _one_an_order(members: Stabilization) -> Stabilization:
-    """Keep the pole nearest to the group's median where an order has several."""
-    away = np.abs(members.frequency - np.median(members.frequency))
-    best = {members.order[i]: i for i in np.argsort(-away, kind="stable")}
-    return members[np.array([best[o] for o in sorted(best)])]
 
 
 def _median_shape(shapes: ComplexArray, weight: FloatArray) -> ComplexArray:

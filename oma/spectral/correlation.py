@@ -105,36 +105,6 @@ class CorrelationAccumulator:
         return CorrelationSums(sums=sums, counts=np.array(counts))
 
 
-def correlation_sums(
-    data: FloatArray, n_lags: int, n_blocks: int, references: Sequence[int] | None = None
-) -> CorrelationSums:
-    """Sum lagged products of all channels with the references, block by block.
-
-    Parameters
-    ----------
-    data : (n_samples, n_channels) array
-        Zero-mean signals, NaN where a sample is missing.
-    n_lags : int
-        Lags 0 to ``n_lags - 1`` [samples].
-    n_blocks : int
-    references : sequence of int, optional
-        Channels that all are correlated with; all unless given.
-
-    Returns
-    -------
-    CorrelationSums
-
-    Raises
-    ------
-    IdentificationError
-        If no two complete samples lie a lag apart.
-    """
-    accumulator = CorrelationAccumulator(data.shape[1], n_lags, references)
-    for block in np.array_split(data, n_blocks):
-        accumulator.add(block)
-    return accumulator.sums
-
-
 def hankel(correlation: FloatArray, first_lag: int, block_rows: int) -> FloatArray:
     """Arrange correlations as a block Hankel matrix: block (i, j) is the lag ``first_lag + i + j``.
 

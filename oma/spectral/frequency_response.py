@@ -98,10 +98,6 @@ def _terms(pole: FloatArray, line: FloatArray) -> ComplexArray:
     return np.stack([resonance, np.ones_like(line), line - pole[0]], axis=1).astype(np.complex128)
 
 
-def _linear(pole: FloatArray, line: FloatArray, measured: ComplexArray) -> ComplexArray:
-    return np.asarray(np.linalg.lstsq(_terms(pole, line), measured, rcond=None)[0])
-
-
 def _rest(pole: FloatArray, line: FloatArray, measured: ComplexArray) -> FloatArray:
     basis = np.linalg.qr(_terms(pole, line))[0]
     rest = measured - basis @ (basis.conj().T @ measured)
@@ -110,7 +106,8 @@ def _rest(pole: FloatArray, line: FloatArray, measured: ComplexArray) -> FloatAr
 
 def _with_deviations(pole: FloatArray, line: FloatArray, measured: ComplexArray) -> Resonance:
     n_responses = measured.shape[1]
-    terms, linear = _terms(pole, line), _linear(pole, line, measured)
+    terms = _terms(pole, line)
+    linear = np.asarray(np.linalg.lstsq(terms, measured, rcond=None)[0])
     step = 1e-6 * pole
     moved = [(_terms(pole + d, line) - _terms(pole - d, line)) @ linear / (2 * d.sum()) for d in np.diag(step)]
     of_linear = np.einsum("nt,or->notr", terms, np.eye(n_responses)).reshape(len(line), n_responses, -1)

@@ -55,18 +55,15 @@ class Tracker:
         """
         if len(set(self.reference.channels) & set(estimate.channels)) < _MIN_CHANNELS:
             return np.full(self.reference.n_modes, -1)
-        agreement = self._agreement(estimate)
+        agreement = mac_matrix(*self._at_common_channels(estimate))
         shift = np.abs(np.log(estimate.frequency / self.reference.frequency[:, None]))
-        chance = self._chance(estimate)
+        ours = (self.reference.frequency_std / self.reference.frequency)[:, None]
+        chance = np.asarray(np.hypot(ours, estimate.frequency_std / estimate.frequency))
         near = shift < np.maximum(self.n_sigma * chance, self.floor)
         possible = ((agreement >= self.min_mac) & (shift < self.max_shift)) | (
             ((agreement >= self.min_mac_near) | self._mixed(estimate, chance)) & near
         )
         return assign(1 - agreement + shift, possible)
-
-    def _agreement(self, estimate: ModalEstimate) -> FloatArray:
-        """Return the MAC of all pairs on the common channels."""
-        return mac_matrix(*self._at_common_channels(estimate))
 
     def _at_common_channels(self, estimate: ModalEstimate) -> tuple[ComplexArray, ComplexArray]:
         """Return both shapes at the channels that they share."""
@@ -74,11 +71,6 @@ class Tracker:
         ours = [self.reference.channels.index(name) for name in common]
         theirs = [estimate.channels.index(name) for name in common]
         return self.reference.shape[:, ours], estimate.shape[:, theirs]
-
-    def _chance(self, estimate: ModalEstimate) -> FloatArray:
-        """Return the standard deviation of the relative frequency difference, for all pairs."""
-        ours = (self.reference.frequency_std / self.reference.frequency)[:, None]
-        return np.asarray(np.hypot(ours, estimate.frequency_std / estimate.frequency))
 
     def _mixed(self, estimate: ModalEstimate, chance: FloatArray) -> BoolArray:
         """Return which modes of an estimate are mixtures of modes that it does not separate.

@@ -10,7 +10,7 @@ import daq.errors
 import monitor.errors
 import oma.errors
 import updater.errors
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "docs" / "faq.md", *sorted((ROOT / "docs" / "troubleshooting").glob("*.md"))]

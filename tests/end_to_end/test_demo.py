@@ -13,7 +13,8 @@ import pytest
 from daq import read_log
 from monitor.cli.demo.demonstration import SHORT
 from monitor.results.windows import WindowResult
-from monitor.service.replay import logged_results, replay
+from monitor.service.replay import replay
+from tests.support.monitor.recorded_runs import logged_results
 
 pytestmark = [pytest.mark.live, pytest.mark.xdist_group("busy")]
 

@@ -14,8 +14,9 @@ import pytest
 from daq import read_attachments
 from monitor.results.windows import AlarmResult, ReferenceResult, WindowResult
 from monitor.rig import T_DEVICES
-from monitor.service.replay import logged_results, replay
+from monitor.service.replay import replay
 from monitor.watch.memory import MEMORY, Memory, parse_memory
+from tests.support.monitor.recorded_runs import logged_results
 from tests.support.monitor.runs import InProcess
 
 pytestmark = pytest.mark.live  # its devices are a log, which waits: beside what must keep up with time it may run

@@ -26,10 +26,10 @@ from daq.drivers.serial.text_lines import ScanNumbers
 from daq.files import read_geometry
 from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
 from daq.protocol.text_line import TextDecoder
-from daq.timing.stamp_count import StampCount
+from daq.timing.resampling import StampCount
 from monitor.analysis.modal_table.table import read_table
-from monitor.cli.exit_codes import explain
 from monitor.cli.main import _run
+from monitor.cli.options import explain
 from monitor.rig import World, load_scenario
 from monitor.rig.process import load_rig_structure
 from monitor.service.operator_commands import Inbox

@@ -16,7 +16,7 @@ from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
 from updater.fe.external.faces import Faces
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
-from updater.structure import AXES, Axis, Body, Joint, Member, Structure, sensor_axes
+from updater.structure import AXES, Axis, Joint, Structure, sensor_axes
 
 Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
 
@@ -108,7 +108,9 @@ class Model:
             return lowest_modes(self.stiffness, self.mass, n, self.structure.name, removed=bool(removed))
         except NegativeMassError as error:
             shape = error.shape
-            worst = min(removed, key=lambda body: self._energy(body, shape))
+            moved = [self.read(np.asarray(body.at)) @ shape for body in removed]
+            energy = [float(m @ body_mass(body) @ m) for m, body in zip(moved, removed, strict=True)]
+            worst = removed[int(np.argmin(energy))]
             raise ModelError(
                 f"{self.structure.name}: body at {list(worst.at)}: its mass of {worst.mass:g} kg takes off more than "
                 "the structure moves there"
@@ -116,11 +118,6 @@ class Model:
         except MechanismError as error:
             moves = free_motion(self.nodes, self.dofs, self.stiffness)
             raise MechanismError("; ".join([str(error), *moves.texts(self._at)])) from error
-
-    def _energy(self, body: Body, shape: FloatArray) -> float:
-        """Return twice the kinetic energy of a body in a shape (n_dofs,) of unit frequency."""
-        moved = self.read(np.asarray(body.at)) @ shape
-        return float(moved @ body_mass(body) @ moved)
 
     def _at(self, node: int) -> str:
         """Return the members that have a node, and where it is."""
@@ -178,7 +175,8 @@ class Model:
         local, axes = np.empty((len(found), 6, 12)), np.empty((len(found), 3, 3))
         for element, direction, here in self._by_kind(found):
             local[here], axes[here] = element.displacement(xi[here]), element.axes(direction)
-        block = _to_global(local, axes)
+        blocks = local.reshape(-1, 2, 3, 4, 3)
+        block = np.asarray(np.einsum("nax,npacb,nby->npxcy", axes, blocks, axes, optimize=True).reshape(-1, 6, 12))
         dofs = np.concatenate([self.dofs[self._index.first[found]], self.dofs[self._index.last[found]]], axis=1)
         row = np.broadcast_to(np.arange(6 * len(found)).reshape(-1, 6, 1), block.shape)
         column = np.broadcast_to(dofs[:, None, :], block.shape)
@@ -273,7 +271,11 @@ class Model:
         """Return the mass that a rigid translation would move [kg], held nodes included where it has members."""
         if self.structure.external is not None:
             return self._moved_mass
-        members = sum(_member_mass(self.structure, m) for m in self.structure.member)
+        structure = self.structure
+        members = sum(
+            structure.material[m.material].density * structure.section[m.section].area * m.length
+            for m in structure.member
+        )
         parts = (self.structure.segment, self.structure.body, self.structure.oscillator)
         return members + float(sum(part.mass for kind in parts for part in kind))
 
@@ -285,13 +287,3 @@ class Model:
             translations[self.dofs[:, axis], axis] = 1
         moved = translations[:-1]
         return float((moved * (self.mass @ moved)).sum(0).max())
-
-
-def _member_mass(structure: Structure, member: Member) -> float:
-    return structure.material[member.material].density * structure.section[member.section].area * member.length
-
-
-def _to_global(local: FloatArray, axes: FloatArray) -> FloatArray:
-    """Return R^T N diag(R, R, R, R) (n, 6, 12) of shape functions (n, 6, 12) in axes (n, 3, 3), rows = local."""
-    blocks = local.reshape(-1, 2, 3, 4, 3)
-    return np.asarray(np.einsum("nax,npacb,nby->npxcy", axes, blocks, axes, optimize=True).reshape(-1, 6, 12))

@@ -51,11 +51,7 @@ class SelfStress:
 
     def in_spring(self, connection: Support | Joint, axis: Axis) -> FloatArray:
         """Return the force or moment (n,) in a connection's spring."""
-        return self.springs.get(_spring(connection, axis), np.zeros(self.n))
-
-
-def _spring(connection: Support | Joint, axis: Axis) -> Spring:
-    return getattr(connection, "member", ""), connection.at, axis
+        return self.springs.get((getattr(connection, "member", ""), connection.at, axis), np.zeros(self.n))
 
 
 @lru_cache(maxsize=8)

@@ -53,15 +53,12 @@ class AmbientResponse:
 
     def change(self, model: Model) -> None:
         """Continue with another model on the same mesh from the present displacements and velocities."""
-        q, dq = self._displacement_velocity(self._state)
+        q, dq = self._state.imag / self._pole.imag, (self._pole * self._state).imag / self._pole.imag
         x, dx = self._modes.shape @ q, self._modes.shape @ dq
         self._adopt(model)
         onto = self._modes.shape.T @ model.mass
         q, dq = onto @ x, onto @ dx
         self._state = dq - self._pole.real * q + 1j * self._pole.imag * q
-
-    def _displacement_velocity(self, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return z.imag / self._pole.imag, (self._pole * z).imag / self._pole.imag
 
     def step(self, n: int) -> FloatArray:
         """Return the next accelerations (n, n_outputs) [m/s2]."""

@@ -7,22 +7,18 @@ from daq.lazy_names import lazy_names
 if TYPE_CHECKING:
     from updater.localization.known_places import BodyRecord, BodySelection, select_bodies
     from updater.localization.more_windows import AccuracyForecast, locate_mass_with_forecast, sharpening
-    from updater.localization.nodal_masses import NodalMasses, spread_mass
-    from updater.localization.one_mass import Alternative, BodyShape, MassChange, Stretch, locate_mass
+    from updater.localization.nodal_masses import spread_mass
+    from updater.localization.one_mass import MassChange, locate_mass
     from updater.localization.several_masses import MassChanges, locate_masses
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
     "AccuracyForecast",
-    "Alternative",
     "BodyRecord",
     "BodySelection",
-    "BodyShape",
     "MassChange",
     "MassChanges",
-    "NodalMasses",
-    "Stretch",
     "locate_mass",
     "locate_mass_with_forecast",
     "locate_masses",

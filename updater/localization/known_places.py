@@ -64,16 +64,7 @@ class BodySelection:
     @property
     def candidate_probability(self) -> FloatArray:
         """Probability of each candidate (n_candidates,) by all records together."""
-        return np.asarray(self.probability @ self._members)
-
-    @property
-    def candidate_per_record(self) -> FloatArray:
-        """Probability of each candidate by each record alone (n_records, n_candidates)."""
-        return np.asarray(self.per_record @ self._members)
-
-    @cached_property
-    def _members(self) -> FloatArray:
-        return _members(self.sets, len(self.mass)).astype(float)
+        return np.asarray(self.probability @ _members(self.sets, len(self.mass)).astype(float))
 
 
 def select_bodies(

@@ -16,7 +16,7 @@ from daq import FloatArray, IndexArray
 from updater.fe import build_model
 from updater.inference import Comparison, Effect, Tangent, compare, no_effect, picked, predict, reanalyse, residual
 from updater.modal_data import ModalMean
-from updater.reference import Convergence, Prior, Reference, SensitivityFit, fit_parameters
+from updater.reference import Convergence, Prior, Reference, fit_parameters
 
 _STRENGTHS = (1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2)  # prior of one node's mass, of the structure's
 _STEP = 1e-5  # kg, of the derivatives of residuals
@@ -55,18 +55,14 @@ def spread_mass(reference: Reference, event: ModalMean) -> NodalMasses:
     total = reference.model.total_mass()
     fits = {share * total: fit_parameters(problem, _prior(own, share * total)) for share in _STRENGTHS}
     strength, best = max(fits.items(), key=lambda pair: pair[1].log_evidence)
-    return _as_masses(node, strength, best)
-
-
-def _as_masses(node: IndexArray, strength: float, fit: SensitivityFit) -> NodalMasses:
     return NodalMasses(
         node=node,
-        mass=fit.value,
-        mass_std=fit.std,
-        at_bound=node[fit.at_bound],
+        mass=best.value,
+        mass_std=best.std,
+        at_bound=node[best.at_bound],
         prior_std=strength,
-        iterations=fit.iterations,
-        reason=fit.reason,
+        iterations=best.iterations,
+        reason=best.reason,
     )
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from updater.modal_data.averaging import MIN_PRESENCE, FusedModes, choose_tracks, fuse
+    from updater.modal_data.averaging import MIN_PRESENCE, FusedModes, choose_tracks, fuse, merge_setups
     from updater.modal_data.conditions import NOTHING_KNOWN, Circumstances, Trend, tone_ratios, trend_of
     from updater.modal_data.delay_removal import (
         NOTHING_REMOVED,
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
         learn_scatter,
         stated_scatter,
     )
-    from updater.modal_data.setups import merge_setups
     from updater.modal_data.states.change_point import ChangePoint, find_change, windows_of_one_state
     from updater.modal_data.states.course import Course, find_course
     from updater.modal_data.states.stationarity import is_steady

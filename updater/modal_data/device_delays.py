@@ -103,7 +103,10 @@ def learn_delays(
     removed : per window, device -> delay removed from its modes already [s]; empty: none
     """
     removed = removed or ({},) * len(estimates)
-    typical = _typical(sorted(set(devices.values())), removed)
+    names = sorted(set(devices.values()))
+    median = {name: float(np.median([r.get(name, 0.0) for r in removed])) for name in names}
+    # starting delays, without effect on the result: the medians of the removed ones
+    typical = replace(NO_DELAYS, seconds=median, wander=float("inf"))
     fits = [_fit(e, devices, typical.beyond(r)) for e, r in zip(estimates, removed, strict=True)]
     everywhere = sorted(set.intersection(*(set(fit.names) for fit in fits)))
     if len(everywhere) < 2:
@@ -145,12 +148,6 @@ def _of_modes(fits: Sequence[_Fit], pick: Sequence[list[int]]) -> float:
     others = np.linalg.pinv(information.sum(0) - information, rcond=1e-8, hermitian=True)
     moved = np.einsum("mij,mj->mi", others, pull)
     return float((len(begins) - 1) / len(begins) * (moved**2).sum())
-
-
-def _typical(names: Sequence[str], removed: Sequence[Mapping[str, float]]) -> DeviceDelays:
-    """Return starting delays that have no effect on the result: the medians of the removed ones."""
-    median = {name: float(np.median([r.get(name, 0.0) for r in removed])) for name in names}
-    return replace(NO_DELAYS, seconds=median, wander=float("inf"))
 
 
 def _fit(estimate: ModalEstimate, devices: Mapping[str, str], known: DeviceDelays) -> _Fit:

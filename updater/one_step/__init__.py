@@ -2,16 +2,14 @@
 
 from updater.one_step.increments import Expansion, expand_changes, expand_shapes
 from updater.one_step.location import IncrementLocation
-from updater.one_step.mass_update import Flag, MassUpdate, MassUpdater
-from updater.one_step.stiffness_update import StiffnessUpdate, StiffnessUpdater
+from updater.one_step.mass_update import MassUpdate, MassUpdater
+from updater.one_step.stiffness_update import StiffnessUpdater
 
 __all__ = [
     "Expansion",
-    "Flag",
     "IncrementLocation",
     "MassUpdate",
     "MassUpdater",
-    "StiffnessUpdate",
     "StiffnessUpdater",
     "expand_changes",
     "expand_shapes",

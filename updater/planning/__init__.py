@@ -11,9 +11,8 @@ if TYPE_CHECKING:
         blind,
         heaviest,
         study_detectability,
-        with_sensors,
     )
-    from updater.planning.expected_reference import UNSEEN, largest_motion, motion, seen_by
+    from updater.planning.expected_reference import motion, seen_by
     from updater.planning.mode_visibility import ALIKE, ModeVisibility, clearer, look
     from updater.planning.record_length import LocalizationSimulation, Target
     from updater.planning.record_noise import Record
@@ -29,7 +28,6 @@ else:
 
 __all__ = [
     "ALIKE",
-    "UNSEEN",
     "Choice",
     "DetectabilityStudy",
     "LocalizationSimulation",
@@ -44,12 +42,10 @@ __all__ = [
     "blind",
     "clearer",
     "heaviest",
-    "largest_motion",
     "look",
     "mean_position_std",
     "motion",
     "plan",
     "seen_by",
     "study_detectability",
-    "with_sensors",
 ]

@@ -82,15 +82,10 @@ class LocalizationSimulation:
         if abs(target.mass) > heaviest:
             name = outlook.reference.structure.name
             raise ModelError(f"{name}: expected a target of at most {heaviest:.3g} kg, found {target.mass:g} kg")
-        self._outlook, self._target = outlook, target
+        self._outlook, self.target = outlook, target  #: body that is to be located
         step = max(1, int(target.within / 4 / float(np.median(outlook.places.weight))))
         self._signatures = _signatures(outlook, target.mass, np.arange(0, len(outlook.member), step))
         self._draws = _draw(outlook)
-
-    @property
-    def target(self) -> Target:
-        """Body that is to be located."""
-        return self._target
 
     @property
     def places(self) -> IndexArray:
@@ -129,9 +124,9 @@ class LocalizationSimulation:
             if not len(left):
                 break
             now = self.chance(seconds, places[left])
-            share = (self._target.chance - chance[left]) / np.maximum(now - chance[left], 1e-9)
+            share = (self.target.chance - chance[left]) / np.maximum(now - chance[left], 1e-9)
             between = shorter * (seconds / shorter) ** np.clip(share, 0, 1)
-            needed[left] = np.where(now >= self._target.chance, between, np.inf)
+            needed[left] = np.where(now >= self.target.chance, between, np.inf)
             chance[left], shorter = now, seconds
         return needed
 
@@ -148,7 +143,7 @@ class LocalizationSimulation:
         signature = _whitened(data, known.log_ratio, known.shape).transpose(1, 0, 2)
         measured = signature[place, 0] + _whitened(data, *error)
         answer = self._answers(signature, measured)
-        near = np.linalg.norm(answer - outlook.point[known.rows[place]], axis=1) <= self._target.within
+        near = np.linalg.norm(answer - outlook.point[known.rows[place]], axis=1) <= self.target.within
         return float((alarm & near).mean())
 
     def _errors(self, outlook: DetectabilityStudy, data: Comparison) -> tuple[FloatArray, FloatArray]:
@@ -158,7 +153,9 @@ class LocalizationSimulation:
         model = np.sqrt(np.maximum(_variance(data) - _variance(quiet), 0))
         blur = outlook.record.blur(outlook.frequency)[:, None] * self._draws.blur
         by_mode = np.einsum("din,inc->dic", self._draws.mixing, outlook.shape_error)
-        root = _root(_covariance(data.shape_whitener) - _covariance(quiet.shape_whitener))
+        covariance = _covariance(data.shape_whitener) - _covariance(quiet.shape_whitener)
+        value, vector = np.linalg.eigh(covariance)  # rounding may have made it indefinite
+        root = np.asarray(vector * np.sqrt(np.maximum(value, 0))[:, None, :])
         by_model = np.einsum("icd,sid->sic", root, self._draws.shape_model)
         frequency = std * self._draws.frequency + model * self._draws.frequency_model
         return frequency, np.sqrt(2) * (by_mode + blur) + by_model
@@ -236,9 +233,3 @@ def _variance(data: Comparison) -> FloatArray:
 def _covariance(whitener: FloatArray) -> FloatArray:
     lower = np.linalg.inv(whitener)
     return np.asarray(lower @ lower.transpose(0, 2, 1))
-
-
-def _root(covariance: FloatArray) -> FloatArray:
-    """Return a square root of covariances (n, n_channels, n_channels) that rounding may have made indefinite."""
-    value, vector = np.linalg.eigh(covariance)
-    return np.asarray(vector * np.sqrt(np.maximum(value, 0))[:, None, :])

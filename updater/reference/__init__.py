@@ -19,12 +19,18 @@ from updater.reference.expansion import (
     orthonormal_slope,
     well_posed_cluster,
 )
-from updater.reference.model_fit import ModelFit, fit_of_model
-from updater.reference.model_modes import own_modes
+from updater.reference.model_fit import ModelFit, fit_of_model, own_modes
 from updater.reference.new_modes import matched_and_new, matched_surely
-from updater.reference.nominal_modes import match_nominal_modes
 from updater.reference.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
-from updater.reference.reference import NEAR, SAME_SHAPE, NominalModel, Reference, first_stage, pair_baseline
+from updater.reference.reference import (
+    NEAR,
+    SAME_SHAPE,
+    NominalModel,
+    Reference,
+    first_stage,
+    match_nominal_modes,
+    pair_baseline,
+)
 from updater.reference.sensitivity_method import Convergence, Prior, SensitivityFit, fit_parameters
 
 __all__ = [

@@ -1,6 +1,5 @@
 """Sensitivity of natural frequencies to the model parameters that may be updated."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +41,9 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
     """
     knobs = model_parameters_of(structure)
     sprung = with_springs(structure)
-    x = _linearization_point(knobs)
+    nominal = nominal_parameters(knobs)
+    welds = np.array([knob.kind == "weld" for knob in knobs], bool)
+    x = np.where(welds, 2 * _WELD_STEP, nominal)
     model = best_model(apply_parameters(sprung, knobs, x))
     modes = model.modes(n_modes)
     found = []
@@ -70,13 +71,6 @@ def _nominal_value(structure: Structure, knob: ModelParameter) -> float:
     if knob.kind in {"support", "joint"} and not knob.mean:
         return float("inf")
     return physical_value(structure, knob, knob.mean)
-
-
-def _linearization_point(knobs: Sequence[ModelParameter]) -> FloatArray:
-    """Return the file's parameters, with every weld a little in, so that all differences are of one mesh."""
-    nominal = nominal_parameters(knobs)
-    welds = np.array([knob.kind == "weld" for knob in knobs], bool)
-    return np.where(welds, 2 * _WELD_STEP, nominal)
 
 
 def _difference_step(knob: ModelParameter, value: float) -> float:

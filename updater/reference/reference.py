@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
-from oma import pair_modes
+from oma import mac_matrix, pair_modes
 from updater.fe import Model, Modes
 from updater.modal_data import BaselineModes, DeviceDelays, ModalMean, Scatter, TrackedModes
 from updater.reference.calibration import Calibration, channel_rows
@@ -127,3 +128,22 @@ def pair_baseline(model: Model, modes: Modes, baseline: ModalMean) -> IndexArray
     """Return for each track the paired mode of a model (n_tracks,), -1 if there is none."""
     seen = (channel_rows(model, baseline.channels) @ modes.shape).T
     return pair_modes(np.exp(baseline.log_frequency), baseline.shape, modes.frequency, seen)
+
+
+def match_nominal_modes(reference: Reference, nominal: NominalModel, channels: tuple[str, ...]) -> IndexArray:
+    """Return the file's mode paired with each mode of the recalibrated model (n_modes,), all assigned at once.
+
+    Parameters
+    ----------
+    reference : of the nearer model
+    nominal : its file
+    channels : at which shapes are compared
+    """
+    there = nominal.reference
+    apart = np.log(reference.frequency[:, None] / there.frequency)
+    unlike = 1 - mac_matrix(reference.at_channels(channels).T, there.at_channels(channels).T)
+    apart = np.abs(apart - np.median(np.diag(apart)))
+    row, answer = linear_sum_assignment(unlike + apart)
+    found: IndexArray = np.argmin(apart, axis=1)  # nearest of the remaining modes
+    found[row] = answer
+    return found

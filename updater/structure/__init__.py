@@ -33,7 +33,7 @@ from updater.structure.parameters import (
     with_springs,
 )
 from updater.structure.place_names import NamedPlaces, place_name
-from updater.structure.sections import Section
+from updater.structure.section_shapes import Section
 from updater.structure.sensors import Correction, Sensor, sensor_axes
 from updater.structure.structure import Structure, extent, fineness, size
 from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml

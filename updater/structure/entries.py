@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from daq import FloatArray
 from updater.structure.base import ON_MEMBER, Count, Entry, NotNegative, Number, Positive, Vector
-from updater.structure.sections import Section
+from updater.structure.section_shapes import Section
 from updater.structure.sensors import Correction, Sensor
 
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]

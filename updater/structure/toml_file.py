@@ -24,7 +24,7 @@ from updater.structure.entries import (
     Updating,
 )
 from updater.structure.parameters import check_updating
-from updater.structure.sections import Section
+from updater.structure.section_shapes import Section
 from updater.structure.sensors import Correction, Sensor
 from updater.structure.structure import Structure
 from updater.structure.toml_rewrite import rewrite

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from updater.validation.acting_causes import with_acting
-    from updater.validation.channel_health import SensorHealth, sensor_health
+    from updater.validation.channel_health import SensorHealth, sensor_health, with_acting
     from updater.validation.modal_correlation import (
         ModalCorrelation,
         as_written,
@@ -14,15 +13,18 @@ if TYPE_CHECKING:
         modes_before,
         modes_with_causes,
     )
-    from updater.validation.model_pairing import ModelModes, ModelPartner, model_modes
     from updater.validation.residual_forces import ForceBalance, force_balance
-    from updater.validation.shape_expansion import ExpandedShapes, expand_measured
+    from updater.validation.shape_expansion import (
+        ModelModes,
+        ModelPartner,
+        expand_measured,
+        model_modes,
+    )
     from updater.validation.virtual_sensors import VirtualSensing, virtual_sensing
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
-    "ExpandedShapes",
     "ForceBalance",
     "ModalCorrelation",
     "ModelModes",

@@ -21,8 +21,10 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes import Discrete, begin_at
 from updater.inference import Comparison, Effect, compare, fit, no_effect
-from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
+from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean, match_modes
 from updater.reference import Reference
+from updater.structure import Correction, Structure
+from updater.validation.modal_correlation import modes_with_causes
 
 _WIDE = (2.0, 5e-3)  # of a gain about one, and of a delay [s]: while the data speak for themselves
 _USUAL = (0.02, 5e-5)  # the same, of most channels
@@ -122,3 +124,35 @@ def _beside_most(
         spread = value**2 + np.diag(posterior)  # unknown values may be large
         weight = (_FREEDOM + 1) / (_FREEDOM * usual**2 + spread)
     return value, np.sqrt(np.diag(posterior))
+
+
+# parts of a structure that belong to the measuring chain, in addition to `sensors`
+_OF_THE_CHAIN = ("sensor", "recorder")
+
+
+def with_acting(reference: Reference, extended: Structure) -> Reference:
+    """Return a reference whose baseline has the shapes expected with the causes in the structure.
+
+    Frequencies are unchanged: their shift measures how much of a change is unknown. Effects of causes on the measuring
+    chain are left out, except exchanged channels: each is evaluated with its actual sensor, or both would appear
+    faulty.
+
+    Parameters
+    ----------
+    reference : that was diagnosed
+    extended : its structure with the causes written in
+    """
+    own, base = reference.structure, reference.baseline
+    kept: dict[str, object] = {name: getattr(own, name) for name in _OF_THE_CHAIN}
+    carriers = {name: correction.channel for name, correction in extended.sensors.items()}
+    kept["sensors"] = {
+        sensor.channel: own.sensors.get(sensor.channel, Correction()).model_copy(
+            update={"channel": carriers.get(sensor.channel)}
+        )
+        for sensor in own.sensor
+    }
+    acted = extended.model_copy(update=kept)
+    after = modes_with_causes(reference, acted, base)
+    partner = match_modes(base, after)
+    shape = np.where((partner >= 0)[:, None], after.shape[partner], base.shape)
+    return replace(reference, baseline=replace(base, shape=shape))

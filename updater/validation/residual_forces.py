@@ -25,7 +25,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import KDTree
 
-from daq import FloatArray, IndexArray
+from daq import FloatArray
 from updater.errors import ModelError
 from updater.fe import Model, flexibility, hinges_of
 from updater.inference import Comparison, compare
@@ -176,17 +176,12 @@ def _strains(model: Model, shape: FloatArray) -> _Readers:
     except ModelError:
         return _Readers(np.zeros((0, shape.shape[1])), sparse.csr_array((n_nodes, 0)))
     rows = (hinges.rows @ shape) / np.sqrt(flexibility(model, hinges.rows))[:, None]
-    distance, near = _nearest(model.nodes, hinges.position)
+    found = KDTree(model.nodes).query(hinges.position, k=np.arange(1, min(4, len(model.nodes)) + 1))
+    distance, near = np.asarray(found[0], np.float64), np.asarray(found[1], np.intp)
     shared = (distance <= distance[:, :1] * (1 + 1e-6) + 1e-9).astype(float)
     shared /= shared.sum(1, keepdims=True)
     row = np.repeat(np.arange(len(near)), near.shape[1])
     return _Readers(rows, sparse.csr_array((shared.ravel(), (near.ravel(), row)), shape=(n_nodes, len(near))))
-
-
-def _nearest(nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, IndexArray]:
-    """Return distances and indices (n, k) of the nodes nearest to points (n, 3): an element's ends, a joint's twins."""
-    found = KDTree(nodes).query(points, k=np.arange(1, min(4, len(nodes)) + 1))
-    return np.asarray(found[0], np.float64), np.asarray(found[1], np.intp)
 
 
 def _motions(model: Model, shape: FloatArray) -> _Readers:

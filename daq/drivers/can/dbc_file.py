@@ -12,7 +12,7 @@ import daq.protocol.can_library  # noqa: F401, isort: skip - python-can without 
 from cantools.database import Database, Message, Signal, load_string
 from cantools.errors import Error
 
-from daq.drivers.addresses import DbcSensor
+from daq.drivers.base import DbcSensor
 from daq.errors import DbcError
 from daq.protocol.can_scan import LARGEST_COUNT, LONGEST_COUNTER, MIN_COUNT, ScanLayout, ScanMessage
 from daq.protocol.can_signals import CanSignal
@@ -42,7 +42,9 @@ def read_layout(sensor: DbcSensor) -> ScanLayout:
     """
     path, messages = sensor.file, _parsed(sensor.file).messages
     axes = [_signal(path, messages, name) for name in sensor.signals]
-    counters = _counters(path, messages, axes, sensor.counter)
+    own = {message.name for message, _ in axes}
+    beside = [found for found in _named(messages, sensor.counter) if found[0].name in own]
+    counters = beside or [_signal(path, messages, sensor.counter)]
     frames = _in_order(path, [message for message, _ in (*axes, *counters)], sensor.order)
     place = {message.name: number for number, message in enumerate(frames)}
     unit = sensor.scale or _common_unit(path, axes)
@@ -137,13 +139,6 @@ def _near(name: str, messages: Iterable[Message]) -> str | None:
     known = full if "." in name else [known.rpartition(".")[2] for known in full]
     lower = {word.lower(): word for word in known}
     return next((lower[word] for word in difflib.get_close_matches(name.lower(), lower, 1)), None)
-
-
-def _counters(path: Path, messages: Iterable[Message], axes: list[_Found], name: str) -> list[_Found]:
-    """Return the counter of each of the axes' messages that has one of this name, or else that of another message."""
-    own = {message.name for message, _ in axes}
-    beside = [found for found in _named(messages, name) if found[0].name in own]
-    return beside or [_signal(path, messages, name)]
 
 
 def _in_order(path: Path, messages: list[Message], order: tuple[str, ...]) -> list[Message]:

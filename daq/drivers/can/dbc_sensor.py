@@ -5,8 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq.drivers.addresses import DbcAddress
-from daq.drivers.base import Scans, positive_rate
+from daq.drivers.base import DbcAddress, Scans, positive_rate
 from daq.drivers.can.bus import Chunk
 from daq.drivers.can.dbc_file import read_layout
 from daq.drivers.can.hub import GATHER_SECONDS, Member, join_bus, leave_bus

@@ -4,21 +4,73 @@ import time
 
 import canopen
 import numpy as np
-from canopen.sdo.exceptions import SdoError
+from canopen.sdo.exceptions import SdoAbortedError, SdoError
 
-from daq.drivers.addresses import CanAddress
-from daq.drivers.base import Scans, known_rate
+from daq.drivers.base import CanAddress, Scans, known_rate
 from daq.drivers.can.epson_can_setup import configure, end_sync, identify, produce_sync
-from daq.drivers.can.epson_can_temperature import Thermometer
 from daq.drivers.can.heartbeat import HeartbeatConsumer
 from daq.drivers.can.hub import GATHER_SECONDS, DeviceFrames, Member, SyncPart, join_bus, leave_bus
 from daq.drivers.can.sync_count import SyncedCounter
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import epson_can as epson
 from daq.protocol.can_library import can
+from daq.protocol.epson import temperature_celsius
 from daq.protocol.epson_filters import FILTERS, group_delay
 from daq.protocol.frames import concatenate
 from daq.types import DeviceIdentity, IndexArray, IntArray
+
+PERIOD = 10.0  #: s between questions
+_ASK, _ANSWER = 0x40, 0x43  # SDO commands: read an object; its four bytes
+
+
+class Thermometer:
+    """One node's temperature, requested at intervals while it samples, without waiting for the reply.
+
+    A message with every scan (TPDO4) has no room on a bus of four nodes at 1000 Hz. Answers come in the bus's thread,
+    questions from the driver's.
+
+    Parameters
+    ----------
+    node : queried at once, which takes the time of one reply
+
+    Raises
+    ------
+    canopen.SdoCommunicationError
+        If it does not answer.
+    """
+
+    def __init__(self, node: canopen.RemoteNode) -> None:
+        self._node, self._due = node, time.monotonic() + PERIOD
+        self.celsius = float("nan")  #: last temperature [degC], NaN if the node has no such object
+        try:
+            self._take(bytes(node.sdo.upload(*epson.TEMPERATURE)))
+        except SdoAbortedError:
+            self._due = float("inf")
+        self._network = node.network
+        self._network.subscribe(node.sdo.tx_cobid, self._hear)
+
+    def ask_if_due(self) -> None:
+        """Send a request if it is due; errors of the bus."""
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + PERIOD
+            self._network.send_message(self._node.sdo.rx_cobid, _message(_ASK).ljust(8, b"\0"))
+
+    def _hear(self, _: int, data: bytearray, __: float) -> None:
+        if data[:4] == _message(_ANSWER):
+            self._take(bytes(data[4:8]))
+
+    def _take(self, value: bytes) -> None:
+        self.celsius = float(temperature_celsius(int.from_bytes(value, "little", signed=True)))
+
+    def close(self) -> None:
+        """Stop receiving its frames."""
+        self._network.unsubscribe(self._node.sdo.tx_cobid, self._hear)
+
+
+def _message(command: int) -> bytes:
+    index, subindex = epson.TEMPERATURE
+    return bytes([command]) + index.to_bytes(2, "little") + bytes([subindex])
+
 
 _READ_SECONDS = 0.1
 _QUIET_SECONDS = 0.03
@@ -74,7 +126,10 @@ class EpsonCan:
 
     def _begin(self, member: Member, node: canopen.RemoteNode) -> DeviceIdentity:
         node.nmt.send_command(_PRE_OPERATIONAL)
-        self._wait_until_quiet(member)
+        end = time.monotonic() + 1.0
+        while member.take(_QUIET_SECONDS):  # data that are still sent by an earlier run
+            if time.monotonic() > end:
+                raise ValueError("it does not stop sampling")
         identity = identify(node)
         configure(node, self._address, self._rate)
         self._thermometer = Thermometer(node)
@@ -88,14 +143,6 @@ class EpsonCan:
             member.hub.syncs.restart()
             produce_sync(node)
         return identity
-
-    @staticmethod
-    def _wait_until_quiet(member: Member) -> None:
-        """Discard data that are still sent by an earlier run."""
-        end = time.monotonic() + 1.0
-        while member.take(_QUIET_SECONDS):
-            if time.monotonic() > end:
-                raise ValueError("it does not stop sampling")
 
     @staticmethod
     def _wait_for_sync(member: Member) -> None:

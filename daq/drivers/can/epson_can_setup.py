@@ -5,7 +5,7 @@ import time
 import canopen
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
-from daq.drivers.addresses import CanAddress
+from daq.drivers.base import CanAddress
 from daq.drivers.can.heartbeat import PERIOD_MS
 from daq.protocol import epson_can as epson
 from daq.protocol.epson_filters import FILTERS

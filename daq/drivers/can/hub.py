@@ -16,7 +16,7 @@ import canopen
 import numpy as np
 import numpy.typing as npt
 
-from daq.drivers.addresses import OURS, CanPlace
+from daq.drivers.base import OURS, CanPlace
 from daq.drivers.can.bus import Chunk, SlcanBus, read_frames
 from daq.drivers.can.sync_count import SyncCount
 from daq.errors import DeviceLost, DriverError

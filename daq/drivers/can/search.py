@@ -7,10 +7,10 @@ import canopen
 import serial
 from canopen.sdo.exceptions import SdoError
 
-from daq.drivers.addresses import OURS, CanAddress, CanPlace, Found, PortAnswer
+from daq.drivers.base import OURS, CanAddress, CanPlace, Found, PortAnswer
 from daq.drivers.can.epson_can_setup import identify
 from daq.drivers.can.hub import join_bus, leave_bus
-from daq.drivers.serial.port import PORT_ERRORS
+from daq.drivers.serial.base import PORT_ERRORS
 from daq.errors import DriverError
 from daq.protocol import slcan
 from daq.protocol.can_library import can

@@ -28,7 +28,7 @@ class SyncCount:
 
     def __init__(self, name: str) -> None:
         self._name, self._starts = name, 0
-        self._number = 0
+        self.number = 0  #: of the last SYNC
         self._restart = True
         self._first: tuple[int, int] | None = None  # (number, time [ns]) of this start's first SYNC
         self._last = 0  # time of the last one [ns]
@@ -37,11 +37,6 @@ class SyncCount:
     def clock(self) -> str:
         """Name of the clock of the numbers."""
         return f"{self._name} {self._starts}"
-
-    @property
-    def number(self) -> int:
-        """Number of the last SYNC."""
-        return self._number
 
     def restart(self) -> None:
         """Mark that later frames are not related to earlier ones."""
@@ -58,11 +53,11 @@ class SyncCount:
         passed = np.cumsum(chunk.frames.ids == SYNC)
         if len(passed) and passed[-1]:
             self._go_on(int(passed[-1]), chunk.arrived, rate)
-            self._number += int(passed[-1])
-            self._first = self._first or (self._number, chunk.arrived)
+            self.number += int(passed[-1])
+            self._first = self._first or (self.number, chunk.arrived)
             self._last = chunk.arrived
-            return np.asarray(self._number - passed[-1] + passed, np.intp)
-        return np.full(len(passed), self._number, np.intp)
+            return np.asarray(self.number - passed[-1] + passed, np.intp)
+        return np.full(len(passed), self.number, np.intp)
 
     def _go_on(self, n: int, arrived: int, rate: float) -> None:
         """Restart the numbers if `n` new SYNC frames do not continue the previous ones."""
@@ -71,13 +66,13 @@ class SyncCount:
             return
         period, since = self._period(self._first, rate), arrived - self._last
         if self._restart or since - n * period > _PAUSE:
-            self._number += max(0, round(since / period) - n)
+            self.number += max(0, round(since / period) - n)
             self._starts, self._restart, self._first = self._starts + 1, False, None
 
     def _period(self, first: tuple[int, int], rate: float) -> float:
         """Return the time between two SYNC [ns of the host]: as this start has shown it, until then the nominal one."""
         span = self._last - first[1]
-        return span / (self._number - first[0]) if span > _MIN_SPAN else 1e9 / rate
+        return span / (self.number - first[0]) if span > _MIN_SPAN else 1e9 / rate
 
 
 class SyncedCounter:

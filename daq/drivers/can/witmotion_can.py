@@ -4,8 +4,7 @@ import time
 
 import numpy as np
 
-from daq.drivers.addresses import CanAddress
-from daq.drivers.base import Scans, known_rate
+from daq.drivers.base import CanAddress, Scans, known_rate
 from daq.drivers.can.hub import Member, join_bus, leave_bus
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import witmotion as wit

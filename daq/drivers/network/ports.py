@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 from urllib.parse import urlsplit
 
+from daq.drivers.serial.base import READ_SECONDS
 from daq.drivers.serial.buffered_port import BufferedPort
-from daq.drivers.serial.port import READ_SECONDS
 from daq.errors import DeviceLost
 
 _CONNECT_SECONDS = 3.0

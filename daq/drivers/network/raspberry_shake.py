@@ -4,13 +4,12 @@ import time
 
 import numpy as np
 
-from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans, known_rate
+from daq.drivers.base import Found, PortAnswer, Scans, known_rate
 from daq.drivers.network.ports import UdpPort, network_address
 from daq.drivers.serial.base import SerialDriver
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import raspberry_shake as shake
-from daq.timing.stamp_count import StampCount
+from daq.timing.resampling import StampCount
 from daq.types import DeviceIdentity
 
 _WAIT_SECONDS = 3.0  # for a complete set of datagrams, of which there are 4 per second

@@ -5,10 +5,8 @@ import time
 import numpy as np
 import numpy.typing as npt
 
-from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans, positive_rate
-from daq.drivers.serial.base import SerialDriver
-from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.drivers.base import Found, PortAnswer, Scans, positive_rate
+from daq.drivers.serial.base import PORT_ERRORS, SerialDriver, SerialPort
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import node
 from daq.types import DeviceIdentity
@@ -167,7 +165,9 @@ class FrameValidator:
         good[:known] = True
         self._waiting = joined[-1:] if not good[-1] else node.NO_SCANS
         new = joined if good.all() else joined[good]
-        self.restarted = bool(_went_back(new).any())
+        # a later one that has both lower counter and earlier time than its neighbour
+        back = (np.diff(values).view(np.int32) < 0 for values in (new.counter, new.time))
+        self.restarted = bool(np.logical_and(*back).any())
         self._last = new[-1:]
         return new[known:], int(np.count_nonzero(~good)) - len(self._waiting.counter)
 
@@ -188,9 +188,3 @@ class FrameValidator:
         expected = step * self._period
         off = np.abs(us - expected)
         return np.asarray((step > 0) & (expected < _NEIGHBOURS) & (off < _CLOCK_SLACK + _CLOCK_TOLERANCE * expected))
-
-
-def _went_back(scans: node.NodeScans) -> npt.NDArray[np.bool_]:
-    """Return for each pair of neighbours whether the later one has both lower counter and earlier time."""
-    back = (np.diff(values).view(np.int32) < 0 for values in (scans.counter, scans.time))
-    return np.logical_and(*back)

@@ -4,14 +4,12 @@ import time
 
 import numpy as np
 
-from daq.drivers.addresses import TextAddress
-from daq.drivers.base import Scans, positive_rate
+from daq.drivers.base import Scans, TextAddress, positive_rate
 from daq.drivers.network.ports import network_address
-from daq.drivers.serial.base import BytePort, SerialDriver
-from daq.drivers.serial.port import SerialPort
+from daq.drivers.serial.base import BytePort, SerialDriver, SerialPort
 from daq.errors import DeviceLost
 from daq.protocol.text_line import LineFormat, TextDecoder, TextScans, joined, no_scans
-from daq.timing.stamp_count import StampCount
+from daq.timing.resampling import StampCount
 from daq.types import DeviceIdentity, FloatArray, IndexArray
 
 _WAIT_SECONDS = 5.0  # for the first lines: an Arduino restarts when its port is opened, and takes 2 s

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq.drivers.addresses import Found, PortAnswer, TextAddress
+from daq.drivers.base import Found, PortAnswer, TextAddress
 from daq.drivers.network.ports import network_address
-from daq.drivers.serial.base import BytePort
-from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.drivers.serial.base import PORT_ERRORS, BytePort, SerialPort
 from daq.errors import DeviceLost
 from daq.protocol.text_line import AXES, DECIMAL, IGNORED, TIMES, UNITS, LineFormat, line_pattern, unsealed
 from daq.types import DeviceIdentity, FloatArray

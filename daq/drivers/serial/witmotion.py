@@ -4,10 +4,8 @@ import time
 
 import numpy as np
 
-from daq.drivers.addresses import Found, PortAnswer
-from daq.drivers.base import Scans, known_rate
-from daq.drivers.serial.base import SerialDriver
-from daq.drivers.serial.port import PORT_ERRORS, SerialPort
+from daq.drivers.base import Found, PortAnswer, Scans, known_rate
+from daq.drivers.serial.base import PORT_ERRORS, SerialDriver, SerialPort
 from daq.errors import DeviceLost
 from daq.protocol import witmotion as wit
 from daq.types import DeviceIdentity

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from daq.drivers.addresses import DbcSensor
+from daq.drivers.base import DbcSensor
 from daq.drivers.can.dbc_file import read_layout
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, SilentNode, Syncs
 from daq.protocol.can_scan import encode_scans

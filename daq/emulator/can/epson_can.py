@@ -7,8 +7,7 @@ import numpy as np
 
 from daq.emulator.can.canopen_server import Entry, Place, SdoServer
 from daq.emulator.can.sync import SyncProducer
-from daq.emulator.line_faults import NO_FAULTS, FaultyLine, LineFaults
-from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, Syncs
+from daq.emulator.serving import NO_FAULTS, NO_SYNCS, FaultyLine, Frame, LineFaults, SampleSource, Syncs
 from daq.protocol import epson_can as epson
 from daq.protocol.epson import temperature_raw
 from daq.protocol.epson_filters import TAPS, group_delay
@@ -61,7 +60,7 @@ class EmulatedEpsonCan:
         self._state = _PRE_OPERATIONAL
         self._hung = False
         self._unsent: list[Frame] = []  # that it sends by itself, next time
-        self._started: int | None = None
+        self.sampling_since: int | None = None  #: time of the first scan [ns UTC], None while it is not sampling
         self._first_started: int | None = None
         self._sampled = 0  # scans that the last `scans` has returned
         self._producer = SyncProducer(clock, clock_error)
@@ -82,11 +81,6 @@ class EmulatedEpsonCan:
         """Delay of a scan by the device's filter [s]."""
         return group_delay(self._objects[epson.FILTER])
 
-    @property
-    def sampling_since(self) -> int | None:
-        """Time of the first scan [ns UTC], None while it is not sampling."""
-        return self._started
-
     def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
         if self._hung or self._dead:
@@ -102,11 +96,11 @@ class EmulatedEpsonCan:
         if command == _START and self._state != _OPERATIONAL:
             self._state, self._due, self._train, self._train_first = _OPERATIONAL, 0, 0, 0
             if not self.synced:
-                self._started = self._clock.now()
-                self._source.start(self._started, self._rate * (1 + self._clock_error))
+                self.sampling_since = self._clock.now()
+                self._source.start(self.sampling_since, self._rate * (1 + self._clock_error))
         elif command in (_STOP, _ENTER_PRE_OPERATIONAL, *_RESET):
             self._state = _STOPPED if command == _STOP else _PRE_OPERATIONAL
-            self._started = None
+            self.sampling_since = None
         return [(_HEARTBEAT + self.node, bytes([_INITIALISING]))] if command in _RESET else []
 
     def warm_to(self, temperature: float) -> None:
@@ -127,7 +121,7 @@ class EmulatedEpsonCan:
         self._hung = True
 
     def _stand_still(self) -> None:
-        self._started = self._next_beat = None
+        self.sampling_since = self._next_beat = None
         self._producer.stop()
 
     def fail(self, code: int, register: int = 0x01) -> None:
@@ -169,7 +163,7 @@ class EmulatedEpsonCan:
         self.dropped += n - len(counts)
         self.sent += len(counts)
         self._sampled = len(counts)
-        self._first_started = self._first_started or self._started
+        self._first_started = self._first_started or self.sampling_since
         frames = epson.encode_scans(self.node, counts, self.line.counter + first)
         on = [not self._objects[place] & epson.COB_OFF for place in (epson.TPDO1_COB, epson.TPDO2_COB)]
         return frames if all(on) else frames[np.tile(on, len(counts))]
@@ -180,7 +174,7 @@ class EmulatedEpsonCan:
         if not self._sampled or len(own) != 2 * self._sampled:
             return frames
         times, pairs = np.ones(len(frames), np.intp), own.reshape(-1, 2)
-        first = self._scans_until(self._started) + self._due - self._sampled
+        first = self._scans_until(self.sampling_since) + self._due - self._sampled
         for start, stop, what in self.line.runs(first, self._sampled, self._rate):
             if what is not None:
                 times[pairs[start:stop]] = {"repeated": (2, 2), "cut": (1, 0)}.get(what, (0, 0))
@@ -198,9 +192,9 @@ class EmulatedEpsonCan:
 
     def _n_due(self) -> int:
         """Return how many scans its own timer has made due."""
-        if self._started is None:
+        if self.sampling_since is None:
             return 0
-        elapsed = (self._clock.now() - self._started) * 1e-9 - self._delay
+        elapsed = (self._clock.now() - self.sampling_since) * 1e-9 - self._delay
         return max(0, math.floor(elapsed * self._rate * (1 + self._clock_error)) + 1 - self._due)
 
     def _n_received(self, syncs: Syncs) -> int:
@@ -209,8 +203,8 @@ class EmulatedEpsonCan:
             return 0
         if syncs.since != self._train:
             self._train, self._train_first = syncs.since, self._due
-            self._started = syncs.since + round((syncs.first / syncs.rate - self._delay) * 1e9)
-            self._source.start(self._started, syncs.rate)
+            self.sampling_since = syncs.since + round((syncs.first / syncs.rate - self._delay) * 1e9)
+            self._source.start(self.sampling_since, syncs.rate)
         return syncs.n
 
 

@@ -53,10 +53,5 @@ def synced_frames(n: int, parts: Sequence[CanFrames]) -> CanFrames:
     parts : each node's frames, of scan after scan from the first SYNC on
     """
     frames = concatenate([can_frames([(SYNC, b"")] * n), *parts])
-    scan = np.concatenate([np.arange(n), *(_scan(part) for part in parts)])
+    scan = np.concatenate([np.arange(n), *(np.arange(len(part)) // max(1, len(np.unique(part.ids))) for part in parts)])
     return frames[np.lexsort((frames.ids, scan))]
-
-
-def _scan(part: CanFrames) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Return which of the scans each of a node's frames is of (n,)."""
-    return np.arange(len(part)) // max(1, len(np.unique(part.ids)))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from daq.emulator.serving import NO_SYNCS, Frame, SampleSource, SilentNode, Syncs
-from daq.emulator.wit_settings import WitSettings
+from daq.emulator.witmotion import WitSettings
 from daq.protocol import witmotion as wit
 from daq.protocol.frames import NO_FRAMES, CanFrames, concatenate
 from daq.timing.host_clock import HostClock

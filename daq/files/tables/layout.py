@@ -84,7 +84,9 @@ def find_layout(path: Path, lines: Sequence[Line], comments: Sequence[Line], nam
     if not found.count:
         found = _without_rows(lines)
     elif found.width == 1 and found.begin:
-        found = _one_column(lines, found)
+        text = lines[found.begin - 1][1]
+        delimiter = next((d for d in _DELIMITERS if d and d in text), ",")
+        found = replace(found, delimiter=delimiter, cells=[cells_of(line, delimiter) for _, line in lines])
     width = found.width
     first = lines[found.begin][0] if found.begin < len(lines) else lines[-1][0] + 1
     layout = Layout(
@@ -169,13 +171,6 @@ def _without_rows(lines: Sequence[Line]) -> _Rows:
     cells = [cells_of(line, delimiter) for _, line in lines]
     kinds: list[Kind] = ["value"] * len(cells[0])
     return _Rows(delimiter, 0, len(cells[0]), 1, tuple(kinds), cells)
-
-
-def _one_column(lines: Sequence[Line], rows: _Rows) -> _Rows:
-    """Return rows of one number, with the delimiter of the names before them."""
-    text = lines[rows.begin - 1][1]
-    delimiter = next((d for d in _DELIMITERS if d and d in text), ",")
-    return replace(rows, delimiter=delimiter, cells=[cells_of(line, delimiter) for _, line in lines])
 
 
 def _header(lines: Sequence[Line], rows: _Rows, comments: Sequence[Line]) -> tuple[int, list[str], list[str]] | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from daq.log.format.ros_messages import encode_scans, message_kind
 from daq.timing.scan_clocks import ScanClock, ScanClocks
-from daq.types import Block, Flag, FloatArray, IndexArray, IntArray
+from daq.types import Block, Flag, FloatArray, IndexArray
 
 VIEW = "/view/"
 _HALF = 9  # kept scans on each side of the filter's middle: 60 dB from 0.6 of the view's rate on
@@ -69,7 +69,8 @@ class _DeviceView:
 
     def add(self, block: Block, clock: ScanClock) -> tuple[IndexArray, FloatArray]:
         """Take a block and its clock; return times (n,) [ns UTC] and accelerations (n, n_axes) [m/s2]."""
-        counts = block.counts if block.first_index != self._end else _joined(self._kept, block.counts)
+        continues = block.first_index == self._end and len(self._kept)
+        counts = np.concatenate([self._kept, block.counts]) if continues else block.counts
         self._end = block.end_index
         self._kept = counts[max(0, len(counts) - len(self._taps) + 1) :]
         begin = self._end - len(counts)
@@ -87,10 +88,6 @@ class _DeviceView:
         times = np.maximum(times, self._last + 1 + np.arange(len(times)))
         self._last = int(times[-1])
         return times
-
-
-def _joined(before: IntArray, after: IntArray) -> IntArray:
-    return np.concatenate([before, after]) if len(before) else after
 
 
 def _low_pass(every: int) -> FloatArray:

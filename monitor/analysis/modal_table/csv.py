@@ -60,10 +60,10 @@ class CsvTable:
         delimiter = next((d for d in (";", "\t") if d in header), ",")
         rows = [(i, [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]) for i, line in lines]
         rows = [(i, cells) for i, cells in rows if any(cells)]
-        self._first, headings = rows[0] if rows else (1, [])
+        self.first, headings = rows[0] if rows else (1, [])  #: line of the header
         self._rows = rows[1:]
-        if headings and all(_is_number(cell) for cell in headings if cell):
-            raise LogError(path, f"line {self._first}: expected names of columns, found numbers")
+        if headings and all(bool(np.isfinite(_parsed(cell))) for cell in headings if cell):
+            raise LogError(path, f"line {self.first}: expected names of columns, found numbers")
         columns = [self._column(cell) for cell in headings]
         used = [i for i, (name, _) in enumerate(columns) if not self._is_ignored(i, name)]
         self._width, self._used = len(columns), used
@@ -71,12 +71,7 @@ class CsvTable:
         self._scale = [columns[i][1] for i in used]
         twice = [name for name in self.names if self.names.count(name) > 1]
         if twice:
-            raise LogError(path, f"line {self._first}, column {twice[0]}: named twice")
-
-    @property
-    def first(self) -> int:
-        """Line of the header."""
-        return self._first
+            raise LogError(path, f"line {self.first}, column {twice[0]}: named twice")
 
     def rows(self) -> Iterator[tuple[int, dict[str, complex]]]:
         """Yield line and values of each row; empty cells are allowed in columns of deviations, as NaN."""
@@ -102,7 +97,7 @@ class CsvTable:
         units = _UNITS[name.removesuffix("_std")] if name in OWN else _SHAPE_UNITS
         if unit.strip() not in units:
             expected = " or ".join(units)
-            raise LogError(self._path, f"line {self._first}, column {heading}: expected the unit {expected}")
+            raise LogError(self._path, f"line {self.first}, column {heading}: expected the unit {expected}")
         return name, units[unit.strip()]
 
     def _is_ignored(self, i: int, name: str) -> bool:
@@ -117,10 +112,6 @@ class CsvTable:
         if not np.isfinite(value) or (name in OWN and value.imag):
             raise LogError(self._path, f"line {line}, column {name}: expected a number, found {cell!r}")
         return value
-
-
-def _is_number(cell: str) -> bool:
-    return bool(np.isfinite(_parsed(cell)))
 
 
 def _parsed(cell: str) -> complex:

@@ -96,7 +96,9 @@ def frequency_change(
         len(windows.estimates) == 1
     ):  # large steps are not small to first order: shorter windows show them where they are
         (start,) = (e.start for e in windows.estimates)
-        parts = _cut(next(r for r in recordings() if r.start == start), _N_PARTS)
+        recording = next(r for r in recordings() if r.start == start)
+        edges = [round(k * len(recording.data) / _N_PARTS) for k in range(_N_PARTS + 1)]
+        parts = [_part(recording, first, last) for first, last in pairwise(edges)]
         with suppress(IdentificationError):
             finer = _step(identify_windows(parts, method, band))
             step = finer if finer and finer.probability <= step.probability else step
@@ -220,12 +222,6 @@ def _partners(a: ModalEstimate, b: ModalEstimate) -> IndexArray:
     nearest = np.argmin(cost, axis=1)
     mutual = np.argmin(cost, axis=0)[nearest] == np.arange(len(nearest))
     return np.where(mutual & np.isfinite(cost.min(axis=1)), nearest, -1)
-
-
-def _cut(recording: Recording, n: int) -> list[Recording]:
-    """Return n parts of equal length."""
-    edges = [round(k * len(recording.data) / n) for k in range(n + 1)]
-    return [_part(recording, first, last) for first, last in pairwise(edges)]
 
 
 def _part(recording: Recording, first: int, last: int) -> Recording:

@@ -5,20 +5,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from monitor.analysis.known_bodies import BodiesResult, select_known_bodies
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.text.causes import quantity_text
 from monitor.text.quantities import share_text
 from updater.quantities import Quantity
 
 _MAX_LISTED = 5  # sets of bodies
+_STYLE: dict[str, Any] = {"title_justify": "left", "pad_edge": False}  # of the tables
 
 
 def identify_bodies(path: Path, json_path: Path | None) -> int:
@@ -89,21 +88,13 @@ def _answer_text(result: BodiesResult) -> str:
     return f"{result.verdict.replace('_', ' ')}: {best} (probability {probability}, {records})"
 
 
-def _table(title: str, columns: Sequence[tuple[str, bool]]) -> Table:
-    """Return an empty table; columns are names and whether they hold numbers."""
-    table = Table(box=SIMPLE_HEAD, title=title, title_justify="left", pad_edge=False)
-    for name, number in columns:
-        table.add_column(name, justify="right" if number else "left")
-    return table
-
-
 def _set_text(names: Sequence[str], chosen: Sequence[int]) -> str:
     return escape(", ".join(names[k] for k in chosen) or "none")
 
 
 def _sets_table(result: BodiesResult) -> Table:
     found, names = result.selection, result.content.names
-    table = _table("sets of bodies, all records together", (("bodies", False), ("probability", True)))
+    table = new_table(("bodies",), ("probability",), title="sets of bodies, all records together", **_STYLE)
     for row in np.argsort(-found.probability)[:_MAX_LISTED].tolist():
         table.add_row(_set_text(names, found.sets[row]), _probability_text(float(found.probability[row])))
     return table
@@ -111,7 +102,7 @@ def _sets_table(result: BodiesResult) -> Table:
 
 def _bodies_table(result: BodiesResult) -> Table:
     found, content = result.selection, result.content
-    table = _table("bodies", (("body", False), ("change", False), ("probability", True), ("mass", True)))
+    table = new_table(("body", "change"), ("probability", "mass"), title="bodies", **_STYLE)
     for k, body in enumerate(content.body):
         mass = Quantity(value=abs(float(found.mass[k])), std=float(found.mass_std[k]), unit="kg")
         table.add_row(
@@ -127,8 +118,10 @@ def _records_table(result: BodiesResult) -> Table:
     found, content = result.selection, result.content
     best = int(np.argmax(found.probability))
     answer = _set_text(content.names, found.best)
-    columns = (("record", False), ("most probable", False), ("probability", True), (f"probability of {answer}", True))
-    table = _table("each record alone, with the scatter of all", columns)
+    numbers = ("probability", f"probability of {answer}")
+    table = new_table(
+        ("record", "most probable"), numbers, title="each record alone, with the scatter of all", **_STYLE
+    )
     for name, own in zip(content.record_names, found.per_record, strict=True):
         table.add_row(
             escape(name),

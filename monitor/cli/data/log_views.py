@@ -13,9 +13,8 @@ from urllib.parse import urlsplit
 from daq import AnyLog, LogExcerpt
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.exit_codes import DONE
-from monitor.cli.progress import Work, files_of_logs, progress
-from monitor.cli.terminal import echo
+from monitor.cli.options import DONE
+from monitor.cli.terminal import Work, echo, files_of_logs, progress
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report
 from monitor.views.run import Run, find_log, load_run

@@ -1,26 +1,83 @@
-"""A virtual rig and its monitor; the answer is compared with the truth."""
+"""A virtual rig and its monitor on the terminal; the answer is compared with the truth."""
 
 import secrets
 import shutil
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console, Group
+from rich.live import Live
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from daq.notebook import rounded_text
 from daq.signals import STOP_SIGNALS, signal_event
-from monitor.cli.demo.display import Display
-from monitor.cli.demo.pace import Pace
-from monitor.cli.demo.rig_process import RigProcess
+from monitor.cli.demo.rig_process import Pace, RigProcess
 from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.demo.score import reveal
-from monitor.cli.exit_codes import INTERRUPTED
+from monitor.cli.options import INTERRUPTED
+from monitor.cli.site.console_log import line
 from monitor.cli.site.monitoring import tell_live
 from monitor.cli.terminal import console
-from monitor.results.windows import Result
+from monitor.results.windows import AlarmResult, Result, WindowResult
 from monitor.rig import Scenario, draw_t_frame, dump_scenario
 from monitor.service.daemon import run
 from monitor.service.servers.live_view import live_view
 from monitor.service.site import load_site
+from monitor.text.quantities import aligned_numbers
 from updater import parse_structure, t_structure_toml
+
+
+class Display:
+    """Terminal display while the monitor runs."""
+
+    def __init__(self, console: Console, n_windows: int, stop: threading.Event) -> None:
+        self._planned, self._stop, self._console = n_windows, stop, console
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("window {task.completed} of {task.total}"),
+            TimeElapsedColumn(),
+        )
+        self._task = self._bar.add_task("learning ", total=n_windows)
+        self._live = Live(self._bar, console=console, refresh_per_second=4)
+        self.found: list[Result] = []
+        self.n_windows = 0
+
+    def __enter__(self) -> None:
+        self._live.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def show(self, result: Result) -> None:
+        """Take one result; ends the watch after the last planned window."""
+        self.found.append(result)
+        if not isinstance(result, WindowResult):
+            style = "bold red" if isinstance(result, AlarmResult) and result.state == "alarm" else "cyan"
+            self._console.print(f"[{style}]{escape(line(result))}[/]")
+            return
+        self.n_windows = result.index + 1
+        total = max(self._planned, self.n_windows)  # one may be in progress at the end
+        self._bar.update(self._task, completed=self.n_windows, total=total, description=result.phase.ljust(9))
+        latest = Table.grid(padding=(0, 2))
+        frequencies = aligned_numbers((mode.frequency, mode.frequency_std) for mode in result.modes)
+        for mode, frequency in zip(result.modes, frequencies, strict=True):
+            shift = mode.shift_percent
+            latest.add_row(
+                f"mode {mode.id}",
+                f"{frequency} Hz",
+                f"{rounded_text(100 * mode.damping, 100 * mode.damping_std)} %",
+                "" if shift is None else f"{rounded_text(shift, mode.shift_std_percent or 0.0, sign=True)} %",
+            )
+        self._live.update(Group(latest, self._bar))
+        if result.answer:
+            self._console.print(escape(line(result)))
+        if self.n_windows >= self._planned:
+            self._stop.set()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from daq.notebook import utc_text
 from monitor.cli.demo.rig_site import rig_site
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 from monitor.cli.output import write_new
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError, SettingsError
 from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios
 from monitor.rig.process import SHIPPED, load_rig_structure
@@ -64,9 +63,8 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
 
 
 def _devices(scenario: Scenario, found: dict[str, object]) -> Table:
-    table = Table(box=SIMPLE_HEAD, title=f"virtual rig: {escape(scenario.structure)}, {scenario.rate:g} Hz")
-    for name in ("device", r"at \[m]", "port"):
-        table.add_column(name, overflow="fold")
+    title = f"virtual rig: {escape(scenario.structure)}, {scenario.rate:g} Hz"
+    table = new_table(("device", r"at \[m]", "port"), overflow="fold", title=title)
     places = found["ports"]
     assert isinstance(places, dict)
     for device in scenario.device:

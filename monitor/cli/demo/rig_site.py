@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from monitor.cli.new.axes import axis_channels
+from monitor.cli.new.site_file import axis_channels
 from monitor.rig import Scenario
 from updater import Structure
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from daq.notebook import number_text
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.results.windows import AlarmResult, MassAnswer, Result, WindowResult
 from monitor.rig import Scenario
 from monitor.service.daemon import RunReport

@@ -7,10 +7,9 @@ from daq import LogError, export_recording
 from daq.files import expand_log
 from monitor.analysis.logs import log_recordings
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
-from monitor.cli.progress import files_of_logs, progress
-from monitor.cli.terminal import echo
+from monitor.cli.options import DONE
+from monitor.cli.terminal import echo, files_of_logs, progress
 from monitor.views.run import late_devices
 
 

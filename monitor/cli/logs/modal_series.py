@@ -7,9 +7,8 @@ from pathlib import Path
 from daq import Event, LogError, McapWriter
 from monitor.analysis.modal_table.series import ModalSeries
 from monitor.analysis.temperature import reading
-from monitor.results.events import result_event
 from monitor.results.service_events import Stopped
-from monitor.results.windows import Result
+from monitor.results.windows import Result, result_event
 from monitor.service.site import load_site
 from monitor.settings import (
     AXES,

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 
 from monitor.archive import AnalysedLog, ArchiveLog, LogTexts, find_logs, read_steps, reanalyse, steps_key, texts_of
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console
+from monitor.cli.options import DONE, NEEDS_A_PERSON
+from monitor.cli.terminal import console, progress
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument
 
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 
 
 def repair(log: Annotated[Path, Argument(metavar="LOG.mcap")]) -> int:

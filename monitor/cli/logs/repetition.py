@@ -11,9 +11,8 @@ from monitor.analysis.time_range import TimeRange
 from monitor.cli.logs.modal_series import series_site, watch_series, write_series
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.output import write_json
-from monitor.cli.progress import files_of_logs, progress
 from monitor.cli.site.console_log import line
-from monitor.cli.terminal import console, echo, warn
+from monitor.cli.terminal import console, echo, files_of_logs, progress, warn
 from monitor.errors import ArgumentError
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
 from monitor.service.replay import ReplayReport, replay, write_watched

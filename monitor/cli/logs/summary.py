@@ -5,16 +5,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
-from rich.table import Table
 
 from daq import AnyLog, inspect_log
 from daq.log import DeviceInfo, LogInfo, files_of, log_info
-from monitor.cli.exit_codes import DONE
 from monitor.cli.logs.run_log import one_log
+from monitor.cli.options import DONE
 from monitor.cli.output import write_json
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table
 
 
 def summarize(paths: Sequence[Path], json_path: Path | None) -> int:
@@ -64,9 +62,8 @@ def _mean(values: list[float]) -> float | None:
 
 
 def _say(log: AnyLog, info: LogInfo) -> None:
-    table = Table(title=escape(log.name), box=SIMPLE_HEAD)
-    for name in ("device", "Hz", "axes", "scans", "s", "gaps", "missing", "restarts", "°C"):
-        table.add_column(name, justify="left" if name == "device" else "right", no_wrap=True)
+    names = ("Hz", "axes", "scans", "s", "gaps", "missing", "restarts", "°C")
+    table = new_table(("device",), names, no_wrap=True, title=escape(log.name))
     for name, device in info.devices.items():
         temperature = _mean(device.temperatures)
         figures = [f"{device.rate:g}", str(device.n_axes), str(device.n_scans)]

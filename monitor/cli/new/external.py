@@ -46,12 +46,8 @@ def external(
     modalwatch new external strip.sti strip.mas --nodes strip.inp --doubled root=doubled.sti -o strip.toml
     modalwatch new external kgg.op4 mgg.op4 --nodes model.bdf -o model.toml
     """
-    from monitor.cli.new import external_file as work
+    from monitor.cli.new.external_file import write_external
+    from updater import ProgramFiles
 
-    return work.write_external(
-        out,
-        work.Given(stiffness=stiffness, mass=mass, nodes=nodes, rows=rows, unit=unit),
-        groups=group or [],
-        doubled=doubled or [],
-        force=force,
-    )
+    files = ProgramFiles(stiffness=stiffness, mass=mass, nodes=nodes, rows=rows, millimetres=unit == "mm")
+    return write_external(out, files, groups=group or [], doubled=doubled or [], force=force)

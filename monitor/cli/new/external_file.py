@@ -2,13 +2,13 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from daq import FloatArray
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 from monitor.cli.output import replacing, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
@@ -18,18 +18,9 @@ _MAX_LINES = 12
 _SAME = 1e-6  # of the largest extent: nodes on one line
 
 
-@dataclass(frozen=True, kw_only=True)
-class Given:
-    """Files of the command, and their unit."""
-
-    stiffness: Path
-    mass: Path
-    nodes: Path
-    rows: Path | None
-    unit: str
-
-
-def write_external(path: Path, given: Given, *, groups: Sequence[str], doubled: Sequence[str], force: bool) -> int:
+def write_external(
+    path: Path, given: ProgramFiles, *, groups: Sequence[str], doubled: Sequence[str], force: bool
+) -> int:
     """Write a structure file and its matrices.
 
     Raises
@@ -46,16 +37,7 @@ def write_external(path: Path, given: Given, *, groups: Sequence[str], doubled: 
     repeated = sorted(own.keys() & twice.keys())
     if repeated:
         raise ArgumentError("--doubled", f"the group {repeated[0]!r} is given by --group too")
-    files = ProgramFiles(
-        stiffness=given.stiffness,
-        mass=given.mass,
-        nodes=given.nodes,
-        rows=given.rows,
-        groups=own,
-        doubled=twice,
-        millimetres=given.unit == "mm",
-    )
-    matrices = read_program_files(files)
+    matrices = read_program_files(replace(given, groups=own, doubled=twice))
     text = "\n".join(_lines(npz, given, matrices))
     loaded = parse_structure(text, path)
     if npz.exists() and not force:
@@ -86,7 +68,7 @@ def _named(option: str, given: Sequence[str]) -> dict[str, Path]:
     return found
 
 
-def _lines(npz: Path, given: Given, matrices: Matrices) -> Iterator[str]:
+def _lines(npz: Path, given: ProgramFiles, matrices: Matrices) -> Iterator[str]:
     yield f"name = {json.dumps(given.stiffness.stem)}\n"
     yield "[external]"
     yield f"matrices = {json.dumps(npz.name)}          # stiffness, mass, nodes and faces, in m, N and kg\n"

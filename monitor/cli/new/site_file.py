@@ -9,15 +9,30 @@ from typing import Any
 from pydantic import ValidationError
 
 from daq.drivers import driver_names
-from monitor.cli.exit_codes import DONE
-from monitor.cli.new.axes import axis_channels
-from monitor.cli.new.questions import asked
-from monitor.cli.output import write_new
+from monitor.cli.options import DONE
+from monitor.cli.output import asked, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, annotated
 from updater import load_structure
 from updater.structure import Sensor
+
+
+def axis_channels(sensors: Sequence[Sensor]) -> dict[str, str]:
+    """Return device axis -> channel: the axis along the sensor's direction if it is free, else the first free one."""
+    found: dict[str, str] = {}
+    oblique: list[Sensor] = []
+    for sensor in sensors:
+        along = max(range(3), key=lambda axis, sensor=sensor: abs(sensor.direction[axis]))  # type: ignore[misc]
+        straight = sum(bool(part) for part in sensor.direction) == 1
+        if straight and AXES[along] not in found:
+            found[AXES[along]] = sensor.channel
+        else:
+            oblique.append(sensor)
+    free = (axis for axis in AXES if axis not in found)
+    found |= {next(free): sensor.channel for sensor in oblique}
+    return dict(sorted(found.items()))
+
 
 _NOT_OFFERED = ("nidaqmx", "replay")  # they have no port
 

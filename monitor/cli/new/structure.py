@@ -5,8 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.new.kinds import KINDS, MATERIALS
-from monitor.cli.options import Force, one_of
+from monitor.cli.options import KINDS, MATERIALS, Force, one_of
 
 
 def structure(

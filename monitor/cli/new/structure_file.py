@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from monitor.analysis.logs import log_channels
-from monitor.cli.exit_codes import DONE
-from monitor.cli.new.kinds import KINDS
-from monitor.cli.new.questions import asked
-from monitor.cli.output import write_new
+from monitor.cli.options import DONE, KINDS
+from monitor.cli.output import asked, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from updater import StructureError, parse_structure
@@ -228,10 +226,6 @@ def _section(option: str, text: str) -> str:
     return "\n".join([f'shape = "{shape}"', *dimensions])
 
 
-def _cantilever(size: Mapping[str, float]) -> _Frame:
-    return _Frame(members=(_column(size["height"]),), feet=((0, 0, 0),))
-
-
 def _column(height: float) -> _Member:
     return _Member(name="column", start=(0, 0, 0), end=(0, 0, height), directions="xy", places=_up_to_the_end)
 
@@ -276,7 +270,7 @@ def _t_frame(size: Mapping[str, float]) -> _Frame:
 
 
 _FRAMES: dict[str, Callable[[Mapping[str, float]], _Frame]] = {
-    "cantilever": _cantilever,
+    "cantilever": lambda size: _Frame(members=(_column(size["height"]),), feet=((0, 0, 0),)),
     "beam": _beam,
     "portal": _storeys,
     "storeys": _storeys,

@@ -4,8 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.exit_codes import DONE
-from monitor.cli.options import Person, Site
+from monitor.cli.options import DONE, Person, Site
 
 
 def acknowledge(site: Site, by: Person = "", note: Annotated[str, Option(help="Comment.")] = "") -> int:

@@ -1,10 +1,11 @@
 """Command `fleet`."""
 
+from pathlib import Path
 from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 
 
 def fleet(
@@ -19,7 +20,31 @@ def fleet(
     modalwatch fleet postgresql://modalwatch@localhost/modalwatch
     modalwatch fleet mqtt://broker.example.org/modalwatch
     """
-    from monitor.cli.operation.fleet_page import serve
+    from tempfile import TemporaryDirectory
 
-    serve(target, port)
+    from pydantic import SecretStr
+
+    from monitor.cli.terminal import echo
+    from monitor.errors import ArgumentError
+    from monitor.service.servers.fleet import serve_fleet
+    from monitor.settings.fleet import FleetSettings, load_fleet_settings
+    from monitor.settings.notify import is_broker
+
+    path, is_mqtt = Path(target), target.startswith(("mqtt://", "mqtts://"))
+    if port is not None and not 1 <= port <= 65535:
+        raise ArgumentError("--port", f"expected 1 to 65535, found {port}")
+    if "://" not in target and path.suffix != ".toml":
+        known = "postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml"
+        raise ArgumentError("TARGET", f"expected {known}, found {target!r}")
+    if is_mqtt and not is_broker(target):
+        raise ArgumentError("TARGET", "expected mqtt://HOST/TOPIC, without wildcards")
+    if "://" in target:
+        settings = FleetSettings(mqtt=SecretStr(target)) if is_mqtt else FleetSettings(url=SecretStr(target))
+    else:
+        settings = load_fleet_settings(path)
+    settings = settings if port is None else settings.model_copy(update={"port": port})
+    with (
+        TemporaryDirectory() as folder
+    ):  # of a token that nobody needs: the page of an address is for this machine only
+        serve_fleet(settings, Path(folder) if "://" in target else path.parent, lambda url: echo(f"fleet: {url}"))
     return DONE

@@ -7,12 +7,11 @@ from pathlib import Path
 from time import time_ns
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from daq.notebook import rounded_text
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
 from monitor.outputs.history.summary import Found, look
@@ -38,7 +37,8 @@ def read_history(target: str, site: str, days: float | None) -> Found:
     with Reader(url, site or own) as reader:
         if site and not reader.is_known:
             raise ArgumentError("--site", f"expected a site of the database, found {site!r}")
-        return look(reader, None if days is None else _last(days))
+        now = time_ns()
+        return look(reader, None if days is None else Span(start=now - round(min(_EONS, days) * _DAY), end=now))
 
 
 def _place(target: str) -> tuple[str, str]:
@@ -52,11 +52,6 @@ def _place(target: str) -> tuple[str, str]:
     if not path.is_file():
         raise ArgumentError("TARGET", f"expected SITE.toml, a SQLite file or an address, found {target!r}")
     return f"sqlite:///{path}", ""
-
-
-def _last(days: float) -> Span:
-    now = time_ns()
-    return Span(start=now - round(min(_EONS, days) * _DAY), end=now)
 
 
 def write_csv(path: Path, found: Found) -> None:
@@ -132,9 +127,9 @@ def _say_alarms(alarms: list[AlarmRow]) -> None:
 
 
 def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
-    table = Table(title="modes: frequencies in Hz, last damping and shift in %", title_justify="left", box=SIMPLE_HEAD)
-    for name in ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift"):
-        table.add_column(name, justify="right", no_wrap=True)
+    title = "modes: frequencies in Hz, last damping and shift in %"
+    names = ("mode", "windows", "first", "last", "lowest", "highest", "damping", "shift")
+    table = new_table(right=names, no_wrap=True, title=title, title_justify="left")
     for mode, points in trends.items():
         if not points:
             continue
@@ -158,9 +153,8 @@ def _last_value(values: list[float], *, sign: bool = False) -> str:
 
 
 def _events(events: list[EventRow]) -> Table:
-    table = Table(title="events", title_justify="left", box=SIMPLE_HEAD)
-    for name in ("time", "what", "device", ""):
-        table.add_column(name, no_wrap=bool(name))
+    table = new_table(("time", "what", "device"), no_wrap=True, title="events", title_justify="left")
+    table.add_column("")
     for event in events[-_MAX:]:
         records = event_text(json.loads(event.json), without="device")
         table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(records))

@@ -27,7 +27,8 @@ def send_command(site: Site, command: Command) -> None:
     except OSError as error:
         why = error.strerror or str(error)
         raise ArgumentError("state", f"{site.state}: {why}: expected a user who may write there") from error
-    if not _runs(site):
+    status = site.source.status()
+    if status is None or abs(time.time() - status.time) >= _FRESH:
         echo("no monitor is running: the command is executed at the next start")
         return
     end = time.monotonic() + _WAIT
@@ -35,11 +36,6 @@ def send_command(site: Site, command: Command) -> None:
         time.sleep(_LOOK)
     left = f"left for the monitor, which has not taken it within {_WAIT:g} s: {path}"
     echo(left if path.exists() else "the monitor has taken it")
-
-
-def _runs(site: Site) -> bool:
-    status = site.source.status()
-    return status is not None and abs(time.time() - status.time) < _FRESH
 
 
 def active_alarm(site: Site, given: str | None) -> AlarmRow:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import httpx
 
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from monitor.service.servers.web import read_token

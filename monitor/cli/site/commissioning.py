@@ -5,15 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from daq import AnyLog
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
 from monitor.cli.logs.run_log import one_log
+from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError
 from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
@@ -27,7 +25,7 @@ def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Pat
     """Report whether an attached mass [kg] was found; return 1 if not."""
     site, place = load_site(path), _place(at)
     structure = attached_structure(site.structure_text)
-    memory = parse_memory(_replayed(one_log(logs), site) if logs else _remembered(site))
+    memory = parse_memory(replay(one_log(logs), site, lambda _: None).memory if logs else _remembered(site))
     proof = prove(gather(memory, structure, site.settings), mass, place)
     _say(proof)
     kept = json or _unused(site.state / "proofs", utc(proof.end).replace(":", "").replace(" ", "_"))
@@ -61,18 +59,12 @@ def _remembered(site: Site) -> str:
     return found.text
 
 
-def _replayed(log: AnyLog, site: Site) -> str:
-    return replay(log, site, lambda _: None).memory
-
-
 def _say(proof: Proof) -> None:
     x, y, z = proof.place
     console.print(f"{1000 * proof.mass:.0f} g on the {proof.member} at ({x:.3f}, {y:.3f}, {z:.3f}) m; ", end="")
     console.print(f"{proof.n_windows} windows, {utc(proof.start)} to {utc(proof.end)}; ", end="")
     console.print(f"the alarm was raised {utc(proof.raised)}" if proof.raised is not None else "")
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("", "answer of the monitor", ""):
-        table.add_column(name)
+    table = new_table(("", "answer of the monitor", ""))
     for check in proof.checks:
         table.add_row(check.what, escape(check.result), "[green]ok[/]" if check.passed else "[bold red]FAILED[/]")
     console.print(table)
@@ -82,9 +74,7 @@ def _say(proof: Proof) -> None:
 
 
 def _scales(proof: Proof) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("mode", "Hz", "modal mass, real over the model's"):
-        table.add_column(name, justify="right")
+    table = new_table(right=("mode", "Hz", "modal mass, real over the model's"))
     overall = [proof.modal_mass] if proof.modal_mass else []
     masses = aligned_numbers([*((scale.modal_mass, scale.modal_mass_std) for scale in proof.scales), *overall])
     modes = [(str(scale.mode), f"{scale.frequency:.3f}") for scale in proof.scales]

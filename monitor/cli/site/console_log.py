@@ -17,8 +17,7 @@ from typing import Any, TextIO
 
 from daq import Block, Event, Item
 from daq.supervision import SupervisedThread
-from monitor.results.events import event_result
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult, event_result
 from monitor.text.causes import change_text
 from monitor.text.sensors import health_text
 
@@ -80,7 +79,9 @@ class Journal:
             return
         result = event_result(item)
         if result is not None:
-            self._say(_level(result), line(result), {"what": item.topic.rpartition("/")[2], "at": item.time})
+            is_alarm = isinstance(result, AlarmResult) and result.state == "alarm"
+            fields = {"what": item.topic.rpartition("/")[2], "at": item.time}
+            self._say(logging.WARNING if is_alarm else logging.INFO, line(result), fields)
         elif item.topic.startswith("/event/"):
             self._event(item)
 
@@ -152,10 +153,6 @@ class _JsonLines(logging.Formatter):
 
 def _utc(record: logging.LogRecord) -> str:
     return datetime.fromtimestamp(record.created, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
-
-
-def _level(result: Result) -> int:
-    return logging.WARNING if isinstance(result, AlarmResult) and result.state == "alarm" else logging.INFO
 
 
 def _brief(value: object) -> str:

@@ -8,16 +8,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters, daqmx_devices
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 from monitor.cli.output import write_json
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import StartError
 from monitor.settings import AXES
 
@@ -74,15 +72,13 @@ def _table(
     analog: Sequence[tuple[str, str, list[str]]],
     seen: dict[str, Seen],
 ) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("port", "system's name", "what", "who answers"):
-        table.add_column(name, overflow="fold")
+    table = new_table(("port", "system's name", "what", "who answers"), overflow="fold")
     for port in ports:
         answer = seen.get(port.path, "not queried")
         who = answer.who if isinstance(answer, PortAnswer) else answer or "no known device"
         if isinstance(answer, PortAnswer):
-            nodes = [d for d in answer.devices if isinstance(d.place, CanAddress)]
-            who += "".join(f"\nnode {_node(d)}: {d.identity}" for d in nodes)
+            nodes = [(d.place.node, d.identity) for d in answer.devices if isinstance(d.place, CanAddress)]
+            who += "".join(f"\nnode {node}: {identity}" for node, identity in nodes)
         system = port.device if port.by_id else ""
         what = port.description or ("network" if "://" in port.path else "serial port")
         table.add_row(*(escape(text) for text in (port.path, system, what, who)))
@@ -93,10 +89,6 @@ def _table(
     if not ports and not adapters and not analog:
         table.add_row("none", "", "", "")
     return table
-
-
-def _node(device: Found) -> int:
-    return device.place.node if isinstance(device.place, CanAddress) else 0
 
 
 def settings_for(found: Sequence[Found]) -> str:

@@ -8,7 +8,7 @@ from signal import SIGHUP
 from threading import Event
 
 from daq.signals import STOP_SIGNALS, signal_event
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 from monitor.cli.site.console_log import journal
 from monitor.cli.terminal import console, echo
 from monitor.results.windows import Result
@@ -43,7 +43,9 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
         journal(as_json=as_json) as lines,
     ):
         tell_live(live)
-        _tell_page(site)
+        web = site.settings.web
+        if web:
+            echo(f"status page: http://{f'[{web.bind}]' if ':' in web.bind else web.bind}:{web.port}")
         spare_what_is_loaded()
         report = run(
             site,
@@ -61,13 +63,6 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
     if report.dropped or report.disk_failure:
         console.print(f"not in the log: {report.dropped} items; disk: {report.disk_failure or 'ok'}")
     return DONE
-
-
-def _tell_page(site: Site) -> None:
-    """Print the address of the pages."""
-    web = site.settings.web
-    if web:
-        echo(f"status page: http://{f'[{web.bind}]' if ':' in web.bind else web.bind}:{web.port}")
 
 
 def _reread(hangup: Event, read_again: Callable[[], Site]) -> Site | None:

@@ -5,14 +5,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from daq.drivers import low_grade
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo, warn
+from monitor.cli.options import DONE, NEEDS_A_PERSON
+from monitor.cli.terminal import console, echo, new_table, progress, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site
@@ -92,9 +90,7 @@ def _say_plan(site: Site) -> None:
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:
-    table = Table(box=SIMPLE_HEAD)
-    for name in ("device", "who", "Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"):
-        table.add_column(name, justify="left" if name in {"device", "who"} else "right")
+    table = new_table(("device", "who"), ("Hz", "lost", "°C", "mean [m/s²]", "rms [m/s²]"))
     for device in site.settings.device:
         what = found[device.name]
         if isinstance(what, str):

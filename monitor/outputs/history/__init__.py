@@ -3,8 +3,7 @@
 The logs are the complete record; the database answers queries over long times, and can be made again from them.
 """
 
-from monitor.outputs.history.engines import database_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, database_url
 from monitor.outputs.history.fleet import FleetReader, FleetRow, LastAlarm
 from monitor.outputs.history.queries import AlarmRow, DayRow, EventRow, Reader, Span, TrendPoint, WindowRow
 from monitor.outputs.history.recorder import HistoryRecorder

@@ -1,4 +1,4 @@
-"""Database engines by address, with bounded waiting times."""
+"""Database engines by address, with bounded waiting times, and errors of the history."""
 
 from collections.abc import Iterator
 from itertools import chain
@@ -12,8 +12,24 @@ from sqlalchemy.engine import make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError
 from sqlalchemy.pool import NullPool
 
-from monitor.outputs.history.errors import HistoryError
+from monitor.errors import MonitorError
 from monitor.settings.redaction import masked, revealed
+
+
+class HistoryError(MonitorError):
+    """A database that cannot be opened, read or written.
+
+    Parameters
+    ----------
+    url : of the database
+    message : the fault
+    unusable : whether its file is damaged, or no longer the one that was opened: waiting does not help
+    """
+
+    def __init__(self, url: str, message: str, *, unusable: bool = False) -> None:
+        super().__init__(f"{url}: {message}")
+        self.url, self.unusable = url, unusable
+
 
 _CACHE_KB = 512  # of pages that a connection to SQLite keeps; by itself it takes 2 MB, in hours
 _BUSY_SECONDS = 1.0  # that another process may hold a SQLite file before writing is put off

@@ -10,8 +10,7 @@ from sqlalchemy import Row, Select, select, true
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import error_message, open_engine, shown_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, error_message, open_engine, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.sites import SiteState, database_time
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from sqlalchemy import Connection, func, insert, inspect, literal, select, table, text
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError
 from monitor.outputs.history.roll_ups import roll_up_days, roll_up_hours
 
 _LOCK = 0x6D6F64616C  # key of PostgreSQL's advisory lock: one program migrates, the others wait for it

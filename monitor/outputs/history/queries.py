@@ -11,8 +11,7 @@ from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, liter
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import error_message, reading_engines, shown_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, error_message, reading_engines, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.roll_ups import hour_of
 from monitor.outputs.history.sites import NO_SITE, find_site

@@ -11,8 +11,7 @@ from typing import Self
 from daq import Event, Item
 from daq.events import EventPayload
 from daq.supervision import SupervisedThread
-from monitor.outputs.history.engines import file_of, shown_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, file_of, shown_url
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, StateSchedule, Writer
 from monitor.outputs.history.sqlite.renewal import Takeover, renew_file
 from monitor.outputs.history.store import HistoryStore
@@ -127,7 +126,10 @@ class HistoryRecorder:
             self._check(whole=not going)
             if self._store and self._takeover.pending:
                 self._keep(self._at_hand)
-                self._take_over()
+                done = self._takeover.advance(_POLL)
+                if done:
+                    self._events.put(done)
+                    self._due = 0.0
             else:
                 self._bring(self._at_hand)
                 self._write_state()
@@ -162,13 +164,6 @@ class HistoryRecorder:
         self._unproven.clear()
         self._events.put(renewed)
         self._due = 0.0
-
-    def _take_over(self) -> None:
-        """Copy rows of the previous file for a moment; new items wait on disk, in their order."""
-        done = self._takeover.advance(_POLL)
-        if done:
-            self._events.put(done)
-            self._due = 0.0
 
     def _gather(self) -> tuple[list[Event], bool]:
         """Return the items that arrive within a moment, and whether more may come."""
@@ -271,11 +266,9 @@ class HistoryRecorder:
             self._store = None
 
     def _keep(self, batch: list[Event]) -> None:
-        self.dropped += self._spool.append(_to_line(item) for item in batch)
-
-
-def _to_line(item: Event) -> str:
-    return json.dumps({"topic": item.topic, "time": item.time, "payload": item.payload})
+        self.dropped += self._spool.append(
+            json.dumps({"topic": item.topic, "time": item.time, "payload": item.payload}) for item in batch
+        )
 
 
 def _from_lines(lines: list[str]) -> list[Event]:

@@ -1,15 +1,18 @@
 """The tables; times are ns UTC, days are counted from 1970-01-01 UTC, every row belongs to a site."""
 
+from typing import Any
+
 from sqlalchemy import BigInteger, Boolean, Column, Float, Index, Integer, MetaData, String, Table, Text
-
-
-def _site() -> Column[int]:
-    return Column("site", Integer, primary_key=True, autoincrement=False)  # number in `sites`
-
 
 metadata = MetaData()
 DAY = 86_400 * 10**9  # ns
 HOUR = DAY // 24
+
+
+def _of_site(name: str, *columns: Column[Any] | Index) -> Table:
+    site: Column[int] = Column("site", Integer, primary_key=True, autoincrement=False)  # number in `sites`
+    return Table(name, metadata, site, *columns)
+
 
 versions = Table("schema_version", metadata, Column("version", Integer, primary_key=True, autoincrement=False))
 
@@ -20,10 +23,8 @@ sites = Table(
     Column("name", String(200), nullable=False, unique=True),  # empty: the only site of a file
 )
 
-states = Table(
+states = _of_site(
     "site_states",  # the present state of each site, by its monitor
-    metadata,
-    _site(),
     Column("time", BigInteger, nullable=False),  # of writing, by the clock of the database
     Column("state", String(16), nullable=False),
     Column("since", BigInteger, nullable=False),  # when it began, likewise
@@ -34,10 +35,8 @@ states = Table(
     Column("place", Text, nullable=False),  # host and folder of its monitor
 )
 
-windows = Table(
+windows = _of_site(
     "windows",
-    metadata,
-    _site(),
     Column("end", BigInteger, primary_key=True, autoincrement=False),
     Column("start", BigInteger, nullable=False),
     Column("number", Integer, nullable=False),  # counted from 0 since the monitor's start
@@ -48,10 +47,8 @@ windows = Table(
     Column("problem", Text),
 )
 
-modes = Table(
+modes = _of_site(
     "modes",
-    metadata,
-    _site(),
     Column("mode", Integer, primary_key=True, autoincrement=False),
     Column("end", BigInteger, primary_key=True, autoincrement=False),  # of the window
     Column("frequency", Float, nullable=False),  # Hz
@@ -63,29 +60,23 @@ modes = Table(
     Index("modes_by_time", "site", "end"),
 )
 
-diagnoses = Table(
+diagnoses = _of_site(
     "diagnoses",
-    metadata,
-    _site(),
     Column("end", BigInteger, primary_key=True, autoincrement=False),  # of the window
     Column("verdict", String(32), nullable=False),
     Column("text", Text, nullable=False),
     Column("json", Text, nullable=False),
 )
 
-references = Table(
+references = _of_site(
     "baselines",  # names reserved in SQL are avoided
-    metadata,
-    _site(),
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("n_windows", Integer, nullable=False),
     Column("json", Text, nullable=False),
 )
 
-alarms = Table(
+alarms = _of_site(
     "alarms",
-    metadata,
-    _site(),
     Column("raised", BigInteger, primary_key=True, autoincrement=False),
     Column("cleared", BigInteger),
     Column("lasted", Float),  # s
@@ -94,10 +85,8 @@ alarms = Table(
     Column("reopened", Integer, nullable=False),  # how often
 )
 
-changes = Table(
+changes = _of_site(
     "alarm_changes",
-    metadata,
-    _site(),
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("kind", String(16), primary_key=True),
     Column("state", String(16), primary_key=True),
@@ -106,10 +95,8 @@ changes = Table(
     Column("text", Text, nullable=False),
 )
 
-events = Table(
+events = _of_site(
     "events",
-    metadata,
-    _site(),
     Column("time", BigInteger, primary_key=True, autoincrement=False),
     Column("topic", String(64), primary_key=True),
     Column("device", String(64), primary_key=True),  # empty for events without a device
@@ -120,10 +107,8 @@ events = Table(
 
 def _mode_figures(period: str) -> Table:
     """Return a table of each mode in each hour or day, counted from 1970-01-01 UTC."""
-    return Table(
+    return _of_site(
         f"mode_{period}s",
-        metadata,
-        _site(),
         Column("mode", Integer, primary_key=True, autoincrement=False),
         Column(period, Integer, primary_key=True, autoincrement=False),
         Column("n", Integer, nullable=False),  # windows that show the mode
@@ -137,10 +122,8 @@ def _mode_figures(period: str) -> Table:
 
 mode_hours, mode_days = _mode_figures("hour"), _mode_figures("day")
 
-window_days = Table(
+window_days = _of_site(
     "window_days",
-    metadata,
-    _site(),
     Column("day", Integer, primary_key=True, autoincrement=False),
     Column("n", Integer, nullable=False),  # windows
     Column("n_judged", Integer, nullable=False),

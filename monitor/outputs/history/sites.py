@@ -9,7 +9,7 @@ from sqlalchemy.dialects.postgresql import insert as postgres_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 from sqlalchemy.exc import IntegrityError
 
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError
 from monitor.outputs.history.schema import sites, states
 
 STATE_SECONDS = 120.0  #: age of a state beyond which its monitor is not running

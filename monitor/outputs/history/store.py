@@ -16,15 +16,13 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from daq import Event
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import error_message, file_of, open_engine, shown_url
-from monitor.outputs.history.errors import HistoryError
+from monitor.outputs.history.engines import HistoryError, error_message, file_of, open_engine, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.retention import forget_events, forget_windows, thin_diagnoses
 from monitor.outputs.history.roll_ups import roll_up
 from monitor.outputs.history.sites import ONLY_SITE, SiteState, Writer, check_single_writer, register_site, write_state
 from monitor.outputs.history.sqlite.file import SqliteFile, copy_open_file, is_damage
-from monitor.results.events import event_result
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult, event_result
 from monitor.text.causes import change_text
 
 #: errors of one item, not of the database
@@ -182,7 +180,10 @@ def _write(connection: Connection, site: int, item: Event) -> int | None:
     """Add one item; return the end of a window, whose hour and day are to be summed up."""
     result = _result(item)
     if result is None or isinstance(result, SelfTestResult):
-        payload = item.payload if result is None else _test_row(result)
+        payload = item.payload
+        if result is not None:  # the stored part of a self-test; the log has the rest
+            payload = {name: getattr(result, name) for name in ("passed", "mass", "places", "detected")}
+            payload["mass"] = round(result.mass, 4)
         row = {"time": item.time, "topic": item.topic[:64], "device": str(payload.get("device", ""))[:64]}
         _put(connection, site, schema.events, [row | {"json": json.dumps(payload)}])
     elif isinstance(result, ReferenceResult):
@@ -232,11 +233,6 @@ def _mode_rows(window: WindowResult) -> list[dict[str, Any]]:
         {"mode": mode.id, "end": window.end} | {name: _finite(getattr(mode, name)) for name in names}
         for mode in window.modes
     ]
-
-
-def _test_row(test: SelfTestResult) -> dict[str, Any]:
-    """Return the stored part of a self-test; the log has the rest."""
-    return {"passed": test.passed, "mass": round(test.mass, 4), "places": test.places, "detected": test.detected}
 
 
 def _write_change(connection: Connection, site: int, change: AlarmResult) -> None:

@@ -1,7 +1,6 @@
 """Choice of the logged items that are sent as notices: a pure function of the items before."""
 
 from daq import Block, Event, Item
-from monitor.results.events import event_result
 from monitor.results.windows import (
     TOPIC_ALARM,
     TOPIC_SELF_TEST,
@@ -9,6 +8,7 @@ from monitor.results.windows import (
     AlarmResult,
     SelfTestResult,
     WindowResult,
+    event_result,
 )
 from monitor.text.causes import change_text
 from monitor.text.events import event_name, event_text
@@ -77,7 +77,8 @@ class NoticeFilter:
         elif change.since is not None:
             self._raised, self._causes = change.since, self._causes or None
         if change.kind == "failed":
-            return self._failure(change)
+            known, self._failed = self._failed, change.text  # reported once, until it changes
+            return None if change.text == known else self._notice("trouble", change.time, change.text)
         if change.quiet or change.state == "watch":
             return None
         if change.kind in ("flapping", "steady"):
@@ -92,11 +93,6 @@ class NoticeFilter:
             return self._notice("alarm", change.time, change.text)
         over = before == "alarm" and change.state == "normal"
         return self._notice("recovery", change.time, change.text) if over else None
-
-    def _failure(self, change: AlarmResult) -> Notice | None:
-        """Report a failure once, until it changes."""
-        known, self._failed = self._failed, change.text
-        return None if change.text == known else self._notice("trouble", change.time, change.text)
 
     def _of_window(self, window: WindowResult) -> Notice | None:
         before, self._sight = self._sight, self._sight.after(window)

@@ -148,12 +148,8 @@ def _devices(ports: tuple[str, ...]) -> list[str]:
     files = {name for port in ports for name in (port, str(Path(port).resolve())) if name.startswith("/dev/")}
     if not files:
         return ["PrivateDevices=yes"]
-    kinds = {kind for name in files for kind in _kinds(name)}
+    kinds = {k for f in files for k in next((k for begin, k in _KINDS.items() if f.startswith(begin)), (f,))}
     return [*(f"DeviceAllow={_plain(kind)} rw" for kind in sorted(kinds)), "SupplementaryGroups=dialout"]
-
-
-def _kinds(file: str) -> tuple[str, ...]:
-    return next((kinds for beginning, kinds in _KINDS.items() if file.startswith(beginning)), (file,))
 
 
 def _plain(value: object) -> str:

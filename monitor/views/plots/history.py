@@ -46,8 +46,11 @@ def _figure(found: Found) -> Figure:
     for part, (mode, points) in zip(axes[1:], shown.items(), strict=True):
         _draw_shift(part, mode, points)
     for part in axes:
-        _shade_alarms(part, found)
-        _mark_accepted(part, found)
+        for alarm in found.alarms:
+            start, end = _dates([max(alarm.raised, found.span.start), alarm.cleared or found.span.end])
+            part.axvspan(start, end, color=ALARM, alpha=0.13, linewidth=0)
+        for change in found.accepted:
+            part.axvline(_dates([found.accepted_at(change)])[0], color=OK, linewidth=1.4)
     _name_accepted(axes[0], found)
     locator = AutoDateLocator(minticks=4, maxticks=9)  # type: ignore[no-untyped-call]
     axes[-1].xaxis.set_major_locator(locator)
@@ -73,17 +76,6 @@ def _draw_shift(axes: Axes, mode: int, points: list[TrendPoint]) -> None:
     axes.axhline(0.0, color=SOFT, linewidth=0.7)
     axes.plot(*_broken(dates, shift), color=mode_colour(mode), linewidth=0.9, marker=".", markersize=2.5)
     axes.set_ylabel(f"mode {mode}\n{points[0].frequency:.4g} Hz\nshift [%]", fontsize=7.5)
-
-
-def _shade_alarms(axes: Axes, found: Found) -> None:
-    for alarm in found.alarms:
-        start, end = _dates([max(alarm.raised, found.span.start), alarm.cleared or found.span.end])
-        axes.axvspan(start, end, color=ALARM, alpha=0.13, linewidth=0)
-
-
-def _mark_accepted(axes: Axes, found: Found) -> None:
-    for change in found.accepted:
-        axes.axvline(_dates([found.accepted_at(change)])[0], color=OK, linewidth=1.4)
 
 
 def _name_accepted(axes: Axes, found: Found) -> None:

@@ -12,8 +12,8 @@ from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.diagnosis.recording import write_diagnosis
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import layout
-from monitor.views.viewer.modes.drawing import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
+from monitor.views.viewer.modes.shapes import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import recording_file

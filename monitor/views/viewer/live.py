@@ -10,16 +10,15 @@ import rerun as rr
 
 from daq import Block, Item
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
-from monitor.results.events import event_result
 from monitor.results.run_results import RunResults, standing_answer
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, event_result
 from monitor.settings import Settings, attached_structure, parse_attached
 from monitor.views.geometry import Geometry
 from monitor.views.viewer.cards import write_cards, write_reference
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import Live, layout
-from monitor.views.viewer.modes.drawing import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
+from monitor.views.viewer.modes.shapes import draw_shapes, draw_window_shapes
 from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
@@ -153,7 +152,10 @@ class LiveResults:
     def _window(self, window: WindowResult) -> None:
         self._windows = [*self._windows, window]
         older = self._windows[:-_KEPT_WINDOWS]
-        self._windows[: len(older)] = [_light(w) for w in older]
+        self._windows[: len(older)] = [
+            w.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})
+            for w in older
+        ]
         del self._windows[1 : max(1, len(self._windows) - self._most)]
         run_results = self._results_of([window])
         at(self._recording, window.end)  # axes too: what is logged before any time would hide those of later windows
@@ -204,8 +206,3 @@ class LiveResults:
         if grown != self._shown:
             self._shown = grown
             self._recording.send_blueprint(layout(run_results, self._live))
-
-
-def _light(window: WindowResult) -> WindowResult:
-    """Return a window without large parts, which have been drawn."""
-    return window.model_copy(update={"spectrum": None, "answer": None, "increments": None, "diagnosis": None})

@@ -7,8 +7,15 @@ from daq.lazy_names import lazy_names
 if TYPE_CHECKING:
     from monitor.watch.memory.codec import CodecError
     from monitor.watch.memory.file import MEMORY, NOTHING, LoadedState, MemoryFile
-    from monitor.watch.memory.loading import check_saved_state, recall
-    from monitor.watch.memory.state import VERSION, Memory, memory_text, parse_memory, state_fingerprint
+    from monitor.watch.memory.state import (
+        VERSION,
+        Memory,
+        check_saved_state,
+        memory_text,
+        parse_memory,
+        recall,
+        state_fingerprint,
+    )
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 

@@ -70,7 +70,9 @@ def decode(kind: Any, values: Any, place: str = "") -> Any:  # noqa: ANN401 - wh
     if origin is not None and issubclass(origin, Mapping):
         _checked(isinstance(values, dict), values, place, "an object")
         return {key: decode(inside[1], value, f"{place}.{key}") for key, value in values.items()}
-    return _plain(kind, values, place)
+    _checked(kind in _PLAIN, kind, place, "a type that this codec knows")
+    number = kind is float and isinstance(values, int) and not isinstance(values, bool)
+    return _checked(number or type(values) is kind, values, place, kind.__name__)
 
 
 def _dataclass(kind: Any, values: Any, place: str) -> Any:  # noqa: ANN401
@@ -92,12 +94,6 @@ def _array(values: Any, place: str) -> Any:  # noqa: ANN401
     except (KeyError, TypeError, ValueError, binascii.Error) as error:
         raise CodecError(f"{place}: expected an array, found {str(values)[:60]}: {error}") from error
     return array.astype(dtype.newbyteorder("="))
-
-
-def _plain(kind: Any, value: Any, place: str) -> Any:  # noqa: ANN401
-    _checked(kind in _PLAIN, kind, place, "a type that this codec knows")
-    number = kind is float and isinstance(value, int) and not isinstance(value, bool)
-    return _checked(number or type(value) is kind, value, place, kind.__name__)
 
 
 def _checked(right: bool, value: Any, place: str, expected: str) -> Any:  # noqa: ANN401

@@ -25,8 +25,8 @@ from daq import (
 )
 from daq.drivers import LineFormat, TextAddress
 from daq.emulator import EmulatedEpson, EmulatedNode, EmulatedTextLines, LineFaults, LineSpell
-from daq.emulator.line_faults import FaultyLine
 from daq.emulator.serial_port import SerialEmulator
+from daq.emulator.serving import FaultyLine
 from daq.protocol import epson
 from tests.support.daq.blocks import START
 from tests.support.daq.can_buses import serving, wait_for

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from daq.timing.stamp_count import StampCount
+from daq.timing.resampling import StampCount
 
 N = 20_000
 

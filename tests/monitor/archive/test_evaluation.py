@@ -13,7 +13,7 @@ from monitor.archive.evaluation import EvaluatedLog, evaluate_log
 from monitor.archive.log_texts import LogTexts, site_name
 from monitor.archive.reanalysis import AnalysedLog
 from monitor.archive.steps import LogSteps, identify_log, write_steps
-from monitor.results.events import is_result
+from monitor.results.windows import is_result
 from monitor.settings import parse_attached
 from monitor.watch.memory import parse_memory
 

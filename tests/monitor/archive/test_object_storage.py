@@ -18,7 +18,7 @@ from distributed import LocalCluster
 
 from daq import read_attachments
 from monitor.archive import find_logs
-from monitor.archive.object_storage import stored_logs
+from monitor.archive.catalog import stored_logs
 from tests.support.monitor.cli import Commands
 from updater import t_structure_toml
 

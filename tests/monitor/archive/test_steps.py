@@ -7,7 +7,7 @@ import pytest
 
 from daq import Event, read_attachments, read_log
 from monitor.archive.steps import Step, identify_log, unpacked
-from monitor.results.events import event_result
+from monitor.results.windows import event_result
 from monitor.settings import parse_attached
 from monitor.watch.pipeline import Pipeline
 from updater import parse_structure

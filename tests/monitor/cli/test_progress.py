@@ -12,9 +12,8 @@ from rich.table import Table
 
 from daq import Channel, DataOptions, LogExcerpt, Recording, export_recording, read_log, read_measured, write_recording
 from daq.log import progress_reported_to
-from monitor.cli import progress as shown
-from monitor.cli.progress import Work, progress
-from monitor.cli.terminal import Terminal
+from monitor.cli import terminal as shown
+from monitor.cli.terminal import Terminal, Work, progress
 
 SECOND = 10**9
 

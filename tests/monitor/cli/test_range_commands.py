@@ -10,9 +10,8 @@ from daq import Block, McapWriter, read_data
 from daq.drivers import EPSON_SCALE
 from monitor.analysis.time_range import time_range
 from monitor.errors import ResultsError
-from monitor.results.events import result_event
 from monitor.results.run_results import RunResults
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, result_event
 from monitor.service.replay import replay, write_watched
 from monitor.text.verdicts import changed_between, last_state
 from monitor.views.report.content import run_content

@@ -7,8 +7,7 @@ import pytest
 
 from monitor.outputs.history import SiteState
 from monitor.outputs.site_report import N_LEVELS, SiteReporter, parse_report
-from monitor.results.events import result_event
-from monitor.results.windows import AlarmResult, WindowResult
+from monitor.results.windows import AlarmResult, WindowResult, result_event
 from monitor.text.causes import change_text
 from tests.support.monitor.answers import diagnosis
 from tests.support.monitor.history import run_events

@@ -10,10 +10,9 @@ import pytest
 
 from daq import Event, SystemClock
 from monitor.analysis.temperature import reading
-from monitor.results.events import event_result, result_event
 from monitor.results.service_events import AnalysisCaughtUp, DeviceReplaced, WindowsLeftOut
 from monitor.results.site_status import FILE_NAME
-from monitor.results.windows import WindowResult
+from monitor.results.windows import WindowResult, event_result, result_event
 from monitor.service.status import MonitorStatus, Pace
 from tests.support.daq.blocks import make_block
 from tests.support.monitor.history import run_events

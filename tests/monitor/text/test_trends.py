@@ -7,9 +7,8 @@ import pytest
 
 from monitor.detection import CHUNK, DETECTORS, GUARD, DetectionSettings, Trend, TrendWatch, judge, start
 from monitor.outputs.notices import NoticeFilter
-from monitor.results.events import result_event
 from monitor.results.run_results import RunResults
-from monitor.results.windows import AlarmResult, ReferenceResult
+from monitor.results.windows import AlarmResult, ReferenceResult, result_event
 from monitor.text.verdicts import headline
 from monitor.watch.detector import Detector, DetectorState
 from monitor.watch.memory import memory_text, parse_memory

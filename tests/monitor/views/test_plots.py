@@ -67,7 +67,7 @@ def test_evidence_has_a_bar_per_cause() -> None:
         verdict="explained", causes=(mass,), modes=(), gain=None, rejected=refused, next_measurement=""
     )
     (axes,) = plot_evidence(answer).axes
-    assert [bar.get_width() for bar in axes.patches] == [0.0, -5.0, -300.0]  # type: ignore[attr-defined]
+    assert [bar.get_width() for bar in axes.patches] == [0.0, -5.0, -20.0]  # type: ignore[attr-defined]
     assert [text.get_text() for text in axes.texts] == ["added mass: accepted", "a", "b"]
     assert axes.xaxis.get_majorticklabels()[0].get_fontsize() == axes.xaxis.label.get_fontsize()
     nothing = answer.model_copy(update={"causes": (), "rejected": ()})

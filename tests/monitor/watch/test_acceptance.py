@@ -7,9 +7,8 @@ import pytest
 
 from daq import Event
 from monitor.outputs.history import HistoryStore, Reader, Span, database_url
-from monitor.results.events import result_event
 from monitor.results.service_events import AcceptanceUndone, ChangeAccepted, CommandRefused
-from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, result_event
 from monitor.service.operator_commands import Acceptance, Inbox, UndoAcceptance, write_command
 from monitor.watch.memory import memory_text, parse_memory
 from monitor.watch.pipeline import Pipeline

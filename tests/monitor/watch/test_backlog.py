@@ -6,9 +6,8 @@ import pytest
 
 from daq import Item, McapWriter
 from monitor.outputs.notices.filter import NoticeFilter
-from monitor.results.events import result_event
 from monitor.results.service_events import Stopped
-from monitor.results.windows import Result, WindowResult
+from monitor.results.windows import Result, WindowResult, result_event
 from monitor.service.replay import replay
 from monitor.service.worker import SavedState, Worker
 from monitor.settings import parse_settings

@@ -10,7 +10,7 @@ import pytest
 from daq import FloatArray, Recording
 from monitor.results.windows import AlarmResult, Result
 from monitor.settings import parse_settings
-from monitor.watch.baseline.checks import shortcomings
+from monitor.watch.baseline.learning import shortcomings
 from monitor.watch.memory import memory_text, parse_memory
 from tests.examiner.sites import KINDS, SimulatedSites, SiteKind
 from tests.support.monitor.played_windows import BASELINE, Played, run, site_text, without_answers

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from daq import SystemClock
-from monitor.results.events import result_event
 from monitor.results.site_status import FILE_NAME, read_status
-from monitor.results.windows import WindowResult
+from monitor.results.windows import WindowResult, result_event
 from monitor.service.servers.web.source import problems
 from monitor.service.status import MonitorStatus, Pace
 from monitor.watch.blindness import MissingChannels

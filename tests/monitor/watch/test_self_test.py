@@ -8,9 +8,8 @@ import pytest
 from daq import FloatArray, SystemClock
 from monitor.outputs.history import HistoryStore, Reader, Span
 from monitor.outputs.notices.filter import NoticeFilter
-from monitor.results.events import result_event
 from monitor.results.site_status import FILE_NAME, read_status
-from monitor.results.windows import Result, SelfTestResult, WindowResult
+from monitor.results.windows import Result, SelfTestResult, WindowResult, result_event
 from monitor.service.servers.web import Source
 from monitor.service.servers.web.metrics import metrics
 from monitor.service.servers.web.source import problems

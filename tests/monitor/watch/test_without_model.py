@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from daq import Event
-from monitor.results.events import event_result, result_event
 from monitor.results.service_events import AcceptanceUndone, ChangeAccepted
-from monitor.results.windows import AlarmResult, ModalChange, ReferenceResult, Result, SelfTestResult
+from monitor.results.windows import (
+    AlarmResult,
+    ModalChange,
+    ReferenceResult,
+    Result,
+    SelfTestResult,
+    event_result,
+    result_event,
+)
 from monitor.text.modal_change import modal_change_text
 from monitor.watch.commissioning import ProofError, gather
 from monitor.watch.memory import check_saved_state, memory_text, parse_memory

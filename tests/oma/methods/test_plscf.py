@@ -11,10 +11,10 @@ from daq import FloatArray, Recording
 from oma import PLSCF, IdentificationError, ModalEstimate, identify, mac_matrix
 from oma.mac import normalise
 from oma.methods.fraction_poles import FractionModel, Windowed, continuous, fraction_model, pole_influences
-from oma.methods.fraction_shapes import shape_moves
 from oma.methods.matrix_fraction import half_spectrum, matrix_fractions
+from oma.methods.plscf import shape_moves
 from oma.selection import normalised_move, uncertainty_law
-from oma.spectral.correlation import correlation_sums
+from tests.support.oma.correlations import correlation_sums
 from tests.support.oma.structures import chain, frame, simulate
 from tests.support.thorough import few_of
 

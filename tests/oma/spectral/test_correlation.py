@@ -5,7 +5,7 @@ import pytest
 
 from oma import IdentificationError
 from oma.spectral import CorrelationAccumulator
-from oma.spectral.correlation import correlation_sums
+from tests.support.oma.correlations import correlation_sums
 
 
 def brute(data: np.ndarray, n_lags: int, start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:

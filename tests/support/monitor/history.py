@@ -11,8 +11,7 @@ from daq import Event
 from monitor.outputs.history import HistoryStore, schema
 from monitor.outputs.history.migrations import STEPS
 from monitor.outputs.history.roll_ups import roll_up_days, roll_up_hours
-from monitor.results.events import result_event
-from monitor.results.windows import AlarmResult
+from monitor.results.windows import AlarmResult, result_event
 from tests.support.monitor.results import Site, whole_run
 
 HOUR = 3600 * 10**9

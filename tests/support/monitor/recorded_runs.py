@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from daq import Block, Event, McapWriter
+from daq import AnyLog, Block, Event, McapWriter, read_events
 from daq.drivers import EPSON_SCALE
+from monitor.results.windows import Result, event_result
 from monitor.rig import T_DEVICES, Scenario, make_sources
 from updater import parse_structure, t_structure_toml
 
@@ -60,3 +61,8 @@ def write_log(path: Path, scenario: Scenario, seconds: float, site: str) -> None
             writer.flush()
     writer.write(Event(topic="/event/stopped", time=START + round(seconds * 1e9), payload={}))
     writer.close()
+
+
+def logged_results(log: AnyLog) -> Iterator[Result]:
+    """Yield the results in a log."""
+    yield from (result for event in read_events(log) if (result := event_result(event)) is not None)

@@ -92,7 +92,7 @@ def test_more_records_increase_probability_and_determine_the_scatter(references:
     row = found.sets.index((1,))
     assert found.probability[row] > np.median(found.per_record[:, row])
     assert found.candidate_probability[1] > 0.95
-    assert found.candidate_per_record.shape == (3, 4)
+    assert found.per_record.shape == (3, len(found.sets))
     # fifteen deviations of four sizes: each to a third
     assert np.exp(np.log(found.scatter).mean()) == pytest.approx(SCATTER, rel=0.7)
 

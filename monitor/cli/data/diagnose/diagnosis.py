@@ -23,10 +23,9 @@ from monitor.cli.data.diagnose.basis import calibration_facts, log_facts
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.diagnose.held_out import check_independent
 from monitor.cli.data.structure.parameters_output import changes_table
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
+from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
-from monitor.cli.progress import Work, files_of_logs, progress
-from monitor.cli.terminal import console, echo, warn
+from monitor.cli.terminal import Work, console, echo, files_of_logs, progress, warn
 from monitor.errors import ArgumentError, RecordLengthError, StateError, writing
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
@@ -181,7 +180,7 @@ def diagnose_logs(
             )
             found = explain_record(explained, before, after, heldout)
         except StateError as error:
-            raise LogError(_named(getattr(logs, error.state)), str(error)) from error
+            raise LogError(", ".join(map(str, getattr(logs, error.state))), str(error)) from error
     diagnosis = _write(found, structure_path, logs, out, json_path)
     nearer = _write_nearer(found.explained, structure_path, logs, out)
     for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
@@ -320,10 +319,6 @@ def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out:
     except OSError as error:
         raise ArgumentError("--out", f"{path}: cannot be written: {error.strerror}") from error
     return f"recalibrated model: {path}\n  {what}; diagnose again with it"
-
-
-def _named(paths: Sequence[Path]) -> str:
-    return ", ".join(map(str, paths))
 
 
 def selected_structure(path: Path, selection: Selection) -> Structure:

@@ -3,12 +3,11 @@
 from collections.abc import Iterator
 from functools import partial
 
-from rich import box
 from rich.console import Console, RenderableType
 from rich.markup import escape
-from rich.table import Table
 
 from daq.notebook import rounded_text
+from monitor.cli.terminal import new_table
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult, ModeComparison
 from monitor.results.convert import bare_reference
 from monitor.text.cause_list import listed_causes
@@ -113,10 +112,9 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
     Modes not used for the answer are marked and dimmed.
     """
     after = any(m.off_percent_after is not None for m in found.modes)
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
     first = ["before Hz", "now Hz", "change %"] if found.measured_before else ["model Hz", "measured Hz", "off by %"]
-    for name in first + ["σ", "MAC"] + ["with\ncauses %", "MAC"] * after:
-        table.add_column(name, justify="right", no_wrap=True)
+    names = first + ["σ", "MAC"] + ["with\ncauses %", "MAC"] * after
+    table = new_table(right=names, no_wrap=True, pad_edge=False)
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "
         cells = [mark + _hertz(mode, mode.simulated, "none"), _hertz(mode, mode.measured, "not found"), *_off(mode)]

@@ -12,8 +12,7 @@ from daq import AnyLog, LogError, Recording, read_attachments
 from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
-from monitor.cli.progress import progress
-from monitor.cli.terminal import echo
+from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows

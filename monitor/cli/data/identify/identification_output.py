@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
 from daq import AnyLog
 from monitor.analysis.states.stationarity import FrequencyChange
-from monitor.cli.terminal import console
+from monitor.cli.terminal import console, new_table
 from monitor.text.quantities import aligned_numbers
 from oma import ModalEstimate, mpc, mpd
 from oma.preparation import ALIAS_FREE
@@ -174,17 +173,9 @@ def _table(title: str, found: Findings) -> Table:
     estimate, compared = fused.estimate, any(partners)
     uncertain, complex_shape = found.may_be_tone, found.is_complex
     shaped = len(estimate.channels) > 1  # one channel has no shapes
-    table = Table(box=SIMPLE_HEAD, title=title)
-    for name in (
-        "mode",
-        "frequency [Hz]",
-        "damping [%]",
-        "MPC",
-        *(() if compared else ("MPD [°]",)),
-        "seen",
-        *(("model", "MAC") * compared),
-    ):
-        table.add_column(name, justify="right", no_wrap=True)
+    names = ["mode", "frequency [Hz]", "damping [%]", "MPC"]
+    names += ["seen", "model", "MAC"] if compared else ["MPD [°]", "seen"]
+    table = new_table(right=names, no_wrap=True, title=title)
     frequencies = aligned_numbers(zip(estimate.frequency, estimate.frequency_std, strict=True))
     dampings = aligned_numbers(zip(100 * estimate.damping, 100 * estimate.damping_std, strict=True))
     for i, partner in enumerate(partners):

@@ -6,8 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE
-from monitor.cli.options import ANIMATIONS, METHODS, From, Json, To, one_of
+from monitor.cli.options import ANIMATIONS, DONE, METHODS, From, Json, To, one_of
 
 
 def identify(
@@ -84,7 +83,7 @@ def identify(
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
     from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file
     from monitor.cli.output import write_json
-    from monitor.cli.progress import progress
+    from monitor.cli.terminal import progress
     from monitor.errors import ArgumentError
     from oma import METHODS as IMPLEMENTED
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
@@ -15,10 +14,9 @@ from daq.files import read_geometry
 from monitor.analysis.modal_table.responses import identify_file
 from monitor.cli.data.identify.identification import animate_modes, load_structure_file
 from monitor.cli.data.identify.identification_output import LOW_MAC, mode_json
-from monitor.cli.exit_codes import DONE
+from monitor.cli.options import DONE
 from monitor.cli.output import write_json
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console, echo
+from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import ArgumentError
 from monitor.text.quantities import aligned_numbers, counted
 from oma import ResponseIdentification, mpc, mpd
@@ -162,10 +160,9 @@ def _mass_notes(found: ResponseIdentification) -> list[str]:
 def _table(title: str, found: ResponseIdentification, model: "ModelModes | None") -> Table:
     estimate = found.estimate
     massive = bool(np.isfinite(found.modal_mass).all())
-    table = Table(box=SIMPLE_HEAD, title=title)
     names = ["mode", "frequency [Hz]", "damping [%]", "MPC", *([] if model else ["MPD [°]"])]
-    for name in names + [escape("modal mass [kg]")] * massive + ["model", "MAC"] * (model is not None):
-        table.add_column(name, justify="right", no_wrap=True)
+    names += [escape("modal mass [kg]")] * massive + ["model", "MAC"] * (model is not None)
+    table = new_table(right=names, no_wrap=True, title=title)
     frequencies = aligned_numbers(zip(estimate.frequency, estimate.frequency_std, strict=True))
     dampings = aligned_numbers(zip(100 * estimate.damping, 100 * estimate.damping_std, strict=True))
     masses = aligned_numbers(zip(found.modal_mass, found.modal_mass_std, strict=True)) if massive else []

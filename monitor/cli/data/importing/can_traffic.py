@@ -6,9 +6,8 @@ from pathlib import Path
 
 from daq import Channel, DbcSensor
 from daq.files import LoggedSensor, import_can_log
-from monitor.cli.exit_codes import DONE
-from monitor.cli.progress import progress
-from monitor.cli.terminal import echo
+from monitor.cli.options import DONE
+from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError
 from monitor.service.site import load_site
 from updater import parse_structure

@@ -20,9 +20,8 @@ from daq.files import (
 )
 from monitor.analysis.time_range import instant
 from monitor.cli.data.importing.new_site import learning_notes, new_site
-from monitor.cli.exit_codes import DONE
-from monitor.cli.progress import progress
-from monitor.cli.terminal import echo, warn
+from monitor.cli.options import DONE
+from monitor.cli.terminal import echo, progress, warn
 from monitor.errors import ArgumentError
 from monitor.service.site import Site, load_site
 from updater import parse_structure

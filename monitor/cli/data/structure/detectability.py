@@ -15,8 +15,7 @@ from monitor.cli.data.structure.structure_output import (
     modes_table,
     plan_tables,
 )
-from monitor.cli.progress import progress
-from monitor.cli.terminal import console
+from monitor.cli.terminal import console, progress
 from monitor.errors import ArgumentError
 from monitor.views.plots.structure import draw_structure
 from oma.preparation import PASS

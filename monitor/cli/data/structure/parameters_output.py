@@ -8,6 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
+from monitor.cli.terminal import new_table
 from monitor.text.causes import change_texts
 from updater.quantities import ParameterChange
 from updater.reference import ParameterSensitivity
@@ -23,10 +24,7 @@ SENSITIVITY_NOTE = (
 
 def parameter_table(found: Sequence[ParameterSensitivity]) -> Table:
     """Return one row per parameter with the modes that it changes most."""
-    table = Table(box=SIMPLE_HEAD, title="parameters that may be updated")
-    table.add_column("parameter", no_wrap=True)
-    for name in ("file", "moved to"):
-        table.add_column(name, justify="right", no_wrap=True)
+    table = new_table(("parameter",), ("file", "moved to"), no_wrap=True, title="parameters that may be updated")
     table.add_column("mode: change [%]")
     for one in found:
         table.add_row(escape(one.name), with_unit(one.nominal, one.unit), with_unit(one.step, one.unit), _largest(one))

@@ -5,8 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.exit_codes import DONE, NEEDS_A_PERSON
-from monitor.cli.options import Json
+from monitor.cli.options import DONE, NEEDS_A_PERSON, Json
 
 
 def structure(

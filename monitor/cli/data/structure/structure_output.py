@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import RenderableType
 from rich.markup import escape
 from rich.table import Table
@@ -12,6 +11,7 @@ from rich.text import Text
 
 from daq import FloatArray, IndexArray
 from monitor.analysis.channels import ChannelCheck, twins
+from monitor.cli.terminal import new_table
 from monitor.text.quantities import duration_words, mass_words, stretches_text
 from updater import Structure
 from updater.planning import DetectabilityStudy, ModeVisibility, Plan, SensorSet, blind, clearer, mean_position_std
@@ -26,9 +26,8 @@ _SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sen
 def modes_table(sight: ModeVisibility) -> Table:
     """Return the modes and their visibility by the sensors."""
     structure = sight.model.structure
-    table = Table(box=SIMPLE_HEAD, title=escape(structure.name))
-    for name in ("mode", "frequency\n[Hz]", "measured\nby sensors", "best sensor", "similar\nshapes"):
-        table.add_column(name, justify="right", no_wrap=True)
+    names = ("mode", "frequency\n[Hz]", "measured\nby sensors", "best sensor", "similar\nshapes")
+    table = new_table(right=names, no_wrap=True, title=escape(structure.name))
     for k, frequency in enumerate(sight.modes.frequency):
         best = structure.channels[int(np.argmax(np.abs(sight.at_sensors[k])))] if structure.channels else "-"
         alike = ", ".join(str(other + 1) for other in sight.alike(k))
@@ -96,10 +95,8 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
         f"Added mass: {duration_words(record.seconds)} before and after, damping {100 * record.damping:g} %, "
         f"{len(outlook.frequency)} modes up to {record.highest:g} Hz"
     )
-    table = Table(box=SIMPLE_HEAD, title=title)
-    table.add_column("member")
-    for name in ("smallest detectable", "at, m", "median over the member", f"{mass_words(mass)} located to ±"):
-        table.add_column(name, justify="right")
+    names = ("smallest detectable", "at, m", "median over the member", f"{mass_words(mass)} located to ±")
+    table = new_table(("member",), names, title=title)
     table.add_column("blind, m")
     place, _ = outlook.bound(mass)
     members = outlook.reference.structure.member
@@ -140,18 +137,15 @@ def plan_tables(planned: Plan) -> Iterator[RenderableType]:
     """Return how long a record must be, place by place and for other numbers of sensors."""
     target = planned.target
     what = f"{mass_words(target.mass)} found within {1000 * target.within:g} mm in {100 * target.chance:g} of 100 cases"
-    table = Table(box=SIMPLE_HEAD, title=f"{what}, alarm included")
-    table.add_column("record before and after", justify="right")
-    table.add_column("share of the members' length", justify="right")
+    names = ("record before and after", "share of the members' length")
+    table = new_table(right=names, title=f"{what}, alarm included")
     shares = [planned.present.share_found(float(s)) for s in planned.records]
     for k, (seconds, share) in enumerate(zip(planned.records, shares, strict=True)):
         if k in (0, len(shares) - 1) or share > shares[k - 1]:
             table.add_row(duration_words(float(seconds)), f"{100 * share:.0f} %")
     yield table
-    table = Table(box=SIMPLE_HEAD, title="Record needed, by sensors")
-    table.add_column("sensors", justify="right")
-    for share in _SHARES:
-        table.add_column(f"{100 * share:g} % of the length", justify="right")
+    parts = (f"{100 * share:g} % of the length" for share in _SHARES)
+    table = new_table(right=("sensors", *parts), title="Record needed, by sensors")
     for sensors in (planned.more, planned.present, *planned.fewer):
         table.add_row(str(len(sensors.channels)), *_needed(sensors))
     yield table

@@ -1,7 +1,9 @@
-"""The routes of the page of many sites."""
+"""The page of many sites: its routes, and its server."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
+from ipaddress import ip_address
 from pathlib import Path
 
 from starlette.applications import Starlette
@@ -11,14 +13,20 @@ from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Route
 from starlette.types import ASGIApp
 
+from daq.signals import STOP_SIGNALS, signal_event
+from monitor.errors import StartError
 from monitor.outputs.fleet_broker import FleetBroker, FleetBrokerError
 from monitor.outputs.history import STATE_SECONDS, FleetReader, FleetRow, HistoryError, Reader
 from monitor.service.servers import web
 from monitor.service.servers.fleet.overview import CONDITIONS, Wanted, overview
 from monitor.service.servers.fleet.pages import SPANS, failed_html, fleet_html, site_html, sites_html
 from monitor.service.servers.web.app import static_file
-from monitor.service.servers.web.auth import Guard
+from monitor.service.servers.web.auth import Guard, read_token
+from monitor.service.servers.web.process import bounded_server, listen, page_url
 from monitor.service.servers.web.snapshot import Snapshot
+from monitor.service.systemd.notify import ServiceManager
+from monitor.settings.fleet import FleetSettings
+from monitor.settings.redaction import revealed
 
 _STATIC = Path(__file__).parent / "static"
 _PAGE_CSS = Path(web.__file__).parent / "static" / "page.css"
@@ -114,3 +122,39 @@ def _wanted(request: Request) -> Wanted:
         condition=condition if condition in CONDITIONS else "",
         page=int(page) if page.isascii() and page.isdigit() and len(page) < 6 else 1,
     )
+
+
+def serve_fleet(settings: FleetSettings, folder: Path, ready: Callable[[str], None]) -> None:
+    """Serve until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    settings : of the page
+    folder : that the file of the token is relative to
+    ready : called with the address of the page
+
+    Raises
+    ------
+    HistoryError, FleetBrokerError
+        If the database cannot be read, or is no PostgreSQL; if the broker does not respond.
+    StartError
+        If the port is taken or the token cannot be used.
+    """
+    url, mqtt, local = revealed(settings.url), revealed(settings.mqtt), ip_address(settings.bind).is_loopback
+    with ExitStack() as stack:
+        reader = stack.enter_context(FleetReader(url)) if url else None
+        broker = stack.enter_context(FleetBroker(mqtt)) if mqtt else None
+        stack.enter_context(signal_event(*STOP_SIGNALS))
+        source = FleetSource(reader=reader, broker=broker, url=url, pages=settings.pages, hidden=settings.hidden)
+        try:
+            token = read_token(folder / settings.token_file)
+            listener = listen(settings.bind, settings.port)
+        except (OSError, ValueError) as error:
+            raise StartError(f"fleet: {settings.bind}:{settings.port}: {error}") from error
+        app = make_fleet_app(source, token=token, open_to_look=local, token_place=settings.token_file)
+        with listener:
+            ready(page_url(settings.bind, listener.getsockname()[1]))
+            manager = ServiceManager()
+            manager.ready()
+            bounded_server(app).run(sockets=[listener])
+            manager.stopping()

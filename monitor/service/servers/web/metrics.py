@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections.abc import Mapping
 
 from prometheus_client import CollectorRegistry, Gauge, generate_latest
 
@@ -12,6 +13,16 @@ from monitor.service.servers.web.source import problems
 _MEMORY = {
     "blocks": ("python_allocated_blocks", "Blocks of Python's allocator in use by the monitor process."),
     "heap_bytes": ("heap_used_bytes", "Bytes of the C library's heap in use by the monitor process."),
+}
+_DEVICE = {
+    "rate": ("scan_rate_hertz", "Scans received per second of wall time."),
+    "scans": ("scans", "Scans received since the start."),
+    "gaps": ("gaps", "Gaps in the scans since the start."),
+    "lost": ("device_lost", "1 while the device is lost, else 0."),
+    "temperature": (
+        "device_temperature_celsius",
+        "Last reading of the thermometer of the device, in degrees Celsius.",
+    ),
 }
 _STATES = ("learning", "normal", "watch", "alarm")
 _MODE = {
@@ -32,11 +43,8 @@ def metrics(status: SiteStatus | None) -> bytes:
         _of_devices(registry, status.devices)
         _of_window(registry, status.window)
         _of_self_test(registry, status.self_test)
-        gauge = Gauge(
-            "modalwatch_state", "1 for the present state of the alarm, 0 for the others.", ["state"], registry=registry
-        )
-        for name in _STATES:
-            gauge.labels(name).set(name == status.state)
+        states = {name: name == status.state for name in _STATES}
+        _gauges(registry, "state", "1 for the present state of the alarm, 0 for the others.", "state", states)
     return generate_latest(registry)
 
 
@@ -78,11 +86,8 @@ def _of_monitor(registry: CollectorRegistry, status: SiteStatus) -> None:
         "Windows left out since the start because the analysis was behind.",
         status.windows_left_out,
     )
-    failures = Gauge(
-        "modalwatch_thread_failures", "Unforeseen exceptions since the start.", ["thread"], registry=registry
-    )
-    for name, count in status.counters.thread_failures.items():
-        failures.labels(name).set(count)
+    failures = counters.thread_failures
+    _gauges(registry, "thread_failures", "Unforeseen exceptions since the start.", "thread", failures)
     for name in PartProblems.model_fields:
         failed = float(name in status.problems.found)
         _gauge(registry, f"{name}_failed", f"1 while the part {name} has a problem, else 0.", failed)
@@ -90,17 +95,10 @@ def _of_monitor(registry: CollectorRegistry, status: SiteStatus) -> None:
 
 def _of_queues(registry: CollectorRegistry, status: SiteStatus) -> None:
     """Add queues, damaged data, and the delay of results."""
-    waiting = Gauge("modalwatch_queue_items", "Items that wait in a queue.", ["queue"], registry=registry)
-    for name, items in status.counters.waiting.items():
-        waiting.labels(name).set(items)
-    bad = Gauge(
-        "modalwatch_bad_bytes",
-        "Bytes since the start outside frames with a valid checksum.",
-        ["device"],
-        registry=registry,
-    )
-    for name, count in status.counters.bad_bytes.items():
-        bad.labels(name).set(count)
+    counters = status.counters
+    _gauges(registry, "queue_items", "Items that wait in a queue.", "queue", counters.waiting)
+    text = "Bytes since the start outside frames with a valid checksum."
+    _gauges(registry, "bad_bytes", text, "device", counters.bad_bytes)
     texts = {
         "window": "Time from the last sample of a window to its result, in seconds.",
         "alarm": "Time from the last sample of a window to the alarm that it raised, in seconds.",
@@ -110,23 +108,8 @@ def _of_queues(registry: CollectorRegistry, status: SiteStatus) -> None:
 
 
 def _of_devices(registry: CollectorRegistry, devices: dict[str, DeviceStatus]) -> None:
-    rate = Gauge("modalwatch_scan_rate_hertz", "Scans received per second of wall time.", ["device"], registry=registry)
-    scans = Gauge("modalwatch_scans", "Scans received since the start.", ["device"], registry=registry)
-    gaps = Gauge("modalwatch_gaps", "Gaps in the scans since the start.", ["device"], registry=registry)
-    lost = Gauge("modalwatch_device_lost", "1 while the device is lost, else 0.", ["device"], registry=registry)
-    temperature = Gauge(
-        "modalwatch_device_temperature_celsius",
-        "Last reading of the thermometer of the device, in degrees Celsius.",
-        ["device"],
-        registry=registry,
-    )
-    for name, device in devices.items():
-        if device.temperature is not None:
-            temperature.labels(name).set(device.temperature)
-        rate.labels(name).set(device.rate)
-        scans.labels(name).set(device.scans)
-        gaps.labels(name).set(device.gaps)
-        lost.labels(name).set(device.lost)
+    for field, (name, text) in _DEVICE.items():
+        _gauges(registry, name, text, "device", {key: getattr(device, field) for key, device in devices.items()})
 
 
 def _of_window(registry: CollectorRegistry, window: WindowStatus | None) -> None:
@@ -137,10 +120,8 @@ def _of_window(registry: CollectorRegistry, window: WindowStatus | None) -> None
         _gauge(registry, "novelty", "Novelty of the last window.", window.novelty.t2)
         _gauge(registry, "novelty_limit", "Limit of the novelty of the last window.", window.novelty.limit)
     for field, (name, text) in _MODE.items():
-        gauge = Gauge(f"modalwatch_mode_{name}", text, ["mode"], registry=registry)
-        for identity, mode in window.tracked.items():
-            if math.isfinite(value := getattr(mode, field)):
-                gauge.labels(identity).set(value)
+        values = {str(identity): getattr(mode, field) for identity, mode in window.tracked.items()}
+        _gauges(registry, f"mode_{name}", text, "mode", values)
 
 
 def _of_self_test(registry: CollectorRegistry, test: SelfTestResult | None) -> None:
@@ -166,3 +147,11 @@ def _of_self_test(registry: CollectorRegistry, test: SelfTestResult | None) -> N
 
 def _gauge(registry: CollectorRegistry, name: str, text: str, value: float) -> None:
     Gauge(f"modalwatch_{name}", text, registry=registry).set(value)
+
+
+def _gauges(registry: CollectorRegistry, name: str, text: str, label: str, values: Mapping[str, float | None]) -> None:
+    """Add a gauge with a value for each label; values that are absent or not finite are left out."""
+    gauge = Gauge(f"modalwatch_{name}", text, [label], registry=registry)
+    for key, value in values.items():
+        if value is not None and math.isfinite(value):
+            gauge.labels(key).set(value)

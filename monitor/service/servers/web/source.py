@@ -66,6 +66,7 @@ class Source:
                 alarms = reader.alarms(whole)[-5:]
                 standing = [alarm.raised for alarm in alarms if alarm.cleared is None]
                 found = reader.diagnosis(standing[-1]) if standing else None
+                causes = DiagnosisAnswer.model_validate_json(found).causes if found else []
                 return Past(
                     windows=windows,
                     trends={mode: reader.trend(mode, late, "window") for mode in reader.modes()},
@@ -73,7 +74,7 @@ class Source:
                     events=_newest(reader),
                     reported=frozenset(a.raised for a in alarms if reader.diagnosis(a.raised, a.cleared) is not None),
                     reference=ReferenceResult.model_validate_json(reference) if reference else None,
-                    places=_places(DiagnosisAnswer.model_validate_json(found)) if found else [],
+                    places=[cause.where.position for cause in causes if cause.where and cause.where.position],
                 )
         except (HistoryError, ValueError):
             return None
@@ -84,10 +85,6 @@ def _newest(reader: Reader) -> list[EventRow]:
     always = Span(start=0, end=2**62)
     rows = [*reader.events(always, _EVENTS), *reader.alarm_changes(always, _EVENTS)]
     return sorted(rows, key=lambda row: row.time)[-_EVENTS:]
-
-
-def _places(diagnosis: DiagnosisAnswer) -> list[tuple[float, float, float]]:
-    return [cause.where.position for cause in diagnosis.causes if cause.where and cause.where.position]
 
 
 def problems(status: SiteStatus | None) -> list[str]:

@@ -53,8 +53,8 @@ def _content(source: Source) -> dict[str, Any]:
         "colour": "watch" if unsure else state,
         "headline": _HEADLINE[state] + (" (estimated)" if unsure else ""),
         "unsure": unsure,
-        "trend": _trend(status) if status else "",
-        "detectable": _detectable(status) if status else "",
+        "trend": trend_text(status.trend) if status and status.trend else "",
+        "detectable": detectable_text(status.detectable) if status and status.detectable else "",
         "learning": _learning(status) if status and state == "learning" else None,
         "left_out": _left_out(status, past),
         "problems": problems(status) + ([] if past or (status and status.problems.history) else [_NO_PAST]),
@@ -113,14 +113,6 @@ def _unsure(status: SiteStatus) -> str:
     unsure = f"in the last window, {unsure_text([novelty.unsure])}" if novelty.unsure else ""
     single = single_mode_text(novelty.single_mode) if novelty.single_mode else ""
     return "; ".join(filter(None, (unsure, single)))
-
-
-def _detectable(status: SiteStatus) -> str:
-    return detectable_text(status.detectable) if status.detectable else ""
-
-
-def _trend(status: SiteStatus) -> str:
-    return trend_text(status.trend) if status.trend else ""
 
 
 def alarm_content(alarm: AlarmRow, reported: Collection[int] = ()) -> dict[str, Any]:

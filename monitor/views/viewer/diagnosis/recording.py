@@ -64,7 +64,9 @@ def write_diagnosis(
         _card(recording, "/diagnosis", diagnosis_card(diagnosis))
         _card(recording, "/modes", modes_card(found))
         draw_evidence(recording, diagnosis)
-        _mac(recording, found)
+        mac = np.array([[np.nan if value is None else value for value in row] for row in found.mac], float)
+        names = ([f"{frequency:.4g}" for frequency in frequencies] for frequencies in (found.rows, found.columns))
+        draw_mac(recording, "/mac", mac, *names)
         draw_named_bars(recording, "/offsets", offset_bars(found))
         if found.sensors:
             draw_named_bars(recording, "/sensors/residual", residual_bars(found))
@@ -74,13 +76,6 @@ def write_diagnosis(
             _states(recording, states)
         _structure(recording, diagnosis, found, reference)
         _signals(recording, found)
-
-
-def _mac(recording: rr.RecordingStream, found: DiscrepancyResult) -> None:
-    """Draw the MAC of simulated (rows) with measured modes (columns)."""
-    mac = np.array([[np.nan if value is None else value for value in row] for row in found.mac], float)
-    names = ([f"{frequency:.4g}" for frequency in frequencies] for frequencies in (found.rows, found.columns))
-    draw_mac(recording, "/mac", mac, *names)
 
 
 def _card(recording: rr.RecordingStream, path: str, words: str) -> None:

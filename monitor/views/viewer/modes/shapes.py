@@ -11,6 +11,7 @@ from monitor.results.run_results import find_mode
 from monitor.results.windows import ModeResult, ReferenceMode, ReferenceResult, WindowResult
 from monitor.views.geometry import RIB, RIBS_APART, Geometry, ribs, screen
 from monitor.views.palette import GREY, TEXT, mode_colour
+from monitor.views.viewer.modes.bars import draw_bars, draw_window_bars
 from monitor.views.viewer.primitives import PHASE, at, once
 from monitor.views.viewer.scene import TUBE, plates
 
@@ -45,7 +46,8 @@ def draw_mode_shapes(recording: rr.RecordingStream, reference: ReferenceResult, 
         recording.log(f"{base}/name", name, static=True)
         at(recording, time)
         swing = _swing(geometry, mode)
-        recording.log(f"{base}/shape", _shape(geometry, mode, swing))
+        line = rr.LineStrips3D(geometry.strips(swing), colors=[mode_colour(mode.id)], radii=0.9 * TUBE * geometry.size)
+        recording.log(f"{base}/shape", line)
         colour = (*mode_colour(mode.id), 140)
         (turned,) = ribs_of(geometry, mode, [1.0])
         recording.log(f"{base}/ribs", rr.LineStrips3D(turned, colors=[colour], radii=_RIB_RADIUS))
@@ -145,12 +147,6 @@ def _swing(geometry: Geometry, mode: ReferenceMode) -> FloatArray:
     return np.asarray(_SWING * geometry.size * np.array(mode.displacement, float))
 
 
-def _shape(geometry: Geometry, mode: ReferenceMode, displacement: FloatArray) -> rr.LineStrips3D:
-    return rr.LineStrips3D(
-        geometry.strips(displacement), colors=[mode_colour(mode.id)], radii=0.9 * TUBE * geometry.size
-    )
-
-
 def _still(recording: rr.RecordingStream, base: str, geometry: Geometry, mode: ReferenceMode) -> None:
     """Draw the static parts: the structure at rest, and ghosts of the motion."""
     colour, thin = mode_colour(mode.id), rr.Radius.ui_points(1.1)
@@ -197,3 +193,17 @@ def _nearest(geometry: Geometry, places: FloatArray) -> list[int]:
     distance = np.linalg.norm(geometry.nodes[None] - places.reshape(-1, 1, 3), axis=2)
     nearest: list[int] = np.argmin(distance, axis=1).tolist()
     return nearest
+
+
+def draw_shapes(recording: rr.RecordingStream, reference: ReferenceResult, time: int) -> None:
+    """Draw the modes of a reference from a time on [ns UTC]."""
+    if reference.has_shapes:
+        (draw_mode_shapes if reference.has_geometry else draw_bars)(recording, reference, time)
+
+
+def draw_window_shapes(
+    recording: rr.RecordingStream, reference: ReferenceResult, windows: Sequence[WindowResult]
+) -> None:
+    """Draw the shapes of windows, scaled to those of the reference."""
+    if reference.has_shapes:
+        (draw_measured_shapes if reference.has_geometry else draw_window_bars)(recording, reference, windows)

@@ -62,7 +62,10 @@ def draw_trends(recording: rr.RecordingStream, run_results: RunResults) -> None:
         _frequency(recording, run_results, number)
         _damping(recording, run_results, number)
         _shift(recording, run_results, number)
-    _control_band(recording, run_results)
+    n = len(run_results.watched)
+    if n:
+        column, limit = ends(run_results.watched), np.full(n, SIGMAS)
+        band(recording, "/trend/shift/band", f"± {SIGMAS:g}σ", OK, column, np.zeros(n), limit)
     _novelty(recording, run_results)
 
 
@@ -131,13 +134,6 @@ def _shift(recording: rr.RecordingStream, run_results: RunResults, number: int) 
         path = f"/trend/shift/mode_{number}"
         line(recording, path, f"mode {number}", mode_colour(number), ends(run_results.watched), shift)
     _learned_points(recording, f"/trend/shift/learning/mode_{number}", _learned_shifts(run_results, number))
-
-
-def _control_band(recording: rr.RecordingStream, run_results: RunResults) -> None:
-    n = len(run_results.watched)
-    if n:
-        column, limit = ends(run_results.watched), np.full(n, SIGMAS)
-        band(recording, "/trend/shift/band", f"± {SIGMAS:g}σ", OK, column, np.zeros(n), limit)
 
 
 def _novelty(recording: rr.RecordingStream, run_results: RunResults) -> None:

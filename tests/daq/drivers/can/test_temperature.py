@@ -6,7 +6,7 @@ from itertools import pairwise
 import pytest
 
 from daq import Block, CanAddress, DeviceReader, Item, SystemClock, make_driver
-from daq.drivers.can import epson_can_temperature
+from daq.drivers.can import epson_can
 from daq.emulator import EmulatedEpsonCan, EmulatedSlcan
 from tests.support.daq.can_buses import served, wait_for
 from tests.support.daq.emulated_ports import Ramp
@@ -20,7 +20,7 @@ def blocks(items: list[Item]) -> list[Block]:
 
 
 def test_temperature_is_updated_from_first_block_without_lost_scans(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(epson_can_temperature, "PERIOD", 0.1)
+    monkeypatch.setattr(epson_can, "PERIOD", 0.1)
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7, temperature=21.0)
     without = EmulatedEpsonCan(Ramp(), SystemClock(), node=4, serial_number=8, temperature=None)
     items: dict[int, list[Item]] = {3: [], 4: []}
@@ -51,7 +51,7 @@ def test_temperature_is_updated_from_first_block_without_lost_scans(monkeypatch:
 
 
 def test_temperature_is_read_again_after_device_recovery(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(epson_can_temperature, "PERIOD", 0.1)
+    monkeypatch.setattr(epson_can, "PERIOD", 0.1)
     node = EmulatedEpsonCan(Ramp(), SystemClock(), node=3, serial_number=7, temperature=10.0)
     items: list[Item] = []
     with served(EmulatedSlcan([node])) as adapter:

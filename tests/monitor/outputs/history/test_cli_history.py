@@ -12,8 +12,7 @@ from matplotlib.axes import Axes
 from daq import Event
 from monitor.outputs.history import HistoryStore, Writer
 from monitor.outputs.history.schema import DAY
-from monitor.results.events import result_event
-from monitor.results.windows import SelfTestResult
+from monitor.results.windows import SelfTestResult, result_event
 from monitor.text.quantities import utc
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.history import HOUR, START, change, run_events, sqlite_url, write_years

@@ -15,7 +15,7 @@ from daq import Event
 from daq.events import EventPayload
 from monitor.outputs.history import HistoryRecorder, HistoryStore, Reader, Span, Writer, recorder
 from monitor.outputs.history.sqlite import file as sqlite_file
-from monitor.outputs.history.sqlite.salvage import salvage
+from monitor.outputs.history.sqlite.renewal import salvage
 from monitor.results.service_events import HistoryFailed, HistoryRecovered, HistoryRenewed, HistoryRestored
 from tests.support.monitor.history import make_old, rows, run_events, sqlite_url
 

@@ -13,8 +13,7 @@ from daq import Event
 from monitor.outputs.history import HistoryStore, Reader, Span, Writer, schema
 from monitor.outputs.history.retention import says_the_same, told_before
 from monitor.results.comparison import DiagnosisAnswer
-from monitor.results.events import result_event
-from monitor.results.windows import WindowResult
+from monitor.results.windows import WindowResult, result_event
 from tests.support.monitor import answers
 from tests.support.monitor.history import HOUR, START, change, rows, run_events, sqlite_url, write_years
 

@@ -12,9 +12,9 @@ import uvicorn
 from starlette.types import ASGIApp
 from uvicorn.server import ServerState
 
-from monitor.service.servers.web import Source, make_app, protocol
+from monitor.service.servers.web import Source, make_app, process
 from monitor.service.servers.web.auth import Guard
-from monitor.service.servers.web.protocol import BoundedProtocol
+from monitor.service.servers.web.process import BoundedProtocol
 from monitor.service.servers.web.snapshot import Snapshot
 
 TOKEN = "0123456789abcdef"
@@ -108,7 +108,7 @@ def test_only_an_unfinished_request_is_disconnected_after_its_time_limit(
     app: ASGIApp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Slow bytes do not lengthen the time; a connection that is kept alive has it again after each response."""
-    monkeypatch.setattr(protocol, "REQUEST_SECONDS", 0.4)
+    monkeypatch.setattr(process, "REQUEST_SECONDS", 0.4)
 
     async def visit(connect: Connect) -> None:
         (half, slow), (kept, asking) = [await connect() for _ in range(2)]
@@ -128,7 +128,7 @@ def test_only_an_unfinished_request_is_disconnected_after_its_time_limit(
 
 
 def test_longest_waiting_connection_is_closed_above_the_limit(app: ASGIApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(protocol, "MAX_CONNECTIONS", 3)
+    monkeypatch.setattr(process, "MAX_CONNECTIONS", 3)
 
     async def visit(connect: Connect) -> None:
         opened = [await connect() for _ in range(5)]

@@ -18,7 +18,7 @@ import rerun as rr
 
 from daq import Block, Event, Item
 from daq.drivers import EPSON_SCALE
-from monitor.results.events import result_event
+from monitor.results.windows import result_event
 from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import Settings, parse_settings
 from monitor.views.viewer.live import LiveResults

@@ -12,7 +12,7 @@ from updater.errors import StructureError
 from updater.fe.external.files import Matrices
 from updater.fe.external.programs.formats import read_labelled
 from updater.fe.external.programs.meshes import read_mesh
-from updater.fe.external.programs.numbers import LabelledMatrix, Row
+from updater.fe.external.programs.numbers import LabelledMatrix
 
 _FIXED = 1e30  # stiffness on the diagonal from which a DOF is fixed: Abaqus writes 1e36
 _MILLIMETRE = 1e-3  # m
@@ -59,7 +59,9 @@ def read_program_files(files: ProgramFiles) -> Matrices:
     kept = np.flatnonzero(used)
     if not len(kept):
         raise StructureError(files.stiffness, "no row has stiffness")
-    scale = _scale([whole.rows[i] for i in kept.tolist()], millimetres=files.millimetres)
+    rows = [whole.rows[i] for i in kept.tolist()]
+    turning = np.array([axis >= 3 for _, axis in rows])  # 1 N/mm is 1000 N/m, 1 N mm is 0.001 N m, 1 t is 1000 kg
+    scale = np.where(turning, _MILLIMETRE**0.5, _MILLIMETRE**-0.5) if files.millimetres else np.ones(len(rows))
     number = {node: i for i, node in enumerate(known)}
     dofs = np.full((len(known), 6), -1, np.int32)
     for row, i in enumerate(kept.tolist()):
@@ -94,12 +96,6 @@ def _like(matrix: LabelledMatrix, whole: LabelledMatrix) -> sparse.csc_array:
     to = np.array([place[matrix.rows[i]] for i in own], np.intp)
     onto = sparse.csc_array((np.ones(len(own)), (to, own)), shape=(len(whole.rows), len(matrix.rows)))
     return sparse.csc_array(onto @ matrix.matrix @ onto.T)
-
-
-def _scale(rows: list[Row], *, millimetres: bool) -> FloatArray:
-    """Return factors (n,) on rows and columns: 1 N/mm is 1000 N/m, 1 N mm is 0.001 N m, and 1 t is 1000 kg."""
-    turning = np.array([axis >= 3 for _, axis in rows])
-    return np.where(turning, _MILLIMETRE**0.5, _MILLIMETRE**-0.5) if millimetres else np.ones(len(rows))
 
 
 def _scaled(matrix: sparse.csc_array, scale: FloatArray) -> sparse.csc_array:

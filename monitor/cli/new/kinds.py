@@ -1,4 +1,0 @@
-"""Kinds of frames and materials that `new structure` writes."""
-
-KINDS = ("cantilever", "beam", "portal", "storeys", "t-frame")
-MATERIALS = ("steel", "aluminium", "concrete", "timber")
