@@ -68,7 +68,7 @@ def test_evidence_has_a_bar_per_cause() -> None:
     )
     (axes,) = plot_evidence(answer).axes
     assert [bar.get_width() for bar in axes.patches] == [0.0, -5.0, -20.0]  # type: ignore[attr-defined]
-    assert [text.get_text() for text in axes.texts] == ["added mass: accepted", "a", "b"]
+    assert [text.get_text() for text in axes.texts] == ["added mass: accepted", "-5.0", "a", "-300", "b"]
     assert axes.xaxis.get_majorticklabels()[0].get_fontsize() == axes.xaxis.label.get_fontsize()
     nothing = answer.model_copy(update={"causes": (), "rejected": ()})
     with pytest.raises(ValueError, match="expected weighed causes, found none"):
