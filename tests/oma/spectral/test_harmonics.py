@@ -102,7 +102,7 @@ def narrow_band(decay: float, noise: float, seed: int, n: int = 64) -> ComplexAr
     return fft.fft(turned + np.sqrt(noise) * white[1, :n])
 
 
-def tested(lines: ComplexArray, n: int, least_decay: float) -> LineTest:
+def tone_test(lines: ComplexArray, n: int, least_decay: float) -> LineTest:
     found = line_test(lines, 200, n // 2, np.ones(1000), least_decay)
     assert found is not None
     return found
@@ -122,7 +122,7 @@ def test_resonance_gives_no_evidence_of_a_tone(decay: float, noise: float) -> No
     found = []
     for seed in range(40):
         lines[200 - n // 2 : 200 + n // 2] = fft.fftshift(narrow_band(decay, noise, seed, n))
-        found.append(tested(lines, n, decay).evidence)
+        found.append(tone_test(lines, n, decay).evidence)
     evidence = np.array(found)
     assert np.mean(evidence > np.log(20)) < 0.05 + 3 * np.sqrt(0.05 / 40)
     assert evidence.max() < np.log(1e4)
@@ -134,7 +134,7 @@ def test_tone_is_distinguished_from_resonances(least_decay: float, noise: float)
     tests = []
     for seed in range(40):
         lines[200 - n // 2 : 200 + n // 2] = fft.fftshift(narrow_band(0.0, noise, seed, n))
-        tests.append(tested(lines, n, least_decay))
+        tests.append(tone_test(lines, n, least_decay))
     assert np.mean([t.evidence > np.log(1e4 * n) for t in tests]) > 0.8
     assert np.mean([t.decay_evidence < 2.7 for t in tests]) > 0.9
 
