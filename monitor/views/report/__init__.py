@@ -181,4 +181,4 @@ def _rendered(template: str, values: dict[str, Any]) -> str:
 
 def _tied(text: str) -> str:
     """Return a text with deviations and units that stay on one line."""
-    return _UNIT.sub("\u00a0", text.replace("± ", "±\u00a0").replace(" per kN", "\u00a0per\u00a0kN"))
+    return _UNIT.sub("\u00a0", text.replace(" ± ", "\u00a0±\u00a0").replace(" per kN", "\u00a0per\u00a0kN"))

@@ -37,7 +37,7 @@ def page_of(found: DiscrepancyResult, folder: Path) -> Page:
 def test_page_shows_modes_sensors_and_locations(tmp_path: Path) -> None:
     page = page_of(shown(), tmp_path)
     for words in (
-        "-3.70 ±\u00a00.10",
+        "-3.70\u00a0±\u00a00.10",
         "-37.0",
         "not identified",
         "71.5 ",
