@@ -1,4 +1,4 @@
-"""NI-DAQmx without hardware: a stand-in for its C library, below the Python layer of the library."""
+"""NI-DAQmx without hardware: a simulated C library below the Python layer of the library."""
 
 import time
 from collections.abc import Iterator
@@ -119,7 +119,7 @@ class Ramp(Runtime):
 
 @contextmanager
 def installed(runtime: Runtime) -> Iterator[Runtime]:
-    """Let the library call a stand-in; the tasks of the process are forgotten before and after."""
+    """Let the library call a simulated one; the tasks of the process are forgotten before and after."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("nidaqmx.utils._select_interpreter", lambda *_, **__: runtime)
         patch.setattr(ni_daqmx, "_TASKS", {})

@@ -31,7 +31,7 @@ def evidence_figure(diagnosis: DiagnosisAnswer) -> Figure | None:
         colour = OK if y < n_open and accepted else ALARM if v > 0 else SOFT
         shown = float(np.clip(v, -_SHOWN, _SHOWN))
         axes.barh(y, shown, height=0.6, color=colour, alpha=0.55)
-        if shown != v:  # cut off: the value stands in the bar
+        if shown != v:  # cut off: the value is printed in the bar
             axes.plot(shown, y, marker="<" if v < 0 else ">", markersize=5, color=colour, clip_on=False)
         value = f"{v:+,.1f}".replace(",", "\u202f") if abs(v) < _WHOLE else f"{v:+,.0f}".replace(",", "\u202f")
         if v:

@@ -57,7 +57,7 @@ NETWORK: dict[str, tuple[str | TextAddress, str]] = {
     "serial-text over UDP": (TextAddress(port="", form=LINES), "the port is in use by another program$"),
     "raspberry-shake": ("", "the port is in use by another program$"),
 }
-#: inputs of a stand-in for the vendor's library, in this process
+#: inputs of the simulated vendor library, in this process
 INPUTS = {
     "nidaqmx": DaqmxAddress(
         inputs=tuple(f"cDAQ1Mod1/ai{k}" for k in range(3)), sensitivity=(100.0, 100.0, 100.0), range_g=50.0
