@@ -2,19 +2,29 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test thorough check docs lock bench soak fuzz mutants clean
+.PHONY: demo test test-live test-computed thorough check docs lock bench soak fuzz mutants clean
 
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
-# What computes shares the processors, the long files first; what runs in real time comes after it, for it waits more than it
-# computes: only files with such tests are imported then. Modules are compiled once, whatever the environment says: these
-# tests start some hundred processes.
-test: export OPENBLAS_NUM_THREADS = 1
-test: export PYTHONDONTWRITEBYTECODE =
+# Both parts at once: tests in real time wait more than they compute and come first, the others use the rest of the
+# processors, the long files first. Modules are compiled once, whatever the environment says: these tests start some hundred
+# processes.
 test: $(VENV)/.done
-	$(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m "live and not thorough" --numprocesses 4 --dist loadgroup $$(grep -rlE 'mark\.live\b' tests --include='test_*.py')
+	@$(MAKE) --no-print-directory --jobs 2 --keep-going test-live test-computed
+
+test-%: export OPENBLAS_NUM_THREADS = 1
+test-%: export PYTHONDONTWRITEBYTECODE =
+
+# Only files with such tests are imported. The output is shown at the end, after that of the other part or within it.
+test-live: $(VENV)/.done
+	@mkdir -p build
+	@$(BIN)/python -m pytest -m "live and not thorough" --numprocesses 3 --dist loadgroup \
+		$$(grep -rlE 'mark\.live\b' tests --include='test_*.py') > build/test-live.log 2>&1; \
+		status=$$?; cat build/test-live.log; exit $$status
+
+test-computed: $(VENV)/.done
+	nice -n 10 $(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 # More draws of what the tests cover: other seeds, other structures, pairs of causes.
 thorough: export OPENBLAS_NUM_THREADS = 1
