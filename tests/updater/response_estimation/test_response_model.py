@@ -1,0 +1,125 @@
+"""Accelerations at points without a sensor, against the records of independent specimens."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+from scipy.signal.windows import tukey
+
+from daq import FloatArray
+from tests.support.thorough import few_of
+from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
+from updater import ModalDataError, ModelError
+from updater.response_estimation import Point, Quantity, ResponseEstimate, ResponseModel
+
+SEED = 5
+
+
+@pytest.fixture(scope="module")
+def frame() -> UnmeasuredPoints:
+    print(f"seed {SEED}")
+    return unmeasured_points("frame", SEED)
+
+
+@pytest.fixture(scope="module")
+def learned(frame: UnmeasuredPoints) -> ResponseModel:
+    return ResponseModel.learn(frame.reference, frame.record(40.0, SEED)[0])
+
+
+def in_band(truth: FloatArray, estimate: ResponseEstimate) -> FloatArray:
+    sections = butter(4, estimate.band, "bandpass", fs=estimate.recording.rate, output="sos")
+    return np.asarray(sosfiltfilt(sections, truth, axis=0))
+
+
+def compare(case: UnmeasuredPoints, model: ResponseModel, seed: int) -> tuple[FloatArray, FloatArray]:
+    """Return error over deviation (n_samples, n_points), and rms error over rms signal (n_points,)."""
+    recording, truth = case.record(20.0, seed)
+    found = model.estimate(recording, case.points)
+    settled = np.isfinite(found.recording.data[:, 0])
+    truth = in_band(truth, found)[settled]
+    error = found.recording.data[settled] - truth
+    return error / found.std, np.sqrt((error**2).mean(0) / (truth**2).mean(0))
+
+
+@pytest.mark.parametrize(
+    ("which", "seed"), few_of([("frame", SEED), ("portal", 0), ("portal", 2), ("bridge", 0), ("mast", 0), ("mast", 3)])
+)
+def test_truth_is_within_the_deviations_where_there_is_no_sensor(which: str, seed: int) -> None:
+    """All samples at a point have the same error of shape, so that the share of one specimen varies about 95 %.
+
+    Without the error of the shapes, some 50 to 75 % are within two deviations.
+    """
+    print(f"seed {seed}")
+    case = unmeasured_points(which, seed)
+    model = ResponseModel.learn(case.reference, case.record(40.0, seed)[0])
+    ratio, relative = compare(case, model, seed + 1000)
+    assert (np.abs(ratio) < 2).mean() > 0.80
+    assert (np.abs(ratio) < 1).mean() < 0.95  # deviations are not too large either
+    assert np.median(relative) < 0.08
+
+
+def test_deviations_follow_the_level_of_the_excitation(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
+    recording, _ = frame.record(20.0, 7)
+    quiet, loud = (learned.estimate(replace(recording, data=k * recording.data), frame.points) for k in (0.5, 4.0))
+    np.testing.assert_allclose(loud.std, 8 * quiet.std, rtol=1e-9)
+    assert loud.level == pytest.approx(8 * quiet.level)
+
+
+def test_estimate_does_not_depend_on_a_gap_elsewhere(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
+    """The filter starts anew after it; both agree as soon as its start is forgotten."""
+    recording, _ = frame.record(30.0, 8)
+    data = recording.data.copy()
+    data[9000:9100, 4] = np.nan
+    whole, parts = (
+        learned.estimate(r, frame.points).recording.data for r in (recording, replace(recording, data=data))
+    )
+    assert np.isnan(parts[9000:9100]).all()
+    later = np.isfinite(parts).all(1) & (np.arange(len(parts)) > 20000) & np.isfinite(whole).all(1)
+    assert later.sum() > 5000
+    scale = np.nanstd(whole, axis=0)
+    assert (np.abs(parts - whole)[later] / scale).max() < 0.02
+
+
+def test_blocks_one_after_another_give_the_same_as_one(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
+    recording, _ = frame.record(5.0, 9)
+    whole, _ = learned.filter(frame.points).run(recording.data)
+    blocks = learned.filter(frame.points)
+    parts = np.concatenate([blocks.run(part)[0] for part in np.array_split(recording.data, 7)])
+    np.testing.assert_allclose(parts, whole, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize(("quantity", "order"), [("velocity", 1), ("displacement", 2)])
+def test_integrated_truth_is_within_the_deviations(
+    frame: UnmeasuredPoints, learned: ResponseModel, quantity: Quantity, order: int
+) -> None:
+    """The truth is the recorded acceleration, integrated in the band by its spectrum; 80 % as for accelerations."""
+    recording, truth = frame.record(20.0, 10)
+    found = learned.estimate(recording, [replace(point, quantity=quantity) for point in frame.points])
+    taper = tukey(len(truth), 0.2)[:, None]
+    spectrum = np.fft.rfft(taper * in_band(truth, found), axis=0)
+    omega = 2 * np.pi * np.fft.rfftfreq(len(truth), 1 / recording.rate)
+    spectrum[1:] /= (1j * omega[1:, None]) ** order
+    spectrum[0] = 0.0
+    exact = np.fft.irfft(spectrum, len(truth), axis=0)
+    settled = np.isfinite(found.recording.data[:, 0]) & (taper[:, 0] == 1)
+    error = (found.recording.data - exact)[settled]
+    assert (np.abs(error / found.std) < 2).mean() > 0.80
+    assert np.median(error.std(0) / exact[settled].std(0)) < 0.15
+
+
+def test_records_that_do_not_fit_are_refused(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
+    recording, _ = frame.record(20.0, 11)
+    with pytest.raises(ModalDataError, match="expected a rate of 1000 Hz, found 500 Hz"):
+        learned.estimate(replace(recording, rate=500.0), frame.points)
+    fewer = replace(recording, channels=recording.channels[1:], data=recording.data[:, 1:])
+    with pytest.raises(ModalDataError, match="of the reference is missing"):
+        learned.estimate(fewer, frame.points)
+    with pytest.raises(ModalDataError, match="long enough for the filter to settle"):
+        learned.estimate(replace(recording, data=recording.data[:300]), frame.points)
+    with pytest.raises(ModalDataError, match="without a gap are too short"):
+        ResponseModel.learn(frame.reference, replace(recording, data=recording.data[:300]))
+    with pytest.raises(ModalDataError, match="expected a rate of at least"):
+        ResponseModel.learn(frame.reference, replace(recording, rate=400.0))
+    with pytest.raises(ModelError):
+        learned.estimate(recording, [Point(at=(5.0, 5.0, 5.0), axis=0)])

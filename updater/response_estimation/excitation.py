@@ -1,0 +1,104 @@
+"""Spectral densities of modal forces and sensor noise, estimated from a record.
+
+At every line of the spectrum the signals are y = Phi H p + v, with modal forces p of one real covariance at all lines
+and independent noise v of each sensor. The expectation-maximisation algorithm of a factor model maximises the Whittle
+likelihood: the posterior second moments of p and v are averaged over the lines (Rubin & Thayer, eqs 6 and 7). Errors of
+the shapes are part of v.
+
+References
+----------
+Rubin, D. B. & Thayer, D. T. (1982). EM algorithms for ML factor analysis. Psychometrika 47(1), 69-76.
+Whittle, P. (1953). Estimation and information in stationary time series. Arkiv for Matematik 2(5), 423-434.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy  # its parts at their first use
+
+from daq import FloatArray, IndexArray
+from updater.response_estimation.modal_system import ComplexArray, ModalSystem
+
+_ITERATIONS = 60
+_LEAST_NOISE = 1e-9  # of a sensor's mean density
+_LINES = 4  # per half-power bandwidth of the narrowest mode
+_BLOCKS = 4  # of a record, at least
+_NEAR = 6  # half bandwidths, or lines, each way of a resonance within which every line is used
+_SPACING = 16  # lines between resonances
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Excitation:
+    """Two-sided spectral densities."""
+
+    force: FloatArray  #: (n_modes, n_modes) of the modal forces [N2/(kg Hz)]
+    noise: FloatArray  #: (n_channels,) of the sensors [(m/s2)^2/Hz]
+
+
+def spectral_matrices(
+    data: FloatArray, rate: float, band: tuple[float, float], system: ModalSystem
+) -> tuple[FloatArray, ComplexArray]:
+    """Return lines (n_lines,) [Hz] in a band, and two-sided spectral matrices (n_lines, n_channels, n_channels).
+
+    Welch's method with half-overlapping Hann windows, as long as the narrowest mode requires and the record allows.
+
+    Parameters
+    ----------
+    data : (n_samples, n_channels) without gaps [m/s2]
+    rate : [Hz]
+    band : lowest and highest line [Hz]
+    system : modes
+    """
+    narrowest = float((2 * system.damping * system.frequency).min())
+    wanted = 1 << int(np.ceil(np.log2(_LINES * rate / narrowest)))
+    most = 1 << int(np.log2(max(len(data) // _BLOCKS, 2)))
+    size = min(wanted, most)
+    window = scipy.signal.windows.hann(size, sym=False)
+    blocks = np.lib.stride_tricks.sliding_window_view(data, size, axis=0)[:: size // 2] * window
+    spectra = np.fft.rfft(blocks, axis=2) / np.sqrt(rate * (window**2).sum())  # (n_blocks, n_channels, n_lines)
+    lines: FloatArray = np.fft.rfftfreq(size, 1 / rate).astype(np.float64)
+    inside = (band[0] <= lines) & (lines <= band[1])
+    chosen = spectra[:, :, inside].transpose(2, 1, 0)
+    return lines[inside], chosen @ chosen.conj().swapaxes(1, 2) / len(blocks)
+
+
+def estimate_excitation(
+    lines: FloatArray, matrices: ComplexArray, system: ModalSystem, shape: FloatArray
+) -> Excitation:
+    """Estimate the densities of the modal forces and of the sensors' noise.
+
+    Parameters
+    ----------
+    lines : (n_lines,) [Hz]
+    matrices : (n_lines, n_channels, n_channels) two-sided spectral matrices [(m/s2)^2/Hz]
+    system : modes
+    shape : (n_channels, n_modes) mass-normalised at the sensors [kg^-1/2]
+    """
+    kept, share = _thinned(lines, system)
+    lines, matrices = lines[kept], matrices[kept]
+    response = shape * system.accelerance(lines)[:, None, :]
+    back = response.conj().swapaxes(1, 2)
+    density = np.einsum("lcc->lc", matrices).real
+    power = share @ density
+    noise = 0.1 * power
+    force = np.eye(len(system.frequency)) * power.sum() / (share @ (np.abs(response) ** 2).sum((1, 2)))
+    for _ in range(_ITERATIONS):
+        weight = force @ back @ np.linalg.inv(response @ force @ back + np.diag(noise))  # E[p | y] = weight y
+        explained = response @ weight
+        moment = weight @ matrices @ weight.conj().swapaxes(1, 2) + force - weight @ response @ force
+        left = density - 2 * np.einsum("lcd,ldc->lc", explained, matrices).real
+        left += np.einsum("lcm,lmc->lc", response @ moment, back).real
+        noise = np.maximum(share @ left, _LEAST_NOISE * power)
+        force = np.tensordot(share, moment.real, 1)
+        force = (force + force.T) / 2
+    return Excitation(force=force, noise=noise)
+
+
+def _thinned(lines: FloatArray, system: ModalSystem) -> tuple[IndexArray, FloatArray]:
+    """Return all lines near resonances and some between, and the share of the band that each represents."""
+    index = np.arange(len(lines))
+    half = np.maximum(_NEAR * system.damping * system.frequency, _NEAR * (lines[1] - lines[0]))
+    near = (np.abs(lines[:, None] - system.frequency) < half).any(1)
+    kept = np.flatnonzero(near | (index % _SPACING == 0) | (index == len(lines) - 1))
+    edges = np.r_[0, (kept[1:] + kept[:-1]) / 2, len(lines) - 1]
+    return kept, np.diff(edges) / (len(lines) - 1)

@@ -1,0 +1,67 @@
+"""Modes of a structure as a linear system that is excited by random modal forces, sampled in time.
+
+Each mode is q'' + 2 zeta omega q' + omega^2 q = p. The modal forces p are constant during a sample (zero-order hold),
+for which the transition is exact. The state holds omega q and q' of every mode.
+
+References
+----------
+Juang, Applied System Identification (1994), ch. 2.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from daq import FloatArray
+
+ComplexArray = npt.NDArray[np.complex128]
+Quantity = Literal["displacement", "velocity", "acceleration"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModalSystem:
+    """Modes with unit modal mass."""
+
+    frequency: FloatArray  #: (n_modes,) undamped [Hz]
+    damping: FloatArray  #: (n_modes,) of critical [-]
+
+    @property
+    def omega(self) -> FloatArray:
+        """Natural frequencies (n_modes,) [rad/s]."""
+        return 2 * np.pi * self.frequency
+
+    def transition(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        """Return A (2 n, 2 n) and B (2 n, n) of x[k+1] = A x[k] + B p[k], the modes' omega q first, then their q'."""
+        omega, zeta = self.omega, self.damping
+        damped = omega * np.sqrt(1 - zeta**2)
+        decay = np.exp(-zeta * omega * dt)
+        cos, sin = decay * np.cos(damped * dt), decay * np.sin(damped * dt)
+        ratio = zeta * omega / damped
+        # columns: response to unit omega q, to unit q'
+        from_q = np.array([cos + ratio * sin, -omega / damped * sin])
+        from_dq = np.array([omega / damped * sin, cos - ratio * sin])
+        a = np.block([[np.diag(q), np.diag(dq)] for q, dq in zip(from_q, from_dq, strict=True)])
+        # a constant force moves the equilibrium to p / omega^2
+        b = np.vstack([np.diag((1 - from_q[0]) / omega), np.diag(-from_q[1] / omega)])
+        return a, b
+
+    def outputs(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+        """Return C (n, 2 n) and D (n, n) of the modal displacements, velocities or accelerations C x + D p."""
+        omega, none = self.omega, np.zeros((len(self.frequency),) * 2)
+        if quantity == "displacement":
+            return np.hstack([np.diag(1 / omega), none]), none
+        if quantity == "velocity":
+            return np.hstack([none, np.eye(len(omega))]), none
+        return np.hstack([np.diag(-omega), np.diag(-2 * self.damping * omega)]), np.eye(len(omega))
+
+    def accelerance(self, lines: FloatArray) -> ComplexArray:
+        """Return the modal accelerations by unit modal forces (n_lines, n_modes), complex [1/kg].
+
+        Parameters
+        ----------
+        lines : (n_lines,) [Hz]
+        """
+        ratio = lines[:, None] / self.frequency
+        return np.asarray(-(ratio**2) / (1 - ratio**2 + 2j * self.damping * ratio))

@@ -1,0 +1,242 @@
+"""Response of a structure where there is no sensor, with its standard deviation."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy  # its parts at their first use
+
+from daq import Channel, FloatArray, IndexArray, Recording
+from updater.errors import ModalDataError
+from updater.reference import Reference
+from updater.response_estimation.excitation import Excitation, estimate_excitation, spectral_matrices
+from updater.response_estimation.kalman_filter import ModalKalmanFilter, Outputs
+from updater.response_estimation.modal_system import ModalSystem, Quantity
+from updater.response_estimation.shape_error import shape_error
+
+_AXES = ("x", "y", "z")
+_MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band
+_NYQUIST = 0.45  # of the rate: highest frequency of a mode in the system
+_ORDER = 4  # of the band-pass filter
+_SKIRT = (0.3, 2.0)  # times the limits of the band: range in which the filter passes anything
+_LINES = 4000  # of the integral of an error spectrum
+_USUAL_DAMPING = 0.005  # damping ratio where none was measured
+_PERIODS = 3  # of the lowest frequency, in which the band-pass filter settles
+_LEAST_PERIODS = 40  # periods of the lowest frequency of the band that a record has at least
+_LEAST_DEVICES = 3  # from which the error of shapes without a sensor is estimated
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """Motion at a point on a member."""
+
+    at: tuple[float, float, float]  #: [m]
+    axis: int  #: global axis 0, 1, 2 = x, y, z
+    quantity: Quantity = "acceleration"
+
+    @property
+    def name(self) -> str:
+        """Short name, such as `acceleration_z at 0.2 0 1.48`."""
+        return f"{self.quantity}_{_AXES[self.axis]} at {' '.join(f'{value:g}' for value in self.at)}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResponseEstimate:
+    """Estimated signals at points without a sensor."""
+
+    points: tuple[Point, ...]
+    recording: Recording  #: (n_samples, n_points) [m, m/s or m/s2], NaN about gaps of the measured signals
+    std: FloatArray  #: (n_points,) standard deviation of the error in the band, constant over the recording
+    band: tuple[float, float]  #: of the signals [Hz]
+    level: float  #: root mean square of the innovations over that of the record that was learned from [-]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ResponseModel:
+    """Reference with the excitation and noise of a record: a model that is run beside the structure.
+
+    The signals are those in a band about the measured modes. Each standard deviation combines the error of the Kalman
+    filter, which follows the level of the innovations, and that of the expanded shapes. The latter is estimated from
+    the sensors of n devices; its predictive distribution is Student's with n degrees of freedom, of variance n / (n -
+    2).
+    """
+
+    reference: Reference
+    channels: tuple[str, ...]  #: of the sensors
+    rate: float  #: [Hz]
+    band: tuple[float, float]  #: [Hz]
+    modes: IndexArray  #: (n_modes,) of the reference in the system
+    system: ModalSystem
+    excitation: Excitation
+    shape_error: FloatArray  #: (n_modes,) standard deviation of a component where there is no sensor [kg^-1/2]
+    innovation: FloatArray  #: (n_channels,) root mean square in the band, of the learned record [m/s2]
+
+    @classmethod
+    def learn(cls, reference: Reference, recording: Recording) -> "ResponseModel":
+        """Learn from a record of the undisturbed structure.
+
+        Parameters
+        ----------
+        reference : learned from windows of the same structure
+        recording : signals of the reference's channels, the delays of devices removed
+
+        Raises
+        ------
+        ModalDataError
+            If a channel of the reference is missing, fewer than three devices are left, no stretch without gaps is
+            long enough, or the rate is too low for the measured modes.
+        """
+        channels = reference.baseline.channels
+        data, devices = _signals(recording, channels)
+        if len(devices) < _LEAST_DEVICES:
+            raise ModalDataError(f"devices: expected at least {_LEAST_DEVICES}, found {len(devices)}")
+        measured = np.exp(reference.baseline.log_frequency)
+        band = float(_MARGIN[0] * measured.min()), float(_MARGIN[1] * measured.max())
+        if band[1] > _NYQUIST * recording.rate:
+            raise ModalDataError(
+                f"recording: expected a rate of at least {band[1] / _NYQUIST:.4g} Hz, found {recording.rate:g} Hz"
+            )
+        modes = np.flatnonzero(reference.frequency < _NYQUIST * recording.rate)
+        system = ModalSystem(frequency=reference.frequency[modes], damping=_damping(reference)[modes])
+        shape = reference.at_channels(channels)[:, modes]
+        start, stop = max(_stretches(data), key=lambda part: part[1] - part[0], default=(0, 0))
+        if stop - start < _LEAST_PERIODS * recording.rate / band[0]:
+            raise ModalDataError(f"recording: {(stop - start) / recording.rate:.3g} s without a gap are too short")
+        longest = data[start:stop] - data[start:stop].mean(0)
+        lines, matrices = spectral_matrices(longest, recording.rate, band, system)
+        excitation = estimate_excitation(lines, matrices, system, shape)
+        share = len(devices) / (len(devices) - 2)
+        error = np.sqrt(share * (shape**2).mean(0)) * shape_error(reference)[modes]
+        model = cls(
+            reference=reference,
+            channels=channels,
+            rate=recording.rate,
+            band=band,
+            modes=modes,
+            system=system,
+            excitation=excitation,
+            shape_error=error,
+            innovation=np.ones(len(channels)),
+        )
+        _, innovation = model._run(data, Outputs(state=np.zeros((0, 2 * len(modes))), force=np.zeros((0, len(modes)))))
+        return replace(model, innovation=_root_mean_square(innovation))
+
+    def filter(self, points: Sequence[Point]) -> ModalKalmanFilter:
+        """Return a filter that estimates the response at points, block by block.
+
+        Raises
+        ------
+        ModelError
+            If a point is on no member.
+        """
+        return self._filter(self._outputs(points))
+
+    def estimate(self, recording: Recording, points: Sequence[Point]) -> ResponseEstimate:
+        """Estimate the response at points; the structure must not have changed.
+
+        The band-pass filter has no phase; the Kalman filter starts anew after each gap.
+
+        Parameters
+        ----------
+        recording : signals of the channels at the rate that was learned from, the delays of devices removed
+        points : on members
+
+        Raises
+        ------
+        ModelError
+            If a point is on no member.
+        ModalDataError
+            If a channel is missing, the rate is another, or no stretch without gaps is long enough.
+        """
+        if not np.isclose(recording.rate, self.rate, rtol=1e-6):
+            raise ModalDataError(f"recording: expected a rate of {self.rate:g} Hz, found {recording.rate:g} Hz")
+        data, _ = _signals(recording, self.channels)
+        quantities = [point.quantity for point in points]
+        outputs = self._outputs(points)
+        modal = {quantity: self.system.outputs(quantity) for quantity in dict.fromkeys(quantities)}
+        every = Outputs(
+            state=np.vstack([outputs.state, *(state for state, _ in modal.values())]),
+            force=np.vstack([outputs.force, *(force for _, force in modal.values())]),
+        )
+        estimates, innovation = self._run(data, every)
+        level = float(np.sqrt(np.mean((_root_mean_square(innovation) / self.innovation) ** 2)))
+        own, others = estimates[:, : len(points)], estimates[:, len(points) :]
+        squares = dict(zip(modal, np.split(_root_mean_square(others) ** 2, len(modal)), strict=True))
+        by_shape = np.array([squares[quantity] @ self.shape_error**2 for quantity in quantities])
+        lines = np.geomspace(_SKIRT[0] * self.band[0], min(_SKIRT[1] * self.band[1], self.rate / 2), _LINES)
+        _, gain = scipy.signal.freqz_sos(self._band_pass(), lines, fs=self.rate)
+        variance = level**2 * self._filter(outputs).variance(lines, np.abs(gain) ** 4) + by_shape
+        channels = tuple(Channel(name=point.name, device="estimated", axis=point.axis) for point in points)
+        return ResponseEstimate(
+            points=tuple(points),
+            recording=replace(recording, channels=channels, data=own, gaps=()),
+            std=np.sqrt(variance),
+            band=self.band,
+            level=level,
+        )
+
+    def _outputs(self, points: Sequence[Point]) -> Outputs:
+        rows = self.reference.model.reader(np.array([point.at for point in points]).reshape(-1, 3))
+        shape = np.asarray(rows @ self.reference.shape[:, self.modes]).reshape(len(points), 6, -1)
+        parts = [self.system.outputs(point.quantity) for point in points]
+        own = [shape[i, point.axis] for i, point in enumerate(points)]
+        return Outputs(
+            state=np.array([row @ state for row, (state, _) in zip(own, parts, strict=True)]),
+            force=np.array([row @ force for row, (_, force) in zip(own, parts, strict=True)]),
+        )
+
+    def _filter(self, outputs: Outputs) -> ModalKalmanFilter:
+        shape = self.reference.at_channels(self.channels)[:, self.modes]
+        return ModalKalmanFilter(self.system, shape, self.excitation, outputs, rate=self.rate)
+
+    def _band_pass(self) -> FloatArray:
+        """Return second-order sections; applied forward and backward, the gain is squared and the phase zero."""
+        return np.asarray(scipy.signal.butter(_ORDER, self.band, "bandpass", fs=self.rate, output="sos"))
+
+    def _run(self, data: FloatArray, outputs: Outputs) -> tuple[FloatArray, FloatArray]:
+        """Return outputs (n_samples, n_outputs) and innovations (n_samples, n_channels), NaN where none is settled."""
+        sections = self._band_pass()
+        estimates = np.full((len(data), len(outputs.state)), np.nan)
+        innovations = np.full(data.shape, np.nan)
+        for start, stop in _stretches(data):
+            kalman = self._filter(outputs)
+            settling = max(kalman.settling, round(_PERIODS * self.rate / self.band[0]))
+            if stop - start <= 2 * settling:
+                continue
+            part = data[start:stop] - data[start:stop].mean(0)
+            estimate, innovation = kalman.run(scipy.signal.sosfiltfilt(sections, part, axis=0))
+            estimates[start + settling : stop - settling] = estimate[settling:-settling]
+            innovations[start + settling : stop - settling] = innovation[settling:-settling]
+        if np.isnan(innovations).all():
+            raise ModalDataError("recording: no stretch without a gap is long enough for the filter to settle")
+        return estimates, innovations
+
+
+def _signals(recording: Recording, channels: tuple[str, ...]) -> tuple[FloatArray, set[str]]:
+    """Return the data (n_samples, n_channels) of channels, and their devices."""
+    present = {channel.name: i for i, channel in enumerate(recording.channels)}
+    missing = [name for name in channels if name not in present]
+    if missing:
+        raise ModalDataError(f"recording: channel {missing[0]!r} of the reference is missing")
+    chosen = [present[name] for name in channels]
+    return recording.data[:, chosen], {recording.channels[i].device for i in chosen}
+
+
+def _stretches(data: FloatArray) -> list[tuple[int, int]]:
+    """Return first sample and end of the stretches without a gap in any channel."""
+    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _damping(reference: Reference) -> FloatArray:
+    """Return the damping (n_modes,) of the reference's modes, the median of the measured ones elsewhere [-]."""
+    measured = reference.baseline.damping
+    known = np.isfinite(measured) & (measured > 0)
+    damping = np.full(len(reference.frequency), np.median(measured[known]) if known.any() else _USUAL_DAMPING)
+    damping[reference.paired[known]] = measured[known]
+    return damping
+
+
+def _root_mean_square(data: FloatArray) -> FloatArray:
+    """Return the root mean square (n_columns,) of data (n, n_columns) with NaN in whole rows."""
+    return np.asarray(np.sqrt(np.nanmean(data**2, axis=0)))
