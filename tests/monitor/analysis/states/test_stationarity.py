@@ -78,7 +78,7 @@ def test_p_value_of_a_change_point_is_uniform_without_a_step() -> None:
 
 @pytest.mark.thorough
 def test_identify_reports_the_time_of_change_in_the_example_log(modalwatch: Commands, tmp_path: Path) -> None:
-    path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
+    path = Path(__file__).parents[4] / "replay_data" / "t_frame_added_mass.mcap"
     event = 1767225733923178045  # ns UTC: replay_data/manifest.toml
     done = modalwatch("identify", path, "--json", tmp_path / "modes.json")
     assert (done.code, done.err) == (0, "")
