@@ -76,8 +76,9 @@ def begin_at(reference: Reference, comparison: Comparison) -> tuple[FloatArray, 
     n = len(comparison.channels)
     late = np.array([[float(c in group) for c in comparison.channels] for group in groups_of(reference, comparison)])
     sign, imaginary = np.ones(n), np.zeros(n)
+    phased = comparison.phased.any()
     for _ in range(_MAX_FAULTS):
-        delay, gained = _search(comparison, late if comparison.phased.any() else late[:0], sign, imaginary)
+        delay, gained = _search(comparison, late, sign, imaginary) if phased else (np.zeros(0), np.zeros(0))
         other, better = _other_gain(comparison, sign, imaginary)
         most = gained.max(initial=0.0)
         if max(most, better) < _WORTH:
