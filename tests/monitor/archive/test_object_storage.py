@@ -76,8 +76,13 @@ def fill(storage: s3fs.S3FileSystem, folder: str, n: int) -> None:
     storage.pipe_file(f"tower/{folder}/poisoned.mcap", b"not a log")
 
 
-@pytest.mark.timeout(300)
-@pytest.mark.parametrize("n", [2, pytest.param(200, marks=[pytest.mark.thorough, pytest.mark.timeout(1200)])])
+@pytest.mark.parametrize(
+    "n",
+    [
+        pytest.param(2, marks=pytest.mark.timeout(300)),
+        pytest.param(200, marks=[pytest.mark.thorough, pytest.mark.timeout(1200)]),
+    ],
+)
 def test_bucket_is_analysed_as_local_files_and_only_once(
     n: int, server: s3fs.S3FileSystem, modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

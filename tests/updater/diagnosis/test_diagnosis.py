@@ -30,12 +30,16 @@ def test_added_body_has_correct_mass_and_position(seed: int) -> None:
 
 @pytest.mark.parametrize(("seed", "axes"), few_of([(111, "rx ry rz"), (112, "ry"), (113, "rx")], 0))
 def test_loosened_foot_is_diagnosed_by_axis(seed: int, axes: str) -> None:
-    """To a quarter of the stiffness: found to four of its own deviations, or 15 % (the reference's share is fitted)."""
+    """To a quarter of the stiffness: found to four of its own deviations, or 15 % (the reference's share is fitted).
+
+    A stretch next to the foot may be an alternative: a foot's own stiffness is not known.
+    """
     reference, bare, event = learnt(seed)
     change = Change(foot=dict.fromkeys(axes.split(), 0.25))
     found = diagnose(reference, event(change)).diagnosis
-    assert (found.verdict, names(found)) == ("explained", ["support_stiffness"])
+    assert names(found) == ["support_stiffness"]
     (cause,) = found.causes
+    assert set(cause.cannot_be_told_from) <= {"local_stiffness"}
     assert cause.where is not None
     assert cause.where.position == (0, 0, 0)
     true = change.of(bare).structure.support[0].stiffness
