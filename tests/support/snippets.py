@@ -41,9 +41,9 @@ def _without_commands(source: str) -> str:
     return "\n".join(line for line in source.splitlines() if not line.startswith("%"))
 
 
-def run_cells(cells: Iterable[str]) -> dict[str, Any]:
+def run_cells(cells: Iterable[str], **given: object) -> dict[str, Any]:
     """Run pieces of code in one namespace; what each ends in is shown as a notebook shows it. Return the namespace."""
-    namespace: dict[str, Any] = {"__name__": "__main__"}
+    namespace: dict[str, Any] = {"__name__": "__main__", **given}
     for cell in cells:
         tree = ast.parse(cell)
         last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None

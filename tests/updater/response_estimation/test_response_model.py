@@ -1,6 +1,7 @@
 """Accelerations at points without a sensor, against the records of independent specimens."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.signal.windows import tukey
 
 from daq import FloatArray
+from tests.support.snippets import code_blocks, run_cells
 from tests.support.thorough import few_of
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
 from updater import ModalDataError, ModelError
@@ -106,6 +108,14 @@ def test_integrated_truth_is_within_the_deviations(
     error = (found.recording.data - exact)[settled]
     assert (np.abs(error / found.std) < 2).mean() > 0.80
     assert np.median(error.std(0) / exact[settled].std(0)) < 0.15
+
+
+def test_snippet_of_the_page_runs(frame: UnmeasuredPoints) -> None:
+    (code,) = code_blocks(Path(__file__).parents[3] / "docs" / "explanation" / "response.md")
+    given = {"reference": frame.reference, "recording": frame.record(20.0, 12)[0], "later": frame.record(20.0, 13)[0]}
+    names = run_cells([code], **given)
+    assert names["estimate"].recording.data.shape == (20000, 1)
+    assert 0 < names["estimate"].std[0] < 1e-6
 
 
 def test_records_that_do_not_fit_are_refused(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
