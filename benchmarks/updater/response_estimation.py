@@ -8,7 +8,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from daq import FloatArray
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
-from updater.response_estimation import ResponseModel
+from updater.validation import ResponseModel
 
 _SPECIMENS = ("frame", "portal", "bridge", "mast")
 _LEARN, _ESTIMATE = 60.0, 30.0  # s at 1 kHz, or as many samples

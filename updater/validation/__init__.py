@@ -14,6 +14,9 @@ if TYPE_CHECKING:
         modes_with_causes,
     )
     from updater.validation.residual_forces import ForceBalance, force_balance
+    from updater.validation.response.kalman_filter import ModalKalmanFilter
+    from updater.validation.response.modal_system import Quantity
+    from updater.validation.response.response_model import Point, ResponseEstimate, ResponseModel
     from updater.validation.shape_expansion import (
         ModelModes,
         ModelPartner,
@@ -27,8 +30,13 @@ else:
 __all__ = [
     "ForceBalance",
     "ModalCorrelation",
+    "ModalKalmanFilter",
     "ModelModes",
     "ModelPartner",
+    "Point",
+    "Quantity",
+    "ResponseEstimate",
+    "ResponseModel",
     "SensorHealth",
     "VirtualSensing",
     "as_written",

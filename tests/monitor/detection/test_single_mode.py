@@ -65,7 +65,10 @@ def test_bursts_of_spurious_poles_raise_no_alarm(seed: int, days: int) -> None:
 @pytest.mark.parametrize(("n_sites", "days"), few_of([(12, 4), (30, 10)]))
 @pytest.mark.parametrize("busy", few_of([True, False]))
 def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, n_sites: int, days: int, *, busy: bool) -> None:
-    """0.5 % of one mode, ten deviations, on sites without wrong poles and on sites with bursts of them."""
+    """0.5 % of one mode, ten deviations, on sites without wrong poles and on sites with bursts of them.
+
+    Days without wrong poles shorten the wait of a new site.
+    """
     random, n = np.random.default_rng(seed), days * DAY
     wrong = bursts(random, n_sites, n) if busy else 0.0
     _, watched = watched_days(noise(random, n_sites, n) + wrong, learnt(random, n_sites))
@@ -76,7 +79,7 @@ def test_a_change_of_one_mode_is_found_in_bounded_time(seed: int, n_sites: int, 
     print(f"seed {seed}: found after {np.median(first) + 1:.0f} windows, at most {first.max() + 1}")
     assert passed.any(-1).all()
     assert first.max() < MAX_HOLD_WINDOWS
-    assert busy or np.median(first) < 14
+    assert busy or np.median(first) + 1 < no_runs(()).hold(YEARLY.rate)
 
 
 def test_change_of_all_modes_is_detected_without_delay() -> None:

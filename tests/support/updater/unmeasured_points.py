@@ -12,7 +12,7 @@ from tests.examiner.models.specimen import Sensor, State
 from tests.examiner.path import observation, structure_of
 from tests.examiner.signals import estimated, recorded
 from updater import Reference, learn_reference
-from updater.response_estimation import Point
+from updater.validation import Point
 
 _RMS = 0.01  # m/s2 of the signals
 _BAND = 290.0  # Hz, recorded at 1 kHz

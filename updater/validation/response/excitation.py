@@ -17,7 +17,7 @@ import numpy as np
 import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray
-from updater.response_estimation.modal_system import ComplexArray, ModalSystem
+from updater.validation.response.modal_system import ComplexArray, ModalSystem
 
 _ITERATIONS = 60
 _LEAST_NOISE = 1e-9  # of a sensor's mean density

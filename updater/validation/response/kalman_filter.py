@@ -16,8 +16,8 @@ import numpy as np
 import scipy  # its parts at their first use
 
 from daq import FloatArray
-from updater.response_estimation.excitation import Excitation
-from updater.response_estimation.modal_system import ComplexArray, ModalSystem
+from updater.validation.response.excitation import Excitation
+from updater.validation.response.modal_system import ComplexArray, ModalSystem
 
 _SETTLED = 1e-3  # of a transient
 

@@ -9,10 +9,10 @@ import scipy  # its parts at their first use
 from daq import Channel, FloatArray, IndexArray, Recording
 from updater.errors import ModalDataError
 from updater.reference import Reference
-from updater.response_estimation.excitation import Excitation, estimate_excitation, spectral_matrices
-from updater.response_estimation.kalman_filter import ModalKalmanFilter, Outputs
-from updater.response_estimation.modal_system import ModalSystem, Quantity
-from updater.response_estimation.shape_error import shape_error
+from updater.validation.response.excitation import Excitation, estimate_excitation, spectral_matrices
+from updater.validation.response.kalman_filter import ModalKalmanFilter, Outputs
+from updater.validation.response.modal_system import ModalSystem, Quantity
+from updater.validation.response.shape_error import shape_error
 
 _AXES = ("x", "y", "z")
 _MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band

@@ -13,7 +13,7 @@ from tests.support.snippets import code_blocks, run_cells
 from tests.support.thorough import few_of
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
 from updater import ModalDataError, ModelError
-from updater.response_estimation import Point, Quantity, ResponseEstimate, ResponseModel
+from updater.validation import Point, Quantity, ResponseEstimate, ResponseModel
 
 SEED = 5
 
@@ -111,7 +111,7 @@ def test_integrated_truth_is_within_the_deviations(
 
 
 def test_snippet_of_the_page_runs(frame: UnmeasuredPoints) -> None:
-    (code,) = code_blocks(Path(__file__).parents[3] / "docs" / "explanation" / "response.md")
+    (code,) = code_blocks(Path(__file__).parents[4] / "docs" / "explanation" / "update" / "response.md")
     given = {"reference": frame.reference, "recording": frame.record(20.0, 12)[0], "later": frame.record(20.0, 13)[0]}
     names = run_cells([code], **given)
     assert names["estimate"].recording.data.shape == (20000, 1)

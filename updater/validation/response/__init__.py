@@ -1,0 +1,1 @@
+"""Response where there is no sensor: modal forces, Kalman filter of modes, standard deviations."""
