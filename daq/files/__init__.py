@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from daq.files.formats.mat import read_mat
     from daq.files.formats.registry import FORMATS
     from daq.files.formats.universal.geometry import Geometry, read_geometry
-    from daq.files.formats.universal.responses import FrequencyResponses, read_responses
+    from daq.files.formats.universal.header import Header, header_set, read_header
+    from daq.files.formats.universal.responses import FrequencyResponses, read_responses, write_responses
     from daq.files.measured import Measured, differentiated
     from daq.files.measurement_file import read_data
     from daq.files.message_export import expand_log
@@ -33,6 +34,7 @@ __all__ = [
     "Calibration",
     "FrequencyResponses",
     "Geometry",
+    "Header",
     "LoggedSensor",
     "Measured",
     "Sensitivity",
@@ -41,6 +43,7 @@ __all__ = [
     "date_column",
     "differentiated",
     "expand_log",
+    "header_set",
     "header_unit",
     "import_can_log",
     "in_order",
@@ -51,6 +54,7 @@ __all__ = [
     "read_data",
     "read_dataframe",
     "read_geometry",
+    "read_header",
     "read_in_order",
     "read_mat",
     "read_responses",
@@ -59,4 +63,5 @@ __all__ = [
     "time_column",
     "with_channels",
     "write_recording",
+    "write_responses",
 ]

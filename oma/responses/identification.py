@@ -8,6 +8,7 @@ import numpy as np
 from daq import FloatArray
 from oma.errors import IdentificationError, InputError, TooFewModes
 from oma.mac import mac_matrix
+from oma.responses.coherence_weights import noise_levels
 from oma.responses.lines import Lines
 from oma.responses.modal_mass import driving_points, modal_mass, unit_shape
 from oma.responses.residues import synthesis
@@ -34,6 +35,7 @@ class ResponseIdentification:
     silent: tuple[str, ...]  #: channels that are left out: their responses are zero in all lines
     band: tuple[float, float]  #: frequencies in which modes were sought [Hz]
     decay: float  #: decay rate of the exponential window, 0 without a window [1/s]
+    weighted: bool  #: whether lines and responses weigh by their coherence
 
     @property
     def record_seconds(self) -> float:
@@ -108,6 +110,7 @@ def identify_responses_all(
     forces: Sequence[str] = (),
     band: tuple[float, float] | None = None,
     window: float | None = None,
+    coherence: FloatArray | None = None,
 ) -> ResponseIdentification:
     """Identify modes, their modal masses, and the responses that they make up.
 
@@ -117,6 +120,8 @@ def identify_responses_all(
     forces : names of the forces. Those along a channel, such as ``12_-z`` at ``12_z``, are driving points, which give
         modal masses
     window : time constant of the exponential window of forces and responses [s]; its damping is removed. Default: none
+    coherence : (n_lines, n_channels, n_inputs) of each response and force [-]: lines and responses weigh by the noise
+        that it states, unless it is one in most lines, as of a single blow. Default: all weigh alike
 
     Raises
     ------
@@ -124,9 +129,10 @@ def identify_responses_all(
         As for `identify_responses`.
     """
     lines, band = _lines(frequency, response, channels, band, 1 / window if window else 0.0)
-    moving = lines.response.any(axis=(0, 2))
-    lines = replace(lines, response=lines.response[:, moving])
-    silent = tuple(np.array(channels)[~moving].tolist())
+    moving = lines.moving
+    silent = tuple(np.delete(np.array(channels), moving).tolist())
+    lines, weighted = _weighted(lines, frequency, coherence)
+    lines = lines.of_channels(moving)
     channels = [channel for channel in channels if channel not in silent]
     poles, diagram = stable_poles(lines, band)
     modes = sorted(fitted_modes(poles, lines), key=lambda mode: mode.frequency)
@@ -150,7 +156,20 @@ def identify_responses_all(
         silent=silent,
         band=band,
         decay=lines.decay,
+        weighted=weighted,
     )
+
+
+def _weighted(lines: Lines, frequency: FloatArray, coherence: FloatArray | None) -> tuple[Lines, bool]:
+    """Return lines with the noise of coherences (n_lines, n_channels, n_inputs), and whether that is known."""
+    if coherence is None:
+        return lines, False
+    if coherence.shape != (len(frequency), *lines.response.shape[1:]):
+        raise InputError(f"coherence: expected the shape of the responses, found {coherence.shape}")
+    levels = noise_levels(lines.response, coherence[np.isin(frequency, lines.frequency)])
+    if levels is None:
+        return lines, False
+    return replace(lines, line_noise=levels[0], response_noise=levels[1]), True
 
 
 def _lines(
@@ -172,7 +191,14 @@ def _lines(
         raise InputError(f"response: expected finite values from {low:g} to {high:g} Hz")
     if np.count_nonzero(inside) < _MIN_LINES:
         raise IdentificationError(f"{low:g} to {high:g} Hz: expected {_MIN_LINES} lines or more")
-    lines = Lines(frequency=frequency[inside], response=response[inside], spacing=spacing, decay=decay)
+    lines = Lines(
+        frequency=frequency[inside],
+        response=response[inside],
+        spacing=spacing,
+        decay=decay,
+        line_noise=np.ones(np.count_nonzero(inside)),
+        response_noise=np.ones(response.shape[1:]),
+    )
     return lines, (low, high)
 
 

@@ -21,6 +21,8 @@ class Lines:
     response: ComplexArray  #: (n_lines, n_channels, n_inputs) [m/s2/N]
     spacing: float  #: [Hz]
     decay: float  #: decay rate of the exponential window, 0 without a window [1/s]
+    line_noise: FloatArray  #: (n_lines,) relative noise of lines [-]
+    response_noise: FloatArray  #: (n_channels, n_inputs) relative noise of responses [-]
 
     @property
     def laplace(self) -> ComplexArray:
@@ -43,9 +45,28 @@ class Lines:
         """All responses of each line in one row, (n_lines, n_responses)."""
         return self.response.reshape(len(self.frequency), -1)
 
+    @property
+    def white(self) -> ComplexArray:
+        """All responses in units of their noise, (n_lines, n_responses)."""
+        return np.asarray(self.flat / self.line_noise[:, None] / self.response_noise.ravel())
+
+    @property
+    def moving(self) -> IndexArray:
+        """Numbers of the channels with a response that is not zero."""
+        return np.flatnonzero(self.response.any(axis=(0, 2)))
+
+    def of_channels(self, chosen: IndexArray) -> "Lines":
+        """Return the lines of some of the channels, by their numbers."""
+        return replace(self, response=self.response[:, chosen], response_noise=self.response_noise[chosen])
+
     def __getitem__(self, chosen: IndexArray) -> "Lines":
         """Return some of the lines."""
-        return replace(self, frequency=self.frequency[chosen], response=self.response[chosen])
+        return replace(
+            self,
+            frequency=self.frequency[chosen],
+            response=self.response[chosen],
+            line_noise=self.line_noise[chosen],
+        )
 
     def without(self, parts: Iterable[ComplexArray]) -> "Lines":
         """Return the lines less parts of the responses, each (n_lines, n_channels, n_inputs)."""

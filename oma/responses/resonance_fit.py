@@ -3,6 +3,7 @@
 Modes that are near each other are fitted together, as sums of resonances and a straight line for all other modes (as
 `fit_resonance`, for several modes and inputs). Deviations are those of Newey and West over lines, with the residual
 that a fit without the line would have, and all responses of a line together: the noise of the force is in all of them.
+Lines and responses are in units of their noise, if coherences state it.
 
 References
 ----------
@@ -116,10 +117,11 @@ def _around(pole: FloatArray, lines: Lines) -> IndexArray:
 
 
 def _terms(pole: FloatArray, lines: Lines) -> ComplexArray:
-    """Return resonances and a straight line (n_lines, n_modes + 2)."""
+    """Return resonances and a straight line (n_lines, n_modes + 2), in units of the noise of lines."""
     line = lines.frequency
     rest = np.stack([np.ones_like(line), (line - line.mean()) / max(np.ptp(line), 1e-300)], axis=1)
-    return np.concatenate([_resonances(pole, lines), rest], axis=1).astype(np.complex128)
+    terms = np.concatenate([_resonances(pole, lines), rest], axis=1).astype(np.complex128)
+    return np.asarray(terms / lines.line_noise[:, None])
 
 
 def _resonances(pole: FloatArray, lines: Lines) -> ComplexArray:
@@ -130,7 +132,7 @@ def _resonances(pole: FloatArray, lines: Lines) -> ComplexArray:
 
 def _fit(pole: FloatArray, lines: Lines) -> FloatArray:
     """Return poles (n_modes, 2) by variable projection."""
-    measured = lines.flat
+    measured = lines.white
 
     def rest(flat: FloatArray) -> FloatArray:
         basis = np.linalg.qr(_terms(flat.reshape(-1, 2), lines))[0]
@@ -148,7 +150,7 @@ def _with_deviations(
     near: Sequence[StablePole], start: FloatArray, pole: FloatArray, lines: Lines
 ) -> Iterator[FittedMode | None]:
     """Yield fitted modes, None in place of one that is not significant or not near where it began."""
-    measured, shape = lines.flat, lines.response.shape[1:]
+    measured, noise = lines.white, lines.response_noise
     terms = _terms(pole, lines)
     basis, triangle = np.linalg.qr(terms)
     linear = np.asarray(np.linalg.solve(triangle, basis.conj().T @ measured), np.complex128)
@@ -165,7 +167,7 @@ def _with_deviations(
     residue_std = np.sqrt(gain[:, None] * _variance(inverse, left / free[:, None], lags) / 2)
     moves = np.einsum("im,itr->mtr", _root(covariance), -inverse @ slopes)
     for k, (origin, (frequency, damping)) in enumerate(zip(near, pole.tolist(), strict=True)):
-        residue, deviation = linear[k].reshape(shape), residue_std[k].reshape(shape)
+        residue, deviation = linear[k].reshape(noise.shape), residue_std[k].reshape(noise.shape)
         strength = np.sqrt(np.sum(np.abs(residue) ** 2) / max(2 * float(np.sum(deviation**2)), 1e-300))
         inside = (
             lines.frequency[0] <= frequency <= lines.frequency[-1]
@@ -179,9 +181,9 @@ def _with_deviations(
             frequency_std=float(std[k, 0]),
             damping=damping,
             damping_std=float(std[k, 1]),
-            residue=residue,
-            residue_std=deviation,
-            residue_moves=moves[:, k].reshape(-1, *shape),
+            residue=residue * noise,
+            residue_std=deviation * noise,
+            residue_moves=moves[:, k].reshape(-1, *noise.shape) * noise,
             support=origin.support,
         )
 

@@ -47,9 +47,9 @@ class _Order:
 def stable_poles(lines: Lines, band: tuple[float, float]) -> tuple[list[StablePole], Stabilization]:
     """Return the poles that most orders show, and the stabilization diagram.
 
-    Lines weigh alike in one half of the fractions, and by the inverse of their squared size in the other half. The
-    first are best for noise that is alike in all lines; the second keep modes whose accelerations are small beside
-    those of higher modes. A mode needs half of the orders of one of the two.
+    Lines weigh by their noise in one half of the fractions (alike unless it is known), and by the inverse of their
+    squared size in the other half. The first are best if the noise is as stated; the second keep modes whose
+    accelerations are small beside those of higher modes. A mode needs half of the orders of one of the two.
 
     Parameters
     ----------
@@ -71,6 +71,9 @@ def _diagram(lines: Lines, band: tuple[float, float], noise_power: float) -> tup
     values[place], values[-place] = lines.response, lines.response.conj()
     size = np.sum(np.abs(values) ** 2, axis=(1, 2))
     weight = np.where(size > 0, 1 / np.maximum(size, 1e-12 * size.max()) ** noise_power, 0.0)
+    if not noise_power:
+        weight[place] /= lines.line_noise**2
+        weight[-place] /= lines.line_noise**2
     n_inputs = lines.response.shape[2]
     largest = max(2, min(_MAX_ORDER // n_inputs, len(lines.frequency) // (_LINES_A_POWER * n_inputs)))
     powers = sorted({int(p) for p in np.linspace(max(2, largest / 3), largest, _N_ORDERS)})

@@ -15,7 +15,8 @@ import pyuff
 
 from daq.errors import DataError
 from daq.files.formats.arrays import Arrays
-from daq.files.formats.universal.datasets import Dataset, datasets, length_unit, node_name
+from daq.files.formats.universal.datasets import SI_UNITS, Dataset, datasets, length_unit, node_name
+from daq.files.formats.universal.header import header_set
 from daq.files.options import DataOptions
 from daq.files.origin import Origin
 from daq.types import Channel, FloatArray, Recording
@@ -26,7 +27,6 @@ _UNITS = {_UNKNOWN: "", 1: "", 8: "m", 11: "m/s", _ACCELERATION: ""}  # of data 
 _KINDS = {9: "reaction force", 13: "excitation force", 15: "pressure", 5: "temperature"}
 _TIME = 17  # of an abscissa [s]
 _BEGUN, _PLACE = "first sample at {} ns UTC", "device {} axis {}"  # ID lines 3 and 4
-_SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
 _SAME = 1e-6  # relative: sampling intervals are printed with six digits
 
 
@@ -90,6 +90,8 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
 def write_universal(path: Path, recording: Recording) -> None:
     """Write a recording as time responses (text, twelve digits): channels' names in ID line 1, their origin in 3 and 4.
 
+    A header (dataset 151) and the units (164) are first.
+
     The interval between samples is printed with six digits, as the format requires. The file must exist and be empty.
 
     Parameters
@@ -121,7 +123,7 @@ def write_universal(path: Path, recording: Recording) -> None:
         )
         for channel, column in zip(recording.channels, recording.data.T, strict=True)
     ]
-    pyuff.UFF(str(path)).write_sets([_SI_UNITS, *responses], "overwrite")
+    pyuff.UFF(str(path)).write_sets([header_set("time responses"), SI_UNITS, *responses], "overwrite")
 
 
 def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:

@@ -111,7 +111,14 @@ def test_storage_is_proportional_to_the_lines() -> None:
     line = np.arange(190.0, 310.0, 1 / 32)
     ratio = line / 250
     response = np.array(-(ratio**2) / (1 - ratio**2 + 0.08j * ratio), np.complex128)[:, None, None]
-    lines = Lines(frequency=line, response=response, spacing=1 / 32, decay=0.0)
+    lines = Lines(
+        frequency=line,
+        response=response,
+        spacing=1 / 32,
+        decay=0.0,
+        line_noise=np.ones(len(line)),
+        response_noise=np.ones((1, 1)),
+    )
     tracemalloc.start()
     try:
         (found,) = fitted_modes([StablePole(frequency=250.0, damping=0.04, support=1.0)], lines)

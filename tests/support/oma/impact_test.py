@@ -58,25 +58,38 @@ class ImpactTest:
     force_noise: float = 0.0005  #: of the force, over its peak [-]
     force_window: float | None = 0.15  #: time after which the force is set to zero [s]; None: never
     decay: float | None = None  #: time constant of the exponential window on force and responses [s]; None: none
+    poor: int | None = None  #: channel whose noise is ten times as large; None: none
+    hum: float = 0.0  #: amplitude of a hum of each response, over its rms in a record [-]
+    hum_frequency: float = 31.3  #: [Hz]
 
     def h1(
         self, structure: Tower, seed: int, references: tuple[int, ...] = REFERENCES
     ) -> tuple[FloatArray, ComplexArray]:
         """Return lines [Hz] and accelerances (n_lines, n_channels, n_references) [m/s2/N]."""
+        return self.h1_with_coherence(structure, seed, references)[:2]
+
+    def h1_with_coherence(
+        self, structure: Tower, seed: int, references: tuple[int, ...] = REFERENCES
+    ) -> tuple[FloatArray, ComplexArray, FloatArray]:
+        """Return lines [Hz], accelerances (n_lines, n_channels, n_references) [m/s2/N] and coherences [-]."""
         random = np.random.default_rng(seed)
-        columns = [self._reference(structure, reference, random) for reference in references]
+        pairs = [self._reference(structure, reference, random) for reference in references]
         line = np.arange(round(self.rate * self.seconds) // 2 + 1) / self.seconds
         kept = line < 0.4 * self.rate  # below the anti-alias filter
-        return line[kept], np.stack(columns, axis=2)[kept]
+        response, coherence = (np.stack(columns, axis=2)[kept] for columns in zip(*pairs, strict=True))
+        return line[kept], response, coherence.real
 
-    def _reference(self, structure: Tower, reference: int, random: np.random.Generator) -> ComplexArray:
-        """Return the H1 estimate over all hits at one place, (n_lines, n_channels)."""
+    def _reference(
+        self, structure: Tower, reference: int, random: np.random.Generator
+    ) -> tuple[ComplexArray, FloatArray]:
+        """Return the H1 estimate over all hits at one place, and the coherence, (n_lines, n_channels) each."""
         pairs = []
         for _ in range(self.hits):
             force, motion = self._hit(structure, reference, random)
             pairs.append((np.fft.rfft(force)[:, None], np.fft.rfft(motion, axis=0)))
         cross = np.sum([force.conj() * motion for force, motion in pairs], axis=0)
-        return np.asarray(cross / np.sum([np.abs(force) ** 2 for force, _ in pairs], axis=0))
+        power, own = (np.sum([np.abs(pair[k]) ** 2 for pair in pairs], axis=0) for k in (0, 1))
+        return cross / power, np.abs(cross) ** 2 / (power * own)
 
     def _hit(self, structure: Tower, reference: int, random: np.random.Generator) -> tuple[FloatArray, FloatArray]:
         """Return force (n,) [N] and accelerations (n, n_channels) [m/s2] of one hit, windowed."""
@@ -93,7 +106,12 @@ class ImpactTest:
         size[0] = np.abs(both[:, 0]).max()
         share = np.full(len(size), self.noise)
         share[0] = self.force_noise
+        if self.poor is not None:
+            share[1 + self.poor] *= 10
         both = both + share * size * random.standard_normal(both.shape)
+        if self.hum:
+            phase = 2 * np.pi * (self.hum_frequency * np.arange(n) / self.rate + random.uniform())
+            both[:, 1:] += self.hum * size[1:] * np.sin(phase)[:, None]
         if self.force_window:
             both[round(self.force_window * self.rate) :, 0] = 0.0
         if self.decay:

@@ -16,6 +16,7 @@ import pyuff
 from daq.errors import DataError
 
 FUNCTIONS = (58, 164)  #: datasets that functions and their units are read from
+SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
 _AXES = {1: "x", 2: "y", 3: "z", 4: "rx", 5: "ry", 6: "rz"}
 
 Dataset = dict[str, Any]  # as pyuff returns it

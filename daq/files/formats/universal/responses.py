@@ -1,20 +1,27 @@
-"""Measured frequency responses of universal files: dataset 58, function type 4."""
+"""Frequency responses of universal files (dataset 58, function type 4) with their coherences (6): read and written."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pyuff
 
 from daq.errors import DataError
 from daq.files.columns.units import ACCELERATIONS
-from daq.files.formats.universal.datasets import Dataset, datasets, force_unit, length_unit, node_name
+from daq.files.formats.universal.datasets import SI_UNITS, Dataset, datasets, force_unit, length_unit, node_name
 from daq.types import FloatArray
 
-_RESPONSE = 4  # function type
-_TIMES_FREQUENCY = {0: 0, 1: 0, 8: 2, 11: 1, 12: 0}  # data type of the motion -> factors i omega to an acceleration
+_RESPONSE, _COHERENCE = 4, 6  # function types
+_TIMES_LAPLACE = {0: 0, 1: 0, 8: 2, 11: 1, 12: 0}  # data type of the motion -> factors s to an acceleration
 _FORCES = {0, 1, 9, 13}
-_ACCELERATION, _GRAVITY = 12, ("g", "gn")
+_ACCELERATION, _FORCE_TYPE, _FREQUENCY, _GRAVITY = 12, 13, 18, ("g", "gn")
+_ROUNDING = 1e-3  # of a coherence, beyond 0 and 1
+_FORCE = "force at {}"  # ID line 2
+_NODE, _AXES = re.compile(r"([1-9]\d{0,8})_(-?)([xyz])"), {"x": 1, "y": 2, "z": 3}
 _SAME = 1e-6  # relative: lines are printed with six digits
 
 
@@ -26,20 +33,29 @@ class FrequencyResponses:
     response: npt.NDArray[np.complex128]  #: (n_lines, n_outputs, n_inputs) [m/s2/N]
     outputs: tuple[str, ...]  #: channels
     inputs: tuple[str, ...]  #: places of the forces
+    coherence: FloatArray | None = None  #: (n_lines, n_outputs, n_inputs) of each output and input [-]; None: not known
 
     @property
     def by_reciprocity(self) -> "FrequencyResponses":
         """Responses at the places of the forces to forces at the outputs: those of a linear structure are the same."""
-        return replace(self, response=self.response.transpose(0, 2, 1), outputs=self.inputs, inputs=self.outputs)
+        coherence = None if self.coherence is None else self.coherence.transpose(0, 2, 1)
+        swapped = self.response.transpose(0, 2, 1)
+        return replace(self, response=swapped, outputs=self.inputs, inputs=self.outputs, coherence=coherence)
 
 
-def read_responses(path: Path) -> FrequencyResponses:
+def read_responses(path: Path, window: float | None = None) -> FrequencyResponses:
     """Read all frequency responses of a universal file; receptances and mobilities become accelerances.
 
     Lengths and forces are converted according to dataset 164, accelerations with the label `g` from g.
 
     Outputs and inputs are named after node and direction, as `read_universal` does; an output whose node is 0 after the
-    first ID line.
+    first ID line. Coherences are read if the file has that of each response, and not otherwise.
+
+    Parameters
+    ----------
+    path : of the file
+    window : time constant of the exponential window of forces and responses [s]. Default: none. A derivative is then
+        the factor ``1 / window + 2 pi i f``, not ``2 pi i f``
 
     Raises
     ------
@@ -52,23 +68,96 @@ def read_responses(path: Path) -> FrequencyResponses:
     if not found:
         raise DataError(path, "holds no frequency response (dataset 58, function type 4)")
     lines = _lines(path, *found[0])
+    laplace = (1 / window if window else 0.0) + 2j * np.pi * lines
     outputs = [_output(s) for _, s in found]
-    inputs = [node_name(s, "ref") for _, s in found]
+    inputs = [_input(s) for _, s in found]
     rows, columns = tuple(dict.fromkeys(outputs)), tuple(dict.fromkeys(inputs))
     response = np.full((len(lines), len(rows), len(columns)), np.nan, np.complex128)
     for (number, one), output, force in zip(found, outputs, inputs, strict=True):
         place = response[:, rows.index(output), columns.index(force)]
         if not np.isnan(place[0]):
             raise DataError(path, f"dataset {number}: the response of {output} to {force} is in the file twice")
-        own = _lines(path, number, one)
-        if len(own) != len(lines) or np.abs(own - lines).max() > _SAME * lines[-1]:
-            raise DataError(path, f"dataset {number}: expected the lines of dataset {found[0][0]}")
-        place[:] = _accelerance(path, number, one, lines) * newtons * (_of_gravity(one) or 1 / metres)
+        _check_lines(path, number, one, found[0][0], lines)
+        place[:] = _accelerance(path, number, one, laplace) * newtons * (_of_gravity(one) or 1 / metres)
     missing = np.argwhere(np.isnan(response[0]))
     if len(missing):
         row, column = missing[0].tolist()
         raise DataError(path, f"holds no response of {rows[row]} to a force at {columns[column]}")
-    return FrequencyResponses(frequency=lines, response=response, outputs=rows, inputs=columns)
+    found_of = FrequencyResponses(frequency=lines, response=response, outputs=rows, inputs=columns)
+    return replace(found_of, coherence=_coherence(path, sets, found_of, found[0][0]))
+
+
+def _coherence(
+    path: Path, sets: Sequence[tuple[int, Dataset]], found: FrequencyResponses, first: int
+) -> FloatArray | None:
+    """Return the coherences (n_lines, n_outputs, n_inputs); None if one is missing."""
+    coherence = np.full(found.response.shape, np.nan)
+    for number, one in sets:
+        if one["type"] != 58 or one["func_type"] != _COHERENCE:
+            continue
+        output, force = _output(one), _input(one)
+        if output not in found.outputs or force not in found.inputs:
+            continue
+        _check_lines(path, number, one, first, found.frequency)
+        values = np.asarray(one["data"])
+        outside = np.iscomplexobj(values) or not ((values > -_ROUNDING) & (values < 1 + _ROUNDING)).all()
+        if len(values) != len(found.frequency) or outside:
+            raise DataError(path, f"dataset {number}: expected {len(found.frequency)} coherences from 0 to 1")
+        coherence[:, found.outputs.index(output), found.inputs.index(force)] = np.clip(values, 0.0, 1.0)
+    return None if np.isnan(coherence).any() else coherence
+
+
+def write_responses(path: Path, responses: FrequencyResponses, header: Dataset) -> None:
+    """Write accelerances, and coherences if they are known, as text of twelve digits.
+
+    An output ``12_-z`` is node 12 in direction -z; another name is ID line 1 with node 0. Inputs have ID line 2.
+
+    Parameters
+    ----------
+    path : of the file, which is replaced
+    responses : to write
+    header : of `header_set`
+
+    Raises
+    ------
+    DataError
+        If the file cannot be written.
+    """
+    try:
+        path.open("wb").close()
+    except OSError as error:  # pyuff would not state the reason
+        raise DataError(path, f"cannot be written: {error.strerror}") from error
+    sets: list[Dataset] = [header, SI_UNITS]
+    for (i, output), (k, force) in product(enumerate(responses.outputs), enumerate(responses.inputs)):
+        place = {"id1": output, "id2": _FORCE.format(force), **_node(output, "rsp"), **_node(force, "ref")}
+        sets.append(_function(_RESPONSE, responses.frequency, responses.response[:, i, k], place))
+        if responses.coherence is not None:
+            sets.append(_function(_COHERENCE, responses.frequency, responses.coherence[:, i, k], place))
+    pyuff.UFF(str(path)).write_sets(sets, "overwrite")
+
+
+def _function(
+    kind: int, frequency: FloatArray, values: npt.NDArray[np.complex128] | FloatArray, place: Dataset
+) -> Dataset:
+    motion, force = (_ACCELERATION, _FORCE_TYPE) if kind == _RESPONSE else (0, 0)
+    return pyuff.prepare_58(
+        func_type=kind,
+        **place,
+        abscissa_spacing=1,
+        abscissa_spec_data_type=_FREQUENCY,
+        ordinate_spec_data_type=motion,
+        orddenom_spec_data_type=force,
+        binary=0,
+        data=values,
+        x=frequency,
+    )
+
+
+def _node(name: str, end: str) -> Dataset:
+    """Return node and direction of a name such as ``12_-z``; node 0 of another one."""
+    match = _NODE.fullmatch(name)
+    node, direction = (0, 0) if match is None else (int(match[1]), _AXES[match[3]] * (-1 if match[2] else 1))
+    return {f"{end}_ent_name": "NONE", f"{end}_node": node, f"{end}_dir": direction}
 
 
 def _of_gravity(series: Dataset) -> float | None:
@@ -82,6 +171,19 @@ def _output(series: Dataset) -> str:
     return line if not series["rsp_node"] and line not in ("", "NONE") else node_name(series)
 
 
+def _input(series: Dataset) -> str:
+    """Return the name of a force: node and direction, or that of ID line 2 as `write_responses` has it."""
+    match = None if series["ref_node"] else re.fullmatch(_FORCE.format("(.+)"), str(series["id2"]).strip())
+    return match[1] if match else node_name(series, "ref")
+
+
+def _check_lines(path: Path, number: int, series: Dataset, first: int, lines: FloatArray) -> None:
+    """Refuse lines that are not those of the first response."""
+    own = _lines(path, number, series)
+    if len(own) != len(lines) or np.abs(own - lines).max() > _SAME * lines[-1]:
+        raise DataError(path, f"dataset {number}: expected the lines of dataset {first}")
+
+
 def _lines(path: Path, number: int, series: Dataset) -> FloatArray:
     """Return the lines [Hz]."""
     x = np.asarray(series["x"], np.float64)
@@ -90,12 +192,14 @@ def _lines(path: Path, number: int, series: Dataset) -> FloatArray:
     return x
 
 
-def _accelerance(path: Path, number: int, series: Dataset, lines: FloatArray) -> npt.NDArray[np.complex128]:
+def _accelerance(
+    path: Path, number: int, series: Dataset, laplace: npt.NDArray[np.complex128]
+) -> npt.NDArray[np.complex128]:
     """Return one response as acceleration per force, lengths as in the file."""
     motion, force = int(series["ordinate_spec_data_type"]), int(series["orddenom_spec_data_type"])
-    if motion not in _TIMES_FREQUENCY or force not in _FORCES:
+    if motion not in _TIMES_LAPLACE or force not in _FORCES:
         raise DataError(path, f"dataset {number}: expected motion per force, found data of type {motion} per {force}")
     values = np.asarray(series["data"], np.complex128)
-    if len(values) != len(lines) or not np.isfinite(values).all():
-        raise DataError(path, f"dataset {number}: expected {len(lines)} finite numbers")
-    return np.asarray((2j * np.pi * lines) ** _TIMES_FREQUENCY[motion] * values)
+    if len(values) != len(laplace) or not np.isfinite(values).all():
+        raise DataError(path, f"dataset {number}: expected {len(laplace)} finite numbers")
+    return np.asarray(laplace ** _TIMES_LAPLACE[motion] * values)
