@@ -1,9 +1,9 @@
-"""Modes as a universal file: dataset 55, and 15 and 82 with known positions.
+"""Modes as a universal file: datasets 151 and 55, and 15 and 82 with known positions.
 
 References
 ----------
 Structural Dynamics Research Corporation: universal file format, datasets 15 (nodes), 55 (data at nodes), 82 (trace
-lines), kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
+lines), 151 (header), kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
 """
 
 import re
@@ -86,13 +86,15 @@ def write_universal(
     path = Path(path)
     with path.open("wb"):  # pyuff would not state the reason
         pass
+    import pyuff  # slow to import
+
+    from daq.files import header_set  # as pyuff
+
     numbers, motion = node_motion(estimate.channels, estimate.shape, places)
-    sets: list[dict[str, Any]] = [_geometry(nodes)] if nodes else []
+    sets: list[dict[str, Any]] = [header_set("modes")] + ([_geometry(nodes)] if nodes else [])
     sets += [_line(k, line) for k, line in enumerate(lines, 1)]
     masses = [float("nan")] * estimate.n_modes if modal_mass is None else modal_mass.tolist()
     sets += [_mode(estimate, k, numbers, motion[k], mass) for k, mass in enumerate(masses)]
-    import pyuff  # slow to import
-
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
 
 

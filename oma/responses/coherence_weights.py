@@ -19,6 +19,7 @@ from oma.types import ComplexArray
 _MIN_INCOHERENCE = 1e-5  # of responses with five to six digits, and of one blow, which has a coherence of one
 _MIN_COHERENCE = 1e-3
 _NEAR = np.array([1, 2, 3, 2, 1]) / 9  # lines whose noise is averaged
+_ROUNDING = 1e-6
 _TINY = 1e-300
 
 
@@ -43,11 +44,11 @@ def noise_levels(response: ComplexArray, coherence: FloatArray) -> tuple[FloatAr
     InputError
         If coherences are not between 0 and 1.
     """
-    if not ((coherence >= 0) & (coherence <= 1)).all():
+    if not ((coherence > -_ROUNDING) & (coherence < 1 + _ROUNDING)).all():
         raise InputError("coherence: expected numbers from 0 to 1")
     if np.median(1 - coherence) < _MIN_INCOHERENCE:
         return None
-    known = np.maximum(coherence, _MIN_COHERENCE)
+    known = np.clip(coherence, _MIN_COHERENCE, 1.0)
     variance = np.maximum(1 - known, _MIN_INCOHERENCE) / known * np.abs(response) ** 2
     variance = np.maximum(variance, 1e-9 * variance.mean(axis=0) + _TINY)
     of_response = np.exp(np.log(variance).mean(axis=0))

@@ -43,7 +43,8 @@ def test_modes_written_to_universal_file_are_read_back(tmp_path: Path) -> None:
     path = tmp_path / "modes.unv"
     path.write_text("something old")
     write_universal(path, modes)
-    found = pyuff.UFF(str(path)).read_sets()
+    header, *found = pyuff.UFF(str(path)).read_sets()
+    assert (header["type"], header["description"]) == (151, "modes")
     assert [s["type"] for s in found] == [55] * 8
     places = places_by_name(modes.channels)
     for k, mode in enumerate(found):
@@ -65,7 +66,7 @@ def test_oblique_channels_are_combined_to_motion_of_their_node(tmp_path: Path) -
     }
     path = tmp_path / "modes.unv"
     write_universal(path, modes, places, nodes={1: (0.0, 0.0, 0.0), 5: (0.1, -2.0, 3.0)}, lines=[(1, 5)])
-    geometry, line, *found = pyuff.UFF(str(path)).read_sets()
+    _, geometry, line, *found = pyuff.UFF(str(path)).read_sets()
     assert (geometry["node_nums"], geometry["z"]) == ([1, 5], [0, 3])
     assert line["nodes"].tolist() == [1, 5]
     motion = np.array([found[1][axis][0] for axis in ("r1", "r2", "r3")])

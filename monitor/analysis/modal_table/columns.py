@@ -119,7 +119,7 @@ def _of_json(path: Path, text: str, structure: Structure) -> Columns:
 
 def _of_responses(path: Path, structure: Structure, window: float | None) -> Columns:
     """Identify the modes of the frequency responses of a universal file; responses at other places are left out."""
-    modes = identify_file(path, structure.channels, window=window).estimate
+    modes = identify_file(path, structure.channels, window=window).modes.estimate
     values = {
         "frequency": modes.frequency,
         "frequency_std": modes.frequency_std,

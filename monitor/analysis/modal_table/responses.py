@@ -1,13 +1,13 @@
 """Modes of the frequency responses of a universal file."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from daq import DataError, LogError
-from daq.files import FrequencyResponses, read_responses
+from daq.files import FrequencyResponses, Header, read_header, read_responses
 from oma import OmaError, ResponseIdentification, identify_responses_all, places_by_name
 
 UNIVERSAL = (".uff", ".unv")  #: endings of universal files
@@ -18,16 +18,25 @@ def is_universal(path: Path) -> bool:
     return path.suffix.lower() in UNIVERSAL
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class IdentifiedFile:
+    """A file of frequency responses and its modes."""
+
+    responses: FrequencyResponses  #: at the places of the shapes
+    modes: ResponseIdentification
+    header: Header | None  #: dataset 151
+
+
 def identify_file(
     path: Path,
     sensors: Sequence[str] | None = None,
     band: tuple[float, float] | None = None,
     window: float | None = None,
-) -> ResponseIdentification:
+) -> IdentifiedFile:
     """Identify the modes of the frequency responses of a universal file.
 
     Shapes are at the outputs, or at the forces if these are more (a hammer that moves, sensors that stay): responses
-    are reciprocal.
+    are reciprocal. Lines and responses weigh by their coherences, if the file has all of them.
 
     Parameters
     ----------
@@ -41,14 +50,25 @@ def identify_file(
         Naming the file, and what it lacks.
     """
     try:
-        found = _at_most_places(read_responses(path), sensors)
+        read = _at_most_places(read_responses(path, window), sensors)
         if sensors is not None:
-            found = _at_sensors(path, found, sensors)
-        return identify_responses_all(found.frequency, found.response, found.outputs, found.inputs, band, window)
+            read = _at_sensors(path, read, sensors)
+        header = read_header(path)
+        known = read.coherence is not None and bool(np.isfinite(read.coherence).all())
+        found = identify_responses_all(
+            read.frequency,
+            read.response,
+            read.outputs,
+            read.inputs,
+            band,
+            window,
+            coherence=read.coherence if known else None,
+        )
     except DataError as error:
         raise LogError(path, str(error).removeprefix(f"{path}: ")) from error
     except OmaError as error:
         raise LogError(path, str(error)) from error
+    return IdentifiedFile(responses=read, modes=found, header=header)
 
 
 def _at_most_places(found: FrequencyResponses, sensors: Sequence[str] | None) -> FrequencyResponses:
@@ -70,6 +90,7 @@ def _at_sensors(path: Path, found: FrequencyResponses, sensors: Sequence[str]) -
     return replace(
         found,
         response=found.response[:, places] * sign[:, None],
+        coherence=None if found.coherence is None else found.coherence[:, places],
         outputs=tuple(signs[k][0] for k in places),
     )
 

@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from daq import FloatArray
-from daq.files import Geometry
+from daq.files import FrequencyResponses, Geometry, header_set, write_responses
+from monitor.analysis.modal_table.responses import IdentifiedFile
 from monitor.views.plots.identification import (
     LINE,
     MODE,
@@ -39,7 +40,7 @@ _ROOM = 6.0  # dB above and below
 class ResponseResults:
     """Results to be drawn and written."""
 
-    found: ResponseIdentification
+    identified: IdentifiedFile
     model: ModelModes | None  #: model to compare with
     geometry: Geometry | None  #: of the file
     content: Mapping[str, Any]  #: content of modes.json
@@ -60,7 +61,10 @@ def draw_response_modes(path: Path, found: ResponseIdentification) -> None:
 
 
 def write_response_folder(folder: Path, results: ResponseResults) -> list[Path]:
-    """Write modes.json, modes.unv and the pictures, over those of an earlier run; return the files.
+    """Write modes.json, modes.unv, responses and the pictures, over those of an earlier run; return the files.
+
+    `responses.unv` has the accelerances that were analysed, with their coherences, `synthesis.unv` those of the modes.
+    Lines that were left out are zero in it.
 
     Raises
     ------
@@ -68,8 +72,8 @@ def write_response_folder(folder: Path, results: ResponseResults) -> list[Path]:
         If one cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    found, model = results.found, results.model
-    written = [folder / "modes.json", folder / "modes.unv"]
+    found, model = results.identified.modes, results.model
+    written = [folder / name for name in ("modes.json", "modes.unv", "responses.unv", "synthesis.unv")]
     written[0].write_text(json.dumps(results.content, indent=1), encoding="utf-8")
     if model:
         places, nodes, lines = structure_geometry(model.structure, found.estimate)
@@ -84,6 +88,9 @@ def write_response_folder(folder: Path, results: ResponseResults) -> list[Path]:
         )
     else:
         write_universal(written[1], found.estimate, modal_mass=found.modal_mass)
+    measured = results.identified.responses
+    write_responses(written[2], measured, header_set("accelerances as analysed"))
+    write_responses(written[3], _synthesis(measured, found), header_set("accelerances of the modes"))
     skeleton = Skeleton.of_structure(model.structure) if model else _skeleton(results)
     pictures: dict[str, Callable[[], Figure]] = {
         "stabilization.png": lambda: stabilization_figure(found),
@@ -96,6 +103,15 @@ def write_response_folder(folder: Path, results: ResponseResults) -> list[Path]:
         draw().savefig(folder / name, dpi=_DPI)
         written.append(folder / name)
     return written
+
+
+def _synthesis(measured: FrequencyResponses, found: ResponseIdentification) -> FrequencyResponses:
+    """Return the accelerances of the modes on all lines of the file, zero outside of those that were analysed."""
+    response = np.zeros((len(measured.frequency), *found.synthesis.shape[1:]), np.complex128)
+    response[np.isin(measured.frequency, found.frequency)] = found.synthesis
+    return FrequencyResponses(
+        frequency=measured.frequency, response=response, outputs=found.estimate.channels, inputs=measured.inputs
+    )
 
 
 def stabilization_figure(found: ResponseIdentification) -> Figure:
@@ -152,7 +168,7 @@ def _decibels(values: ComplexArray | FloatArray) -> FloatArray:
 
 def _skeleton(results: ResponseResults) -> Skeleton | None:
     """Return the geometry of the file if all channels are at its nodes, else None."""
-    geometry, channels = results.geometry, results.found.estimate.channels
+    geometry, channels = results.geometry, results.identified.modes.estimate.channels
     if geometry is None:
         return None
     places = places_by_name(channels)

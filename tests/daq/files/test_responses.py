@@ -1,4 +1,4 @@
-"""Frequency responses of universal files."""
+"""Frequency responses of universal files, with coherences and headers: read and written."""
 
 from pathlib import Path
 from typing import Any
@@ -8,8 +8,8 @@ import pytest
 import pyuff
 
 from daq import DataError
-from daq.files import read_responses
-from tests.support.daq.responses import frequency_response
+from daq.files import FrequencyResponses, Header, header_set, read_header, read_responses, write_responses
+from tests.support.daq.responses import COHERENCE, frequency_response
 
 LINE = np.arange(1, 201) * 0.5
 VALUES = np.random.default_rng(58).standard_normal((200, 2, 2)) @ [1, 1j]
@@ -36,6 +36,61 @@ def test_receptances_and_mobilities_become_accelerances(tmp_path: Path) -> None:
     assert (found.outputs, found.inputs) == (("1_x", "2_x"), ("7_-z",))
     np.testing.assert_allclose(found.frequency, LINE, rtol=1e-6)
     np.testing.assert_allclose(found.response[:, :, 0], VALUES, rtol=1e-5)
+
+
+def test_mobilities_with_an_exponential_window_have_the_derivative_of_the_window(tmp_path: Path) -> None:
+    """The spectrum of exp(-t / T) v'(t) is (1 / T + i omega) times that of exp(-t / T) v(t), for v(0) = 0."""
+    t = np.arange(4000) / 1000
+    velocity, window = t * np.exp(-2 * t) * np.sin(60 * t), np.exp(-t / 0.5)
+    rate = np.exp(-2 * t) * ((1 - 2 * t) * np.sin(60 * t) + 60 * t * np.cos(60 * t))
+    mobility, exact = (np.fft.rfft(window * x)[1:201] for x in (velocity, rate))
+    path = universal(tmp_path / "frf.uff", response(mobility, 1, motion=11, line=np.arange(1, 201) * 0.25))
+    found = read_responses(path, 0.5).response[:, 0, 0]
+    # sums of 1 ms in place of integrals: the error is that of the values at the ends, 60 t dt^2 / 12 and smaller
+    np.testing.assert_allclose(found, exact, atol=1e-3 * np.abs(exact).max())
+    without = read_responses(path).response[:, 0, 0]
+    assert np.abs(without - exact).max() > 0.02 * np.abs(exact).max()
+
+
+def test_coherences_are_those_of_their_responses(tmp_path: Path) -> None:
+    """A response without one has NaN; a coherence of another place is passed over."""
+    coherence = np.linspace(0, 1, 200)
+    sets = [response(VALUES[:, k], k + 1) for k in (0, 1)]
+    sets += [response(coherence, node, **COHERENCE) for node in (2, 9)]
+    found = read_responses(universal(tmp_path / "frf.uff", *sets)).coherence
+    assert found is not None
+    np.testing.assert_allclose(found[:, 1, 0], coherence, atol=1e-5)
+    assert np.isnan(found[:, 0, 0]).all()
+    assert read_responses(universal(tmp_path / "none.uff", *sets[:2])).coherence is None
+
+
+def test_responses_are_read_as_written(tmp_path: Path) -> None:
+    names = ("12_-z", "left"), ("3_x", "top of the wall")
+    values = np.random.default_rng(5).standard_normal((200, 2, 2, 2)) @ [1, 1j]
+    coherence = np.random.default_rng(6).uniform(size=values.shape)
+    coherence[:, 0, 1] = np.nan
+    written = FrequencyResponses(
+        frequency=LINE, response=values, outputs=names[0], inputs=names[1], coherence=coherence
+    )
+    write_responses(tmp_path / "out.unv", written, header_set("a test", model="b.uff"))
+    found = read_responses(tmp_path / "out.unv")
+    assert (found.outputs, found.inputs) == names
+    np.testing.assert_allclose(found.response, values, rtol=1e-11)
+    assert found.coherence is not None
+    np.testing.assert_allclose(found.coherence, coherence, rtol=1e-11)
+    with pytest.raises(DataError, match=r"none.*out\.unv: cannot be written"):
+        write_responses(tmp_path / "none" / "out.unv", written, header_set("a test"))
+
+
+def test_header_is_read_with_its_fields(tmp_path: Path) -> None:
+    """As another program has it; records that are not filled in are empty."""
+    header = header_set("hammer test", "NONE") | {"program": "LMS Test.Lab", "date_file_written": "29-Jan-16"}
+    found = read_header(universal(tmp_path / "a.uff", header, response(VALUES[:, 0], 1)))
+    assert isinstance(found, Header)
+    assert (found.model, found.description, found.program) == ("", "hammer test", "LMS Test.Lab")
+    assert found.written.startswith("29-Jan-16 ")
+    assert found.text == f"hammer test, LMS Test.Lab, {found.written}"
+    assert read_header(universal(tmp_path / "b.uff", response(VALUES[:, 0], 1))) is None
 
 
 def test_several_forces_and_names_of_id_lines(tmp_path: Path) -> None:
@@ -74,6 +129,10 @@ def test_hammer_that_moves_has_its_responses_by_reciprocity(tmp_path: Path) -> N
             "holds no response of 1_x to a force at 8_-z",
         ),
         ([response(VALUES[:, 0], 1, motion=15)], "dataset 1: expected motion per force, found data of type 15 per 13"),
+        (
+            [response(VALUES[:, 0], 1), response(np.linspace(0, 1.2, 200), 1, **COHERENCE)],
+            "dataset 2: expected 200 coherences from 0 to 1",
+        ),
         ([response(VALUES[:, 0], 1) | {"func_type": 1}], "holds no frequency response"),
     ],
 )

@@ -85,11 +85,11 @@ def test_hammer_that_moves_gives_shapes_at_the_sensors(tmp_path: Path) -> None:
         for k, value in enumerate(shape)
     ]  # fmt: skip
     pyuff.UFF(str(tmp_path / "frf.uff")).write_sets(sets, "overwrite")
-    found = identify_file(tmp_path / "frf.uff", ("3_x", "1_x", "2_x", "top"))
+    found = identify_file(tmp_path / "frf.uff", ("3_x", "1_x", "2_x", "top")).modes
     assert found.estimate.channels == ("1_x", "2_x", "3_x")
     np.testing.assert_allclose(found.estimate.shape[0].real, shape / np.linalg.norm(shape), atol=1e-6)
     assert found.modal_mass[0] == pytest.approx(1 / np.sum(shape**2), rel=1e-5)
-    free = identify_file(tmp_path / "frf.uff")
+    free = identify_file(tmp_path / "frf.uff").modes
     assert free.estimate.channels == ("1_-x", "2_-x", "3_-x")
 
 

@@ -4,6 +4,8 @@ from typing import Any
 
 import pyuff
 
+COHERENCE = {"func_type": 6, "ordinate_spec_data_type": 0, "orddenom_spec_data_type": 0}  #: fields of a coherence
+
 
 def frequency_response(values: Any, line: Any, **fields: Any) -> Any:
     """Return a dataset 58 of one response: complex values at spectral lines [Hz]; accelerance over force by default."""

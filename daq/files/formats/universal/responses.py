@@ -33,7 +33,7 @@ class FrequencyResponses:
     response: npt.NDArray[np.complex128]  #: (n_lines, n_outputs, n_inputs) [m/s2/N]
     outputs: tuple[str, ...]  #: channels
     inputs: tuple[str, ...]  #: places of the forces
-    coherence: FloatArray | None = None  #: (n_lines, n_outputs, n_inputs) of each output and input [-]; None: not known
+    coherence: FloatArray | None = None  #: (n_lines, n_outputs, n_inputs) [-], NaN of a response without; None: of all
 
     @property
     def by_reciprocity(self) -> "FrequencyResponses":
@@ -49,7 +49,7 @@ def read_responses(path: Path, window: float | None = None) -> FrequencyResponse
     Lengths and forces are converted according to dataset 164, accelerations with the label `g` from g.
 
     Outputs and inputs are named after node and direction, as `read_universal` does; an output whose node is 0 after the
-    first ID line. Coherences are read if the file has that of each response, and not otherwise.
+    first ID line.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def read_responses(path: Path, window: float | None = None) -> FrequencyResponse
 def _coherence(
     path: Path, sets: Sequence[tuple[int, Dataset]], found: FrequencyResponses, first: int
 ) -> FloatArray | None:
-    """Return the coherences (n_lines, n_outputs, n_inputs); None if one is missing."""
+    """Return the coherences (n_lines, n_outputs, n_inputs), NaN where the file has none; None if it has none at all."""
     coherence = np.full(found.response.shape, np.nan)
     for number, one in sets:
         if one["type"] != 58 or one["func_type"] != _COHERENCE:
@@ -104,11 +104,11 @@ def _coherence(
         if len(values) != len(found.frequency) or outside:
             raise DataError(path, f"dataset {number}: expected {len(found.frequency)} coherences from 0 to 1")
         coherence[:, found.outputs.index(output), found.inputs.index(force)] = np.clip(values, 0.0, 1.0)
-    return None if np.isnan(coherence).any() else coherence
+    return None if np.isnan(coherence).all() else coherence
 
 
 def write_responses(path: Path, responses: FrequencyResponses, header: Dataset) -> None:
-    """Write accelerances, and coherences if they are known, as text of twelve digits.
+    """Write accelerances, and coherences where they are known, as text of twelve digits, with a header and units.
 
     An output ``12_-z`` is node 12 in direction -z; another name is ID line 1 with node 0. Inputs have ID line 2.
 
@@ -131,7 +131,7 @@ def write_responses(path: Path, responses: FrequencyResponses, header: Dataset) 
     for (i, output), (k, force) in product(enumerate(responses.outputs), enumerate(responses.inputs)):
         place = {"id1": output, "id2": _FORCE.format(force), **_node(output, "rsp"), **_node(force, "ref")}
         sets.append(_function(_RESPONSE, responses.frequency, responses.response[:, i, k], place))
-        if responses.coherence is not None:
+        if responses.coherence is not None and np.isfinite(responses.coherence[:, i, k]).all():
             sets.append(_function(_COHERENCE, responses.frequency, responses.coherence[:, i, k], place))
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
 

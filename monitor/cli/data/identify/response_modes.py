@@ -1,7 +1,7 @@
 """Modes of measured frequency responses: identified, compared with a structure, printed and written."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ from rich.table import Table
 
 from daq import DataError, LogError
 from daq.files import read_geometry
-from monitor.analysis.modal_table.responses import identify_file
+from monitor.analysis.modal_table.responses import IdentifiedFile, identify_file
 from monitor.cli.data.identify.identification import animate_modes, load_structure_file
 from monitor.cli.data.identify.identification_output import LOW_MAC, mode_json
 from monitor.cli.options import DONE
@@ -60,10 +60,11 @@ def identify_response_file(request: ResponseRequest) -> int:
     path = request.check()
     structure = load_structure_file(request.structure) if request.structure else None
     with progress("identifying"):
-        found = identify_file(path, structure.channels if structure else None, request.band, request.window)
+        identified = identify_file(path, structure.channels if structure else None, request.band, request.window)
+    found = identified.modes
     model = _model(found, structure, request.structure)
-    _say(path, found, model)
-    content = _as_json(path, found, model, request.window)
+    _say(path, identified, model)
+    content = _as_json(path, identified, model, request.window)
     if request.json:
         write_json(request.json, content)
     with progress("drawing"):
@@ -72,7 +73,7 @@ def identify_response_file(request: ResponseRequest) -> int:
         if request.picture:
             _draw(request.picture, found)
         if request.out:
-            _fill(request.out, path, found, model, content)
+            _fill(request.out, path, identified, model, content)
     return DONE
 
 
@@ -88,9 +89,10 @@ def _model(found: ResponseIdentification, structure: "Structure | None", path: P
 
 
 def _as_json(
-    path: Path, found: ResponseIdentification, model: "ModelModes | None", window: float | None
+    path: Path, identified: IdentifiedFile, model: "ModelModes | None", window: float | None
 ) -> dict[str, Any]:
     """Return the output for other programs."""
+    found, header = identified.modes, identified.header
     return {
         "modes": [
             mode_json(found.estimate, i, _partner(model, i), {}) | {"modal_mass": _mass_json(found, i)}
@@ -107,6 +109,8 @@ def _as_json(
             "band": found.band,
             "lines": len(found.frequency),
             "exponential_window": window,
+            "weighted_by_coherence": found.weighted,
+            "header": asdict(header) if header else None,
         },
     }
 
@@ -120,15 +124,18 @@ def _partner(model: "ModelModes | None", i: int) -> "ModelPartner | None":
     return model.partner(i) if model else None
 
 
-def _say(path: Path, found: ResponseIdentification, model: "ModelModes | None") -> None:
+def _say(path: Path, identified: IdentifiedFile, model: "ModelModes | None") -> None:
     """Print the table and the notes."""
-    estimate = found.estimate
+    found, estimate = identified.modes, identified.modes.estimate
     n_lines, n_channels, n_forces = found.response.shape
     title = f"{escape(path.name)}: {counted(n_channels, 'channel')}, {counted(n_forces, 'force')}, {n_lines} lines"
     console.print(_table(title, found, model))
     low, high = found.band
     console.print(f"band: {low:.4g} to {high:.4g} Hz; lines of {1 / found.record_seconds:.4g} Hz")
     console.print(f"measured responses and those of the modes: lowest FRAC {np.nanmin(found.agreement):.4f}")
+    console.print(_coherence_line(identified), soft_wrap=True)
+    if identified.header and identified.header.text:
+        console.print(f"header of the file: {escape(identified.header.text)}", soft_wrap=True)
     notes = []
     if found.silent:
         notes.append(f"! left out, zero in all lines: {escape(', '.join(found.silent))}")
@@ -139,6 +146,24 @@ def _say(path: Path, found: ResponseIdentification, model: "ModelModes | None") 
     notes += _mass_notes(found)
     for note in notes:
         console.print(note, soft_wrap=True)
+
+
+def _coherence_line(identified: IdentifiedFile) -> str:
+    """Return what of the coherence was used."""
+    coherence = identified.responses.coherence
+    if coherence is None:
+        return "coherence: none in the file; all lines weigh alike"
+    known = np.isfinite(coherence).all(axis=0)
+    if not known.all():
+        return f"coherence: of {known.sum()} of {counted(known.size, 'response')}, not used; all lines weigh alike"
+    low, high = identified.modes.band
+    inside = (identified.responses.frequency >= low) & (identified.responses.frequency <= high)
+    median = np.median(coherence[inside], axis=0)
+    if not identified.modes.weighted:
+        return "coherence: one in most lines, as of a single blow, not used; all lines weigh alike"
+    row, column = np.unravel_index(int(np.argmin(median)), median.shape)
+    worst = f"{identified.responses.outputs[row]}, force {identified.responses.inputs[column]}"
+    return escape(f"coherence: lines and responses weigh by it; lowest median {median.min():.3f} ({worst})")
 
 
 def _mass_notes(found: ResponseIdentification) -> list[str]:
@@ -189,7 +214,7 @@ def _draw(path: Path, found: ResponseIdentification) -> None:
 
 
 def _fill(
-    folder: Path, path: Path, found: ResponseIdentification, model: "ModelModes | None", content: dict[str, Any]
+    folder: Path, path: Path, identified: IdentifiedFile, model: "ModelModes | None", content: dict[str, Any]
 ) -> None:
     """Write all files into a folder, and print their names."""
     from monitor.views.plots.response_modes import ResponseResults, write_response_folder  # loads matplotlib
@@ -198,7 +223,7 @@ def _fill(
         geometry = read_geometry(path)
     except DataError as error:
         raise LogError(path, str(error).removeprefix(f"{path}: ")) from error
-    results = ResponseResults(found=found, model=model, geometry=geometry, content=content)
+    results = ResponseResults(identified=identified, model=model, geometry=geometry, content=content)
     try:
         written = write_response_folder(folder, results)
     except OSError as error:

@@ -8,6 +8,7 @@ import pytest
 import pyuff
 from PIL import Image
 
+from daq.files import read_responses
 from tests.support.daq.tower_file import DECAY, write_tower
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.oma.impact_test import CHANNELS, tower
@@ -66,13 +67,24 @@ def test_modes_masses_and_pictures_of_responses(modalwatch: Commands, hammer: Pa
         for key, exact in (("frequency", frequency), ("damping", damping), ("modal_mass", 1 / np.sum(shape**2))):
             assert abs(mode[key]["value"] - exact) < 5 * mode[key]["std"], (key, exact)
     assert content["agreement"]["4_x"]["4_x"] > 0.999
+    assert content["method"]["weighted_by_coherence"]
+    assert content["method"]["header"]["description"] == "hammer test of a tower"
+    assert "coherence: lines and responses weigh by it; lowest median 0.86" in done.out
+    assert "header of the file: hammer test of a tower, modalwatch, " in done.out
+    measured, source = read_responses(folder / "responses.unv"), read_responses(hammer)
+    np.testing.assert_allclose(measured.response, source.response, rtol=1e-5)
+    synthesis = read_responses(folder / "synthesis.unv")
+    inside = (source.frequency > 2) & (source.frequency < 40)
+    left = (synthesis.response - source.response)[inside]
+    assert np.linalg.norm(left) < 0.05 * np.linalg.norm(source.response[inside])
     for name in ("stabilization.png", "responses.png", "mac.png", "shapes.png", "complexity.png"):
         with Image.open(folder / name) as drawn:
             assert len(np.unique(np.asarray(drawn.convert("L")))) > 10, name
     with Image.open(picture) as drawn:
         assert drawn.size == (1540, 990)
     sets = pyuff.UFF(str(folder / "modes.unv")).read_sets()
-    assert [s["type"] for s in sets] == [15, 82] + [55] * 4
+    assert [s["type"] for s in sets] == [151, 15, 82] + [55] * 4
+    sets = sets[1:]
     top = np.hypot(truth.shape[0, CHANNELS.index("4_x")], truth.shape[0, CHANNELS.index("4_y")])
     k = list(sets[2]["node_nums"]).index(4)
     assert abs(np.hypot(abs(sets[2]["r1"][k]), abs(sets[2]["r2"][k])) / top - 1) < 0.01  # mass-normalised
@@ -116,4 +128,5 @@ def test_record_that_is_cut_is_remarked(modalwatch: Commands, tmp_path: Path) ->
     pyuff.UFF(str(tmp_path / "cut.uff")).write_sets(sets, "overwrite")
     done = modalwatch("identify", tmp_path / "cut.uff", "--band", 2, 40)
     assert done.code == 0, done
+    assert "coherence: none in the file; all lines weigh alike" in done.out
     assert "mode 1 has 11 % of its motion left at the end of a record of 8 s" in done.out
