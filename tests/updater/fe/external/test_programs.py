@@ -14,6 +14,7 @@ from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray
 from tests.support.updater.frames import beam, clamped
+from tests.support.updater.nastran_files import dmig, sparse_output4
 from updater import (
     Matrices,
     Model,
@@ -158,6 +159,68 @@ def test_nastran_output4_of_pynastran_has_the_frequencies_of_the_cantilever() ->
     np.testing.assert_allclose(frequencies(clamp, 2), expected * (1 + excess), rtol=2e-6)
 
 
+BEAM = np.array([[k, axis] for k in range(10, 51, 10) for axis in range(1, 7)])  # rows of nastran/beam.bdf
+
+
+@pytest.mark.parametrize("form", ["sparse", "large sparse", "punch"])
+def test_sparse_output4_and_punch_files_have_the_matrices_of_dense_ones(tmp_path: Path, form: str) -> None:
+    """Both matrices in one file: each is found by the first letter of its name. Punched numbers have ten digits."""
+    folder = HERE / "nastran"
+    dense = read_program_files(
+        ProgramFiles(stiffness=folder / "kgg.op4", mass=folder / "mgg.op4", nodes=folder / "beam.bdf")
+    )
+    both = {"MGG": dense.mass.toarray(), "KGG": dense.stiffness.toarray()}
+    rows = [(int(node), int(axis)) for node, axis in BEAM]
+    text = dmig(both, rows) if form == "punch" else sparse_output4(both, large=form == "large sparse")
+    path = tmp_path / ("beam.pch" if form == "punch" else "beam.op4")
+    path.write_text(text, encoding="utf-8")
+    found = read_program_files(ProgramFiles(stiffness=path, mass=path, nodes=folder / "beam.bdf"))
+    np.testing.assert_array_equal(found.dofs, dense.dofs)
+    for name, exact in (("stiffness", dense.stiffness), ("mass", dense.mass)):
+        np.testing.assert_allclose(getattr(found, name).toarray(), exact.toarray(), rtol=1e-9, err_msg=name)
+
+
+def test_dmig_entries_in_small_and_free_fields_are_read(tmp_path: Path) -> None:
+    """Two entries per line, and numbers with no letter at their exponent."""
+    (tmp_path / "k.bdf").write_text(
+        "DMIG    K2GG           0       6       1       0\n"
+        "DMIG    K2GG           1       1               1       1  2.5+4        +A\n"
+        "+A             2       1 -2.5+4               2       2    7.5        +B\n"
+        "DMIG,K2GG,2,1,,2,1,2.5+4\nDMIG,M2GG,0,6,1,0\nDMIG,M2GG,2,2,,2,2,3.\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\n",
+        encoding="utf-8",
+    )
+    found = read_program_files(
+        ProgramFiles(stiffness=tmp_path / "k.bdf", mass=tmp_path / "k.bdf", nodes=tmp_path / "k.bdf")
+    )
+    np.testing.assert_array_equal(found.stiffness.toarray(), [[2.5e4, -2.5e4, 7.5], [-2.5e4, 2.5e4, 0], [7.5, 0, 0]])
+    np.testing.assert_array_equal(found.mass.toarray(), np.diag([0.0, 0.0, 3.0]))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text.replace("       0       6       2", "       0       9       2"), "holds no square matrix"),
+        (lambda text: text.replace("       6       2", "       6       4"), "expected a real matrix"),
+        (lambda text: text.replace("KGG ", "QGG "), "expected a matrix with a name in K, found QGG, MGG"),
+        (lambda text: text.replace(f"{50:16d}{6:16d}", f"{50:16d}{0:16d}"), "node 50: expected degrees of freedom 1"),
+        (lambda text: text.replace(f"{50:16d}{6:16d}", f"{50:16d}{'x':>16s}"), "expected a node and a degree of freed"),
+        (lambda text: re.sub(r"D[+]08$", "D*08", text, flags=re.MULTILINE), "DMIG: expected a number, found '1.12000"),
+        (lambda text: re.sub(r"^[*] .*\n", "", text, flags=re.MULTILINE), "no matrix can be read: KGG has no entries"),
+    ],
+)
+def test_invalid_dmig_entries_are_refused(tmp_path: Path, change: object, message: str) -> None:
+    assert callable(change)
+    folder = HERE / "nastran"
+    dense = read_program_files(
+        ProgramFiles(stiffness=folder / "kgg.op4", mass=folder / "mgg.op4", nodes=folder / "beam.bdf")
+    )
+    both = {"KGG": dense.stiffness.toarray(), "MGG": dense.mass.toarray()}
+    path = tmp_path / "beam.pch"
+    path.write_text(change(dmig(both, [(int(node), int(axis)) for node, axis in BEAM])), encoding="utf-8")
+    with pytest.raises(StructureError, match=message):
+        read_program_files(ProgramFiles(stiffness=path, mass=path, nodes=folder / "beam.bdf"))
+
+
 def test_opensees_domain_is_read_with_groups_and_tied_nodes() -> None:
     """A frame with a rigid floor: two columns, of which one is a group, and a mass at the floor's retained node."""
     ops.wipe()
@@ -230,7 +293,7 @@ def test_invalid_files_are_refused_with_the_file_and_the_line(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda text: re.sub(r"^(\s+1)\s+1\s+7", r"\1       0       9", text, flags=re.MULTILINE), "it is sparse"),
+        (lambda text: re.sub(r"^(\s+1)\s+1\s+7", r"\1       0       9", text, flags=re.MULTILINE), "expected numbers"),
         (
             lambda text: text.replace("30      30       6       2", "30      30       6       4"),
             "expected a real matrix",

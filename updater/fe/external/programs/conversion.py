@@ -44,7 +44,7 @@ def read_program_files(files: ProgramFiles) -> Matrices:
     mesh = read_mesh(files.nodes)
     known = sorted(mesh.nodes)
     whole = read_labelled(files.stiffness, files.rows, known)
-    mass = _like(read_labelled(files.mass, files.rows, known, files.stiffness), whole)
+    mass = _like(read_labelled(files.mass, files.rows, known, files.stiffness, initial="M"), whole)
     parts = {**files.groups, **files.doubled}
     read = {name: read_labelled(path, files.rows, known, files.stiffness) for name, path in parts.items()}
     own = {name: _like(matrix, whole) for name, matrix in read.items()}

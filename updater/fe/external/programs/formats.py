@@ -10,8 +10,8 @@ import numpy as np
 from scipy import sparse
 from scipy.io import hb_read
 
-from daq import FloatArray, IntArray
 from updater.errors import StructureError
+from updater.fe.external.programs.nastran import is_dmig, read_dmig, read_output4
 from updater.fe.external.programs.numbers import (
     MAX_ROWS,
     LabelledMatrix,
@@ -27,7 +27,9 @@ _SYMMETRIC_TYPE = re.compile(r"^(\s*R)S(A\s)", re.MULTILINE | re.IGNORECASE)
 _HB_FORMAT = re.compile(r"\(\s*(?:1P,?)?\s*\d+\s*[IEDFG]\s*\d+(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE)
 
 
-def read_labelled(path: Path, rows: Path | None, nodes: Sequence[int], like: Path | None = None) -> LabelledMatrix:
+def read_labelled(
+    path: Path, rows: Path | None, nodes: Sequence[int], like: Path | None = None, initial: str = "K"
+) -> LabelledMatrix:
     """Read a matrix in the format that its ending and content show.
 
     Parameters
@@ -36,6 +38,7 @@ def read_labelled(path: Path, rows: Path | None, nodes: Sequence[int], like: Pat
     rows : file with the names of its rows. Default: the file of the same name that the program writes (.dof, .mapping)
     nodes : numbers of all nodes, of which Nastran's matrices have six rows each
     like : matrix whose names of rows are meant if it has no file of its own
+    initial : of the name of the matrix that is meant, in a file of Nastran that has several
 
     Raises
     ------
@@ -47,7 +50,9 @@ def read_labelled(path: Path, rows: Path | None, nodes: Sequence[int], like: Pat
     if not lines:
         raise StructureError(path, "no matrix can be read: the file is empty")
     if path.suffix.lower() == ".op4":
-        return _nastran(path, lines, nodes)
+        return read_output4(path, lines, nodes, initial)
+    if is_dmig(lines):
+        return read_dmig(path, lines, initial)
     if len(lines) > 3 and re.match(r"\s*[RCP][SUHZR][AE]\s", lines[2], re.IGNORECASE):
         return _harwell_boeing(path, text, lines, rows or _names(path, ".mapping", like))
     data = [line for line in lines if not line.startswith("*")]
@@ -56,7 +61,7 @@ def read_labelled(path: Path, rows: Path | None, nodes: Sequence[int], like: Pat
         return _abaqus(path, data)
     if width == 3:
         return _calculix(path, data, rows or _names(path, ".dof", like))
-    raise StructureError(path, "expected a matrix of Abaqus, CalculiX, Ansys (HBMAT) or Nastran (.op4)")
+    raise StructureError(path, "expected a matrix of Abaqus, CalculiX, Ansys (HBMAT) or Nastran (.op4, DMIG)")
 
 
 def _names(path: Path, suffix: str, like: Path | None) -> Path:
@@ -124,49 +129,3 @@ def _check_header(path: Path, lines: Sequence[str]) -> None:
         raise StructureError(path, f"expected numbers of rows, columns and entries, found {lines[2].strip()!r:.60}")
     if not all(_HB_FORMAT.match(form) for form in re.findall(r"\([^)]*\)", lines[3])[:3]):
         raise StructureError(path, f"expected formats of numbers, found {lines[3].strip()!r:.60}")
-
-
-def _nastran(path: Path, lines: Sequence[str], nodes: Sequence[int]) -> LabelledMatrix:
-    """Read the first matrix of a formatted, dense OUTPUT4 file: six rows per node, by their numbers (g-set)."""
-    head = re.match(r"\s*(\d+)\s+(-?\d+)\s+\d+\s+(\d+)", lines[0])
-    form = re.search(r"(\d+)[ED](\d+)\.", lines[0], re.IGNORECASE)
-    if head is None or form is None:
-        raise StructureError(path, f"expected a formatted OUTPUT4 file, found {lines[0].strip()!r:.60}")
-    columns, n, kind = (abs(int(word)) for word in head.groups())
-    if kind not in (1, 2):
-        raise StructureError(path, "expected a real matrix")
-    if columns != n or n != 6 * len(nodes):
-        raise StructureError(path, f"expected {6 * len(nodes)} rows, six per node, found {n} x {columns}")
-    width = int(form.group(2))
-    row: list[IntArray] = []
-    column: list[IntArray] = []
-    value: list[FloatArray] = []
-    place = 1
-    while place < len(lines):
-        words = lines[place].split()
-        try:
-            number, first, count = (int(word) for word in words[:3])
-            if number > columns:
-                break
-            if not (number >= 1 and 1 <= first <= n and 0 < count <= n - first + 1):
-                sparse_form = "sparse; write it with a positive unit number" if first == 0 else "invalid"
-                raise StructureError(path, f"column {number}: expected a dense column, it is {sparse_form}")
-            place += 1
-            taken: list[float] = []
-            while len(taken) < count:
-                line = lines[place]
-                taken += [float(line[k : k + width].replace("D", "E")) for k in range(0, len(line.rstrip()), width)]
-                place += 1
-        except (ValueError, IndexError) as error:
-            raise StructureError(path, f"column after {len(column)}: expected numbers, found {words}"[:120]) from error
-        row.append(np.arange(first - 1, first - 1 + count, dtype=np.int32))
-        column.append(np.full(count, number - 1, np.int32))
-        value.append(np.array(taken[:count]))
-    if not row:
-        raise StructureError(path, "no matrix can be read: it has no columns")
-    rows = tuple((node, axis) for node in sorted(nodes) for axis in range(6))
-    every = np.concatenate(value)
-    if not np.isfinite(every).all():
-        raise StructureError(path, "an entry is not finite")
-    found = symmetric(path, np.concatenate(row).astype(np.int64), np.concatenate(column).astype(np.int64), every, n)
-    return LabelledMatrix(path, found, rows)

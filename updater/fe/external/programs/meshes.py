@@ -9,6 +9,7 @@ import numpy as np
 
 from daq import IntArray
 from updater.errors import StructureError
+from updater.fe.external.programs.bulk_data import bulk_cards, nastran_number
 from updater.fe.external.programs.numbers import read_text
 
 Point = tuple[float, float, float]
@@ -149,55 +150,16 @@ def _add(found: FileMesh, kind: tuple[int, bool] | None, words: Sequence[str]) -
 def _nastran(lines: Sequence[str]) -> FileMesh:
     """Read GRID cards and shells and solids: free fields, or fields of 8 or 16 columns."""
     found = FileMesh({})
-    for card in _cards(lines):
+    for card in bulk_cards(lines):
         name = card[0]
         if name == "GRID":
             words = [*card, "", "", "", ""]
             if not {words[2], words[6]} <= {"", "0"}:
                 raise ValueError(f"node {words[1]}: coordinate systems are not read, expected the basic one")
-            found.nodes[int(words[1])] = _point([_nastran_number(word) for word in words[3:6]])
+            found.nodes[int(words[1])] = _point([nastran_number(word) for word in words[3:6]])
         elif name in _NASTRAN:
             _add(found, _NASTRAN[name], card[3:])
     return found
-
-
-def _cards(lines: Sequence[str]) -> Iterator[list[str]]:
-    """Yield the fields of each card of the bulk data, continuations joined."""
-    card: list[str] = []
-    for line in (line.partition("$")[0].rstrip() for line in lines):
-        if not line:
-            continue
-        fields = _fields(line)
-        continued = not fields[0] or fields[0][0] in "+*"
-        if continued and card:
-            card += fields[1:]
-            continue
-        if card:
-            yield card
-        card = [fields[0].rstrip("*").upper(), *fields[1:]]
-    if card:
-        yield card
-
-
-def _fields(line: str) -> list[str]:
-    """Return the name of a card and its fields, without that of the continuation."""
-    if "," in line:
-        return [word.strip() for word in line.split(",")][:9]
-    line = line.expandtabs()
-    wide = "*" in line[:8]
-    size, count = (16, 4) if wide else (8, 8)
-    own = [line[8 + size * k : 8 + size * (k + 1)].strip() for k in range(count)]
-    return [line[:8].strip(), *own]
-
-
-def _nastran_number(word: str) -> str:
-    """Return a number such as 1.5-3 with the exponent's letter."""
-    text = word.upper().replace("D", "E") or "0"
-    for sign in "+-":
-        head, found, tail = text[1:].rpartition(sign)
-        if found and head and head[-1] != "E" and tail.isdecimal():
-            return f"{text[0]}{head}E{sign}{tail}"
-    return text
 
 
 def _point(words: Sequence[str]) -> Point:
