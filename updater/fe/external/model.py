@@ -13,10 +13,11 @@ from scipy import sparse
 from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray, IntArray
-from updater.errors import ModelError
+from updater.errors import ModelError, StructureError
 from updater.fe.element import local_axes
 from updater.fe.external.faces import Faces
 from updater.fe.external.files import Matrices, check_part, read_group, read_matrices
+from updater.fe.external.overlap import SharedElements
 from updater.fe.model import Model
 from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support
 
@@ -112,10 +113,18 @@ def _loose(lines: list[IndexArray], free: BoolArray) -> tuple[int, ...]:
 def _stiffness(external: External, found: Matrices) -> tuple[sparse.csc_array, dict[str, sparse.csc_array]]:
     """Return the stiffness (n, n) with its factors, and that of each group: K = K_rest + sum f_i K_i."""
     whole, groups, diagonal = found.stiffness, {}, np.zeros(found.stiffness.shape[0])
+    shared = SharedElements(found.stiffness, found.dofs) if len(external.group) > 1 else None
     for name, group in external.group.items():
         own = read_group(group.stiffness, name, found)
         diagonal += own.diagonal()
         check_part(group.stiffness, f"group {name}, with the groups before it", diagonal, found)
+        if shared and (both := shared.with_group(name, own)):
+            other, pair = both
+            first, second = (found.nodes[node].round(4).tolist() for node in pair)
+            raise StructureError(
+                group.stiffness,
+                f"groups {other} and {name} share elements: both have those between {first} and {second}",
+            )
         groups[name] = own * (group.factor * external.factor)
         whole = whole + own * (group.factor - 1)
     return whole * external.factor, groups

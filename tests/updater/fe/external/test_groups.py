@@ -211,6 +211,34 @@ def test_groups_that_overlap_are_refused(table: Path, tmp_path: Path) -> None:
         build_model(parse_structure(text, tmp_path / "t.toml"))
 
 
+def test_groups_that_share_one_element_are_refused(tmp_path: Path) -> None:
+    """Each spring of a chain has a second one in parallel at its ends only, so that no sum exceeds the whole."""
+    n, spring = 6, np.array([[1.0, -1.0], [-1.0, 1.0]])
+    parts = [np.zeros((n, n)) for _ in range(n - 1)]
+    for k, part in enumerate(parts):
+        part[k : k + 2, k : k + 2] = spring
+    whole = sum(parts) + np.diag(np.full(n, 5.0))  # springs to the ground
+    dofs = np.full((n, 6), -1, np.int32)
+    dofs[:, 0] = np.arange(n)
+    chain = Matrices(
+        stiffness=sparse.csc_array(whole),
+        mass=sparse.csc_array(np.eye(n)),
+        nodes=np.column_stack([np.arange(n), np.zeros((n, 2))]).astype(float),
+        dofs=dofs,
+    )
+    text = 'name = "t"\n[external]\nmatrices = "t.npz"\n[external.group.one]\n[external.group.two]\n'
+    text += '[[member]]\nname = "m"\nfrom = [0, 0, 0]\nto = [5, 0, 0]\n'
+    for first in (1, 2):
+        groups = {"one": parts[0] + parts[1], "two": parts[first] + parts[3]}
+        save_matrices(tmp_path / "t.npz", replace(chain, groups={k: sparse.csc_array(v) for k, v in groups.items()}))
+        structure = parse_structure(text, tmp_path / "t.toml")
+        if first == 2:
+            assert set(build_model(structure).groups) == {"one", "two"}
+            continue
+        with pytest.raises(StructureError, match=r"groups one and two share elements: both have .* \[1.0, 0.0, 0.0\]"):
+            build_model(structure)
+
+
 def _coupled(k: sparse.csc_array) -> sparse.csc_array:
     first, second = np.flatnonzero(k.diagonal())[:2].tolist()
     value = 3 * float(k.diagonal().max())

@@ -255,6 +255,11 @@ def test_opensees_groups_need_elements_of_the_domain() -> None:
     ops.node(1, 0.0, 0.0, 0.0)
     with pytest.raises(ModelError, match="group foot: the domain of OpenSees has no element 7"):
         opensees_matrices(ops, {"foot": [7]})
+    ops.node(2, 1.0, 0.0, 0.0)
+    ops.geomTransf("Linear", 1, 0, 1, 0)
+    ops.element("elasticBeamColumn", 7, 1, 2, 1e-4, 2e11, 8e10, 1e-8, 1e-8, 1e-8, 1)
+    with pytest.raises(ModelError, match="groups foot and post share the element 7 of OpenSees"):
+        opensees_matrices(ops, {"foot": [7], "post": [7]})
     ops.wipe()
 
 

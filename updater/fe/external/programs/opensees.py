@@ -30,15 +30,18 @@ def opensees_matrices(ops: Any, groups: Mapping[str, Sequence[int]] | None = Non
     Raises
     ------
     ModelError
-        If the domain is empty or too large, its nodes have other DOFs than displacements and rotations, or a group has
-        an element that is not in it.
+        If the domain is empty or too large, its nodes have other DOFs than displacements and rotations, a group has an
+        element that is not in it, or two groups have the same element.
     """
     known, chosen = set(ops.getEleTags() or []), dict(groups or {})
+    group_of: dict[int, str] = {}
     for name, tags in chosen.items():
-        missing = [tag for tag in tags if tag not in known]
-        if missing:
-            raise ModelError(f"group {name}: the domain of OpenSees has no element {missing[0]}")
-        known -= set(tags)
+        for tag in tags:
+            if tag not in known:
+                raise ModelError(f"group {name}: the domain of OpenSees has no element {tag}")
+            if tag in group_of:
+                raise ModelError(f"groups {group_of[tag]} and {name} share the element {tag} of OpenSees")
+        group_of |= dict.fromkeys(tags, name)
     stiffness = _printed(ops, mass=0, stiffness=1)
     tags, nodes, dofs = _table(ops)
     faces = _faces(ops, {tag: i for i, tag in enumerate(tags)})
