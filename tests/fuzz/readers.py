@@ -10,6 +10,7 @@ from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import can
 import numpy as np
@@ -23,7 +24,7 @@ from scipy.sparse import csc_array
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
 from daq.drivers import LineFormat
 from daq.drivers.serial.text_lines import ScanNumbers
-from daq.files import read_geometry
+from daq.files import header_set, read_geometry
 from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
 from daq.protocol.text_line import TextDecoder
 from daq.timing.resampling import StampCount
@@ -47,7 +48,8 @@ from tests.fuzz.mutations import (
     mutated_mcap,
     mutated_text,
 )
-from tests.support.daq.responses import frequency_response
+from tests.support.daq.responses import COHERENCE, frequency_response
+from tests.support.updater.nastran_files import dmig, sparse_output4
 from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = (
@@ -479,12 +481,12 @@ def _responses() -> bytes:
     """Return frequency responses with three resonances as a universal file."""
     path, line = _scratch() / "responses.uff", np.arange(1, 161) * 0.5
     modes = np.array([1 / (f**2 - line**2 + 0.04j * f * line) for f in (11, 40, 71)])
-    values = np.array(_GAINS) @ modes
-    sets = [
-        frequency_response(value, line, id1=name, rsp_node=0, rsp_dir=0, ref_node=1, ordinate_spec_data_type=8)
-        for name, value in zip("abc", values, strict=True)
-    ]
-    pyuff.UFF(str(path)).write_sets([_NODES, _TRACE, *sets], "overwrite")
+    values, sets = np.array(_GAINS) @ modes, list[Any]()
+    place: Any = {"rsp_node": 0, "rsp_dir": 0, "ref_node": 1}
+    for name, value in zip("abc", values, strict=True):
+        sets.append(frequency_response(value, line, id1=name, ordinate_spec_data_type=8, **place))
+        sets.append(frequency_response(np.full(160, 0.9), line, id1=name, **place | COHERENCE))
+    pyuff.UFF(str(path)).write_sets([header_set("a test"), _NODES, _TRACE, *sets], "overwrite")
     return path.read_bytes()
 
 
@@ -535,6 +537,9 @@ def _program_files() -> dict[str, bytes]:
         ".frd": "    2C                             3\n"
         + "\n".join(f" -1{n + 1:10d}{x:12.5E}{0.0:12.5E}{0.0:12.5E}" for n, x in places)
         + "\n -3",
+        ".OP4": sparse_output4({"KGG": np.diag(np.arange(18) % 5.0), "MGG": np.eye(18)}, large=True),
+        ".oP4": sparse_output4({"MGG": np.eye(18), "KGG": np.diag(np.arange(18) % 5.0)}, large=False),
+        ".pch": dmig({"KAAX": stiffness, "MAAX": np.eye(6)}, [(node, axis) for node in (2, 3) for axis in (1, 2, 3)]),
         ".op4": "\n".join([*dense, "      19       1       1", " 1.0000000000000000E+00"]),
     }
     matrix = (_scratch() / "k.matrix").read_bytes().replace(b"RUA", b"RSA", 1)
@@ -553,8 +558,8 @@ def _program(path: Path, random: Random) -> int:
         if path.suffix != ending:
             files[ending].write_bytes(content)
     matrix = {".mapping": ".matrix", ".bdf": ".op4"}.get(path.suffix, path.suffix)
-    matrix = matrix if matrix in (".sti", ".mtx", ".op4", ".matrix") else ".sti"
-    nodes = {".frd": ".frd", ".bdf": ".bdf", ".op4": ".bdf"}.get(path.suffix, ".inp")
+    matrix = matrix if matrix in (".sti", ".mtx", ".op4", ".OP4", ".oP4", ".pch", ".matrix") else ".sti"
+    nodes = ".bdf" if matrix.lower() in (".op4", ".pch") else {".frd": ".frd"}.get(path.suffix, ".inp")
     names = {".matrix": ("--rows", files[".mapping"]), ".sti": ("--rows", files[".dof"])}.get(matrix, ())
     more = random.choice(((), ("--group", f"a={files[matrix]}"), ("--doubled", f"a={files[matrix]}", "--unit", "mm")))
     out = ("-o", path.with_name("external.toml"))

@@ -14,6 +14,7 @@ from updater.errors import MechanismError, ModelError
 from updater.fe.body import body_mass
 from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
 from updater.fe.external.faces import Faces
+from updater.fe.external.mesh_error import mesh_error
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
 from updater.structure import AXES, Axis, Joint, Structure, sensor_axes
@@ -96,6 +97,15 @@ class Model:
         if n not in self._solved:
             self._solved[n] = self._lowest_modes(n)
         return self._solved[n]
+
+    def mesh_error(self, shape: FloatArray) -> FloatArray:
+        """Return the relative error of frequencies by the mesh of faces, (n_modes,) of shapes (n_dofs, n_modes).
+
+        It is zero without faces: members are cubic, and an error of theirs is in the cause `mesh_error`.
+        """
+        if self.faces is None:
+            return np.zeros(shape.shape[1])
+        return mesh_error(self.faces.corners, self.dofs, shape)
 
     @cached_property
     def _solved(self) -> dict[int, Modes]:
