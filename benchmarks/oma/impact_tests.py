@@ -3,7 +3,8 @@
 Every scene is a time-domain simulation (`tests.support.oma.impact_test`). Ours choose their modes themselves. sdypy-EMA
 (LSCF of all responses at once, order 40) is given the true frequencies: of a mode it has the median of the poles within
 0.5 % in the upper half of the orders, if a third of them have one. The decay of the exponential window is subtracted
-for it. It runs in a child process with one BLAS thread, as ours.
+for it. It runs in a child process with one BLAS thread, as ours, and not with THEIRS = 0.
+A second row per scene has lines and responses weighed by their coherences.
 
 Usage: python benchmarks/oma/impact_tests.py [TESTS [THEIRS]], or make bench-oma-impact
 """
@@ -20,7 +21,7 @@ import numpy as np
 from benchmarks.common.peers import measured, peer_python
 from daq import FloatArray
 from oma import identify_responses_all
-from tests.support.oma.impact_test import CHANNELS, REFERENCES, SCENES, ImpactTest, tower
+from tests.support.oma.impact_test import CHANNELS, DISTURBED, REFERENCES, SCENES, ImpactTest, tower
 
 BAND = (2.0, 75.0)
 ORDER = 40
@@ -60,18 +61,19 @@ def sdypy_poles(files: list[str], truth: list[float], decay: float) -> Work:
     return work, lambda outcome: outcome
 
 
-def ours(test: ImpactTest, n_tests: int, folder: Path) -> tuple[str, list[str]]:
-    """Return the row of our results, and the files of the tests."""
+def ours(test: ImpactTest, n_tests: int, folder: Path, *, weighted: bool) -> tuple[str, list[str]]:
+    """Return the row of our results, with coherences as weights or not, and the files of the tests."""
     structure, files, cpu = tower(), [], 0.0
     counts, errors, ratios = [], [], []
     masses = 1 / np.sum(structure.shape**2, axis=1)
     for seed in range(n_tests):
-        line, response = test.h1(structure, seed)
+        line, response, coherence = test.h1_with_coherence(structure, seed)
         flat = response.reshape(len(line), -1).T
         files.append(str(folder / f"{seed}.npy"))
         np.save(files[-1], np.concatenate([line[None], flat]))
         began = time.process_time()
-        found = identify_responses_all(line, response, CHANNELS, FORCES, BAND, test.decay)
+        known = coherence if weighted else None
+        found = identify_responses_all(line, response, CHANNELS, FORCES, BAND, test.decay, known)
         cpu += time.process_time() - began
         estimate = found.estimate
         near = np.abs(np.log(estimate.frequency[:, None] / structure.frequency))
@@ -120,11 +122,11 @@ def main() -> int:
         "| damping | modal mass | CPU s | sdypy-EMA: modes near | frequency [ppm] | damping [%] | CPU s |"
     )
     print("| --- |" + " ---: |" * 12)
-    for name, test in SCENES.items():
+    for name, test in (SCENES | DISTURBED).items():
         with tempfile.TemporaryDirectory() as folder:
-            row, files = ours(test, n_ours, Path(folder))
-            other = theirs(test, files[:n_theirs])
-        print(f"| {name} | {row} | {other} |", flush=True)
+            row, files = ours(test, n_ours, Path(folder), weighted=False)
+            print(f"| {name} | {row} | {theirs(test, files[:n_theirs]) if n_theirs else ''} |", flush=True)
+            print(f"| the same, with coherences | {ours(test, n_ours, Path(folder), weighted=True)[0]} | |", flush=True)
     return 0
 
 

@@ -8,7 +8,7 @@ import pytest
 from daq import FloatArray
 from oma import identify_responses_all
 from oma.errors import InputError
-from tests.support.oma.impact_test import CHANNELS, REFERENCES, SCENES, ImpactTest, tower
+from tests.support.oma.impact_test import CHANNELS, DISTURBED, REFERENCES, SCENES, ImpactTest, tower
 
 TRUTH = tower()
 MASS = 1 / np.sum(TRUTH.shape**2, axis=1)
@@ -75,12 +75,12 @@ def test_deviations_state_the_errors(name: str) -> None:
 
 def test_coherences_reduce_the_errors() -> None:
     """One of eight sensors has ten times the noise of the others; in eight tests, errors were 0.21 times as large."""
-    test = replace(WINDOWED, poor=2)
+    test = DISTURBED["a sensor with ten times the noise"]
     errors = []
     for seed in range(2):
-        line, response, coherence = test.h1_with_coherence(TRUTH, seed)
+        line, response, coherence = test.h1_with_coherence(TRUTH, seed, REFERENCES[:1])
         for known in (None, coherence):
-            found = identify_responses_all(line, response, CHANNELS, FORCES, (2.0, 75.0), test.decay, known)
+            found = identify_responses_all(line, response, CHANNELS, FORCES[:1], (2.0, 75.0), test.decay, known)
             assert found.weighted is (known is not None)
             frequency = found.estimate.frequency
             near = np.abs(frequency[:, None] - TRUTH.frequency).argmin(axis=0)

@@ -5,7 +5,7 @@ coupling, so that its modes come in close pairs. Its motion is the exact solutio
 fine time steps, mode by mode; nothing here knows a rational fraction.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -137,3 +137,8 @@ SCENES = {
     "no exponential window": ImpactTest(noise=0.02, force_noise=1e-4, seconds=16.0),
     "noise of the force in the whole record": ImpactTest(noise=0.02, force_window=None, seconds=16.0),
 }  #: tests of the statistics and of the benchmark
+
+DISTURBED = {
+    "a sensor with ten times the noise": replace(SCENES["exponential window, noise 2 %"], poor=2),
+    "a hum of 31.3 Hz, 20 % of the rms": replace(SCENES["exponential window, noise 2 %"], hum=0.2),
+}  #: tests in which coherences differ between sensors or lines
