@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import pyuff
 
-from daq import DataError
+from daq import DataError, FloatArray
 from daq.files import FrequencyResponses, Header, header_set, read_header, read_responses, write_responses
 from tests.support.daq.responses import COHERENCE, frequency_response
 
-LINE = np.arange(1, 201) * 0.5
+LINE: FloatArray = np.linspace(0.5, 100.0, 200)
 VALUES = np.random.default_rng(58).standard_normal((200, 2, 2)) @ [1, 1j]
 
 
@@ -66,7 +66,7 @@ def test_coherences_are_those_of_their_responses(tmp_path: Path) -> None:
 
 def test_responses_are_read_as_written(tmp_path: Path) -> None:
     names = ("12_-z", "left"), ("3_x", "top of the wall")
-    values = np.random.default_rng(5).standard_normal((200, 2, 2, 2)) @ [1, 1j]
+    values = np.asarray(np.random.default_rng(5).standard_normal((200, 2, 2, 2)) @ [1, 1j], np.complex128)
     coherence = np.random.default_rng(6).uniform(size=values.shape)
     coherence[:, 0, 1] = np.nan
     written = FrequencyResponses(

@@ -56,7 +56,7 @@ def dmig(matrices: Mapping[str, FloatArray], rows: Sequence[tuple[int, int]]) ->
         lines.append(f"DMIG    {name:8s}{0:8d}{6:8d}{2:8d}{0:8d}{'':16s}{len(rows):8d}")
         for column, (node, axis) in enumerate(rows):
             lines.append(f"DMIG*   {name:16s}{node:16d}{axis:16d}")
-            for row in np.flatnonzero(matrix[: column + 1, column]):
+            for row in np.flatnonzero(matrix[: column + 1, column]).tolist():
                 to, own = rows[row]
                 lines.append(f"*       {to:16d}{own:16d}{matrix[row, column]:16.9E}".replace("E", "D"))
     return "\n".join(lines) + "\n"

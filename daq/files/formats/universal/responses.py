@@ -68,7 +68,7 @@ def read_responses(path: Path, window: float | None = None) -> FrequencyResponse
     if not found:
         raise DataError(path, "holds no frequency response (dataset 58, function type 4)")
     lines = _lines(path, *found[0])
-    laplace = (1 / window if window else 0.0) + 2j * np.pi * lines
+    laplace = np.asarray((1 / window if window else 0.0) + 2j * np.pi * lines, np.complex128)
     outputs = [_output(s) for _, s in found]
     inputs = [_input(s) for _, s in found]
     rows, columns = tuple(dict.fromkeys(outputs)), tuple(dict.fromkeys(inputs))
@@ -140,7 +140,7 @@ def _function(
     kind: int, frequency: FloatArray, values: npt.NDArray[np.complex128] | FloatArray, place: Dataset
 ) -> Dataset:
     motion, force = (_ACCELERATION, _FORCE_TYPE) if kind == _RESPONSE else (0, 0)
-    return pyuff.prepare_58(
+    function: Dataset = pyuff.prepare_58(
         func_type=kind,
         **place,
         abscissa_spacing=1,
@@ -151,6 +151,7 @@ def _function(
         data=values,
         x=frequency,
     )
+    return function
 
 
 def _node(name: str, end: str) -> Dataset:
