@@ -49,7 +49,7 @@ from tests.fuzz.mutations import (
     mutated_text,
 )
 from tests.support.daq.responses import COHERENCE, frequency_response
-from tests.support.updater.nastran_files import dmig, sparse_output4
+from tests.support.nastran_files import dmig, sparse_output4
 from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = (

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray
+from tests.support.nastran_files import dmig, sparse_output4
 from tests.support.updater.frames import beam, clamped
-from tests.support.updater.nastran_files import dmig, sparse_output4
 from updater import (
     Matrices,
     Model,
