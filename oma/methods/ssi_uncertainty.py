@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import as_strided
 
 from daq import FloatArray, IndexArray
 from oma.methods.realization import Realisation, Subspace
@@ -71,17 +70,14 @@ def _hankel_products(moves: FloatArray, weight: FloatArray, n_channels: int) -> 
     weight : (block_rows * n_references, rank) array
     n_channels : int
     """
-    n_blocks, _, _, n_references = moves.shape
-    rows = len(weight) // n_references
-    lagged = np.ascontiguousarray(moves.transpose(2, 1, 3, 0))  # a block row is a stretch of lags
-    channel, lag, reference, block = lagged.strides
-    windows = as_strided(
-        lagged,
-        (rows, n_channels, rows * n_references, n_blocks),
-        (lag, channel, reference, block),
-        writeable=False,
-    )
-    return np.asarray((weight.T @ windows).reshape(rows * n_channels, -1, n_blocks))
+    n_blocks, n_lags, _, n_references = moves.shape
+    rows, rank = len(weight) // n_references, weight.shape[1]
+    lagged = moves.transpose(1, 3, 2, 0).reshape(n_lags * n_references, n_channels * n_blocks)
+    result = np.empty((rows, n_channels, rank, n_blocks))
+    for row in range(rows):
+        stretch = lagged[row * n_references : row * n_references + len(weight)]
+        result[row] = (weight.T @ stretch).reshape(rank, n_channels, n_blocks).transpose(1, 0, 2)
+    return result.reshape(rows * n_channels, rank, n_blocks)
 
 
 def pole_influences(moved: Perturbation, chosen: Sequence[tuple[Realisation, IndexArray]]) -> list[PoleInfluence]:
