@@ -97,7 +97,7 @@ def pole_influences(moved: Perturbation, chosen: Sequence[tuple[Realisation, Ind
     n_poles = sum(len(columns) for _, columns in chosen)
     if not n_poles:
         return []
-    rank, n_channels, n_blocks = moved.output.shape
+    rank, n_channels, _ = moved.output.shape
     vector = np.zeros((n_poles, rank), np.complex128)
     readout = np.zeros((n_poles, 1 + n_channels, rank), np.complex128)  # of the move of the pole, and of its shape
     end = 0

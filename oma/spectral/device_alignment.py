@@ -105,7 +105,7 @@ def aligned(recording: Recording, delays: Mapping[str, float]) -> Recording:
 
 
 def _spectrum(data: FloatArray, n_fft: int) -> ComplexArray:
-    """Return the spectral matrix up to the highest line that is used, (n_lines, n_channels, n_channels), in any unit."""
+    """Return the spectral matrix up to the highest line used, (n_lines, n_channels, n_channels), in any unit."""
     return SpectrumAccumulator(data.shape[1], 1.0, n_fft, (0.0, PASS), single=True).total(detrended(data))[0]
 
 

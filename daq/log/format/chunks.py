@@ -104,7 +104,7 @@ class ChunkReader:
         McapError, ZstdError, struct.error, ValueError
             If it is damaged, or larger than `MAX_CHUNK`.
         """
-        data = _uncompressed(chunk, self._zstd)
+        data = self.uncompressed(chunk)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise McapError("chunk: its checksum does not match")
         at, end, passed_over, found = 0, len(data), self._passed_over, list[ChunkRecord]()
@@ -133,6 +133,27 @@ class ChunkReader:
         if at > end:
             raise McapError("a record is longer than its chunk")
         return found
+
+    def uncompressed(self, chunk: Chunk) -> bytes:
+        """Return the records of a chunk as bytes; errors as for `records`."""
+        check_chunk_size(chunk.uncompressed_size)
+        if not chunk.compression:
+            return chunk.data
+        if chunk.compression == "zstd":
+            stated = frame_content_size(chunk.data)
+            if stated not in (-1, chunk.uncompressed_size):
+                raise ZstdError(f"expected {chunk.uncompressed_size} bytes, found a frame of {stated}")
+            data = self._zstd.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+        elif chunk.compression == "lz4":
+            try:
+                data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
+            except (RuntimeError, EOFError) as error:
+                raise McapError(f"chunk: {error}") from error
+        else:
+            raise McapError(f"chunk: expected compression by zstd or lz4, found {chunk.compression!r:.40}")
+        if len(data) != chunk.uncompressed_size:
+            raise McapError(f"chunk: expected {chunk.uncompressed_size} bytes, found {len(data)}")
+        return data
 
 
 def chunk_records(chunk: Chunk) -> list[ChunkRecord]:
@@ -175,24 +196,3 @@ def check_chunk_size(size: int) -> None:
     """Refuse an uncompressed size that no writer of logs makes."""
     if size > MAX_CHUNK:
         raise McapError(f"chunk: uncompressed size: expected up to {MAX_CHUNK} bytes, found {size}")
-
-
-def _uncompressed(chunk: Chunk, zstd: ZstdDecompressor) -> bytes:
-    check_chunk_size(chunk.uncompressed_size)
-    if not chunk.compression:
-        return chunk.data
-    if chunk.compression == "zstd":
-        stated = frame_content_size(chunk.data)
-        if stated not in (-1, chunk.uncompressed_size):
-            raise ZstdError(f"expected {chunk.uncompressed_size} bytes, found a frame of {stated}")
-        data = zstd.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    elif chunk.compression == "lz4":
-        try:
-            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
-        except (RuntimeError, EOFError) as error:
-            raise McapError(f"chunk: {error}") from error
-    else:
-        raise McapError(f"chunk: expected compression by zstd or lz4, found {chunk.compression!r:.40}")
-    if len(data) != chunk.uncompressed_size:
-        raise McapError(f"chunk: expected {chunk.uncompressed_size} bytes, found {len(data)}")
-    return data

@@ -57,7 +57,7 @@ class RecordStream:
         while True:
             self._need(FRAME)
             opcode, length = _HEAD.unpack_from(self._buffer, self._at)
-            while opcode == _INDEX_CODE and self._at + length + 2 * FRAME <= len(self._buffer):  # some behind each chunk
+            while opcode == _INDEX_CODE and self._at + length + 2 * FRAME <= len(self._buffer):  # behind chunks
                 self._at += FRAME + length
                 self.position += FRAME + length
                 opcode, length = _HEAD.unpack_from(self._buffer, self._at)

@@ -109,9 +109,7 @@ def unpack(packed: Packed, n: int) -> IntArray:
         If the axes do not hold n samples each.
     """
     if not packed.order or len(packed.order) != len(packed.n_low):
-        raise ValueError(
-            f"packed counts: expected axes, found {len(packed.order)} orders, {len(packed.n_low)} lengths"
-        )
+        raise ValueError(f"packed counts: expected axes, found {len(packed.order)} orders, {len(packed.n_low)} lengths")
     whole = PackedBlocks(
         order=np.array(packed.order, np.intp),
         n_low=np.array(packed.n_low, np.intp),
@@ -190,9 +188,7 @@ class _Axes:
         unlike = np.maximum.reduceat((n_low > _BITS) | (order > samples), edge) | (packed.n_start != expected)
         if unlike.any():
             wrong = int(np.argmax(unlike))
-            raise ValueError(
-                f"packed counts: expected {expected[wrong]} start values, found {packed.n_start[wrong]}"
-            )
+            raise ValueError(f"packed counts: expected {expected[wrong]} start values, found {packed.n_start[wrong]}")
         residuals = samples - order
         low, n_bits = residuals * n_low, np.array([8 * len(bits) for bits in packed.bits])
         high = np.add.reduceat(low, edge)
