@@ -16,6 +16,7 @@ import time
 import zlib
 from collections import defaultdict
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -182,14 +183,14 @@ def floors(path: Path, length: float) -> dict[str, float]:
         n_channels = len(window.channels)
         pieces = window.data[: len(window.data) // _PIECE * _PIECE].T.reshape(n_channels, -1, _PIECE)
         spent(("assemble", "clean"), window.data.copy)
-        spent(("correlate", "select"), lambda pieces=pieces: fft.rfft(pieces, axis=-1))
+        spent(("correlate", "select"), partial(fft.rfft, pieces, axis=-1))
         size = method.rows(n_channels) * n_channels
         hankel = random.standard_normal((size, size))
         for level in levels(RATE, (method.min_cycles / length, TOP * RATE), method.decimation):
             if level:
-                spent(("identify",), lambda hankel=hankel: linalg.svd(hankel, full_matrices=False, check_finite=False))
+                spent(("identify",), partial(linalg.svd, hankel, full_matrices=False, check_finite=False))
                 for n in method.orders(method.first_order):
-                    spent(("identify",), lambda hankel=hankel, n=n: np.linalg.eig(hankel[:n, :n]))
+                    spent(("identify",), partial(np.linalg.eig, hankel[:n, :n]))
     spent(("read",), np.zeros(3 * len(CHANNEL_MAP) // 2 * N_SAMPLES, np.int32).copy)
     return found
 

@@ -58,9 +58,9 @@ def _in_blocks(columns: FloatArray, position: FloatArray, ratio: float, out: Flo
     span, n_scans = bank.shape[2], columns.shape[1]
     if not len(position) or n_scans < span:
         return even
-    begin = position[:, _BLOCK // 2] - _BLOCK // 2 / ratio  # of even spacing through the sample in the middle
-    base = np.floor(begin)
-    cell = np.minimum((_CELLS * (begin - base)).astype(np.intp), _CELLS - 1)
+    nominal = position[:, _BLOCK // 2] - _BLOCK // 2 / ratio  # of even spacing through the sample in the middle
+    base = np.floor(nominal)
+    cell = np.minimum((_CELLS * (nominal - base)).astype(np.intp), _CELLS - 1)
     middle = _middle(ratio)
     off = position - base[:, None]
     lowest = np.floor(off)

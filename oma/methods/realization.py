@@ -37,7 +37,9 @@ class Subspace:
         left, weight = (
             linalg.solve_triangular(factor, matrix.T, trans="T", check_finite=False).T for matrix in (left, weight)
         )
-        return Basis(up=up, down=left[self.n_channels :], output=left[: self.n_channels], weight=weight)
+        return Basis(
+            up=np.asarray(up, np.float64), down=left[self.n_channels :], output=left[: self.n_channels], weight=weight
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,6 +11,7 @@ decomposition. Smart Materials and Structures 10(3), 441-445.
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -116,7 +117,7 @@ class SpectrumAccumulator:
         self._rate, self._hop = rate, n_fft // 2
         taper = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_fft) / n_fft)
         self._whole = _autocorrelation(taper[None])[0]
-        self._taper = taper.astype(np.float32 if single else np.float64)
+        self._taper: npt.NDArray[np.floating[Any]] = taper.astype(np.float32 if single else np.float64)
         self._before = np.empty((n_channels, 0))
         self._sums: deque[PackedArray] = deque()
         self._windows: deque[FloatArray] = deque()

@@ -18,7 +18,7 @@ T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Ca
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -292,7 +292,7 @@ def _residuals(
     n_low = axes.n_low[chosen][:, None]
     place = n_low * np.arange(n)
     place += axes.first_low[chosen][:, None]
-    u = window.take(place >> 3).astype(kind)
+    u: npt.NDArray[np.unsignedinteger[Any]] = window.take(place >> 3).astype(kind)
     place &= 7
     u <<= place.astype(kind)
     u >>= (8 * kind.itemsize - n_low).astype(kind)  # nothing is left of none

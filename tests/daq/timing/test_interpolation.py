@@ -25,7 +25,7 @@ def test_blocks_agree_with_single_samples(ratio: float, drift: float) -> None:
 def test_blocks_agree_with_exact_weights(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a table of 64 times as many phases the two ways differ by the error of the polynomials alone."""
     random = np.random.default_rng(4)
-    position, scans = 30.6 + np.arange(4000) * (1 - 60e-6), random.standard_normal((4100, 1))
+    position, scans = 30.6 + np.arange(4000, dtype=np.float64) * (1 - 60e-6), random.standard_normal((4100, 1))
     found = interpolate(scans, position)
     monkeypatch.setattr(interpolation, "_PHASES", 64 * interpolation._PHASES)
     interpolation._table.cache_clear()
