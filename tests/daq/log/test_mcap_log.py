@@ -83,7 +83,7 @@ def test_only_used_axes_of_used_devices_are_unpacked(tmp_path: Path) -> None:
     lengths, path = (200, 3, 50, 200), tmp_path / "log.mcap"
     walks = [np.cumsum(random.integers(-900, 900, (n, 3)), axis=0).astype(np.int32) for n in lengths]
     walks[3][:, 1] = random.integers(-5, 5, 200)  # another order of differences
-    blocks = [replace(make_block(), device="ab"[k % 2], counts=walk) for k, walk in enumerate(walks)]
+    blocks = [replace(make_block("ab"[k % 2], 1000 * k), counts=walk) for k, walk in enumerate(walks)]
     write_log(path, [*blocks], flush_every=9)
     found = [item for item in read_log(path, {"b": (1, 7)}) if isinstance(item, Block)]
     assert [block.device for block in found] == ["b", "b"]
