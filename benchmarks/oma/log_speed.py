@@ -267,7 +267,7 @@ def peer_source() -> str:
 
 
 def main(*arguments: str) -> None:
-    """Print the tables of docs/validation/identification/speed.md."""
+    """Print the tables of docs/validation/identification/log_speed.md."""
     random = np.random.default_rng(1)
     data, watch = signals(random), Stages()
     watch.watch()
