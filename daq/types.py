@@ -54,12 +54,12 @@ class Block:
     @property
     def n_scans(self) -> int:
         """Number of scans in the block."""
-        return int(self.counts.shape[0])
+        return len(self.counts)
 
     @property
     def end_index(self) -> int:
         """Number of the scan after the last one."""
-        return self.first_index + self.n_scans
+        return self.first_index + len(self.counts)
 
     def time_of(self, index: int) -> int:
         """Return the time of a scan by the block's own pair [ns UTC]."""

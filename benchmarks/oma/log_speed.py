@@ -13,30 +13,38 @@ import subprocess
 import sys
 import tempfile
 import time
+import zlib
 from collections import defaultdict
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mcap.reader import make_reader
-from scipy import signal
+from mcap.records import Chunk
+from scipy import fft, linalg, signal
 
 import oma.identification as identification
 from benchmarks.common.peers import OURS, measured, peer_python
 from daq import Block, Channel, Flag, McapWriter, load_recordings, read_log
 from daq.log import CHANNELS, ChannelMap
 from daq.log.format.block_codec import decode_block
+from daq.log.format.chunks import ChunkReader
 from daq.log.format.preview import View
+from daq.log.format.record_stream import RecordStream
+from daq.log.mcap_log import MAGIC
 from daq.timing.interpolation import half_taps, interpolate
-from oma import identify_all
+from oma import DataSSI, identify_all
 from oma.methods.ssi import SSILevel
+from oma.preparation import TOP, levels
 
 N_SAMPLES, RATE, SCALE = 1_206_000, 1000.0, 3e-6
 FREQUENCIES = (2.3, 5.1, 7.7, 13.0, 22.0, 41.0, 77.0, 130.0)  # Hz
 DAMPING = 0.01
 START = 1_700_000_000_000_000_000  # ns UTC
 CHANNEL_MAP = tuple(Channel(name=f"c{k}", device=f"d{k // 2}", axis=k % 2) for k in range(12))
+_PIECE = 128  # samples of one Fourier transform of the floors
 BLOCK_ROWS, MAX_ORDER = 50, 60  # of the peer, as in benchmarks/oma/speed.py
 COMMAND = "from monitor.cli.main import main; main()"
 
@@ -146,6 +154,47 @@ def stages(path: Path, length: float, stages: Stages) -> dict[str, float]:
     return {"read": reading, "assemble": assembled - reading, **parts, "select": identified - sum(parts.values())}
 
 
+def floors(path: Path, length: float) -> dict[str, float]:
+    """Return the processor time of the least that any program does for each stage [s].
+
+    read: chunks decompressed, with their checksums, and one copy of the counts; assemble, clean: one copy of the
+    samples; correlate, select: one Fourier transform of the samples in pieces that fit the cache; identify: eigenvalues
+    and vectors of all orders and one singular value decomposition per rate, by LAPACK.
+    """
+    found: defaultdict[str, float] = defaultdict(float)
+
+    def spent(names: tuple[str, ...], work: Callable[[], object]) -> None:
+        start = time.process_time()
+        work()
+        for name in names:
+            found[name] += time.process_time() - start
+
+    def decompressed() -> None:
+        chunks = ChunkReader(lambda _: False)
+        with path.open("rb") as file:
+            file.seek(len(MAGIC))
+            for record in RecordStream(file):
+                if isinstance(record, Chunk):
+                    zlib.crc32(chunks.uncompressed(record))
+
+    spent(("read",), decompressed)
+    method, random = DataSSI(), np.random.default_rng(0)
+    for window in load_recordings(path, window_seconds=length):
+        n_channels = len(window.channels)
+        pieces = window.data[: len(window.data) // _PIECE * _PIECE].T.reshape(n_channels, -1, _PIECE)
+        spent(("assemble", "clean"), window.data.copy)
+        spent(("correlate", "select"), partial(fft.rfft, pieces, axis=-1))
+        size = method.rows(n_channels) * n_channels
+        hankel = random.standard_normal((size, size))
+        for level in levels(RATE, (method.min_cycles / length, TOP * RATE), method.decimation):
+            if level:
+                spent(("identify",), partial(linalg.svd, hankel, full_matrices=False, check_finite=False))
+                for n in method.orders(method.first_order):
+                    spent(("identify",), partial(np.linalg.eig, hankel[:n, :n]))
+    spent(("read",), np.zeros(3 * len(CHANNEL_MAP) // 2 * N_SAMPLES, np.int32).copy)
+    return found
+
+
 def whole(path: Path, length: float, repeats: int = 2) -> float:
     """Return the processor time of the command, with its start [s]: the least of some runs."""
     spent = []
@@ -218,7 +267,7 @@ def peer_source() -> str:
 
 
 def main(*arguments: str) -> None:
-    """Print the tables of docs/validation/service/archive.md."""
+    """Print the tables of docs/validation/identification/log_speed.md."""
     random = np.random.default_rng(1)
     data, watch = signals(random), Stages()
     watch.watch()
@@ -245,6 +294,10 @@ def main(*arguments: str) -> None:
                     f"| {others[0]} | {others[1]} |",
                     flush=True,
                 )
+                least = floors(path, length)
+                print(f"| | floor | {' | '.join(f'{least[name]:.2f} s' for name in names)} | | | | |")
+                ratios = [f"{parts[name] / least[name]:.1f}" for name in names]
+                print(f"| | over floor | {' | '.join(ratios)} | | | | |", flush=True)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from daq.bounded_text import parse_json
 from daq.errors import ItemError, LogError
 from daq.log.file_lock import lock
 from daq.log.format.accel_block_pb2 import AccelBlock
-from daq.log.format.block_codec import decode_blocks, encode_block
+from daq.log.format.block_codec import AxesOfDevices, decode_blocks, encode_block
 from daq.log.format.chunk_index import LeanWriter
 from daq.log.format.chunks import ChunkReader
 from daq.log.format.file_index import file_index
@@ -251,18 +251,28 @@ def read_events(log: AnyLog, topics: Collection[str] | None = None) -> Iterator[
     yield from (item for item in _read(log, wanted) if isinstance(item, Event))
 
 
-def read_log(log: AnyLog) -> Iterator[Item]:
+def read_log(log: AnyLog, axes: AxesOfDevices | None = None) -> Iterator[Item]:
     """Yield blocks and events in the order in which they were written, in bounded memory.
 
     A file cut anywhere is read up to its last whole chunk. Of an excerpt only chunks near its range are read, where the
     file has an index; blocks across its ends are shortened.
+
+    Parameters
+    ----------
+    log : its path, all files of a run, or an excerpt
+    axes : device -> axes that are used, which is faster: blocks of other devices are left out, counts of other axes
+        are 0. Default: all
 
     Raises
     ------
     LogError
         If it cannot be read, is not a log, or is damaged inside (earlier items are yielded first).
     """
-    yield from _read(log, _every)
+
+    def wanted(topic: str) -> bool:
+        return axes is None or not _is_signal(topic) or topic.removeprefix(ACCEL) in axes
+
+    yield from _read(log, wanted, axes)
 
 
 def log_start(log: AnyLog) -> int | None:
@@ -335,14 +345,14 @@ def _items_of(wanted: Callable[[str], bool]) -> Callable[[Channel], bool]:
     return lambda channel: channel.message_encoding != VIEW_ENCODING and wanted(channel.topic)
 
 
-def _read(log: AnyLog, wanted: Callable[[str], bool]) -> Iterator[Item]:
-    """Yield the items of some topics."""
+def _read(log: AnyLog, wanted: Callable[[str], bool], axes: AxesOfDevices | None = None) -> Iterator[Item]:
+    """Yield the items of some topics; of signals, some axes."""
     if not isinstance(log, LogExcerpt):
         for path in files_of(log):
-            yield from _parsed(path, _records(path, wanted), wanted)
+            yield from _parsed(path, _records(path, wanted), wanted, axes)
         return
     for path in files_of(log.log):
-        for item in _parsed(path, _records_within(path, log, wanted), wanted):
+        for item in _parsed(path, _records_within(path, log, wanted), wanted, axes):
             kept = item.within(log.start, log.stop) if isinstance(item, Block) else item
             if isinstance(kept, Block) or (kept is not None and log.start <= kept.time < log.stop):
                 yield kept
@@ -365,14 +375,16 @@ def _records_within(path: Path, log: LogExcerpt, wanted: Callable[[str], bool]) 
         report_progress(path, number, len(chunks))
 
 
-def _parsed(path: Path, records: Iterable[object], wanted: Callable[[str], bool]) -> Iterator[Item]:
-    """Yield the items of some topics among the records of a file."""
+def _parsed(
+    path: Path, records: Iterable[object], wanted: Callable[[str], bool], axes: AxesOfDevices | None = None
+) -> Iterator[Item]:
+    """Yield the items of some topics among the records of a file; of signals, some axes."""
     for messages in _batches(records, wanted):
         items: Iterable[Item]
         try:
-            items = _items(messages)
+            items = _items(messages, axes)
         except (DecodeError, ValueError):  # those before the damaged one are yielded
-            items = (_own_item(path, topic, message) for topic, message in messages)
+            items = (_own_item(path, topic, message, axes) for topic, message in messages)
         yield from items
 
 
@@ -397,16 +409,16 @@ def _batches(records: Iterable[object], wanted: Callable[[str], bool]) -> Iterat
     yield batch
 
 
-def _items(messages: Sequence[_Topical]) -> list[Item]:
+def _items(messages: Sequence[_Topical], axes: AxesOfDevices | None) -> list[Item]:
     """Return the items of messages, in their order."""
     signals = [(topic.removeprefix(ACCEL), message.data) for topic, message in messages if _is_signal(topic)]
-    blocks = iter(decode_blocks(signals))
+    blocks = iter(decode_blocks(signals, axes))
     return [next(blocks) if _is_signal(topic) else _event(topic, message) for topic, message in messages]
 
 
-def _own_item(path: Path, topic: str, message: Message) -> Item:
+def _own_item(path: Path, topic: str, message: Message, axes: AxesOfDevices | None) -> Item:
     try:
-        [item] = _items([(topic, message)])
+        [item] = _items([(topic, message)], axes)
     except (DecodeError, ValueError) as error:
         raise LogError(path, f"message {message.sequence} of {topic}: {error}") from error
     return item

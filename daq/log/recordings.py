@@ -145,6 +145,7 @@ def _cut(
     values = seconds * min(rates.values()) * (1 + max(channel.axis for channel in known.channels)) * len(devices)
     if values > _MAX_VALUES:
         raise LogError(str(log), f"a window of {seconds:g} s has {values:.3g} samples, expected up to {_MAX_VALUES:g}")
+    axes = {device: {channel.axis for channel in known.channels if channel.device == device} | {0} for device in rates}
     assembler = Assembler(
         known.channels,
         all_rates,
@@ -157,10 +158,10 @@ def _cut(
     for device in missing | absent_devices(log, devices):
         yield from assembler.push_event(DeviceFailed(device=device).event(0))
     try:
-        for item in read_log(log):
+        for item in read_log(log, axes):
             if isinstance(item, Event):
                 yield from assembler.push_event(item)
-            elif item.device in rates:
+            else:
                 yield from assembler.push(item)
         yield from assembler.finish()
     except (ArithmeticError, ValueError) as error:

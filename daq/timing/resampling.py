@@ -131,7 +131,7 @@ class _Device:
         self.lost = False
 
     def add(self, block: Block) -> None:
-        if not self._stretches or block.flags & Flag.RESTARTED:
+        if not self._stretches or (block.flags is not Flag.NONE and block.flags & Flag.RESTARTED):
             own = ClockFit(self._rate)
             clock = self._clocks.setdefault(block.clock, own) if block.clock else own
             self._stretches.append(_Stretch(clock, self._late))
@@ -167,6 +167,8 @@ class _Device:
 
     def reaches(self, time: int) -> bool:
         """Return whether all scans needed for samples before `time` are available."""
+        if not self._stretches:
+            return False
         stretch = self._stretches[-1]
         end = stretch.blocks[-1].end_index
         if self._awaited[0] == time and end < self._awaited[1] - _SETTLE_SECONDS * self._rate:
@@ -241,8 +243,10 @@ class Assembler:
             for name, rate in rates.items()
         }
         self._n = round(window_seconds * self._rate)
+        self._window_ns = round(self._n / self._rate * 1e9)
         self._step = round(round(step_seconds * self._rate) / self._rate * 1e9)  # whole samples, without a remainder
         self._next: int | None = None  # start of the next window [ns UTC]
+        self._last: _Device | None = None  # one that lacked scans of this window
 
     def push(self, block: Block) -> Iterator[Recording]:
         """Take a block; yield the windows that are complete with it.
@@ -278,9 +282,14 @@ class Assembler:
             yield from self._cut(self._next, min(left, self._n))
 
     def _complete(self) -> Iterator[Recording]:
+        if self._next is not None:
+            end, last = self._next + self._window_ns, self._last
+            if last and not last.lost and not last.reaches(end):
+                return  # as after most blocks
+            self._last = next((d for d in self._devices.values() if not d.lost and not d.reaches(end)), None)
+            if self._last:
+                return
         alive = [d for d in self._devices.values() if not d.lost]
-        if self._next is not None and not all(d.has_data and d.reaches(self._next + self._window_ns) for d in alive):
-            return  # as after most blocks
         if not alive or not all(d.ready for d in alive):
             return
         if self._next is None:
@@ -315,10 +324,6 @@ class Assembler:
             (min(times, default=start) - self._window_ns - round(_PAUSE_SCANS / self._rate * 1e9) - start)
             // self._step,
         )
-
-    @property
-    def _window_ns(self) -> int:
-        return round(self._n / self._rate * 1e9)
 
     def _resampled(self, start: int, n: int) -> tuple[FloatArray, BoolArray]:
         """Return the channels (n, n_channels), and where any device has scans (n,)."""

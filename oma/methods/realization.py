@@ -10,14 +10,17 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy import linalg
 
 from daq import FloatArray
 from oma.types import ComplexArray
 
+_LEAST_VALUE = 1e-12  # of the largest singular value: smaller ones are rounding errors
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Subspace:
-    """Leading subspace of the block Hankel matrix of correlations, and the parts required by shift invariance."""
+    """Leading subspace of the block Hankel matrix of correlations."""
 
     left: FloatArray  #: (block_rows * n_channels, rank) observability matrix of the largest order
     values: FloatArray  #: (rank,) canonical correlations of past and future, falling [-]
@@ -25,20 +28,32 @@ class Subspace:
     n_channels: int
     rate: float  #: [Hz]
 
-    @property
-    def up(self) -> FloatArray:
-        """All but the last block row of `left`."""
-        return self.left[: -self.n_channels]
+    @cached_property
+    def basis(self) -> "Basis":
+        """The subspace in coordinates in which all orders are parts of one model."""
+        usable = max(int(np.count_nonzero(self.values > _LEAST_VALUE * self.values[0])), 1)
+        left, weight = self.left[:, :usable], self.right[:, :usable] / self.values[:usable]
+        up, factor = linalg.qr(left[: -self.n_channels], mode="economic", check_finite=False)
+        left, weight = (
+            linalg.solve_triangular(factor, matrix.T, trans="T", check_finite=False).T for matrix in (left, weight)
+        )
+        return Basis(
+            up=np.asarray(up, np.float64), down=left[self.n_channels :], output=left[: self.n_channels], weight=weight
+        )
 
-    @property
-    def down(self) -> FloatArray:
-        """All but the first block row of `left`."""
-        return self.left[self.n_channels :]
 
-    @property
-    def output(self) -> FloatArray:
-        """The first block row of `left`, (n_channels, rank)."""
-        return self.left[: self.n_channels]
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Basis:
+    """Observability matrix whose columns are orthonormal but for the last block row.
+
+    It is the matrix of a subspace times an upper triangular one. The leading columns thus span the leading subspace,
+    and the state matrix of each order is the leading block of the largest one.
+    """
+
+    up: FloatArray  #: (n_rows - n_channels, rank) all but the last block row, orthonormal columns
+    down: FloatArray  #: (n_rows - n_channels, rank) all but the first block row
+    output: FloatArray  #: (n_channels, rank) the first block row
+    weight: FloatArray  #: (n_columns, rank): the Hankel matrix times it is the observability matrix
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,15 +64,14 @@ class Realisation:
     rate: float  #: [Hz]
     eigenvalue: ComplexArray  #: (order,) of the discrete state matrix
     vector: ComplexArray  #: (order, order) right eigenvectors, columns
-    gram: FloatArray  #: (order, order) up^T up
     shape: ComplexArray  #: (order, n_channels) observed eigenvectors
 
     @cached_property
     def dual(self) -> ComplexArray:
-        """Left eigenvectors, rows, times the inverse of `gram`, (order, order)."""
-        return np.linalg.inv(self.gram @ self.vector).astype(np.complex128)
+        """Left eigenvectors, rows, (order, order)."""
+        return np.linalg.inv(self.vector).astype(np.complex128)
 
-    @property
+    @cached_property
     def continuous(self) -> ComplexArray:
         """Eigenvalues in continuous time [rad/s]."""
         result: ComplexArray = (np.log(self.eigenvalue) * self.rate).astype(np.complex128)
@@ -77,19 +91,17 @@ def realisations(space: Subspace, orders: range) -> list[Realisation]:
     list of Realisation
         Those orders that the rank of the subspace allows.
     """
-    gram, cross = space.up.T @ space.up, space.up.T @ space.down
-    usable = [n for n in orders if n <= len(space.values) and space.values[n - 1] > 1e-12 * space.values[0]]
-    return [_realisation(space, gram[:n, :n], cross[:n, :n]) for n in usable]
+    state = space.basis.up.T @ space.basis.down
+    return [_realisation(space, state[:n, :n]) for n in orders if n <= len(state)]
 
 
-def _realisation(space: Subspace, gram: FloatArray, cross: FloatArray) -> Realisation:
-    """Solve the shift invariance of one order by least squares."""
-    eigenvalue, vector = (part.astype(np.complex128) for part in np.linalg.eig(np.linalg.solve(gram, cross)))
+def _realisation(space: Subspace, state: FloatArray) -> Realisation:
+    """Return the model of a state matrix (order, order)."""
+    eigenvalue, vector = (part.astype(np.complex128) for part in np.linalg.eig(state))
     return Realisation(
-        order=len(gram),
+        order=len(state),
         rate=space.rate,
         eigenvalue=eigenvalue,
         vector=vector,
-        gram=gram,
-        shape=(space.output[:, : len(gram)] @ vector).T,
+        shape=(space.basis.output[:, : len(state)] @ vector).T,
     )

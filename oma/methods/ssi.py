@@ -218,12 +218,11 @@ class SSILevel:
         below = stabilization(models[-2:], (0.0, band[0]), method.selection)
         n_below = int(below.stable.sum()) // 2  # each mode is in both models
         moved = perturbation(space, sums, self._past, self._first_lag)
-        influence = {
-            (model.order, column): found
-            for model in models
-            if len(columns := poles.column[poles.stable & (poles.order == model.order)].tolist())
-            for column, found in zip(columns, pole_influences(moved, model, columns), strict=True)
-        }
+        stable = poles[poles.stable]
+        columns = {model.order: stable.column[stable.order == model.order] for model in models}
+        chosen = [(model, columns[model.order]) for model in models if len(columns[model.order])]
+        influences = iter(pole_influences(moved, chosen))
+        influence = {(model.order, column): next(influences) for model, some in chosen for column in some.tolist()}
         modes = candidates(
             poles,
             len(models),

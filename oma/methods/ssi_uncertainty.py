@@ -17,20 +17,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from oma.methods.realization import Realisation, Subspace
 from oma.selection import PoleInfluence, normalised_move, pole_moves
-from oma.spectral import CorrelationSums, hankel
+from oma.spectral import CorrelationSums
 from oma.types import ComplexArray
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Perturbation:
-    """First-order influence of each block of time on the shift-invariance equations."""
+    """First-order influence of each block of time on the shift-invariance equations, in the basis of the subspace."""
 
-    cross: FloatArray  #: (n_blocks, rank, rank) of up^T down
-    gram: FloatArray  #: (n_blocks, rank, rank) of up^T up
-    output: FloatArray  #: (n_blocks, n_channels, rank) of the first block row
+    both: FloatArray  #: (2 rank, rank, n_blocks): of up^T down, and of up^T up; the columns of each matrix first
+    output: FloatArray  #: (rank, n_channels, n_blocks), its columns first, of the first block row
 
 
 def perturbation(space: Subspace, sums: CorrelationSums, past: Sequence[int], first_lag: int) -> Perturbation:
@@ -49,49 +48,85 @@ def perturbation(space: Subspace, sums: CorrelationSums, past: Sequence[int], fi
     -------
     Perturbation
     """
-    right = space.right / space.values
-    rows = len(space.left) // space.n_channels
-    left = np.stack([hankel(block[:, :, past], first_lag, rows) @ right for block in sums.influences()])
-    up, down = left[:, : -space.n_channels], left[:, space.n_channels :]
-    gram = space.up.T @ up
+    basis, rank = space.basis, space.basis.up.shape[1]
+    left = _hankel_products(sums.influences()[:, first_lag:, :, past], basis.weight, space.n_channels)
+    up, down = (part.reshape(len(basis.up), -1) for part in (left[: -space.n_channels], left[space.n_channels :]))
+    gram = (basis.up.T @ up).reshape(rank, rank, -1)
+    cross = (basis.down.T @ up).reshape(rank, rank, -1)
+    cross += (basis.up.T @ down).reshape(rank, rank, -1).transpose(1, 0, 2)
     return Perturbation(
-        cross=up.transpose(0, 2, 1) @ space.down + space.up.T @ down,
-        gram=gram + gram.transpose(0, 2, 1),
-        output=left[:, : space.n_channels],
+        both=np.concatenate((cross, gram + gram.transpose(1, 0, 2))),
+        output=left[: space.n_channels].transpose(1, 0, 2),
     )
 
 
-def pole_influences(moved: Perturbation, model: Realisation, columns: Sequence[int]) -> list[PoleInfluence]:
-    """Follow each block's influence to poles of one order, all of them together.
+def _hankel_products(moves: FloatArray, weight: FloatArray, n_channels: int) -> FloatArray:
+    """Return block Hankel matrices times weights, (block_rows * n_channels, rank, n_blocks).
+
+    Parameters
+    ----------
+    moves : (n_blocks, n_lags, n_channels, n_references) array
+        From the lag of the first block of the matrices on.
+    weight : (block_rows * n_references, rank) array
+    n_channels : int
+    """
+    n_blocks, n_lags, _, n_references = moves.shape
+    rows, rank = len(weight) // n_references, weight.shape[1]
+    lagged = moves.transpose(1, 3, 2, 0).reshape(n_lags * n_references, n_channels * n_blocks)
+    result = np.empty((rows, n_channels, rank, n_blocks))
+    for row in range(rows):
+        stretch = lagged[row * n_references : row * n_references + len(weight)]
+        result[row] = (weight.T @ stretch).reshape(rank, n_channels, n_blocks).transpose(1, 0, 2)
+    return result.reshape(rows * n_channels, rank, n_blocks)
+
+
+def pole_influences(moved: Perturbation, chosen: Sequence[tuple[Realisation, IndexArray]]) -> list[PoleInfluence]:
+    """Follow each block's influence to poles of models, all of them together.
 
     Parameters
     ----------
     moved : Perturbation
-    model : Realisation
-    columns : sequence of int
-        Which of the model's eigenvalues.
+    chosen : sequence of (Realisation, IndexArray)
+        Models, and which of their eigenvalues.
 
     Returns
     -------
     list of PoleInfluence
+        One after the other.
     """
-    n, used = model.order, np.array(columns, np.intp)
-    eigenvalue, vector = model.eigenvalue[used], model.vector[:, used]
-    residual = _products(moved.cross[:, :n, :n], vector) - eigenvalue * _products(moved.gram[:, :n, :n], vector)
-    modal = model.dual @ residual  # (n_blocks, n, n_columns)
-    gap = eigenvalue - model.eigenvalue[:, None]
-    gap[used, np.arange(len(used))] = np.inf
-    shape = _products(moved.output[:, :, :n], vector) + model.shape.T @ (modal / gap)
-    own = modal[:, used, np.arange(len(used))]
-    frequency, damping = pole_moves(model.continuous[used], own / eigenvalue * model.rate)
-    moves = normalised_move(model.shape[used], shape.transpose(2, 0, 1))
+    n_poles = sum(len(columns) for _, columns in chosen)
+    if not n_poles:
+        return []
+    rank, n_channels, _ = moved.output.shape
+    vector = np.zeros((n_poles, rank), np.complex128)
+    readout = np.zeros((n_poles, 1 + n_channels, rank), np.complex128)  # of the move of the pole, and of its shape
+    end = 0
+    for model, columns in chosen:
+        n, begin, end = model.order, end, end + len(columns)
+        gap = model.eigenvalue[columns, None] - model.eigenvalue
+        gap[np.arange(len(columns)), columns] = np.inf
+        vector[begin:end, :n] = model.vector[:, columns].T
+        readout[begin:end, 0, :n] = model.dual[columns]
+        parts = model.shape.T / gap[:, None]
+        readout[begin:end, 1:, :n] = (parts.reshape(-1, n) @ model.dual).reshape(parts.shape)
+    eigenvalue, continuous, shape = (
+        np.concatenate([getattr(model, name)[columns] for model, columns in chosen])
+        for name in ("eigenvalue", "continuous", "shape")
+    )
+    residual = _products(np.concatenate((vector, -eigenvalue[:, None] * vector), axis=1), moved.both)
+    found = readout @ residual  # (n_poles, 1 + n_channels, n_blocks)
+    moves = found[:, 1:] + _products(vector, moved.output)
+    rate = np.array([model.rate for model, columns in chosen for _ in columns])
+    frequency, damping = pole_moves(continuous, (found[:, 0] / eigenvalue[:, None]).T * rate)
     return [
-        PoleInfluence(frequency=f, damping=d, shape=m) for f, d, m in zip(frequency.T, damping.T, moves, strict=True)
+        PoleInfluence(frequency=f, damping=d, shape=m)
+        for f, d, m in zip(frequency.T, damping.T, normalised_move(shape, moves.transpose(0, 2, 1)), strict=True)
     ]
 
 
-def _products(matrices: FloatArray, vectors: ComplexArray) -> ComplexArray:
-    """Return real matrices (n_blocks, m, n) times complex vectors (n, k), without making the matrices complex."""
-    k = vectors.shape[1]
-    both = matrices @ np.concatenate((vectors.real, vectors.imag), axis=1)
-    return np.asarray(both[..., :k] + 1j * both[..., k:])
+def _products(vectors: ComplexArray, matrices: FloatArray) -> ComplexArray:
+    """Return complex vectors (k, n) times real matrices (n, m, n_blocks), without making the matrices complex."""
+    parts = np.concatenate((vectors.real, vectors.imag)) @ matrices.reshape(len(matrices), -1)
+    result = np.empty((len(vectors), *matrices.shape[1:]), np.complex128)
+    result.real, result.imag = parts.reshape(2, *result.shape)
+    return result

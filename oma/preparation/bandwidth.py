@@ -57,13 +57,14 @@ def _periodogram(data: FloatArray) -> FloatArray | None:
     """Return mean periodograms (n_lines, n_channels) of complete segments; None if there are too few."""
     n = len(data) // _N_FFT
     chosen = np.unique(np.linspace(0, n - 1, min(n, _MAX_SEGMENTS)).astype(int)) if n else np.empty(0, int)
-    segments = np.stack([data[k * _N_FFT : (k + 1) * _N_FFT] for k in chosen]) if n else np.empty((0, 1, 1))
-    segments = segments[np.isfinite(segments).all(axis=(1, 2))]
-    if len(segments) < _MIN_SEGMENTS:
+    segments = data[: n * _N_FFT].T.reshape(-1, n, _N_FFT)[:, chosen]
+    segments = segments[:, np.isfinite(segments).all(axis=(0, 2))]
+    if segments.shape[1] < _MIN_SEGMENTS:
         return None
-    window = _blackman_harris(_N_FFT)[:, None]  # 92 dB down: low modes do not leak to the end
-    lines = fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * window, axis=1)
-    return np.asarray(np.mean(np.abs(lines) ** 2, axis=0))
+    segments -= segments.mean(axis=2, keepdims=True)
+    segments *= _blackman_harris(_N_FFT)  # 92 dB down: low modes do not leak to the end
+    lines = fft.rfft(segments, axis=2)
+    return np.asarray(np.mean(lines.real**2 + lines.imag**2, axis=1).T)
 
 
 def _blackman_harris(n: int) -> FloatArray:

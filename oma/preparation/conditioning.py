@@ -19,7 +19,6 @@ from oma.preparation.faults import (
 )
 from oma.preparation.gaps import filled
 
-_ROWS = 1 << 12  # samples of all channels at a time
 _MENTIONED = 0.01  # share of samples missing in a channel above which it is reported
 
 BoolArray = npt.NDArray[np.bool_]
@@ -156,9 +155,10 @@ def detrended(data: FloatArray) -> FloatArray:
     mean, slope = data.mean(axis=0), time @ data / max(float(time @ time), 1e-300)
     if np.isfinite(mean).all() and np.isfinite(slope).all():  # mean and slope are independent of each other
         result = np.empty_like(data)
-        for start in range(0, len(data), _ROWS):
-            rows = slice(start, start + _ROWS)
-            np.subtract(data[rows], mean + time[rows, None] * slope, out=result[rows])
+        for column, signal, level, rise in zip(result.T, data.T, mean.tolist(), slope.tolist(), strict=True):
+            np.multiply(time, -rise, out=column)
+            column += signal
+            column -= level
         return result
     result = np.where(np.isfinite(data), data, np.nan)
     for column in result.T:

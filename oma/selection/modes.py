@@ -142,10 +142,14 @@ def _median_shape(shapes: ComplexArray, weight: FloatArray) -> ComplexArray:
 
 
 def _weighted_median(values: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the median of each column (n_values, n_columns)."""
+    """Return the median of each column (n_values, n_columns), linear between the middles of the values' shares."""
     rank = np.argsort(values, axis=0)
     ranked, share = np.take_along_axis(values, rank, axis=0), np.cumsum(weight[rank], axis=0) - weight[rank] / 2
-    return np.array([np.interp(0.5, s, v) for s, v in zip(share.T, ranked.T, strict=True)])
+    after = np.clip(np.count_nonzero(share < 0.5, axis=0), 1, len(values) - 1)[None]
+    before = after - 1
+    begin, end = (np.take_along_axis(share, place, axis=0) for place in (before, after))
+    low, high = (np.take_along_axis(ranked, place, axis=0) for place in (before, after))
+    return np.asarray((low + (high - low) * np.clip((0.5 - begin) / (end - begin), 0, 1))[0])
 
 
 def _weights(influences: list[PoleInfluence]) -> FloatArray:

@@ -70,21 +70,21 @@ def groups(
 
 def _cut(tree: FloatArray, order: npt.NDArray[np.intp], cut: float) -> list[npt.NDArray[np.intp]]:
     """Cut a tree of linkages; poles that are separate in most orders stay apart, however near."""
-    found: dict[int, list[npt.NDArray[np.intp]]] = {i: [np.array([i])] for i in range(len(order))}
+    orders: list[int] = order.tolist()
+    found: dict[int, list[list[int]]] = {i: [[i]] for i in range(len(orders))}
     for i, (left, right, distance, _) in enumerate(tree.tolist()):
         parts = found.pop(int(left)) + found.pop(int(right))
-        if distance < cut and len(parts) == 2 and not _side_by_side(order[parts[0]], order[parts[1]]):
-            parts = [np.sort(np.concatenate(parts))]
-        found[len(order) + i] = parts
+        if distance < cut and len(parts) == 2 and not _side_by_side(*({orders[k] for k in part} for part in parts)):
+            parts = [parts[0] + parts[1]]
+        found[len(orders) + i] = parts
     (result,) = found.values()
-    return result
+    return [np.array(sorted(part), np.intp) for part in result]
 
 
-def _side_by_side(a: npt.NDArray[np.intp], b: npt.NDArray[np.intp]) -> bool:
+def _side_by_side(a: set[int], b: set[int]) -> bool:
     """Return whether most of the orders with the rarer of two groups have the other too: a mode has one pole."""
-    a, b = np.unique(a), np.unique(b)
     rarer = min(len(a), len(b))
-    return rarer >= MIN_MEMBERS and 2 * len(np.intersect1d(a, b, assume_unique=True)) > rarer
+    return rarer >= MIN_MEMBERS and 2 * len(a & b) > rarer
 
 
 def uncertainty_law(frequency: float, damping: float, duration: float) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """Correlation functions as sums over blocks: additive, masked where samples are missing, fast by FFT."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,11 +37,12 @@ class CorrelationSums:
         result: FloatArray = total / self.counts.sum(axis=0)[:, None, None]
         return result
 
-    def influences(self) -> Iterator[FloatArray]:
-        """Yield the change of the mean by each block, (n_lags, n_channels, n_references); the changes add to zero."""
-        mean, total = self.mean, self.counts.sum(axis=0)[:, None, None]
-        for block, count in zip(self.sums, self.counts, strict=True):
-            yield (block - count[:, None, None] * mean) / total
+    def influences(self) -> FloatArray:
+        """Return the change of the mean by each block, (n_blocks, n_lags, n_channels, n_references), of sum zero."""
+        moves = np.stack(self.sums)
+        moves -= self.counts[:, :, None, None] * self.mean
+        moves /= self.counts.sum(axis=0)[:, None, None]
+        return np.asarray(moves)
 
 
 class CorrelationAccumulator:

@@ -18,7 +18,7 @@ from scipy import fft
 
 from daq import FloatArray, IndexArray, Recording
 from oma.preparation import PASS, BoolArray, bridged, detrended, usable
-from oma.spectral.spectra import spectral_matrix
+from oma.spectral.spectra import SpectrumAccumulator
 from oma.types import ComplexArray
 
 _LARGEST = 0.01  # s: delay that is looked for
@@ -75,9 +75,9 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
         return zero
     group = np.array([devices.index(name) for name in column])
     few = _spread(data, n_fft)
-    if few is not None and _are_real(_doubled_phases(spectral_matrix(detrended(few), recording.rate, n_fft), group)):
+    if few is not None and _are_real(_doubled_phases(_spectrum(few, n_fft), group)):
         return zero
-    doubled, most = _doubled_phases(spectral_matrix(detrended(data), recording.rate, n_fft), group)
+    doubled, most = _doubled_phases(_spectrum(data, n_fft), group)
     if _are_real((doubled, most)):
         return zero
     step = n_fft / recording.rate / 2 / _GRID
@@ -104,6 +104,11 @@ def aligned(recording: Recording, delays: Mapping[str, float]) -> Recording:
     return replace(recording, data=data)
 
 
+def _spectrum(data: FloatArray, n_fft: int) -> ComplexArray:
+    """Return the spectral matrix up to the highest line used, (n_lines, n_channels, n_channels), in any unit."""
+    return SpectrumAccumulator(data.shape[1], 1.0, n_fft, (0.0, PASS), single=True).total(detrended(data))[0]
+
+
 def _spread(data: FloatArray, n_fft: int) -> FloatArray | None:
     """Return some pieces of a long record, spread evenly over it; None of a short one."""
     length = 2 * n_fft
@@ -119,7 +124,7 @@ def _doubled_phases(spectrum: ComplexArray, group: IndexArray) -> tuple[ComplexA
 
     Parameters
     ----------
-    spectrum : (n_lines, n_channels, n_channels)
+    spectrum : (n_used, n_channels, n_channels), the first one not used
     group : (n_channels,) number of each channel's group
 
     Returns
@@ -129,7 +134,7 @@ def _doubled_phases(spectrum: ComplexArray, group: IndexArray) -> tuple[ComplexA
     most : (n_groups, n_groups)
         Sums of the weights, symmetric.
     """
-    used = slice(1, round(2 * PASS * (len(spectrum) - 1)))
+    used = slice(1, len(spectrum))
     one, other = np.nonzero(group[:, None] < group)
     power = np.einsum("fii->if", spectrum[used]).real
     cross = np.ascontiguousarray(spectrum[used, one, other].T)

@@ -11,6 +11,7 @@ decomposition. Smart Materials and Structures 10(3), 441-445.
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ from oma.types import ComplexArray
 PackedArray = npt.NDArray[np.complex64]
 
 _AT_ONCE = 1 << 17  # samples transformed at once, which bounds the memory
+_SEGMENTS_AT_ONCE = 24  # but not fewer segments, whose products are sums of as many terms
 _LINES_AT_ONCE = 64
 
 
@@ -95,17 +97,28 @@ class SpectrumAccumulator:
         Samples a segment.
     band : (float, float), optional
         Frequencies of the lines that are kept [Hz]; all unless given.
+    single : bool, optional
+        Transforms in single precision, twice as fast; 140 dB below the strongest line is rounding error.
     """
 
-    def __init__(self, n_channels: int, rate: float, n_fft: int, band: tuple[float, float] | None = None) -> None:
+    def __init__(
+        self,
+        n_channels: int,
+        rate: float,
+        n_fft: int,
+        band: tuple[float, float] | None = None,
+        *,
+        single: bool = False,
+    ) -> None:
         lines = fft.rfftfreq(n_fft, 1 / rate)
         kept = np.flatnonzero((lines >= band[0]) & (lines <= band[1])) if band else np.arange(len(lines))
         self._lines = slice(int(kept[0]), int(kept[-1]) + 1)
         self.n_fft = n_fft
         self._rate, self._hop = rate, n_fft // 2
-        self._taper = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_fft) / n_fft)
-        self._whole = _autocorrelation(self._taper[None])[0]
-        self._before = np.empty((0, n_channels))
+        taper = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_fft) / n_fft)
+        self._whole = _autocorrelation(taper[None])[0]
+        self._taper: npt.NDArray[np.floating[Any]] = taper.astype(np.float32 if single else np.float64)
+        self._before = np.empty((n_channels, 0))
         self._sums: deque[PackedArray] = deque()
         self._windows: deque[FloatArray] = deque()
         self._complete: deque[int] = deque()
@@ -118,31 +131,39 @@ class SpectrumAccumulator:
         data : (n_samples, n_channels) array
             The zero-mean signals that follow those of the last block, NaN where a sample is missing.
         """
-        n_channels = data.shape[1]
-        total = np.zeros((self._lines.stop - self._lines.start, n_channels, n_channels), dtype=np.complex128)
-        window = np.zeros(self.n_fft)
-        at_once = max(_AT_ONCE // n_channels, 2 * self.n_fft)
-        for start in range(0, len(data), at_once):
-            values = np.concatenate((self._before, data[start : start + at_once]))
-            n_segments = max(len(values) - self.n_fft + self._hop, 0) // self._hop
-            if n_segments:
-                window += self._add_segments(values[: (n_segments - 1) * self._hop + self.n_fft], total)
-            self._before = values[n_segments * self._hop :].copy()  # a view would keep the block
+        total, window = self.total(data)
         self._sums.append(packed(total))
         self._windows.append(window)
         self._complete.append(int(np.count_nonzero(np.isfinite(data).all(axis=1))))
 
+    def total(self, data: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Return the sums of a block, (n_lines, n_channels, n_channels) and (n_fft,); they are not kept."""
+        n_channels = data.shape[1]
+        total = np.zeros((self._lines.stop - self._lines.start, n_channels, n_channels), dtype=np.complex128)
+        window = np.zeros(self.n_fft)
+        at_once = max(_AT_ONCE // n_channels, _SEGMENTS_AT_ONCE // 2 * self.n_fft)
+        for start in range(0, len(data), at_once):
+            values = np.concatenate((self._before, data[start : start + at_once].T), axis=1)
+            n_segments = max(values.shape[1] - self.n_fft + self._hop, 0) // self._hop
+            if n_segments:
+                window += self._add_segments(values[:, : (n_segments - 1) * self._hop + self.n_fft], total)
+            self._before = values[:, n_segments * self._hop :].copy()  # a view would keep the block
+        return total, window
+
     def _add_segments(self, values: FloatArray, total: ComplexArray) -> FloatArray:
-        """Add the spectra of whole segments to `total`, and return the autocorrelation of their windows."""
-        known = np.asarray(np.isfinite(values).all(axis=1))
-        data = values if known.all() else np.where(known[:, None], values, 0.0)
-        segments = sliding_window_view(data, self.n_fft, axis=0)[:: self._hop] * self._taper
-        lines = fft.rfft(segments, axis=-1)[:, :, self._lines].transpose(2, 1, 0)
+        """Add the spectra of whole segments of signals (n_channels, n) to `total`.
+
+        Return the autocorrelation of their windows.
+        """
+        known = np.asarray(np.isfinite(values).all(axis=0))
+        signals = (values if known.all() else np.where(known, values, 0.0)).astype(self._taper.dtype, copy=False)
+        segments = sliding_window_view(signals, self.n_fft, axis=1)[:, :: self._hop] * self._taper
+        lines = fft.rfft(segments, axis=-1)[:, :, self._lines].transpose(2, 0, 1)
         for start in range(0, len(lines), _LINES_AT_ONCE):
             some = np.ascontiguousarray(lines[start : start + _LINES_AT_ONCE])
             total[start : start + _LINES_AT_ONCE] += np.matmul(some, some.conj().transpose(0, 2, 1))
         if known.all():
-            return np.asarray(len(segments) * self._whole)
+            return np.asarray(segments.shape[1] * self._whole)
         there = sliding_window_view(known.astype(np.float64), self.n_fft)[:: self._hop] * self._taper
         return np.asarray(_autocorrelation(there).sum(axis=0))
 
@@ -165,7 +186,7 @@ class SpectrumAccumulator:
             rate=self._rate,
             n_fft=self.n_fft,
             first=self._lines.start,
-            n_channels=self._before.shape[1],
+            n_channels=len(self._before),
             sums=tuple(self._sums),
             windows=np.array(self._windows),
         )

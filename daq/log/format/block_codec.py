@@ -1,12 +1,14 @@
 """Encoding and decoding of blocks as log messages."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from daq.log.format.accel_block_pb2 import AccelBlock
-from daq.log.format.rice import Packed, pack, unpack_many
-from daq.types import Block, Flag, IntArray
+from daq.log.format.rice import PackedBlocks, pack, unpack_blocks
+from daq.types import Block, BoolArray, Flag, IntArray
 
 _LEAST_SCALE = float(np.finfo(float).tiny)
 _MAX_AXES = 10_000
@@ -15,6 +17,7 @@ _MAX_TIME = 1 << 62  # ns: in the year 2116
 _MAX_SCANS = 1 << 26
 _MAX_SECONDS = 1e6  # of a block
 _CODE = 64  # times the order of the differences
+AxesOfDevices = Mapping[str, Collection[int]]  #: device -> some of its axes
 
 
 def encode_block(block: Block) -> bytes:
@@ -56,13 +59,23 @@ def decode_block(device: str, data: bytes) -> Block:
     return decode_blocks([(device, data)])[0]
 
 
-def decode_blocks(messages: Sequence[tuple[str, bytes]]) -> list[Block]:
-    """Return the blocks of devices from protobuf, all counts unpacked together; errors as for `decode_block`."""
+def decode_blocks(messages: Sequence[tuple[str, bytes]], axes: AxesOfDevices | None = None) -> list[Block]:
+    """Return the blocks of devices from protobuf, all counts unpacked together; errors as for `decode_block`.
+
+    Parameters
+    ----------
+    messages : devices and their messages
+    axes : device -> axes that are used; counts of its other axes are 0. Default: all
+    """
     parsed = [AccelBlock.FromString(data) for _, data in messages]
     for message in parsed:
         _check(message)
     filled = [message for message in parsed if message.n_scans]
-    counts = iter(unpack_many([_packed(message) for message in filled], [message.n_scans for message in filled]))
+    packed = _packed(filled)
+    if axes is not None:
+        used = [axes.get(device, ()) for (device, _), message in zip(messages, parsed, strict=True) if message.n_scans]
+        packed = replace(packed, used=_are_used(packed, used))
+    counts = iter(unpack_blocks(packed))
     return [
         _block(device, message, next(counts) if message.n_scans else np.zeros((0, message.n_axes), np.int32))
         for (device, _), message in zip(messages, parsed, strict=True)
@@ -79,13 +92,33 @@ def _block(device: str, message: AccelBlock, counts: IntArray) -> Block:
         arrival_index=message.first_index + message.pair_offset,
         arrival_time=message.time + _after(message.pair_offset, message.rate),
         temperature=message.temperature,
-        flags=Flag(message.flags),
+        flags=_flag(message.flags),
         clock=message.clock,
     )
 
 
+_flag = lru_cache(maxsize=64)(Flag)
+
+
 def _check(message: AccelBlock) -> None:
     """Refuse values that no device has: results would be not-a-number, no time, or too large."""
+    n_scans, rate = message.n_scans, message.rate
+    if (  # written out, because there are many blocks
+        1e-6 <= rate <= 1e9
+        and _LEAST_SCALE <= message.scale <= 1e12
+        and message.n_axes <= _MAX_AXES
+        and -_MAX_INDEX <= message.first_index <= _MAX_INDEX
+        and -_MAX_INDEX <= message.pair_offset <= _MAX_INDEX
+        and -_MAX_TIME <= message.time <= _MAX_TIME
+        and n_scans <= _MAX_SCANS
+        and n_scans <= rate * _MAX_SECONDS + 2
+    ):
+        return
+    _refuse(message)
+
+
+def _refuse(message: AccelBlock) -> None:
+    """Raise ValueError for the first value that is out of bounds."""
     bounds: tuple[tuple[str, float, float, float], ...] = (
         ("rate", message.rate, 1e-6, 1e9),
         ("scale", message.scale, _LEAST_SCALE, 1e12),
@@ -100,9 +133,34 @@ def _check(message: AccelBlock) -> None:
             raise ValueError(f"{name}: expected {least:g} to {greatest:g}, found {value:g}")
 
 
-def _packed(message: AccelBlock) -> Packed:
-    if len(message.coding) != message.n_axes or not message.n_axes:
-        raise ValueError(f"coding: expected {message.n_axes} axes, found {len(message.coding)}")
-    coding = list(message.coding)
-    order, n_low = tuple([code // _CODE for code in coding]), tuple([code % _CODE for code in coding])
-    return Packed(order, tuple(message.start), n_low, message.bits)
+def _packed(messages: Sequence[AccelBlock]) -> PackedBlocks:
+    n_axes, n_start = list[int](), list[int]()
+    coding, start = list[int](), list[int]()
+    for message in messages:
+        of_axes, first = message.coding, message.start
+        n_axes.append(len(of_axes))
+        if n_axes[-1] != message.n_axes or not of_axes:
+            raise ValueError(f"coding: expected {message.n_axes} axes, found {len(of_axes)}")
+        n_start.append(len(first))
+        coding += of_axes
+        start += first
+    code = np.array(coding, np.intp)
+    return PackedBlocks(
+        order=code // _CODE,
+        n_low=code % _CODE,
+        start=np.array(start, np.int64),
+        n_axes=np.array(n_axes, np.intp),
+        n_start=np.array(n_start, np.intp),
+        n=np.array([message.n_scans for message in messages], np.intp),
+        bits=[message.bits for message in messages],
+        used=np.ones(len(code), np.bool_),
+    )
+
+
+def _are_used(packed: PackedBlocks, used: Sequence[Collection[int]]) -> BoolArray:
+    """Return which axes of all blocks are among the used ones of their block (n_axes_of_all,)."""
+    axis = np.arange(len(packed.order)) - np.repeat(np.cumsum(packed.n_axes) - packed.n_axes, packed.n_axes)
+    table = np.zeros((len(used), int(packed.n_axes.max(initial=1))), np.bool_)
+    for row, some in zip(table, used, strict=True):
+        row[[each for each in some if each < len(row)]] = True
+    return np.asarray(table[np.repeat(np.arange(len(used)), packed.n_axes), axis])

@@ -87,6 +87,7 @@ class ChunkReader:
     def __init__(self, wanted: Callable[[Channel], bool] = _every) -> None:
         self._wanted = wanted
         self._passed_over: set[int] = set()  # channels
+        self._zstd = ZstdDecompressor()  # to build one takes as long as a chunk
 
     def channel(self, channel: Channel) -> None:
         """Take a channel that stands outside a chunk."""
@@ -103,30 +104,56 @@ class ChunkReader:
         McapError, ZstdError, struct.error, ValueError
             If it is damaged, or larger than `MAX_CHUNK`.
         """
-        data = _uncompressed(chunk)
+        data = self.uncompressed(chunk)
         if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise McapError("chunk: its checksum does not match")
         at, end, passed_over, found = 0, len(data), self._passed_over, list[ChunkRecord]()
         last = end - _HEAD_AND_CHANNEL.size  # place behind which no message begins
+        head = _HEAD_AND_CHANNEL.unpack_from
         while at < end:
             if at <= last:
-                opcode, length, channel_id = _HEAD_AND_CHANNEL.unpack_from(data, at)
+                opcode, length, channel_id = head(data, at)
+                if opcode == _MESSAGE_CODE and channel_id in passed_over:
+                    at += FRAME + length
+                    continue
             else:
                 (opcode, length), channel_id = _HEAD.unpack_from(data, at), -1
             begin = at + FRAME
             at = begin + length
             if at > end:
-                raise McapError("a record is longer than its chunk")
+                break
             if opcode == _MESSAGE_CODE:
-                if channel_id not in passed_over:
-                    found.append(_message(data, begin, at))
+                found.append(_message(data, begin, at))
             elif opcode == Opcode.CHANNEL:
                 channel = _parsed(Channel.read, data[begin:at])
                 self.channel(channel)
                 found.append(channel)
             elif opcode == Opcode.SCHEMA:
                 found.append(_parsed(Schema.read, data[begin:at]))
+        if at > end:
+            raise McapError("a record is longer than its chunk")
         return found
+
+    def uncompressed(self, chunk: Chunk) -> bytes:
+        """Return the records of a chunk as bytes; errors as for `records`."""
+        check_chunk_size(chunk.uncompressed_size)
+        if not chunk.compression:
+            return chunk.data
+        if chunk.compression == "zstd":
+            stated = frame_content_size(chunk.data)
+            if stated not in (-1, chunk.uncompressed_size):
+                raise ZstdError(f"expected {chunk.uncompressed_size} bytes, found a frame of {stated}")
+            data = self._zstd.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
+        elif chunk.compression == "lz4":
+            try:
+                data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
+            except (RuntimeError, EOFError) as error:
+                raise McapError(f"chunk: {error}") from error
+        else:
+            raise McapError(f"chunk: expected compression by zstd or lz4, found {chunk.compression!r:.40}")
+        if len(data) != chunk.uncompressed_size:
+            raise McapError(f"chunk: expected {chunk.uncompressed_size} bytes, found {len(data)}")
+        return data
 
 
 def chunk_records(chunk: Chunk) -> list[ChunkRecord]:
@@ -169,24 +196,3 @@ def check_chunk_size(size: int) -> None:
     """Refuse an uncompressed size that no writer of logs makes."""
     if size > MAX_CHUNK:
         raise McapError(f"chunk: uncompressed size: expected up to {MAX_CHUNK} bytes, found {size}")
-
-
-def _uncompressed(chunk: Chunk) -> bytes:
-    check_chunk_size(chunk.uncompressed_size)
-    if not chunk.compression:
-        return chunk.data
-    if chunk.compression == "zstd":
-        stated = frame_content_size(chunk.data)
-        if stated not in (-1, chunk.uncompressed_size):
-            raise ZstdError(f"expected {chunk.uncompressed_size} bytes, found a frame of {stated}")
-        data = ZstdDecompressor().decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    elif chunk.compression == "lz4":
-        try:
-            data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=chunk.uncompressed_size + 1)
-        except (RuntimeError, EOFError) as error:
-            raise McapError(f"chunk: {error}") from error
-    else:
-        raise McapError(f"chunk: expected compression by zstd or lz4, found {chunk.compression!r:.40}")
-    if len(data) != chunk.uncompressed_size:
-        raise McapError(f"chunk: expected {chunk.uncompressed_size} bytes, found {len(data)}")
-    return data

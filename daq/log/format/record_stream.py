@@ -20,7 +20,7 @@ _FIRST_PIECE, _PIECE = 1 << 14, 1 << 20  # bytes read at once; often only the at
 _HEAD = struct.Struct("<BQ")  # opcode and length of a record
 _CHUNK = struct.Struct("<QQQII")  # first and last time, uncompressed size, its checksum, length of a name
 _LENGTH = struct.Struct("<Q")
-_END, _CHUNK_CODE = int(Opcode.DATA_END), int(Opcode.CHUNK)
+_END, _CHUNK_CODE, _INDEX_CODE = int(Opcode.DATA_END), int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 _PARSERS: Mapping[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.HEADER: Header.read,
     Opcode.SCHEMA: Schema.read,
@@ -57,6 +57,10 @@ class RecordStream:
         while True:
             self._need(FRAME)
             opcode, length = _HEAD.unpack_from(self._buffer, self._at)
+            while opcode == _INDEX_CODE and self._at + length + 2 * FRAME <= len(self._buffer):  # behind chunks
+                self._at += FRAME + length
+                self.position += FRAME + length
+                opcode, length = _HEAD.unpack_from(self._buffer, self._at)
             if opcode == _END:
                 return
             self._need(FRAME + length)

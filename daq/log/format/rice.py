@@ -15,15 +15,16 @@ T. Robinson, SHORTEN: simple lossless and near-lossless waveform compression, Ca
 (1994): differences of fixed order, the parameter from the mean.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
-from daq.types import IndexArray, IntArray
+from daq.types import BoolArray, IndexArray, IntArray
 
 ORDERS = range(4)  #: orders of the differences tried
 _BITS = 32
@@ -107,10 +108,36 @@ def unpack(packed: Packed, n: int) -> IntArray:
     ValueError
         If the axes do not hold n samples each.
     """
-    return unpack_many([packed], [n])[0]
+    if not packed.order or len(packed.order) != len(packed.n_low):
+        raise ValueError(f"packed counts: expected axes, found {len(packed.order)} orders, {len(packed.n_low)} lengths")
+    whole = PackedBlocks(
+        order=np.array(packed.order, np.intp),
+        n_low=np.array(packed.n_low, np.intp),
+        start=np.array(packed.start, np.int64),
+        n_axes=np.array([len(packed.order)]),
+        n_start=np.array([len(packed.start)]),
+        n=np.array([n]),
+        bits=[packed.bits],
+        used=np.ones(len(packed.order), np.bool_),
+    )
+    return unpack_blocks(whole)[0]
 
 
-def unpack_many(packed: Sequence[Packed], n: Sequence[int]) -> list[IntArray]:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PackedBlocks:
+    """Samples of all axes of several blocks, one after the other."""
+
+    order: IndexArray  #: (n_axes_of_all,) order of the differences
+    n_low: IndexArray  #: (n_axes_of_all,) low bits of each residual
+    start: npt.NDArray[np.int64]  #: start values of all axes
+    n_axes: IndexArray  #: (n_blocks,) axes of each block, at least one
+    n_start: IndexArray  #: (n_blocks,) start values of each block
+    n: IndexArray  #: (n_blocks,) samples of each axis of a block
+    bits: Sequence[bytes]  #: bits of each block
+    used: BoolArray  #: (n_axes_of_all,) axes to be unpacked; samples of others are 0
+
+
+def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
     """Return the counts (n, n_axes) of several blocks, in one pass over all their bits.
 
     Raises
@@ -118,24 +145,23 @@ def unpack_many(packed: Sequence[Packed], n: Sequence[int]) -> list[IntArray]:
     ValueError
         If the axes of any do not hold n samples each.
     """
-    if not packed:
+    if not packed.bits:
         return []
-    axes = _Axes.of(packed, n)
-    rest, window = _rest(packed, axes), _windows(packed, int(axes.n_low.max()))
-    rows = {length: np.flatnonzero(axes.samples == length) for length in set(n)}
-    counts = {length: np.empty((len(chosen), length), np.uint32) for length, chosen in rows.items()}
-    for length, table in counts.items():
-        order = axes.order[rows[length]]
-        for each in np.unique(order).tolist():
-            chosen = rows[length][order == each]
-            start = axes.start[axes.first_start[chosen][:, None] + np.arange(max(1, each))]
-            table[order == each] = _summed(_joined(window, rest, axes, chosen, length - each), each, start)
-    result, used = [], dict.fromkeys(counts, 0)
-    for one, length in zip(packed, n, strict=True):
-        begin = used[length]
-        used[length] = end = begin + len(one.order)
-        result.append(counts[length][begin:end].view(np.int32).T)
-    return result
+    axes = _Axes.of(packed)
+    rest, window = _rest(packed.bits, axes), _windows(packed.bits, int(axes.n_low.max()))
+    counts = np.empty(len(packed.bits), np.object_)
+    block = np.repeat(np.arange(len(packed.bits)), packed.n_axes)
+    for length in np.unique(packed.n).tolist():
+        chosen = np.flatnonzero(axes.samples == length)
+        table = np.zeros((len(chosen), length), np.uint32)
+        place = np.flatnonzero(packed.used[chosen])
+        place = place[np.argsort(-axes.order[chosen[place]], kind="stable")]
+        if len(place):
+            table[place] = _samples(window, rest, axes, chosen[place], length).T
+        edges = np.append(0, np.flatnonzero(np.diff(block[chosen])) + 1).tolist()
+        for begin, end in zip(edges, [*edges[1:], len(chosen)], strict=True):
+            counts[block[chosen[begin]]] = table[begin:end].view(np.int32).T
+    return counts.tolist()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -153,28 +179,18 @@ class _Axes:
     n_residuals: IndexArray  #: (n_blocks,)
 
     @staticmethod
-    def of(packed: Sequence[Packed], n: Sequence[int]) -> "_Axes":
-        """Return the axes of blocks of n samples; ValueError if the parts of a block do not fit."""
-        n_axes = np.array([len(one.order) for one in packed])
-        for one in packed:
-            if not one.order or len(one.order) != len(one.n_low):
-                raise ValueError(
-                    f"packed counts: expected axes, found {len(one.order)} orders, {len(one.n_low)} lengths"
-                )
-        order, n_low, start = (
-            np.array(list(chain.from_iterable(parts)), np.intp)
-            for parts in ((one.order for one in packed), (one.n_low for one in packed), (one.start for one in packed))
-        )
-        edge = np.append(0, np.cumsum(n_axes)[:-1])
-        samples = np.repeat(np.array(n, np.intp), n_axes)
-        n_start, found = np.maximum(order, 1), np.array([len(one.start) for one in packed])
+    def of(packed: PackedBlocks) -> "_Axes":
+        """Return the places of all parts; ValueError if the parts of a block do not fit."""
+        order, n_low, edge = packed.order, packed.n_low, _before(packed.n_axes)
+        samples = np.repeat(packed.n, packed.n_axes)
+        n_start = np.maximum(order, 1)
         expected = np.add.reduceat(n_start, edge)
-        unlike = np.maximum.reduceat((n_low > _BITS) | (order > samples), edge) | (found != expected)
+        unlike = np.maximum.reduceat((n_low > _BITS) | (order > samples), edge) | (packed.n_start != expected)
         if unlike.any():
             wrong = int(np.argmax(unlike))
-            raise ValueError(f"packed counts: expected {expected[wrong]} start values, found {found[wrong]}")
+            raise ValueError(f"packed counts: expected {expected[wrong]} start values, found {packed.n_start[wrong]}")
         residuals = samples - order
-        low, n_bits = residuals * n_low, np.array([8 * len(one.bits) for one in packed])
+        low, n_bits = residuals * n_low, np.array([8 * len(bits) for bits in packed.bits])
         high = np.add.reduceat(low, edge)
         if (high > n_bits).any():
             wrong = int(np.argmax(high > n_bits))
@@ -184,9 +200,9 @@ class _Axes:
             order=order,
             n_low=n_low,
             samples=samples,
-            start=start.astype(np.int32).view(np.uint32),
+            start=packed.start.astype(np.int32).view(np.uint32),
             first_start=_before(n_start),
-            first_low=before - np.repeat(before[edge] - _before(n_bits), n_axes),
+            first_low=before - np.repeat(before[edge] - _before(n_bits), packed.n_axes),
             first_rest=_before(residuals),
             high=high,
             n_residuals=np.add.reduceat(residuals, edge),
@@ -198,76 +214,93 @@ def _before(lengths: IndexArray) -> IndexArray:
     return np.cumsum(lengths) - lengths
 
 
-def _rest(packed: Sequence[Packed], axes: _Axes) -> _Unsigned:
-    """Return the upper parts of all residuals from their bits."""
+def _rest(bits: Sequence[bytes], axes: _Axes) -> _Unsigned:
+    """Return the upper parts of all residuals from the bits of the blocks."""
     first = axes.high // 8
-    parts = [one.bits[begin:] for one, begin in zip(packed, first.tolist(), strict=True)]
-    bits = np.unpackbits(np.frombuffer(b"".join(parts), np.uint8))
+    parts = [one[begin:] for one, begin in zip(bits, first.tolist(), strict=True)]
+    unary = np.unpackbits(np.frombuffer(b"".join(parts), np.uint8))
     lengths = np.array([8 * len(part) for part in parts])
     begins, skipped = _before(lengths), axes.high % 8
-    bits[(begins[:, None] + np.arange(8))[np.arange(8) < skipped[:, None]]] = 0  # last low bits in the same byte
-    ends = np.flatnonzero(bits.view(np.bool_))
-    edges = np.searchsorted(ends, np.append(begins, len(bits)))
+    unary[(begins[:, None] + np.arange(8))[np.arange(8) < skipped[:, None]]] = 0  # last low bits in the same byte
+    ends = np.flatnonzero(unary.view(np.bool_))
+    edges = np.searchsorted(ends, np.append(begins, len(unary)))
     found = np.diff(edges)
     if (found != axes.n_residuals).any():
         wrong = int(np.argmax(found != axes.n_residuals))
         raise ValueError(f"packed counts: expected {axes.n_residuals[wrong]} residuals, found {found[wrong]}")
-    rest = np.diff(ends, prepend=-1) - 1
+    rest = np.empty(len(ends), np.uint32)
+    rest[:1] = ends[:1]
+    np.subtract(ends[1:], ends[:-1], out=rest[1:], casting="unsafe")
+    rest[1:] -= np.uint32(1)
     some = found > 0
     rest[edges[:-1][some]] = ends[edges[:-1][some]] - (begins + skipped)[some]
-    return rest.astype(np.uint32)
+    return rest
 
 
-def _windows(packed: Sequence[Packed], n_low: int) -> npt.NDArray[np.uint32] | npt.NDArray[np.uint64]:
+def _windows(bits: Sequence[bytes], n_low: int) -> npt.NDArray[np.uint32] | npt.NDArray[np.uint64]:
     """Return 32 bits, or 64 if more low bits need them, from each byte of all bits on, as a view."""
     size = 4 if n_low <= _NARROW else 8
-    data = b"".join([*(one.bits for one in packed), bytes(8)])
+    data = b"".join([*bits, bytes(8)])
     return np.ndarray((len(data) - 7,), f">u{size}", data, strides=(1,))
 
 
-def _joined(
+def _samples(
     window: npt.NDArray[np.uint32] | npt.NDArray[np.uint64],
     rest: _Unsigned,
     axes: _Axes,
     chosen: IndexArray,
     n: int,
 ) -> _Unsigned:
-    """Return residuals (n_chosen, n) of axes from both their parts.
+    """Return samples (n, n_chosen) of axes: residuals from both their parts, then summed as often as their order says.
+
+    Samples are rows, so that sums over time are sums of rows.
 
     Parameters
     ----------
     window : bits from each byte on
     rest : upper parts
     axes : all
-    chosen : (n_chosen,) numbers of the axes, with n residuals each
-    n : number of residuals
+    chosen : (n_chosen,) numbers of the axes with n samples, of falling order
+    n : number of samples
     """
+    order = axes.order[chosen]
+    samples = np.empty((n, len(chosen)), np.uint32)
+    edges = np.append(np.flatnonzero(np.diff(order, prepend=-1)), len(chosen)).tolist()
+    for begin, end in itertools.pairwise(edges):
+        skipped = int(order[begin])
+        samples[skipped:, begin:end] = _residuals(window, rest, axes, chosen[begin:end], n - skipped).T
+        first = axes.first_start[chosen[begin:end]]
+        if not skipped:
+            samples[:, begin:end] += axes.start[first]
+        for k in range(skipped):
+            samples[k, begin:end] = axes.start[first + k]
+    for k in range(int(order[0]) - 1, -1, -1):
+        part = samples[k:, : np.count_nonzero(order > k)]
+        np.cumsum(part, axis=0, out=part, dtype=np.uint32)
+    return samples
+
+
+def _residuals(
+    window: npt.NDArray[np.uint32] | npt.NDArray[np.uint64],
+    rest: _Unsigned,
+    axes: _Axes,
+    chosen: IndexArray,
+    n: int,
+) -> _Unsigned:
+    """Return n residuals (n_chosen, n) of axes of one order; else as for `_samples`."""
     kind = window.dtype.newbyteorder("=")
     n_low = axes.n_low[chosen][:, None]
-    place = axes.first_low[chosen][:, None] + n_low * np.arange(n)
-    u = window[place >> 3].astype(kind)
-    u <<= (place & 7).astype(kind)
+    place = n_low * np.arange(n)
+    place += axes.first_low[chosen][:, None]
+    u: npt.NDArray[np.unsignedinteger[Any]] = window.take(place >> 3).astype(kind)
+    place &= 7
+    u <<= place.astype(kind)
     u >>= (8 * kind.itemsize - n_low).astype(kind)  # nothing is left of none
     low = u.astype(np.uint32, copy=False)
-    first = axes.first_rest[chosen]
-    if len(first) * n == first[-1] + n - first[0]:
-        upper = rest[first[0] : first[-1] + n].reshape(len(first), n)
-    else:
-        upper = rest[first[:, None] + np.arange(n)]
-    low |= upper << n_low.astype(np.uint32)
-    sign = np.uint32(0) - (low & np.uint32(1))
+    upper = sliding_window_view(rest, n)[axes.first_rest[chosen]] if n else low
+    upper <<= n_low.astype(np.uint32)
+    low |= upper
+    np.negative(low & np.uint32(1), out=upper)  # all bits of a negative one
     low >>= np.uint32(1)
-    low ^= sign
+    low ^= upper
     return np.asarray(low)
-
-
-def _summed(residual: _Unsigned, order: int, start: _Unsigned) -> _Unsigned:
-    """Return samples (n_axes, n) from their differences (n_axes, n - order), and their start values (n_axes, ..)."""
-    if order == 0:
-        return np.asarray(residual + start)
-    samples = np.empty((len(residual), order + residual.shape[1]), np.uint32)
-    samples[:, order:] = residual
-    for k in range(order - 1, -1, -1):
-        samples[:, k] = start[:, k]
-        np.cumsum(samples[:, k:], axis=1, out=samples[:, k:])
-    return samples

@@ -2,6 +2,7 @@
 
 import gc
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import hypothesis.strategies as st
@@ -75,6 +76,20 @@ def test_block_without_coding_for_each_axis_is_refused() -> None:
 
 def test_items_are_read_in_the_order_of_writing(whole: Path) -> None:
     assert contents(read_log(whole)) == contents(some_items())
+
+
+def test_only_used_axes_of_used_devices_are_unpacked(tmp_path: Path) -> None:
+    random = np.random.default_rng(7)
+    lengths, path = (200, 3, 50, 200), tmp_path / "log.mcap"
+    walks = [np.cumsum(random.integers(-900, 900, (n, 3)), axis=0).astype(np.int32) for n in lengths]
+    walks[3][:, 1] = random.integers(-5, 5, 200)  # another order of differences
+    blocks = [replace(make_block("ab"[k % 2], 1000 * k), counts=walk) for k, walk in enumerate(walks)]
+    write_log(path, [*blocks], flush_every=9)
+    found = [item for item in read_log(path, {"b": (1, 7)}) if isinstance(item, Block)]
+    assert [block.device for block in found] == ["b", "b"]
+    for block, whole in zip(found, blocks[1::2], strict=True):
+        np.testing.assert_array_equal(block.counts[:, 1], whole.counts[:, 1])
+        assert not block.counts[:, [0, 2]].any()
 
 
 def test_attachments_are_read_unchanged(whole: Path) -> None:

@@ -61,7 +61,7 @@ def test_influences_are_derivatives_of_frequency_damping_and_shape() -> None:
     moved = perturbation(space, CorrelationSums(sums=sums, counts=counts), PAST, FIRST)
     up = np.flatnonzero(model.eigenvalue.imag > 0)
     up = up[np.argsort(np.angle(model.eigenvalue[up]))]
-    found = pole_influences(moved, model, up.tolist())
+    found = pole_influences(moved, [(model, up)])
     step = 1e-3
     for b in range(BLOCKS):
         towards = 3 * (noise[b] - noise.mean(0)) / counts[:, 0].sum()

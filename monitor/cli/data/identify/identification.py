@@ -151,14 +151,16 @@ class Attached:
 
 def attached(log: AnyLog, site: Path | None) -> Attached:
     """Return settings and structure of a site file, or else those attached to a log."""
-    from monitor.settings import attached_structure, parse_attached  # slow to import, as the others inside functions
-
     if site:
-        from monitor.service.site import load_site
+        from monitor.service.site import load_site  # slow to import, as the others inside functions
 
         texts, source = load_site(site).attachments, str(site)
     else:
         texts, source = dict(read_attachments(log)), str(log)
+    if texts.keys().isdisjoint({"site.toml", "structure.toml"}):
+        return Attached(settings=None, structure=None, source=source)
+    from monitor.settings import attached_structure, parse_attached
+
     name = f"{source}: structure.toml"
     return Attached(
         settings=parse_attached(texts["site.toml"], f"{source}: site.toml") if "site.toml" in texts else None,
