@@ -15,7 +15,7 @@ from monitor.service.servers.web.source import Past, Source, problems, self_test
 from monitor.service.servers.web.svg import course_svg, structure_svg
 from monitor.text.detectability import detectable_text
 from monitor.text.events import event_sentence
-from monitor.text.quantities import duration_text, utc
+from monitor.text.quantities import duration_text, last_value, percent, utc
 from monitor.text.trends import trend_text
 from monitor.text.uncertainty import single_mode_text, unsure_text
 
@@ -158,15 +158,17 @@ def novelty_course(levels: Sequence[float | None], height: float) -> Markup:
 
 def modes_content(trends: Mapping[int, Sequence[TrendPoint]]) -> list[dict[str, Any]]:
     """Return the last figures of each mode, and the course of its shift."""
-    found = []
-    for mode, points in trends.items():
-        shifts = [p.shift_percent for p in points if p.shift_percent is not None]
-        if shifts:
-            damping = points[-1].damping
-            figures = {"frequency": f"{points[-1].frequency:.3f}", "shift": f"{shifts[-1]:+.2f}"}
-            figures |= {"damping": "-" if damping is None else f"{100 * damping:.2f}"}
-            found.append({"id": mode, "course": course_svg(shifts)} | figures)
-    return found
+    return [
+        {
+            "id": mode,
+            "frequency": last_value([p.frequency for p in points], points[-1].frequency_std),
+            "damping": last_value([percent(p.damping) for p in points], percent(points[-1].damping_std)),
+            "shift": last_value([p.shift_percent for p in points], points[-1].shift_std_percent, sign=True),
+            "course": course_svg([p.shift_percent for p in points if p.shift_percent is not None]),
+        }
+        for mode, points in trends.items()
+        if any(p.shift_percent is not None for p in points)
+    ]
 
 
 def _devices(status: SiteStatus) -> list[dict[str, Any]]:
