@@ -69,11 +69,12 @@ def counted(number: int, noun: str) -> str:
 def aligned_numbers(pairs: Iterable[tuple[float, float]]) -> list[str]:
     """Return values with their standard deviations, with all decimal points and all `±` in one column."""
     rows = [number_text(value, std).split(" ± ") for value, std in pairs]
-    columns = [_aligned([row[k] if k < len(row) else "" for row in rows]) for k in (0, 1)]
+    columns = [aligned([row[k] if k < len(row) else "" for row in rows]) for k in (0, 1)]
     return [" ± ".join(cells) if cells[1].strip() else cells[0] for cells in zip(*columns, strict=True)]
 
 
-def _aligned(numbers: Sequence[str]) -> list[str]:
+def aligned(numbers: Sequence[str]) -> list[str]:
+    """Return numbers padded with spaces, with all decimal points in one column."""
     parts = [number.partition(".") for number in numbers]
     left, right = (max((len(part[side]) for part in parts), default=0) for side in (0, 2))
     return [f"{whole:>{left}}{point or ' ' * (right > 0)}{rest:<{right}}" for whole, point, rest in parts]
