@@ -35,7 +35,7 @@ def read_history(target: str, site: str, days: float | None) -> Found:
     url, own = _place(target)
     with Reader(url, site or own) as reader:
         if site and not reader.is_known:
-            raise ArgumentError("--site", f"expected a site of the database, found {site!r}")
+            raise ArgumentError("--site-name", f"expected a site of the database, found {site!r}")
         now = time_ns()
         return look(reader, None if days is None else Span(start=now - round(min(_EONS, days) * _DAY), end=now))
 

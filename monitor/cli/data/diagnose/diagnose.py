@@ -24,9 +24,7 @@ def diagnose(
     ] = None,
     held_out: Annotated[
         list[Path] | None,
-        Option(
-            "--held-out", "--holdout", metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable."
-        ),
+        Option("--held-out", metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable."),
     ] = None,
     start: From = None,
     stop: To = None,
@@ -35,7 +33,7 @@ def diagnose(
     held_out_from: _HeldOutTime = None,
     held_out_to: _HeldOutTime = None,
     window: Annotated[
-        float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
+        float | None, Option(metavar="S", help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
     exponential_window: Annotated[
         float | None,
@@ -45,7 +43,8 @@ def diagnose(
         ),
     ] = None,
     out: Annotated[
-        Path | None, Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
+        Path | None,
+        Option("--out", "-o", metavar="DIR", help="Folder for the report, the extended model and diagnosis.json."),
     ] = None,
     pdf: Annotated[
         Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")
@@ -65,7 +64,9 @@ def diagnose(
     ] = None,
     fix: Annotated[
         list[str] | None,
-        Option(metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`)."),
+        Option(
+            metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`). Repeatable."
+        ),
     ] = None,
     bound: Annotated[
         list[str] | None, Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable.")
