@@ -157,7 +157,7 @@ def test_site_has_a_page_from_the_history(served: Served) -> None:
     for span in ("day", "month", "year"):
         answer = served.get(f"/site/1?span={span}")
         assert answer.status_code == 200
-        for text in ("<h2>Novelty", "<h2>Modes", "<h2>Alarms", "204 ± 11 g added on the column", f'aria-current="page">{span}'):
+        for text in ("<h2>Novelty", "<h2>Modes", "<h2>Alarms", "204 ± 11 g added", f'aria-current="page">{span}'):
             assert text in answer.text
     assert re.search("14[34] windows", served.get("/site/5?span=day").text)  # of 10 minutes; one ends between the two
     for path in ("/site/99999", "/site/1?span=eon", "/site/x"):
