@@ -186,7 +186,7 @@ def test_structure_file_and_matrices_are_two_files(modalwatch: Commands, tmp_pat
         (("--group", "a=x", "--group", "a=y"), "--group: the group 'a' is given twice"),
         (("--group", "a=x", "--doubled", "a=y"), "--doubled: the group 'a' is given by --group too"),
         (("--rows", "none.dof"), "none.dof: cannot be read"),
-        (("--unit", "inch"), "--file-unit: expected"),
+        (("--file-unit", "inch"), "--file-unit: expected"),
     ],
 )
 def test_external_structure_is_refused_with_the_option(
