@@ -98,7 +98,7 @@ def sizes(url: str) -> dict[str, tuple[int, int]]:
 
 def page_times(url: str, number: int) -> tuple[list[float], list[float]]:
     """Return the time of the first answer of the server of the page, and of others, none younger than a second [ms]."""
-    command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "fleet", url, "--port", str(PORT)]
+    command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "fleet", url, "--web-port", str(PORT)]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process, httpx.Client(timeout=60.0) as client:
         assert process.stdout is not None
         process.stdout.readline()

@@ -22,7 +22,7 @@ def _json(path: Path | None) -> Path | None:
     return path
 
 
-Site = Annotated[Path, Argument(metavar="SITE.toml")]
+Site = Annotated[Path, Argument(metavar="SITE.toml", help="Settings of the site.")]
 Run = Annotated[list[Path], Argument(metavar="LOG.mcap...|DIR", help="Logs, or the folder of a run.")]
 Json = Annotated[
     Path | None,
@@ -33,7 +33,7 @@ Json = Annotated[
     ),
 ]
 Force = Annotated[bool, Option("--force", help="Replace a file that exists.")]
-Person = Annotated[str, Option(help="Name of the person.")]
+Person = Annotated[str, Option(metavar="NAME", help="Name of the person.")]
 Overrides = Annotated[
     list[str] | None,
     Option("--set", metavar="KEY=VALUE", help="Override a setting, e.g. analysis.overlap=0.5. Repeatable."),

@@ -1,5 +1,6 @@
 """A diagnosis as its JSON schema has it: why causes are refused, and what to measure next, in sentences."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -8,8 +9,8 @@ from daq.notebook import number_text
 from monitor.results.comparison import ChangeRate, DiagnosisAnswer, WithinRecord
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text
-from monitor.text.quantities import MIN_P, plain, share_text, utc
-from updater import DiagnosisResult
+from monitor.text.quantities import MIN_P, mass_words, plain, share_text, utc
+from updater import Body, Cause, DiagnosisResult
 from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
 from updater.quantities import SIGNIFICANT
 
@@ -154,3 +155,30 @@ def rate_text(rate: ChangeRate) -> str:
     """Return a rate with its parameter and standard deviation."""
     scale, unit = _RATE_UNITS.get(rate.unit, (1.0, rate.unit))
     return f"{plain(rate.parameter)} {number_text(scale * rate.per_hour, scale * rate.std)} {unit}/h"
+
+
+def written_bodies_texts(causes: Sequence[Cause], bodies: Sequence[Body]) -> list[str]:
+    """Return a sentence for each added body that the extended model has with other numbers than those reported.
+
+    Reported are means of the posterior; the model has the best fit instead where the measured modes contradict them.
+
+    Parameters
+    ----------
+    causes : of the diagnosis
+    bodies : those added to the extended model
+    """
+    texts = []
+    for cause in causes:
+        mass, where = cause.parameters.get("mass"), cause.where
+        if cause.cause != "added_mass" or mass is None or mass.value < 0 or where is None or where.position is None:
+            continue
+        at = where.position
+        for body in sorted(bodies, key=lambda b: math.dist(b.at, at))[:1]:
+            off = abs(body.mass - mass.value) > mass.std or math.dist(body.at, at) > (where.position_std or math.inf)
+            if off:
+                place = ", ".join(f"{x:.3f}" for x in body.at)
+                texts.append(
+                    f"its body has {mass_words(body.mass)} at ({place}) m: the best fit, because the measured modes "
+                    "contradict the reported mean values"
+                )
+    return texts

@@ -12,7 +12,7 @@ _SENTENCES = {
     "wrong_device": "another device is at the address of device {device}, which is lost",
     "device_warning": "warning of device {device}: {what}",
     "wrong_rate": "device {device} samples at {found:g} Hz, expected {expected:g} Hz",
-    "gap": "{missing} scans of device {device} are missing",
+    "gap": "missing scans of device {device}: {missing}",
     "log_file_lost": "another program has {how} the log file {file}",
     "log_deleted": "the log file {file} was deleted",
     "disk_low": "free space is below its limit: {free_gb:.3g} GB",

@@ -1,15 +1,19 @@
 """Texts of quantities: numbers with deviations, times, durations, masses, stretches of members."""
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from daq.notebook import number_text, utc_text
+import numpy as np
+
+from daq.notebook import number_text, rounded_text, utc_text
 
 if TYPE_CHECKING:
     from updater.planning import Stretches
 
 _CERTAIN = 0.99  # no more is shown by sealed draws
 MIN_P = 1e-12  #: smallest p that is stated: below it neither noise nor model is known well enough
+_STD_PER_STEP = 1.05  # standard deviation over the median step of independent normal values: 1 / (0.6745 sqrt(2))
 _NAMES = {
     "sensor_polarity": "sensor sign turned",
     "sensor_swap": "sensors exchanged",
@@ -24,6 +28,30 @@ _UNITS = ((86400.0, "d"), (3600.0, "h"), (60.0, "min"))
 def stretches_text(found: "Stretches") -> str:
     """Return stretches as words, nothing for none."""
     return ", ".join(f"{start:.2f} to {stop:.2f}" for start, stop in found)
+
+
+def last_value(values: Sequence[float | None], std: float | None = None, *, sign: bool = False) -> str:
+    """Return the last known value of a course with the digits of its deviation, `-` without any.
+
+    Parameters
+    ----------
+    values : in the order of time
+    std : standard deviation of the last one; by default from the median step between two values
+    sign : whether a positive value has a sign, too
+    """
+    known = [value for value in values if value is not None]
+    return rounded_text(known[-1], scatter(known) if std is None else std, sign=sign) if known else "-"
+
+
+def scatter(values: Sequence[float]) -> float:
+    """Return the standard deviation of single values of a course, from the median step; NaN of fewer than two."""
+    steps = np.abs(np.diff(values))
+    return _STD_PER_STEP * float(np.median(steps)) if steps.size else math.nan
+
+
+def percent(ratio: float | None) -> float | None:
+    """Return a ratio in per cent, None for none."""
+    return None if ratio is None else 100 * ratio
 
 
 def mass_words(mass: float) -> str:
@@ -41,11 +69,12 @@ def counted(number: int, noun: str) -> str:
 def aligned_numbers(pairs: Iterable[tuple[float, float]]) -> list[str]:
     """Return values with their standard deviations, with all decimal points and all `±` in one column."""
     rows = [number_text(value, std).split(" ± ") for value, std in pairs]
-    columns = [_aligned([row[k] if k < len(row) else "" for row in rows]) for k in (0, 1)]
+    columns = [aligned([row[k] if k < len(row) else "" for row in rows]) for k in (0, 1)]
     return [" ± ".join(cells) if cells[1].strip() else cells[0] for cells in zip(*columns, strict=True)]
 
 
-def _aligned(numbers: Sequence[str]) -> list[str]:
+def aligned(numbers: Sequence[str]) -> list[str]:
+    """Return numbers padded with spaces, with all decimal points in one column."""
     parts = [number.partition(".") for number in numbers]
     left, right = (max((len(part[side]) for part in parts), default=0) for side in (0, 2))
     return [f"{whole:>{left}}{point or ' ' * (right > 0)}{rest:<{right}}" for whole, point, rest in parts]

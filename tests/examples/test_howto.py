@@ -266,6 +266,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "after.mcap": log_of(SEED + 1, MASS),
     "later.mcap": log_of(SEED + 2, MASS),
     "long.mcap": log_of(SEED + 3, seconds=1050.0),
+    "repaired.mcap": log_of(SEED + 4),
     "measured.mcap": log_of(SEED),
     "setup_1.mcap": log_of(SEED, seconds=100, places=("top", "mid")),
     "setup_2.mcap": log_of(SEED + 1, seconds=100, places=("top", "low")),

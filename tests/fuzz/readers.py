@@ -561,7 +561,9 @@ def _program(path: Path, random: Random) -> int:
     matrix = matrix if matrix in (".sti", ".mtx", ".op4", ".OP4", ".oP4", ".pch", ".matrix") else ".sti"
     nodes = ".bdf" if matrix.lower() in (".op4", ".pch") else {".frd": ".frd"}.get(path.suffix, ".inp")
     names = {".matrix": ("--rows", files[".mapping"]), ".sti": ("--rows", files[".dof"])}.get(matrix, ())
-    more = random.choice(((), ("--group", f"a={files[matrix]}"), ("--doubled", f"a={files[matrix]}", "--unit", "mm")))
+    more = random.choice(
+        ((), ("--group", f"a={files[matrix]}"), ("--doubled", f"a={files[matrix]}", "--file-unit", "mm"))
+    )
     out = ("-o", path.with_name("external.toml"))
     return command("new", "external", files[matrix], files[matrix], "--nodes", files[nodes], *names, *more, *out)
 

@@ -20,7 +20,7 @@ from oma.tracking import mac_of_moving
 from updater.errors import PairingError
 from updater.fe import Model, Modes, build_model, elastic_energy, parts_between
 from updater.modal_data import ModalMean, check_baseline, check_unit
-from updater.quantities import ParameterChange
+from updater.quantities import SIGNIFICANT, ParameterChange
 from updater.reference.sensitivity_method import Convergence, Prior, fit_parameters, frequency_slope
 from updater.structure import (
     AXES,
@@ -34,6 +34,7 @@ from updater.structure import (
     connection_of,
     flexibility_unit,
     is_of,
+    is_rigid,
     model_parameters_of,
     physical_unit,
     physical_value,
@@ -94,8 +95,17 @@ class Calibration:
         return 0.0
 
     def is_rigid(self, connection: Support | Joint, axis: Axis) -> bool:
-        """Return whether a spring about or along an axis is a stand-in for a connection that the file has rigid."""
-        return any(knob.axis == axis and stands_for_rigid(self.structure, connection, knob) for knob in self.knobs)
+        """Return whether a connection is rigid as far as is known.
+
+        The file has it rigid, and its flexibility is negligible or within two standard deviations of zero.
+        """
+        fitted = [(p.value, p.std) for p in self.parameters] or [(np.inf, 0.0)] * len(self.knobs)
+        return any(
+            stands_for_rigid(self.structure, connection, knob)
+            or (is_rigid(knob) and is_of(self.structure, connection, knob) and value < SIGNIFICANT * std)
+            for knob, (value, std) in zip(self.knobs, fitted, strict=False)
+            if knob.axis == axis
+        )
 
     def changes(self) -> tuple[ParameterChange, ...]:
         """Return the fitted parameters as they were in the file and as they are fitted."""

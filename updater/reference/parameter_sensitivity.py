@@ -18,6 +18,7 @@ from updater.structure import (
     with_springs,
 )
 
+_FACTORS = {"stiffness", "section"}  # kinds of which the logarithm is fitted
 _RELATIVE_STEP = 1e-3  # of a flexibility or of ln E, in the central difference of the stiffness matrix
 _WELD_STEP = 1e-3  # of the share of its flexibility that a joint zone loses
 
@@ -39,7 +40,7 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
     The change of omega^2 is b^T dK b for mass-normalised modes b (Fox & Kapoor 1968), with dK by a central difference
     of the stiffness matrix. A rigid connection is given a flexibility so small that it changes no frequency.
     """
-    knobs = model_parameters_of(structure)
+    knobs = model_parameters_of(structure, sections=True)
     sprung = with_springs(structure)
     nominal = nominal_parameters(knobs)
     welds = np.array([knob.kind == "weld" for knob in knobs], bool)
@@ -53,7 +54,7 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
             best_model(apply_parameters(sprung, knobs, _moved(x, i, sign * h))).stiffness for sign in (1, -1)
         )
         slope = frequency_slope(modes.omega, modes.shape, ((upper - lower) / (2 * h)) @ modes.shape)
-        moved = -knob.prior if knob.kind == "stiffness" else min(knob.prior, knob.upper)
+        moved = -knob.prior if knob.kind in _FACTORS else min(knob.prior, knob.upper)
         found.append(
             ParameterSensitivity(
                 name=knob.key,
@@ -76,7 +77,7 @@ def _nominal_value(structure: Structure, knob: ModelParameter) -> float:
 def _difference_step(knob: ModelParameter, value: float) -> float:
     if knob.kind == "weld":
         return _WELD_STEP
-    return _RELATIVE_STEP if knob.kind == "stiffness" else _RELATIVE_STEP * value
+    return _RELATIVE_STEP if knob.kind in _FACTORS else _RELATIVE_STEP * value
 
 
 def _moved(x: FloatArray, i: int, by: float) -> FloatArray:

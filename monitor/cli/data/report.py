@@ -9,13 +9,15 @@ from monitor.cli.options import From, To
 
 
 def report(
-    path: Annotated[Path, Argument(metavar="DIR|LOG.mcap")],
-    out: Annotated[Path | None, Option("-o", "--out", help="Page to write. Default: next to the log.")] = None,
+    path: Annotated[Path, Argument(metavar="DIR|LOG.mcap", help="Log, or the folder of a run.")],
+    out: Annotated[
+        Path | None, Option("--out", "-o", metavar="PAGE.html", help="Page to write. Default: next to the log.")
+    ] = None,
     pdf: Annotated[
         Path | None, Option(metavar="FILE", help="PDF to write too. Needs `pip install 'modalwatch[pdf]'`.")
     ] = None,
     diagnosis: Annotated[
-        Path | None, Option(help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
+        Path | None, Option(metavar="FILE", help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
     ] = None,
     start: From = None,
     stop: To = None,

@@ -9,8 +9,12 @@ from monitor.cli.options import From, To
 
 
 def view(
-    target: Annotated[str, Argument(metavar="DIR|LOG.mcap|URL")],
-    out: Annotated[Path | None, Option(help="Recording to write. Default: in a cache folder.")] = None,
+    target: Annotated[
+        str, Argument(metavar="DIR|LOG.mcap|URL", help="Log, folder of a run, or address of a live view.")
+    ],
+    out: Annotated[
+        Path | None, Option("--out", "-o", metavar="FILE.rrd", help="Recording to write. Default: in a cache folder.")
+    ] = None,
     show: Annotated[bool, Option("--open/--no-open", help="Open the rerun viewer on the recording.")] = True,
     start: From = None,
     stop: To = None,

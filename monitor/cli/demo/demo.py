@@ -7,10 +7,16 @@ from typer import Option
 
 
 def demo(
-    out: Annotated[Path, Option(help="Folder for the results.")] = Path("demo-output"),
-    seed: Annotated[int | None, Option(help="Seed of the rig and its events. Default: random.")] = None,
+    out: Annotated[Path, Option("--out", "-o", metavar="DIR", help="Folder for the results.")] = Path("demo-output"),
+    seed: Annotated[int | None, Option(metavar="N", help="Seed of the rig and its events. Default: random.")] = None,
     speed: Annotated[
-        float, Option(help="Seconds of data per second, at most: the rig waits for the analysis.", min=0.1, max=20)
+        float,
+        Option(
+            metavar="FACTOR",
+            help="Seconds of data per second, at most: the rig waits for the analysis.",
+            min=0.1,
+            max=20,
+        ),
     ] = 20.0,
     short: Annotated[bool, Option("--short", help="Quarter of the length, less accurate answers.")] = False,
 ) -> int:

@@ -35,7 +35,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
     loaded = load_scenario(path)
     structure = load_rig_structure(path, loaded)
     if site is not None and site.exists() and not force:
-        raise ArgumentError("--site", f"{site} exists: give another name, or --force to replace it")
+        raise ArgumentError("--new-site", f"{site} exists: give another name, or --force to replace it")
 
     def ready(found: dict[str, object]) -> None:
         console.print(_devices(loaded, found))
@@ -51,7 +51,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
             file = "t_structure.toml"
             (site.parent / file).write_text(t_structure_toml(), encoding="utf-8")
         text = rig_site(file, structure, loaded, found, window=_WINDOW, baseline_windows=_BASELINE)
-        write_new(site, text, force=force, option="--site")
+        write_new(site, text, force=force, option="--new-site")
         echo(f"monitor it in another terminal: modalwatch run {site}")
 
     def happened(event: RigEvent, time: int) -> None:

@@ -19,7 +19,7 @@ def reanalyse(
     scheduler: Annotated[
         str | None, Option(metavar="ADDRESS", help="Scheduler of Dask. Default: processes of this machine.")
     ] = None,
-    workers: Annotated[int | None, Option(help="Processes. Default: one per core.", min=1)] = None,
+    workers: Annotated[int | None, Option(metavar="N", help="Processes. Default: one per core.", min=1)] = None,
     limit: Annotated[
         float | None, Option(metavar="S", help="Longest time for one log [s]; the rest of it is left out.", min=0.1)
     ] = None,

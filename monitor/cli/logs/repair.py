@@ -8,7 +8,7 @@ from typer import Argument
 from monitor.cli.options import DONE
 
 
-def repair(log: Annotated[Path, Argument(metavar="LOG.mcap")]) -> int:
+def repair(log: Annotated[Path, Argument(metavar="LOG.mcap", help="Log; it is replaced.")]) -> int:
     """Repair a truncated or damaged log in place.
 
     Every complete chunk is kept.

@@ -10,7 +10,9 @@ from monitor.cli.options import Force, From, Json, Overrides, Run, To
 
 def replay(
     log: Run,
-    site: Annotated[Path | None, Option(help="SITE.toml to use instead of the settings attached to the log.")] = None,
+    site: Annotated[
+        Path | None, Option(metavar="SITE.toml", help="Settings to use instead of the settings attached to the log.")
+    ] = None,
     out: Annotated[
         Path | None, Option("-o", "--out", metavar="WATCHED.mcap", help="Log to write, with signals and results.")
     ] = None,

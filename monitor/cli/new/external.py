@@ -33,7 +33,7 @@ def external(
         list[str] | None,
         Option(metavar="NAME=FILE", help="Whole stiffness with that of a group doubled. Repeatable."),
     ] = None,
-    unit: Annotated[str, one_of("--unit", ("m", "mm"), "Units of the files: m, N, kg or mm, N, t.")] = "m",
+    unit: Annotated[str, one_of("--file-unit", ("m", "mm"), "Units of the files: m, N, kg or mm, N, t.")] = "m",
     out: Annotated[Path, Option("--out", "-o", metavar="FILE", help="File to write.")] = Path("structure.toml"),
     force: Force = False,
 ) -> int:

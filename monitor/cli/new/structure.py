@@ -38,6 +38,14 @@ def structure(
             "--sensors.",
         ),
     ] = None,
+    sensor: Annotated[
+        list[str] | None,
+        Option(
+            metavar="CHANNEL=MEMBER:DISTANCE:AXIS",
+            help="Sensor by the name of its channel, member, distance from its start [m] and axis (x, y, z; -x against "
+            "it), such as 'A1=left post:0.4:x'. Repeatable, in place of --sensors.",
+        ),
+    ] = None,
     channels: Annotated[
         Path | None,
         Option(
@@ -62,7 +70,7 @@ def structure(
     Example:
     modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003
     modalwatch new structure portal --height 2 --length 3 --section box:0.06,0.04,0.003 --channels before.mcap
-    modalwatch new structure cantilever --height 1.2 --section rectangle:0.05,0.005 --sensors-at column:0.5,1.1
+    modalwatch new structure cantilever --height 1 --section circle:0.02 --sensor A1=column:0.5:x --sensor A2=column:1:y
     """
     from monitor.cli.new import structure_file as work
 
@@ -74,6 +82,7 @@ def structure(
         beam_section=beam_section,
         material=material,
         sensors=work.places_of(sensors, sensors_at or []),
+        listed=sensor or [],
         channels=channels,
         sensor_mass=sensor_mass,
         pinned=pinned,

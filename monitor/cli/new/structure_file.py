@@ -80,6 +80,7 @@ class SensorPlaces:
 
     number: int  #: places of a member, at equal distances
     distances: Mapping[str, tuple[float, ...]]  #: from the start of a member [m], by its name, in place of these
+    option: str = "--sensors-at"  #: that gives the distances
 
     def of(self, member: _Member) -> list[Point]:
         """Return the measured points of a member.
@@ -95,13 +96,13 @@ class SensorPlaces:
         for distance in self.distances[member.name]:
             if not 0 <= distance <= length * (1 + _ROUNDING):
                 raise ArgumentError(
-                    "--sensors-at", f"{member.name}: expected distances from 0 to {length:g} m, found {distance:g}"
+                    self.option, f"{member.name}: expected distances from 0 to {length:g} m, found {distance:g}"
                 )
         return [member.at(min(distance / length, 1.0)) for distance in self.distances[member.name]]
 
 
-def places_of(number: int, given: Sequence[str]) -> SensorPlaces:
-    """Return the measured places that options give as MEMBER:DISTANCE,..
+def places_of(number: int, given: Sequence[str], option: str = "--sensors-at") -> SensorPlaces:
+    """Return the measured places that an option gives as MEMBER:DISTANCE,..
 
     Raises
     ------
@@ -116,9 +117,9 @@ def places_of(number: int, given: Sequence[str]) -> SensorPlaces:
         except ValueError:
             found = ()
         if not (member and colon and found):
-            raise ArgumentError("--sensors-at", f"expected MEMBER:DISTANCE,.. in m, found {text!r}")
+            raise ArgumentError(option, f"expected MEMBER:DISTANCE,.. in m, found {text!r}")
         distances[member] = found
-    return SensorPlaces(number=number, distances=distances)
+    return SensorPlaces(number=number, distances=distances, option=option)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +127,7 @@ class _MeasuredAxis:
     channel: str
     at: Point
     axis: str
+    sign: int = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +145,7 @@ def write_structure(
     beam_section: str | None,
     material: str,
     sensors: "SensorPlaces",
+    listed: Sequence[str],
     channels: Path | None,
     sensor_mass: float | None,
     pinned: bool,
@@ -176,7 +179,9 @@ def write_structure(
     sections = {"main": _section("--section", str(given["section"] or asked("--section", _QUESTIONS["section"])))}
     if has_beams:
         sections["beam"] = _section("--beam-section", beam_section) if beam_section else sections["main"]
-    measured = list(_measured_axes(frame, sensors))
+    measured = [_listed_axis(frame, text) for text in listed] or list(_measured_axes(frame, sensors))
+    if listed and (sensors.distances or channels is not None):
+        raise ArgumentError("--sensor", "expected neither --sensors-at nor --channels with it")
     if channels is not None:
         measured = _with_channels(measured, channels)
     if sensor_mass is not None and not 0 < sensor_mass < math.inf:
@@ -317,7 +322,7 @@ def _lines(
     yield "# Sensors: one entry per measured axis. `channel` is its name in the data; the direction is positive."
     yield "# `at` is the position on the axis of a member. Replace names and positions by those of your sensors."
     for sensor in measured:
-        direction = [int(sensor.axis == other) for other in "xyz"]
+        direction = [sensor.sign * (sensor.axis == other) for other in "xyz"]
         name = json.dumps(sensor.channel, ensure_ascii=False)
         yield f"[[sensor]]\nchannel = {name}\nat = {_point(sensor.at)}\ndirection = {direction}\n"
 
@@ -333,6 +338,26 @@ def _measured_axes(frame: _Frame, places: SensorPlaces) -> Iterator[_MeasuredAxi
                 taken.add((at, axis))
                 channel = f"{member.name.replace(' ', '_')}_{number}_{axis}"
                 yield _MeasuredAxis(channel=channel, at=at, axis=axis)
+
+
+def _listed_axis(frame: _Frame, text: str) -> _MeasuredAxis:
+    """Return the measured axis of a sensor given as CHANNEL=MEMBER:DISTANCE:AXIS.
+
+    Raises
+    ------
+    ArgumentError
+        If it has another form, or is of no member of the frame.
+    """
+    channel, _, place = text.rpartition("=")
+    member, _, rest = place.partition(":")
+    distance, _, axis = rest.rpartition(":")
+    members = {known.name: known for known in frame.members}
+    if not channel or axis.removeprefix("-") not in tuple("xyz"):
+        raise ArgumentError("--sensor", f"expected CHANNEL=MEMBER:DISTANCE:AXIS, found {text!r}")
+    if member not in members:
+        raise ArgumentError("--sensor", f"{text}: no member is named {member!r}; there are {', '.join(members)}")
+    (at,) = places_of(1, [f"{member}:{distance}"], "--sensor").of(members[member])
+    return _MeasuredAxis(channel=channel, at=at, axis=axis[-1], sign=-1 if axis.startswith("-") else 1)
 
 
 def _with_channels(measured: Sequence[_MeasuredAxis], log: Path) -> list[_MeasuredAxis]:

@@ -15,10 +15,10 @@ def accept(
             metavar="ALARM", help="Time at which the alarm was raised, as in `history`. Default: the active alarm."
         ),
     ] = None,
-    cause: Annotated[str, Option("--reason", help="Cause of the change, such as 'pump, 150 g'.")] = "",
+    cause: Annotated[str, Option("--reason", metavar="TEXT", help="Cause of the change, such as 'pump, 150 g'.")] = "",
     by: Person = "",
     undo: Annotated[bool, Option("--undo", help="Undo the last acceptance.")] = False,
-    note: Annotated[str, Option(help="Reason for the undo.")] = "",
+    note: Annotated[str, Option(metavar="TEXT", help="Reason for the undo.")] = "",
 ) -> int:
     """Accept an alarmed change as the new reference.
 

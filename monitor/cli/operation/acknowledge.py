@@ -7,7 +7,7 @@ from typer import Option
 from monitor.cli.options import DONE, Person, Site
 
 
-def acknowledge(site: Site, by: Person = "", note: Annotated[str, Option(help="Comment.")] = "") -> int:
+def acknowledge(site: Site, by: Person = "", note: Annotated[str, Option(metavar="TEXT", help="Comment.")] = "") -> int:
     """Acknowledge the alarm of a running monitor.
 
     Example:

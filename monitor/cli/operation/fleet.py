@@ -10,7 +10,9 @@ from monitor.cli.options import DONE
 
 def fleet(
     target: Annotated[str, Argument(metavar="ADDRESS|FLEET.toml", help="Database or broker, or settings.")],
-    port: Annotated[int | None, Option(help="Port of the page. Default: that of FLEET.toml, or 8770.")] = None,
+    port: Annotated[
+        int | None, Option("--web-port", metavar="PORT", help="Port of the page. Default: that of FLEET.toml, or 8770.")
+    ] = None,
 ) -> int:
     """Serve a page of all sites of a database or a broker.
 
@@ -32,7 +34,7 @@ def fleet(
 
     path, is_mqtt = Path(target), target.startswith(("mqtt://", "mqtts://"))
     if port is not None and not 1 <= port <= 65535:
-        raise ArgumentError("--port", f"expected 1 to 65535, found {port}")
+        raise ArgumentError("--web-port", f"expected 1 to 65535, found {port}")
     if "://" not in target and path.suffix != ".toml":
         known = "postgresql://USER@HOST/NAME, mqtt://HOST/TOPIC or FLEET.toml"
         raise ArgumentError("TARGET", f"expected {known}, found {target!r}")

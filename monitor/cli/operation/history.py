@@ -10,8 +10,12 @@ from monitor.cli.options import DONE, Json
 
 def history(
     target: Annotated[str, Argument(metavar="SITE.toml|FILE|URL", help="Site, SQLite file or database.")],
-    site: Annotated[str, Option(metavar="NAME", help="Site in a database of many. Default: that of SITE.toml.")] = "",
-    days: Annotated[float | None, Option(help="Number of days, counted back from now. Default: all.", min=0.0)] = None,
+    site: Annotated[
+        str, Option("--site-name", metavar="NAME", help="Site in a database of many. Default: that of SITE.toml.")
+    ] = "",
+    days: Annotated[
+        float | None, Option(metavar="DAYS", help="Length of the span, counted back from now. Default: all.", min=0.0)
+    ] = None,
     csv: Annotated[Path | None, Option(metavar="FILE", help="CSV file to write: modes over time.")] = None,
     plot: Annotated[
         Path | None, Option(metavar="PICTURE.png", help="Picture to write: novelty and frequency shifts over time.")

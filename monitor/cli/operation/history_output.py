@@ -6,7 +6,6 @@ from dataclasses import asdict
 from pathlib import Path
 from time import time_ns
 
-import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
@@ -17,7 +16,7 @@ from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
 from monitor.outputs.history.summary import Found, look
 from monitor.service.site import load_site
 from monitor.text.events import event_name, event_text
-from monitor.text.quantities import duration_text, utc
+from monitor.text.quantities import duration_text, last_value, percent, scatter, utc
 
 _DAY = 86_400 * 10**9  # ns
 _MAX = 20  # lines of a table
@@ -36,7 +35,7 @@ def read_history(target: str, site: str, days: float | None) -> Found:
     url, own = _place(target)
     with Reader(url, site or own) as reader:
         if site and not reader.is_known:
-            raise ArgumentError("--site", f"expected a site of the database, found {site!r}")
+            raise ArgumentError("--site-name", f"expected a site of the database, found {site!r}")
         now = time_ns()
         return look(reader, None if days is None else Span(start=now - round(min(_EONS, days) * _DAY), end=now))
 
@@ -135,21 +134,12 @@ def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
             continue
         last = points[-1]
         lowest, highest = min(p.lowest for p in points), max(p.highest for p in points)
-        scatter = float(np.std([p.frequency for p in points], ddof=1)) if len(points) > 1 else 0.0
-        figures = [rounded_text(f, scatter) for f in (points[0].frequency, last.frequency, lowest, highest)]
-        damping = [100 * p.damping for p in points if p.damping is not None]
-        shift = [p.shift_percent for p in points if p.shift_percent is not None]
-        table.add_row(
-            str(mode), str(sum(p.n for p in points)), *figures, _last_value(damping), _last_value(shift, sign=True)
-        )
+        std = last.frequency_std or scatter([p.frequency for p in points])
+        figures = [rounded_text(f, std) for f in (points[0].frequency, last.frequency, lowest, highest)]
+        damping = last_value([percent(p.damping) for p in points], percent(last.damping_std))
+        shift = last_value([p.shift_percent for p in points], last.shift_std_percent, sign=True)
+        table.add_row(str(mode), str(sum(p.n for p in points)), *figures, damping, shift)
     return table
-
-
-def _last_value(values: list[float], *, sign: bool = False) -> str:
-    """Return the last value with digits by the scatter of all."""
-    if not values:
-        return "-"
-    return rounded_text(values[-1], float(np.std(values, ddof=1)) if len(values) > 1 else 0.0, sign=sign)
 
 
 def _events(events: list[EventRow]) -> Table:

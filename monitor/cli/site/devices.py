@@ -14,7 +14,7 @@ def devices(
     probe: Annotated[bool, Option("--probe/--no-probe", help="Query devices at the ports.")] = True,
     every: Annotated[bool, Option("--all", help="Also query ports that are not USB.")] = False,
     bitrate: Annotated[
-        int, Option(help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
+        int, Option(metavar="RATE", help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
     ] = 1_000_000,
     json: Json = None,
 ) -> int:

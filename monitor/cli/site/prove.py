@@ -10,7 +10,7 @@ from monitor.cli.options import Json, Site
 
 def prove(
     site: Site,
-    mass: Annotated[float, Option(help="Known mass that is attached now [kg].", min=1e-6)],
+    mass: Annotated[float, Option(metavar="KG", help="Known mass that is attached now [kg].", min=1e-6)],
     position: Annotated[str, Option(metavar="X,Y,Z", help="Its position on a member [m]; X,Z of a plane frame.")],
     log: Annotated[
         list[Path] | None,

@@ -78,6 +78,9 @@ class TrendPoint:
     highest: float  #: [Hz]
     damping: float | None  #: [-]
     shift_percent: float | None  #: against the baseline
+    frequency_std: float | None = None  #: of a window [Hz]; None over an hour or a day
+    damping_std: float | None = None  #: of a window [-]
+    shift_std_percent: float | None = None  #: of a window
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,8 +276,11 @@ def trend_query(site: int, mode: int | None, span: Span) -> Select[*tuple[Any, .
     """Return the query for a mode, or all of them, over time, per window."""
     table = schema.modes
     frequency = table.c.frequency
-    columns = (frequency.label("lowest"), frequency.label("highest"), table.c.damping, table.c.shift_percent)
-    found = select(table.c.mode, table.c.end.label("time"), literal(1).label("n"), frequency, *columns)
+    extremes = (frequency.label("lowest"), frequency.label("highest"))
+    values = (table.c.damping, table.c.shift_percent)
+    deviations = (table.c.frequency_std, table.c.damping_std, table.c.shift_std_percent)
+    found = select(table.c.mode, table.c.end.label("time"), literal(1).label("n"), frequency)
+    found = found.add_columns(*extremes, *values, *deviations)
     own = found.where(table.c.site == site, true() if mode is None else table.c.mode == mode)
     return own.where(table.c.end.between(span.start, span.end)).order_by(table.c.end)
 

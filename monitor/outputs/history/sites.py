@@ -96,7 +96,9 @@ def find_site(connection: Connection, name: str, url: str) -> int:
         return int(known.get(name, known.get("", NO_SITE)))
     if len(known) > 1:
         first = ", ".join(list(known)[:5])
-        raise HistoryError(url, f"holds {len(known)} sites ({first}{', ...' * (len(known) > 5)}): expected --site NAME")
+        raise HistoryError(
+            url, f"holds {len(known)} sites ({first}{', ...' * (len(known) > 5)}): expected --site-name NAME"
+        )
     return int(next(iter(known.values()), NO_SITE))
 
 

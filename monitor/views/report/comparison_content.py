@@ -64,7 +64,7 @@ def _mode(mode: ModeComparison) -> dict[str, str]:
     if mode.off_percent_after is not None:
         row["off_after"] = rounded_text(mode.off_percent_after, mode.std_percent or 0.0, sign=True)
     if mode.off_percent is not None and mode.std_percent is not None:
-        row["off"] = number_text(mode.off_percent, mode.std_percent)
+        row["off"] = number_text(mode.off_percent, mode.std_percent, sign=True)
         row["sigmas"] = f"{mode.off_percent / mode.std_percent:+.1f}"
     if mode.measured is None:
         row["measured"] = "not identified"

@@ -17,7 +17,7 @@ from monitor.text.causes import (
 )
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text
-from monitor.text.verdicts import diagnosis_text
+from monitor.text.verdicts import diagnosis_text, is_one_mass
 from monitor.views.viewer.primitives import at, clock
 
 _MAX_REFUSED = 6  # causes whose refusal is listed individually
@@ -62,7 +62,7 @@ def window_card(window: WindowResult, run_results: RunResults, answered: WindowR
         parts.append(f"**The structure has changed**: {modal_change_text(window.change)}.")
     elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
         parts.append("**The structure has changed.** Location not yet known.")
-    if window.diagnosis and not (window.answer and mass_text(window.answer) in diagnosis_text(window.diagnosis)):
+    if window.diagnosis and not (window.answer and is_one_mass(window.diagnosis)):  # else the same in other numbers
         parts.append(diagnosis_text(window.diagnosis))
     if window.problem:
         parts.append(f"**No modes in this window**: {window.problem}.")

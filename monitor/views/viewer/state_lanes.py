@@ -8,7 +8,7 @@ from monitor.results.run_results import RunResults
 from monitor.views.palette import ALARM, GREY, LEARN, OK, WARN, Colour
 from monitor.views.viewer.primitives import at, clock
 
-_LISTED = 30  # events
+_LISTED, _COMPARED = 30, 300  # events
 _Lane = dict[str, tuple[str, Colour]]
 _DAEMON: _Lane = {"learning": ("learning", LEARN), "watching": ("watching", OK), "problem": ("no modes", WARN)}
 _STRUCTURE: _Lane = {
@@ -98,12 +98,27 @@ def write_event(recording: rr.RecordingStream, time: int, level: str, words: str
 def write_event_list(recording: rr.RecordingStream, happened: Sequence[tuple[int, str, str]]) -> None:
     """Write the last of some events as a text, at the time of the last one; the newest first.
 
-    The viewer's list of events has one line for each and does not wrap it.
+    The viewer's list of events has one line for each and does not wrap it. Here an event that recurs is one line.
     """
     at(recording, happened[-1][0])
-    tied = [(clock(time), words.replace(" ± ", "\u00a0±\u00a0")) for time, _, words in happened[-_LISTED:]]
-    text = "\n\n".join(f"**{time}** {words}" for time, words in reversed(tied))
-    recording.log("/event_list", rr.TextDocument(text, media_type="text/markdown"))
+    recording.log("/event_list", rr.TextDocument(event_list(happened), media_type="text/markdown"))
+
+
+def event_list(happened: Sequence[tuple[int, str, str]]) -> str:
+    """Return the last events as a text, the newest first; one that recurs once, at its last time, with its number.
+
+    Parameters
+    ----------
+    happened : time [ns UTC], level and words of each, in the order of time
+    """
+    times: dict[str, list[int]] = {}
+    for time, _, words in reversed(happened[-_COMPARED:]):
+        times.setdefault(words, []).append(time)
+    lines = []
+    for words, found in list(times.items())[:_LISTED]:
+        often = f" ({len(found)} times since {clock(found[-1])})" if len(found) > 1 else ""
+        lines.append(f"**{clock(found[0])}** {words}{often}".replace(" ± ", "\u00a0±\u00a0"))
+    return "\n\n".join(lines)
 
 
 def events(run_results: RunResults) -> Iterator[tuple[int, str, str]]:

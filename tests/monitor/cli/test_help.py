@@ -136,3 +136,14 @@ def test_unknown_command_is_answered_with_similar_ones(modalwatch: Commands) -> 
     done = modalwatch("identfy")
     assert (done.code, done.out) == (2, "")
     assert "No such command 'identfy'. Did you mean 'identify'?" in done.err
+
+
+def test_each_option_has_one_kind_of_value_in_all_commands() -> None:
+    """Files to write differ from command to command, and the channels of a site are an additional source of names."""
+    kinds: dict[str, set[str | None]] = {}
+    for path in COMMANDS:
+        for parameter in command(path).params:
+            for name in parameter.opts:
+                kinds.setdefault(name, set()).add(parameter.metavar)
+    several = {name for name, found in kinds.items() if len(found) > 1 and name.startswith("-")}
+    assert several == {"--out", "-o", "--channels"}

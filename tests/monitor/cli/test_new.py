@@ -49,6 +49,18 @@ def test_structure_has_given_sensors_and_corner_radius(modalwatch: Commands, tmp
     assert "corner_radius = 0.005 " in path.read_text(encoding="utf-8")
 
 
+def test_structure_has_listed_sensors(modalwatch: Commands, tmp_path: Path) -> None:
+    path = tmp_path / "frame.toml"
+    sensors = ("--sensor", "A=1=left post:1.2:x", "--sensor", "up [g]=beam:3:-z", "--sensor-mass", 0.1)
+    assert modalwatch("new", "structure", *PORTAL, *sensors, "-o", path).code == 0
+    found = load_structure(path)
+    assert [(s.channel, s.at, s.direction) for s in found.sensor] == [
+        ("A=1", (0.0, 0.0, 1.2), (1.0, 0.0, 0.0)),
+        ("up [g]", (3.0, 0.0, 2.0), (0.0, 0.0, -1.0)),
+    ]
+    assert [body.at for body in found.body] == [(0.0, 0.0, 1.2), (3.0, 0.0, 2.0)]
+
+
 def test_structure_has_channels_of_a_log_and_masses_of_sensors(modalwatch: Commands, tmp_path: Path) -> None:
     table, log, path = tmp_path / "before.csv", tmp_path / "before.mcap", tmp_path / "frame.toml"
     head = 'time,foot x,"the ""top""",mid_x,mid_y'
@@ -103,6 +115,10 @@ def test_site_has_a_device_per_place_and_its_channels(modalwatch: Commands, tmp_
         ((*PORTAL[:-1], "box:0.1,0.1,0.2"), "thickness"),
         ((*PORTAL, "--sensors-at", "left post"), "--sensors-at: expected MEMBER:DISTANCE,.. in m, found 'left post'"),
         ((*PORTAL, "--sensors-at", "post:1"), "--sensors-at: no member is named 'post'; there are left post, right"),
+        ((*PORTAL, "--sensor", "A1=beam:1"), "--sensor: expected CHANNEL=MEMBER:DISTANCE:AXIS, found 'A1=beam:1'"),
+        ((*PORTAL, "--sensor", "A1=post:1:x"), "--sensor: A1=post:1:x: no member is named 'post'; there are left post"),
+        ((*PORTAL, "--sensor", "A1=beam:3.5:z"), "--sensor: beam: expected distances from 0 to 3 m, found 3.5"),
+        ((*PORTAL, "--sensor", "A1=beam:1:z", "--sensors-at", "beam:1"), "--sensor: expected neither --sensors-at nor"),
         ((*PORTAL, "--sensors-at", "beam:3.5"), "--sensors-at: beam: expected distances from 0 to 3 m, found 3.5"),
         (("cantilever", "--height", -1, "--section", "circle:0.1"), "--height: expected a positive number, found -1"),
         (("cantilever", "--height", 1, "--section", "circle:0.1", "--pinned"), "--pinned: a cantilever needs fixed"),
@@ -170,7 +186,7 @@ def test_structure_file_and_matrices_are_two_files(modalwatch: Commands, tmp_pat
         (("--group", "a=x", "--group", "a=y"), "--group: the group 'a' is given twice"),
         (("--group", "a=x", "--doubled", "a=y"), "--doubled: the group 'a' is given by --group too"),
         (("--rows", "none.dof"), "none.dof: cannot be read"),
-        (("--unit", "inch"), "--unit: expected"),
+        (("--file-unit", "inch"), "--file-unit: expected"),
     ],
 )
 def test_external_structure_is_refused_with_the_option(

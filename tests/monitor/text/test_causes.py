@@ -17,11 +17,12 @@ from monitor.text.causes import (
     parameter_text,
     where_text,
 )
+from monitor.text.diagnosis import written_bodies_texts
 from monitor.text.verdicts import is_one_mass
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
-from updater import Cause, Gain
+from updater import Body, Cause, Gain
 from updater.diagnosis import Pair
 from updater.quantities import ParameterChange, Quantity, Where
 
@@ -256,3 +257,17 @@ def test_only_the_first_of_many_parameters_are_listed() -> None:
     )
     reported = "stiffness of a 0.950 ± 0.010, stiffness of b 0.950 ± 0.010, stiffness of c 0.950 ± 0.010, and 4 more"
     assert cause_text(many) == f"model parameters: {reported}"
+
+
+def test_written_body_is_named_where_it_differs_from_the_reported_one() -> None:
+    cause = Cause(
+        cause="added_mass",
+        probability=0.9,
+        where=Where(member="beam", position=(0.8, 0.0, 1.0), position_std=0.01),
+        parameters={"mass": Quantity(value=0.4, std=0.02, unit="kg")},
+    )
+    assert written_bodies_texts([cause], [Body(at=(0.805, 0.0, 1.0), mass=0.41)]) == []
+    (text,) = written_bodies_texts([cause], [Body(at=(0.805, 0.0, 1.0), mass=0.45), Body(at=(0.0, 0.0, 1.0), mass=0.4)])
+    assert text.startswith("its body has 450 g at (0.805, 0.000, 1.000) m")
+    (text,) = written_bodies_texts([cause], [Body(at=(0.82, 0.0, 1.0), mass=0.4)])
+    assert text.startswith("its body has 400 g at (0.820, 0.000, 1.000) m")

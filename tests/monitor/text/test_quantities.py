@@ -1,7 +1,8 @@
+import numpy as np
 import pytest
 
 from daq.notebook import number_text, rounded_text
-from monitor.text.quantities import aligned_numbers
+from monitor.text.quantities import aligned_numbers, last_value, scatter
 
 
 def test_numbers_with_deviations_have_their_points_in_one_column() -> None:
@@ -22,3 +23,16 @@ def test_numbers_with_deviations_have_their_points_in_one_column() -> None:
 def test_value_alone_has_the_digits_of_its_deviation(value: float, std: float, text: str) -> None:
     assert rounded_text(value, std, sign=True) == text
     assert number_text(value, std, sign=True).split(" ± ")[0] == text
+
+
+def test_last_value_of_a_course_has_the_digits_of_its_deviation() -> None:
+    assert last_value([10.123456, 10.234567], 0.02) == "10.235"
+    assert last_value([1.0, -3.0214, None], 0.15, sign=True) == "-3.02"
+    assert last_value([None]) == last_value([]) == "-"
+    assert last_value([10.123456]) == "10.12"
+
+
+def test_scatter_of_a_course_is_that_of_single_values_and_ignores_one_jump() -> None:
+    values = np.random.default_rng(3).normal(5.0, 0.2, 4000)
+    values[2000:] += 50.0
+    assert abs(scatter(list(values)) - 0.2) < 0.2 * 0.05  # the median of 4000 dependent steps: about 2 % of std

@@ -185,7 +185,7 @@ def test_temperatures_and_events_of_devices_are_kept(tmp_path: Path) -> None:
     gap = Event(topic="/event/gap", time=START + 10**9, payload={"device": "a", "missing": 7, "exact": True})
     site = Event(topic="/measured/temperature", time=START + 2 * 10**9, payload={"celsius": -3.5})
     found = load_run(log(tmp_path / "run.mcap", *(block("a", s) for s in range(25)), gap, site, window(3))).results
-    assert found.device_events == ((START + 10**9, "7 scans of device a are missing"),)
+    assert found.device_events == ((START + 10**9, "Missing scans of device a: 7"),)
     times, values = found.temperatures["a"]
     assert values == [20.0] * 3  # one reading per ten seconds
     assert np.diff(times).min() >= 10 * 10**9

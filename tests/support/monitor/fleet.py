@@ -99,7 +99,8 @@ def _states(fleet: Fleet) -> str:
         made.append(f"INSERT INTO site_states SELECT {row} {sites}")
         if state == "alarm":
             known = written if kind == "acknowledged" else "NULL"
-            row = f"site, {began}, NULL, NULL, {known}, 'ALARM: mass added, 204 ± 11 g at (0.42, 0.00, 1.37) m', 0"
+            text = "ALARM: the structure has changed: 204 ± 11 g added on the column at (0.42, 0.00, 1.37) m"
+            row = f"site, {began}, NULL, NULL, {known}, '{text}', 0"
             made.append(f"INSERT INTO alarms SELECT {row} {sites}")
             changed = f'"end" > {began} AND {where}'
             made.append(f"UPDATE windows SET t2 = 8 + 4 * random(), phase = 'alarm' WHERE {changed}")

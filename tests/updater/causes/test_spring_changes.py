@@ -20,7 +20,7 @@ from updater.fe import build_model
 from updater.inference import Comparison, Fit, compare, fit
 from updater.structure import AXES, Axis, Joint, Support, all_knobs, flexibility_unit
 
-TURNS = ("rx", "ry", "rz")
+TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
 
 
 @cache
@@ -249,3 +249,24 @@ def test_calibrated_spring_keeps_its_stiffness_before() -> None:
     for change in cause.changes(fit(cause.comparison, cause)):
         stated = [k for c in reference.structure.joint if c.at == change.position for k in c.stiffness.values()]
         assert change.before in stated
+
+
+def test_fitted_spring_was_rigid_unless_its_flexibility_is_significant() -> None:
+    """The file has clamped feet and rigid joints, and the calibration gave each a small flexibility."""
+    state = DESIGNS["portal"].draw(40)
+    before = observation(state, estimated(state, 8, np.random.default_rng(40), noise="law"))
+    file = structure_of("portal: ")
+    clamped = tuple(s.model_copy(update={"fixed": AXES, "stiffness": {}}) for s in file.support)
+    file = file.model_copy(update={"joint": (), "support": clamped})
+    found = learn_reference(file, before.estimates, before.tracks, before.lateness.delays).calibration
+    held: list[Joint | Support] = [*found.structure.joint, *found.structure.support]
+    connections = [(c, axis) for c in held for axis in TURNS]
+
+    def rigid(share: float) -> list[tuple[Joint | Support, Axis]]:
+        parameters = tuple(replace(p, value=0.01, std=0.01 * share) for p in found.parameters)
+        known = replace(found, parameters=parameters)
+        return [(c, axis) for c, axis in connections if known.is_rigid(c, axis)]
+
+    negligible = rigid(0.0)  # too small to change a frequency, whatever its deviation
+    assert rigid(0.4) == negligible  # two deviations are less than the flexibility
+    assert len(negligible) < len(rigid(0.6)) == len(connections)

@@ -12,6 +12,7 @@ from monitor.text.quantities import duration_text, utc
 from updater.reference import Calibration
 
 _SECOND = 10**9  # ns
+_DATED = 365 * 86400 * _SECOND  # an earlier start is that of a table without dates
 _MAX_LOGS = 4  # of one state that are all listed
 
 
@@ -42,7 +43,8 @@ def _log_text(log: AnyLog) -> str:
     start, stop = span
     if isinstance(log, LogExcerpt):
         start, stop = max(start, log.start), min(stop, log.stop)
-    return f"{name}, {utc(start)}, {duration_text(round((stop - start) / _SECOND))}"
+    length = duration_text(round((stop - start) / _SECOND))
+    return f"{name}, {length}" if start < _DATED else f"{name}, {utc(start)}, {length}"
 
 
 def calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:

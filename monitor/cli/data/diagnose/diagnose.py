@@ -35,7 +35,7 @@ def diagnose(
     held_out_from: _HeldOutTime = None,
     held_out_to: _HeldOutTime = None,
     window: Annotated[
-        float | None, Option(help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
+        float | None, Option(metavar="S", help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
     exponential_window: Annotated[
         float | None,
@@ -45,7 +45,8 @@ def diagnose(
         ),
     ] = None,
     out: Annotated[
-        Path | None, Option(metavar="DIR", help="Folder for the report, the extended model and diagnosis.json.")
+        Path | None,
+        Option("--out", "-o", metavar="DIR", help="Folder for the report, the extended model and diagnosis.json."),
     ] = None,
     pdf: Annotated[
         Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")
@@ -65,7 +66,9 @@ def diagnose(
     ] = None,
     fix: Annotated[
         list[str] | None,
-        Option(metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`)."),
+        Option(
+            metavar="NAME", help="Model parameter that keeps the file's value (`structure --parameters`). Repeatable."
+        ),
     ] = None,
     bound: Annotated[
         list[str] | None, Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable.")

@@ -34,6 +34,7 @@ from monitor.results.correlation import discrepancy_result
 from monitor.results.state_comparison import StateComparison, compare_states
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import alternative_texts, cause_text, further_changes_text, gain_text, probability_text
+from monitor.text.diagnosis import written_bodies_texts
 from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
@@ -196,6 +197,8 @@ def diagnose_logs(
     say_evidence(console, diagnosis, compared, found.reference.structure)
     if diagnosis.extended_model:
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
+        for line in _written_otherwise(found.explained, structure):
+            echo(f"  {line}")
         if found.explained.calibration is not None:
             console.print(f"  {_LIFTED}", style="dim", soft_wrap=True)
     _say_parameters(found.explained.calibration or found.reference.calibration)
@@ -288,6 +291,12 @@ def _say_extended(path: str, *, fitted: bool) -> None:
             "  it also has the parameters fitted to the reference logs: stiffness of materials, feet and joints",
             style="dim",
         )
+
+
+def _written_otherwise(found: DiagnosisResult, given: Structure) -> list[str]:
+    """Return which bodies the extended model has with other numbers than those reported."""
+    own = found.extended.body if found.extended else ()
+    return written_bodies_texts(found.diagnosis.causes, [body for body in own if body not in given.body])
 
 
 def _say_parameters(calibration: Calibration) -> None:

@@ -34,7 +34,7 @@ def logs_within(paths: Sequence[Path], within: TimeRange, *, setups: bool) -> Se
     if not setups:
         return within.of_logs(logs, echo)
     if len(logs) < 2:
-        raise ArgumentError("--reference", f"expected the logs of two set-ups or more, found {len(logs)}")
+        raise ArgumentError("--reference-sensor", f"expected the logs of two set-ups or more, found {len(logs)}")
     return [within.of_log(log, echo) for log in logs]
 
 

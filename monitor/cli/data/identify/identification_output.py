@@ -21,6 +21,8 @@ from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
 if TYPE_CHECKING:
     from updater.validation import ModelPartner
 
+_SAME_SHAPE = 0.9  # MAC above which a mode is the model's, whatever its frequency [-]
+_FAR_PERCENT = 30.0  # frequencies further apart are not paired
 LOW_MAC = 0.7  #: MAC with the model's mode below which it is marked [-]
 
 
@@ -153,19 +155,30 @@ def _marks(found: Findings) -> Iterator[str]:
         )
     if any(p and p.mac < LOW_MAC for p in found.partners):
         yield f"! MAC below {LOW_MAC:g}: not the shape of the model's mode"
-    for i, near in found.nearest.items():
-        frequency = float(found.fused.estimate.frequency[i])
-        yield (
-            f"- mode {i + 1} is paired with no mode of the model: the most similar one has {near.frequency:.4g} Hz "
-            f"({100 * (near.frequency / frequency - 1):+.0f} %) and a MAC of {near.mac:.3f}; a pair has a MAC of 0.5 "
-            "or more, frequencies at most 30 % apart, and one measured mode per mode of the model"
-        )
+    yield from _without_partner(found)
     if found.asynchrony:
         from monitor.text.sensors import asynchrony_text  # slow to import
 
         yield escape(asynchrony_text(found.asynchrony))
     if found.change:
         yield found.change.words
+
+
+def _without_partner(found: Findings) -> Iterator[str]:
+    """Yield the nearest mode of the model for each mode that has no partner, and what that means."""
+    if not found.nearest:
+        return
+    yield (
+        "without a partner in the model (a pair has a MAC of 0.5 or more, frequencies at most 30 % apart, and one "
+        "measured mode per mode of the model):"
+    )
+    same_shape = False
+    for i, near in found.nearest.items():
+        off = 100 * (near.frequency / float(found.fused.estimate.frequency[i]) - 1)
+        yield f"- mode {i + 1}: the most similar one has {near.frequency:.4g} Hz ({off:+.0f} %), MAC {near.mac:.3f}"
+        same_shape |= near.mac > _SAME_SHAPE and abs(off) > _FAR_PERCENT
+    if same_shape:
+        yield "a high MAC far off in frequency: feet or joints are not as stiff as in the file; `diagnose` fits them"
 
 
 def _table(title: str, found: Findings) -> Table:

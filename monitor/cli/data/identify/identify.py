@@ -19,7 +19,11 @@ def identify(
     method: Annotated[str, one_of("--method", METHODS, "Identification method.")] = "ssi-data",
     window: Annotated[
         float | None,
-        Option(help="Length of a window [s]. Default: that of the log's settings, else the whole log.", min=0.1),
+        Option(
+            metavar="S",
+            help="Length of a window [s]. Default: that of the log's settings, else the whole log.",
+            min=0.1,
+        ),
     ] = None,
     band: Annotated[
         tuple[float, float] | None, Option(metavar="LOW HIGH", help="Frequency band of the modes [Hz].")
@@ -31,13 +35,14 @@ def identify(
     site: Annotated[
         Path | None,
         Option(
-            metavar="FILE",
-            help="SITE.toml with window, band, structure, or positions of sensors. Default: attached to the log.",
+            metavar="SITE.toml",
+            help="Window, band, structure, or positions of sensors. Default: attached to the log.",
         ),
     ] = None,
     reference: Annotated[
         list[str] | None,
         Option(
+            "--reference-sensor",
             metavar="NAME",
             help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
         ),
@@ -61,17 +66,18 @@ def identify(
         Option(metavar="FILE", help="Mode shapes in motion: an .html page that can be turned, or a .gif."),
     ] = None,
     out: Annotated[
-        Path | None, Option(metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures.")
+        Path | None,
+        Option("--out", "-o", metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures."),
     ] = None,
 ) -> int:
     """Identify the modes of logs, or of frequency responses.
 
     One estimate with its uncertainty, averaged over all windows. All logs count as one record for
-    --from and --to; with --reference each log separately.
+    --from and --to; with --reference-sensor each log separately.
 
     Example:
     modalwatch identify measured.mcap --band 1 20 --picture modes.png --animate modes.html
-    modalwatch identify setup_1.mcap setup_2.mcap --reference top_x --out modes
+    modalwatch identify setup_1.mcap setup_2.mcap --reference-sensor top_x --out modes
     modalwatch identify hammer.uff --out modes
     """
     import numpy as np
@@ -92,7 +98,7 @@ def identify(
     if animate and animate.suffix.lower() not in ANIMATIONS:
         raise ArgumentError("--animate", f"expected a name that ends with {' or '.join(ANIMATIONS)}, found {animate}")
     if any(map(is_universal, logs)):
-        of_logs = {"--site": site, "--window": window, "--reference": reference, "--from": start, "--to": stop}
+        of_logs = {"--site": site, "--window": window, "--reference-sensor": reference, "--from": start, "--to": stop}
         request = ResponseRequest(
             paths=logs,
             of_logs={name for name, value in of_logs.items() if value},

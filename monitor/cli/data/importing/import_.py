@@ -18,15 +18,20 @@ def import_(
         ),
     ],
     out: Annotated[Path, Option("--out", "-o", metavar="LOG.mcap", help="Log to write.")],
-    rate: Annotated[float | None, Option(help="Samples per second [Hz], if DATA has no times.", min=1e-6)] = None,
+    rate: Annotated[
+        float | None, Option(metavar="HZ", help="Samples per second [Hz], if DATA has no times.", min=1e-6)
+    ] = None,
     unit: Annotated[
         str | None,
         Option(
+            metavar="UNIT",
             help="Unit of the numbers: m/s2, g, mg, mm/s, um, V, mV, counts, .. Default: that of the column names, "
-            "else m/s2."
+            "else m/s2.",
         ),
     ] = None,
-    scale: Annotated[float | None, Option(help="Factor from numbers to units. Default: 1.", min=1e-12)] = None,
+    scale: Annotated[
+        float | None, Option(metavar="FACTOR", help="Factor from numbers to units. Default: 1.", min=1e-12)
+    ] = None,
     sensitivity: Annotated[
         str | None,
         Option(metavar="TEXT", help="Sensitivity of the sensors, as '100 mV/g', '28.8 V/(m/s)' or '16384 counts/g'."),
@@ -36,7 +41,7 @@ def import_(
         Option(metavar="FILE", help="TOML file with unit, sensitivity, scale (negative: sign) and offset per sensor."),
     ] = None,
     start: Annotated[
-        str | None, Option(help="Time of the first sample, ISO 8601. Default: that of DATA, else 1970.")
+        str | None, Option(metavar="TIME", help="Time of the first sample, ISO 8601. Default: that of DATA, else 1970.")
     ] = None,
     time: Annotated[
         str | None, Option(metavar="NAME", help="Column of times. Default: t or time (t_ms, time [s]).")
@@ -80,7 +85,7 @@ def import_(
         float | None, Option(metavar="HZ", help="Lower sampling rate to convert to [Hz]. Default: none.", min=1e-6)
     ] = None,
     structure: Annotated[Path | None, Option(metavar="FILE", help="structure.toml to attach.")] = None,
-    site: Annotated[Path | None, Option(metavar="FILE", help="SITE.toml to attach, with its structure.")] = None,
+    site: Annotated[Path | None, Option(metavar="SITE.toml", help="SITE.toml to attach, with its structure.")] = None,
     new_site: Annotated[
         Path | None,
         Option(metavar="FILE", help="SITE.toml to write for the channels and to attach."),

@@ -18,7 +18,8 @@ _N_LISTED = 3  # modes that are named for each parameter; `--json` has all of th
 _NEGLIGIBLE = 5e-5  # relative change of a frequency that is not listed
 SENSITIVITY_NOTE = (
     "change: relative change of the frequency if the parameter moves from the file's value to the one in the third "
-    "column, by one prior standard deviation. To limit the updating: fixed and bounds under \\[updating] in the file."
+    "column, by one prior standard deviation. J, Iy and Iz of sections are fitted only without reference logs. "
+    "To limit the updating: fixed and bounds under \\[updating] in the file."
 )
 
 

@@ -10,11 +10,16 @@ from monitor.cli.options import DONE, NEEDS_A_PERSON, Json
 
 def structure(
     file: Annotated[Path, Argument(metavar="FILE", help="structure.toml.")],
-    modes: Annotated[int, Option(help="Number of modes to list.", min=1, max=100)] = 12,
+    modes: Annotated[int, Option(metavar="N", help="Number of modes to list.", min=1, max=100)] = 12,
     json: Json = None,
     out: Annotated[
         Path | None,
-        Option(metavar="PICTURE.png", help="Picture to write. Default: next to FILE; none with --parameters."),
+        Option(
+            "--out",
+            "-o",
+            metavar="PICTURE.png",
+            help="Picture to write. Default: next to FILE; none with --parameters.",
+        ),
     ] = None,
     channels: Annotated[
         Path | None,
@@ -23,7 +28,7 @@ def structure(
     record_seconds: Annotated[
         float, Option(metavar="S", help="Length of the records before and after a change [s].")
     ] = 600.0,
-    damping: Annotated[float, Option(help="Damping ratio of the modes.")] = 0.005,
+    damping: Annotated[float, Option(metavar="RATIO", help="Damping ratio of the modes.")] = 0.005,
     highest: Annotated[
         float | None,
         Option(

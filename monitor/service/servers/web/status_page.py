@@ -15,7 +15,7 @@ from monitor.service.servers.web.source import Past, Source, problems, self_test
 from monitor.service.servers.web.svg import course_svg, structure_svg
 from monitor.text.detectability import detectable_text
 from monitor.text.events import event_sentence
-from monitor.text.quantities import duration_text, utc
+from monitor.text.quantities import aligned, duration_text, last_value, percent, utc
 from monitor.text.trends import trend_text
 from monitor.text.uncertainty import single_mode_text, unsure_text
 
@@ -23,6 +23,7 @@ _ENVIRONMENT = Environment(
     loader=PackageLoader("monitor.service.servers.web"), undefined=StrictUndefined, autoescape=True
 )
 _SILENT = 3.0  # s
+_FIGURE_SPACE = "\u2007"  # as wide as a digit
 _NO_PAST = "the history is empty"
 _HEADLINE = {
     "learning": "Learning the baseline",
@@ -158,15 +159,21 @@ def novelty_course(levels: Sequence[float | None], height: float) -> Markup:
 
 def modes_content(trends: Mapping[int, Sequence[TrendPoint]]) -> list[dict[str, Any]]:
     """Return the last figures of each mode, and the course of its shift."""
-    found = []
-    for mode, points in trends.items():
-        shifts = [p.shift_percent for p in points if p.shift_percent is not None]
-        if shifts:
-            damping = points[-1].damping
-            figures = {"frequency": f"{points[-1].frequency:.3f}", "shift": f"{shifts[-1]:+.2f}"}
-            figures |= {"damping": "-" if damping is None else f"{100 * damping:.2f}"}
-            found.append({"id": mode, "course": course_svg(shifts)} | figures)
-    return found
+    shown = {m: points for m, points in trends.items() if any(p.shift_percent is not None for p in points)}
+    last = [points[-1] for points in shown.values()]
+    damping = [[percent(p.damping) for p in points] for points in shown.values()]
+    shifts = [[p.shift_percent for p in points] for points in shown.values()]
+    columns = {
+        "frequency": [last_value([p.frequency for p in points], points[-1].frequency_std) for points in shown.values()],
+        "damping": [last_value(course, percent(p.damping_std)) for course, p in zip(damping, last, strict=True)],
+        "shift": [last_value(c, p.shift_std_percent, sign=True) for c, p in zip(shifts, last, strict=True)],
+    }
+    rows = zip(*(aligned(column) for column in columns.values()), strict=True)
+    return [
+        {"id": mode, "course": course_svg([shift for shift in course if shift is not None])}
+        | {name: figure.replace(" ", _FIGURE_SPACE) for name, figure in zip(columns, figures, strict=True)}
+        for mode, course, figures in zip(shown, shifts, rows, strict=True)
+    ]
 
 
 def _devices(status: SiteStatus) -> list[dict[str, Any]]:

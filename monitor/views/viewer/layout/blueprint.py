@@ -100,14 +100,13 @@ def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
                 4.0,
             )
         )
+        legend, rows = views.legend(len(run_results.tracks))
+        parts.append((legend, 0.3 + 0.4 * rows))
     elif any(w.modes for w in run_results.learning):
         parts.append((trends.series("Frequencies found while learning [Hz]", "/trend/found"), 4.0))
     if any(w.novelty for w in run_results.watched):
         parts.append((trends.series("Novelty, log10(T² / limit); above 0: over the limit", "/novelty"), 2.4))
-    stack = _stack(*parts, (trends.lanes(), 1.7))
-    if not run_results.tracks:
-        return stack
-    return _beside("Trends", (stack, 7.0), (views.legend(len(run_results.tracks)), 1.0))
+    return _stack(*parts, (trends.lanes(), 1.7))
 
 
 def _identification(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:

@@ -23,7 +23,6 @@ from monitor.views.viewer.signals import spectrogram as waterfall
 from monitor.views.viewer.signals.traces import SECONDS, signal_path
 
 _MARGINS = (0.09, 0.05)  # of the time axis: before the first window, where a date needs room, and after the last
-_LEGEND_HEIGHT = 700.0  # of its drawing
 _ROOM = 0.06  # of a plot's values, above and below them
 _FILL = 0.92  # of a picture
 _MAX_COLUMNS = 6  # of pictures, so that their labels have room
@@ -149,10 +148,12 @@ def spectrogram() -> rrb.Spatial2DView:
     return drawing_view("Spectrogram: first singular value of each window", "/spectrogram", waterfall.BOUNDS)
 
 
-def legend(n_names: int) -> rrb.Spatial2DView:
-    """Return the view of the names and colours of the trends, at the top of a tall column."""
-    bottom = max(_LEGEND_HEIGHT, trends.LEGEND_STEP * (n_names + 2))
-    return drawing_view("Key", "/legend", ((-36.0, 36.0), (-10.0, bottom)))
+def legend(n_modes: int) -> tuple[rrb.Spatial2DView, float]:
+    """Return the view of the names and colours of the trends in rows, and its height relative to that of one row."""
+    rows = math.ceil((n_modes + 2) / trends.LEGEND_COLUMNS)
+    right, down = trends.LEGEND_STEPS
+    bounds = ((-0.5 * right, (trends.LEGEND_COLUMNS - 0.5) * right), (-0.3 * down, (rows - 0.1) * down))
+    return drawing_view("Colours of the modes", "/legend", bounds), float(rows)
 
 
 def plot_view(name: str, origin: str) -> rrb.TimeSeriesView:

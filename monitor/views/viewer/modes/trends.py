@@ -9,7 +9,8 @@ from monitor.views.palette import ALARM, GREY, OK, TEXT, mode_colour
 from monitor.views.viewer.primitives import band, ends, line, once, rule, text
 
 SIGMAS = 3.0  # of the control band
-LEGEND_STEP = 22.0  #: between two names of the legend
+LEGEND_STEPS = (110.0, 32.0)  #: between two names of the legend, to the right and down
+LEGEND_COLUMNS = 6  #: of names
 _NAN = float("nan")
 _MIN = 1e-3  # novelty over its limit: lower is drawn here
 
@@ -123,8 +124,9 @@ def _learned_points(recording: rr.RecordingStream, path: str, pairs: list[tuple[
 def draw_legend(recording: rr.RecordingStream, run_results: RunResults, *, static: bool = True) -> None:
     """Draw the names of the modes in their colours, for the plots of trends."""
     numbers = run_results.tracks
-    places = [[0.0, LEGEND_STEP * row] for row in range(len(numbers) + 2)]
     names = [*(f"mode {number}" for number in numbers), f"usual, ± {SIGMAS:g}σ", "learning"]
+    right, down = LEGEND_STEPS
+    places = [[right * (i % LEGEND_COLUMNS), down * (i // LEGEND_COLUMNS)] for i in range(len(names))]
     text(recording, "/legend", places, names, [*map(mode_colour, numbers), OK, GREY], static=static)
 
 

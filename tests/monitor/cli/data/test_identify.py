@@ -298,7 +298,7 @@ def test_logs_of_setups_are_merged(modalwatch: Commands, tmp_path: Path) -> None
         whole = simulate(tower, 400.0, 40.0, seed=40 + k)
         logs.append(tmp_path / f"setup_{k + 1}.mcap")
         write_recording(logs[-1], replace(whole, channels=channels, data=whole.data[:, place]))
-    done = modalwatch("identify", *logs, "--reference", "mass_6", "--out", tmp_path / "out")
+    done = modalwatch("identify", *logs, "--reference-sensor", "mass_6", "--out", tmp_path / "out")
     assert (done.code, done.err) == (0, "")
     assert "setup_1.mcap, setup_2.mcap: 2 set-ups" in done.out.replace("\n", " ")
     found = json.loads((tmp_path / "out" / "modes.json").read_text())
@@ -312,8 +312,11 @@ def test_logs_of_setups_are_merged(modalwatch: Commands, tmp_path: Path) -> None
         assert mac(measured, shape[place].astype(complex)) > 0.99
         assert mode["quality"]["windows"] == 2
     for arguments, says in (
-        ((logs[0], "--reference", "mass_6"), ("--reference: expected the logs of two set-ups or more, found 1",)),
-        ((*logs, "--reference", "mass_1"), (logs[1], "set-up 2: expected the references mass_1, lacks mass_1")),
+        (
+            (logs[0], "--reference-sensor", "mass_6"),
+            ("--reference-sensor: expected the logs of two set-ups or more, found 1",),
+        ),
+        ((*logs, "--reference-sensor", "mass_1"), (logs[1], "set-up 2: expected the references mass_1, lacks mass_1")),
         (logs, (logs[1], "expected the channels of")),
     ):
         assert_refused(modalwatch("identify", *arguments), *says)

@@ -150,9 +150,9 @@ def test_site_of_many_is_chosen_by_its_name(
     for site in ("bridge", "tower"):
         with HistoryStore(url, Writer(site=site)) as store:
             store.write(run_events() if site == "tower" else run_events()[:3])
-    assert_refused(modalwatch("history", url), "holds 2 sites (bridge, tower): expected --site NAME")
+    assert_refused(modalwatch("history", url), "holds 2 sites (bridge, tower): expected --site-name NAME")
     assert_refused(
-        modalwatch("history", url, "--site", "towr"), "--site: expected a site of the database, found 'towr'"
+        modalwatch("history", url, "--site-name", "towr"), "--site-name: expected a site of the database, found 'towr'"
     )
-    assert "20 windows" in modalwatch("history", url, "--site", "tower").out
-    assert "3 windows" in modalwatch("history", url, "--site", "bridge").out
+    assert "20 windows" in modalwatch("history", url, "--site-name", "tower").out
+    assert "3 windows" in modalwatch("history", url, "--site-name", "bridge").out

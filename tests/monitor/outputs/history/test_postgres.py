@@ -134,7 +134,7 @@ def test_monitors_that_write_at_once_lose_nothing(database: str) -> None:
             assert alarm.cleared is None
             assert reader.reference() is not None
             assert len(reader.events(Span(start=0, end=2**62))) == 1
-    with pytest.raises(HistoryError, match=r"holds 8 sites \(site 0, .*\): expected --site NAME"):
+    with pytest.raises(HistoryError, match=r"holds 8 sites \(site 0, .*\): expected --site-name NAME"):
         Reader(database)
 
 

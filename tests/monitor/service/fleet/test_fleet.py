@@ -117,7 +117,7 @@ def test_page_lists_the_sites_that_need_a_person_first(served: Served) -> None:
         assert f">{label} <b>{round(share * SITES) + extra}</b></a>" in answer.text
     assert answer.text.count("<article") == PAGE_SITES
     first, *_ = served.get("/?q=structure").text.partition("<article")[2].partition("</article>")
-    for text in ("changed", "ALARM: mass added, 204 ± 11 g", "last window", "<polyline", "times the limit"):
+    for text in ("changed", "204 ± 11 g added on the column", "last window", "<polyline", "times the limit"):
         assert text in first
     assert "https://bridge1.example.org" in answer.text
     assert "structure 1000" not in served.get("/?q=structure+1000").text.partition("</header>")[2]
@@ -157,7 +157,7 @@ def test_site_has_a_page_from_the_history(served: Served) -> None:
     for span in ("day", "month", "year"):
         answer = served.get(f"/site/1?span={span}")
         assert answer.status_code == 200
-        for text in ("<h2>Novelty", "<h2>Modes", "<h2>Alarms", "mass added, 204 ± 11 g", f'aria-current="page">{span}'):
+        for text in ("<h2>Novelty", "<h2>Modes", "<h2>Alarms", "204 ± 11 g added", f'aria-current="page">{span}'):
             assert text in answer.text
     assert re.search("14[34] windows", served.get("/site/5?span=day").text)  # of 10 minutes; one ends between the two
     for path in ("/site/99999", "/site/1?span=eon", "/site/x"):

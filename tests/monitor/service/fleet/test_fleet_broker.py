@@ -82,7 +82,15 @@ def publish(port: int) -> None:
 def test_page_of_a_thousand_sites_from_retained_messages(address: str, tmp_path: Path) -> None:
     port, notifications = free_port(), Listener(str(tmp_path / "notify"))
     environment = {**os.environ, "NOTIFY_SOCKET": str(tmp_path / "notify")}
-    command = [sys.executable, "-c", "from monitor.cli.main import main; main()", "fleet", address, "--port", str(port)]
+    command = [
+        sys.executable,
+        "-c",
+        "from monitor.cli.main import main; main()",
+        "fleet",
+        address,
+        "--web-port",
+        str(port),
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         try:
             assert process.stdout is not None

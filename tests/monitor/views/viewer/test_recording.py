@@ -12,6 +12,8 @@ import rerun as rr
 
 from monitor.results.windows import WindowResult
 from monitor.views.viewer import scene, write_recording
+from monitor.views.viewer.primitives import clock
+from monitor.views.viewer.state_lanes import event_list
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
 from tests.support.monitor.rrd_reader import Rrd
@@ -370,3 +372,14 @@ def test_long_run_keeps_complete_trends_and_thinned_drawings(tmp_path: Path) -> 
     drawn, _ = rrd.rows("/spectrum/singular_values", "LineStrips2D:strips")
     assert n // 4 <= len(drawn) <= 300 < n
     assert drawn[-1] == windows[-1].end
+
+
+def test_recurring_event_is_one_line_at_its_last_time() -> None:
+    lost, back = ("WARN", "Device a is lost"), ("WARN", "Device a samples again")
+    happened = [(k * 10**9, *event) for k, event in enumerate([("INFO", "started"), lost, back, lost, back])]
+    lines = event_list(happened).split("\n\n")
+    assert lines == [
+        f"**{clock(4 * 10**9)}** Device a samples again (2 times since {clock(2 * 10**9)})",
+        f"**{clock(3 * 10**9)}** Device a is lost (2 times since {clock(10**9)})",
+        f"**{clock(0)}** started",
+    ]
