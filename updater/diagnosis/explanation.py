@@ -42,6 +42,7 @@ from updater.diagnosis.search import (
     judged,
     nothing_changed,
     stepwise,
+    with_learned_error,
     with_section_error,
     within_noise,
 )
@@ -150,7 +151,9 @@ def _diagnosed(
     least_error = MODEL_ERROR / reference.model_error_factor
     good = compare(reference, event, circumstances=circumstances, model_error=least_error)
     if found and fits(found[0]):
-        case, found = judged(case, found, compare(reference, event, circumstances=circumstances))
+        if reference.of_file:
+            case = with_learned_error(case, found)
+        case, found = judged(case, found, compare(case.reference, event, circumstances=circumstances))
 
         def again(loaded: Reference) -> DiagnosisResult:
             given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}

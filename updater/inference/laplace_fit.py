@@ -59,13 +59,14 @@ class Hypotheses(Protocol):
         """Return the effect of the alternatives `rows` with parameters theta (len(rows), n_parameters)."""
         ...
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return by how much a prior that is not Gaussian raises the log evidence of each alternative.
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return by how much a prior that is not Gaussian raises the log evidence of alternatives `rows`.
 
         Parameters
         ----------
-        theta : (n_alternatives, n_parameters) fitted with the Gaussian prior
-        covariance : (n_alternatives, n_parameters, n_parameters)
+        theta : (len(rows), n_parameters) fitted with the Gaussian prior
+        covariance : (len(rows), n_parameters, n_parameters)
+        rows : (len(rows),) alternatives
         """
         ...
 
@@ -108,7 +109,7 @@ class Fit(Generic[H]):
     covariance: FloatArray  #: (n_alternatives, n_parameters, n_parameters)
     chi_square: FloatArray  #: (n_alternatives,) of data and priors
     log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
-    freedom: float  #: number of data less fitted parameters
+    freedom: float  #: number of data less the parameters that they determine
     frequency_residual: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
 
     @property
@@ -228,15 +229,27 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
     of_new = comparison.freedom_of_new(point.effect.own.shape[1])
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
+    log_ratio = hypotheses.log_ratio(point.theta, covariance, everything)
+    determined = _determined(hypotheses, covariance[int(np.argmin(point.cost))])
     return Fit(
         hypotheses=hypotheses,
         theta=point.theta,
         covariance=covariance,
         chi_square=point.cost,
-        log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
-        freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
+        log_density=-0.5 * point.cost + volume + whitener.log_det + log_ratio,
+        freedom=max(comparison.freedom + of_new - determined, 1.0),
         frequency_residual=point.residual[:, : len(comparison.log_ratio)],
     )
+
+
+def _determined(hypotheses: Hypotheses, covariance: FloatArray) -> float:
+    """Return how many parameters the data determine: a parameter that keeps its prior takes nothing from the data.
+
+    Parameters
+    ----------
+    covariance : (n_parameters, n_parameters) of one alternative
+    """
+    return len(covariance) - float((np.diag(covariance) / hypotheses.prior_std**2).sum())
 
 
 def _of_priors(hypotheses: Hypotheses, point: Point) -> FloatArray:

@@ -55,6 +55,25 @@ def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: f
     return Magnitude(log_ratio, mean, variance)
 
 
+def other_spread(value: FloatArray, std: FloatArray, *, gaussian: float, spread: FloatArray) -> FloatArray:
+    """Return the log evidence (n,) under Gaussian priors of other standard deviations.
+
+    Parameters
+    ----------
+    value, std : (n,) Gaussian posterior under the Gaussian prior of the fit
+    gaussian : standard deviation of this prior
+    spread : (n,) of those in its place
+    """
+    information = np.maximum(std**-2 - gaussian**-2, 0.0)
+    square = (value / std**2) ** 2
+
+    def log_evidence(prior: FloatArray) -> FloatArray:
+        precision = information + prior**-2.0
+        return np.asarray(0.5 * (square / precision - np.log(precision * prior**2)))
+
+    return log_evidence(spread) - log_evidence(np.array(gaussian))
+
+
 def common_magnitude(
     value: FloatArray, covariance: FloatArray, *, gaussian: float, least: float, most: float
 ) -> FloatArray:

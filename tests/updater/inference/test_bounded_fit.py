@@ -32,7 +32,8 @@ class Linear:
     def log_prior(self) -> FloatArray:
         return np.full(len(self.b), -np.log(len(self.b)))
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        del rows
         return np.zeros(len(theta))
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> None:

@@ -99,8 +99,9 @@ class ModelParameters(Discrete):
         of_all = np.exp(((self.moved - theta) * self._whole).sum(-1, keepdims=True))
         return np.where(self._stiffness & ~self._whole, of_all, 1.0)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the parts of priors and posteriors above the least values."""
+        del rows
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         kept = log_ndtr((theta - self.lower) / std) - log_ndtr(-self.lower / self.prior_std)
         return np.asarray(kept.sum(1))
