@@ -31,10 +31,10 @@ from updater.diagnosis.naming import (
     rejected_causes,
     with_place_names,
 )
-from updater.diagnosis.next_measurement import next_measurement
+from updater.diagnosis.next_measurement import next_measurement, smallest_changes
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
 from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
-from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, Verdict
+from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, SmallestChange, Verdict
 from updater.diagnosis.search import (
     beside_the_file,
     closer,
@@ -205,6 +205,7 @@ def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement)
         gain=None,
         calibration=calibration_summary(case.reference),
         failed=_failed(case),
+        smallest_changes=_smallest(case, ()) if verdict == "nothing_to_explain" else (),
     )
     rejected = rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain")
     return DiagnosisResult(diagnosis, None, rejected, advice)
@@ -270,6 +271,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),
         failed=_failed(case),
+        smallest_changes=_smallest(case, best.chosen),
     )
     return DiagnosisResult(
         diagnosis,
@@ -281,6 +283,15 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         calibration=calibration if case.bare else None,
         removed=tuple(body for _, body in removed),
     )
+
+
+def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChange, ...]:
+    """Return the smallest changes that would have been seen, if only errors of a whole structure file are accepted."""
+    if not case.reference.of_file or not all(c.cause.place_free for c in chosen):
+        return ()
+    faults, causes = case.weighing.faults, case.weighing.causes
+    found = faults.attempt("the smallest changes", lambda: smallest_changes(case.weighing.data, causes, tuple(chosen)))
+    return found or ()
 
 
 def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tuple[SelectedCause, ...], Comparison]:

@@ -27,8 +27,8 @@ _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by as much as the search as
 _WORTH_JUDGING, _MAX_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
 _MAX_LEFT = 3.0  # times the residual of noise and a good model in frequencies: an explanation with more is refused
 _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is none, measured in 32 draws of one body
-#: of the assumed errors of a model's own frequencies and shapes; half a per cent of a gain and as much by a position are
-#: 0.7 times the error of shapes
+# of the assumed errors of a model's own frequencies and shapes; half a per cent of a gain and as much by a position
+# are 0.7 times the error of shapes
 _SHARES_OF_ERROR = ((0.71, 0.71), (0.5, 0.71), (0.35, 0.71))
 _SEEDS = 3  # best candidates to which another cause is added
 _MAX = 3  # causes at once

@@ -1,5 +1,7 @@
 """Goodness of fit of a hypothesis."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -7,7 +9,7 @@ from scipy.stats import chi2
 from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body
-from updater.causes import Nothing
+from updater.causes import Nothing, SensorGain
 from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare, fit, freedom_of_frequencies
@@ -48,3 +50,14 @@ def test_frequency_degrees_of_freedom_match_the_residuals_of_refits() -> None:
     print(freedom, np.round(left, 3))
     assert len(ratio) - 4 < freedom < len(ratio)
     assert freedom == pytest.approx(sum(left), abs=0.1)
+
+
+def test_parameters_without_effect_take_no_degrees_of_freedom() -> None:
+    """Shapes determine a gain to 0.5 %: with a prior of 0.3 it is determined, with one of 1e-6 it is not."""
+    reference, _, event = learnt(185)
+    data = compare(reference, event(Change()))
+    gains = EvidenceComparison(reference, data).causes["sensor_gain"]
+    assert isinstance(gains, SensorGain)
+    for prior, determined in ((0.3, 1.0), (1e-6, 0.0)):
+        found = fit(data, replace(gains, prior_std=np.array([prior])))
+        assert found.freedom == pytest.approx(data.freedom - determined, abs=0.02)

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from updater.inference import common_magnitude, log_uniform
+from updater.inference import common_magnitude, log_uniform, other_spread
 
 GAUSSIAN, MIN, MAX = 1.5, 1e-3, 7.5
 
@@ -68,3 +68,14 @@ def test_parameters_without_effect_do_not_change_the_common_magnitude() -> None:
     alone = common_magnitude(value[:, :1], covariance[:, :1, :1], gaussian=0.1, least=1e-3, most=1.0)
     both = common_magnitude(value, covariance, gaussian=0.1, least=1e-3, most=1.0)
     np.testing.assert_allclose(both, alone, atol=1e-9)
+
+
+@pytest.mark.parametrize("spread", [1e-6, 0.2, GAUSSIAN, 30.0])
+def test_evidence_under_another_spread_is_that_of_the_closed_form(spread: float) -> None:
+    """A measured value x with deviation s and a prior of deviation p: x is Gaussian with variance s^2 + p^2."""
+    value, std = np.array([0.7, -0.02]), np.array([0.3, 0.5])
+    precision = std**-2 + GAUSSIAN**-2
+    posterior, posterior_std = value / std**2 / precision, precision**-0.5
+    found = other_spread(posterior, posterior_std, gaussian=GAUSSIAN, spread=np.full(2, spread))
+    closed = norm.logpdf(value, 0, np.hypot(std, spread)) - norm.logpdf(value, 0, np.hypot(std, GAUSSIAN))
+    np.testing.assert_allclose(found, closed, rtol=1e-9, atol=1e-9)

@@ -19,7 +19,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.stretches import may_be_cut
-from updater.fe import Element, self_stress
+from updater.fe import Element, Model, self_stress
 from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect, other_spread
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
@@ -110,17 +110,17 @@ def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialFo
         buckling=buckling,
         share=share,
         basis=basis,
-        usual=_usual_force(reference) / buckling if reference.of_file else np.full(len(buckling), np.inf),
+        usual=usual_forces(reference.model) / buckling if reference.of_file else np.full(len(buckling), np.inf),
     )
 
 
-def _usual_force(reference: Reference) -> FloatArray:
+def usual_forces(model: Model) -> FloatArray:
     """Return the standard deviation of each member's force that the file lacks (n,) [N].
 
     The weight of all, an error of a stated preload, and the force of a misfit strain: in states of self-stress z of
     unit energy, a strain e along a member of length L causes the force e L sum(N_z^2).
     """
-    model, structure = reference.model, reference.structure
+    structure = model.structure
     states, weight = self_stress(model), _GRAVITY * model.total_mass()
     found = []
     for member in structure.member:
