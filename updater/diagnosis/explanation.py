@@ -124,9 +124,11 @@ def _diagnosed(
     bare : of the structure file, where the reference's model has bodies that it lacks
     """
     event = measured.event
-    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
-    rough = compare(reference, event, circumstances=circumstances, model_error=less)
-    plain = EvidenceComparison(reference, rough, on_cause, allowed=allowed_causes(only, without))
+    plain = _searched(reference, event, circumstances, on_cause, allowed_causes(only, without))
+    of_the_file = _of_the_file_alone(plain) if reference.of_file else []
+    if of_the_file:
+        learned = with_learned_error(reference, event, circumstances, of_the_file[0])
+        plain = replace(_searched(learned, event, circumstances, on_cause, plain.allowed), faults=plain.faults)
     if reference.nominal is not None and not plain.of_the_file:
         name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
         raise SelectionError(f"{name} cannot be left out: the structure file is too far from the measured modes")
@@ -138,7 +140,7 @@ def _diagnosed(
     if not singles:
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = relaxed_alone(plain, singles)
-    case = Case(reference, event, search.data, singles, search, measured, unused, bare)
+    case = Case(search.reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, "unsteady")
     if reference.nominal is None and nothing_changed(search, singles):
@@ -151,8 +153,9 @@ def _diagnosed(
     least_error = MODEL_ERROR / reference.model_error_factor
     good = compare(reference, event, circumstances=circumstances, model_error=least_error)
     if found and fits(found[0]):
-        if reference.of_file:
-            case = with_learned_error(case, found)
+        if of_the_file and found[0].names != of_the_file[0].names:
+            learned = with_learned_error(reference, event, circumstances, found[0])
+            case = replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
         case, found = judged(case, found, compare(case.reference, event, circumstances=circumstances))
 
         def again(loaded: Reference) -> DiagnosisResult:
@@ -179,6 +182,38 @@ def _diagnosed(
     if _worn(found[0]):
         return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
     return _explained(case, with_section_error(case, found), best.log_evidence)
+
+
+def _searched(
+    reference: Reference,
+    event: ModalMean,
+    circumstances: Circumstances,
+    on_cause: OnCause,
+    allowed: Collection[str],
+) -> EvidenceComparison:
+    """Return the causes compared with twice the error of a good model, unless the reference's is larger."""
+    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
+    rough = compare(reference, event, circumstances=circumstances, model_error=less)
+    return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
+
+
+def _searched(
+    reference: Reference,
+    event: ModalMean,
+    circumstances: Circumstances,
+    on_cause: OnCause,
+    allowed: Collection[str],
+) -> EvidenceComparison:
+    """Return the causes compared with twice the error of a good model, unless the reference's is larger."""
+    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
+    rough = compare(reference, event, circumstances=circumstances, model_error=less)
+    return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
+
+
+def _of_the_file_alone(weighing: EvidenceComparison) -> list[Candidate]:
+    """Return the errors of the structure file, fitted alone."""
+    names = [name for name in weighing.allowed if CATALOGUE[name].of_the_file]
+    return replace(weighing, allowed=names).singles()
 
 
 def _strewn(best: Candidate) -> bool:

@@ -204,6 +204,7 @@ def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Tr
 
 _NAMED = 4.5  # standard deviations: cause, place and size cost about 10 of log evidence
 _HALF, _MOST = 0.5, 0.9  # shares of all places
+_IMPOSSIBLE = 3.0  # prior standard deviations: a larger magnitude is not stated
 _LARGEST_LOSS = 0.9  # a larger one is not stated: a stretch is then a hinge
 
 
@@ -233,7 +234,9 @@ def smallest_changes(data: Comparison, causes: Mapping[str, Cause], chosen: Hypo
 def _smallest(
     data: Comparison, cause: AddedMass | SensorGain | SensorPosition, chosen: Hypothesis, parameter: str, unit: str
 ) -> SmallestChange:
-    half, most = _at_places(_least(data, cause, chosen), np.exp(cause.log_prior))
+    least = _least(data, cause, chosen)
+    least[least > _IMPOSSIBLE * cause.prior_std[0]] = np.inf
+    half, most = _at_places(least, np.exp(cause.log_prior))
     return SmallestChange(cause=cause.name, parameter=parameter, value=half, value_at_most_places=most, unit=unit)
 
 

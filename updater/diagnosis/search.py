@@ -20,6 +20,8 @@ from updater.diagnosis.naming import MIN_P, WORTH_NAMING
 from updater.diagnosis.relaxation import is_hidden, is_relaxed_doubtful, relaxed_beside
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, SURE, WELL, Candidate, EvidenceComparison, ranked
 from updater.inference import Comparison, compare, fit, freedom_of_frequencies
+from updater.modal_data import Circumstances, ModalMean
+from updater.reference import Reference
 
 _MIN_P_TOGETHER = 0.03  # of several causes: the best of hundreds of compositions must fit well, not just passably
 _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one place may differ
@@ -107,26 +109,26 @@ def _with_section_error(case: Case, candidate: Candidate) -> Candidate:
     return candidate if again is None else replace(candidate, chosen=again.chosen, parts=again.parts)
 
 
-def with_learned_error(case: Case, found: list[Candidate]) -> Case:
-    """Return a case about a structure file with the error of the file's model that the data show.
+def with_learned_error(reference: Reference, event: ModalMean, known: Circumstances, best: Candidate) -> Reference:
+    """Return the reference with the error of a structure file's model that the data show.
 
     How well the modes of a model agree with those of its structure, once its parameters are fitted, is not known
     beforehand. With assumed deviations of twice the actual ones, larger changes remain without significance. The share
     of them with the largest evidence of the best explanation is used, if this fits.
+
+    Parameters
+    ----------
+    reference : with the assumed error
+    known : circumstances of the event
+    best : explanation
     """
-    best = found[0]
-    weighing = replace(case.weighing, allowed=best.names)
 
-    def evidence(shares: tuple[float, float]) -> tuple[float, Case]:
-        reference = case.reference.with_own_error(*shares)
-        data = compare(reference, case.event, circumstances=case.data.circumstances)
-        fitted = Compositions(replace(weighing, reference=reference, data=data)).coordinate_fit(best.chosen)
-        own = -np.inf if fitted is None or not fits(fitted) else fitted.log_evidence + data.log_det_of_shapes
-        return own, replace(case, reference=reference, weighing=replace(case.weighing, reference=reference))
+    def evidence(one: Reference) -> float:
+        data = compare(one, event, circumstances=known)
+        found = fit(data, fixed(data, best.chosen))
+        return -np.inf if found.p_value < MIN_P else found.log_evidence + data.log_det_of_shapes
 
-    assumed = best.log_evidence + case.data.log_det_of_shapes
-    most, other = max((evidence(shares) for shares in _SHARES_OF_ERROR), key=lambda one: one[0])
-    return other if most > assumed else case
+    return max((reference, *(reference.with_own_error(*share) for share in _SHARES_OF_ERROR)), key=evidence)
 
 
 def judged(case: Case, found: list[Candidate], data: Comparison) -> tuple[Case, list[Candidate]]:
@@ -142,9 +144,6 @@ def judged(case: Case, found: list[Candidate], data: Comparison) -> tuple[Case, 
     again = _again(weighing, found)
     if not again:
         return case, found
-    if case.reference.of_file:
-        known = [sorted(c.names) for c in again]
-        again = ranked([*again, *(c for c in beside_the_file(weighing, again) if sorted(c.names) not in known)])
     weighing, judged = relaxed_beside(weighing, stepwise(weighing, again, rough=False))
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
