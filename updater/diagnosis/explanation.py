@@ -324,8 +324,10 @@ def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChan
     """Return the smallest changes that would have been seen, if only errors of a whole structure file are accepted."""
     if not case.reference.of_file or not all(c.cause.place_free for c in chosen):
         return ()
-    faults, causes = case.weighing.faults, case.weighing.causes
-    found = faults.attempt("the smallest changes", lambda: smallest_changes(case.weighing.data, causes, tuple(chosen)))
+    plain = replace(case.weighing, instead={})
+    found = plain.faults.attempt(
+        "the smallest changes", lambda: smallest_changes(plain.data, plain.causes, tuple(chosen))
+    )
     return found or ()
 
 

@@ -222,7 +222,7 @@ def smallest_changes(data: Comparison, causes: Mapping[str, Cause], chosen: Hypo
     for cause in causes.values():
         if isinstance(cause, AddedMass):
             found.append(_smallest(data, cause, chosen, "mass", "kg"))
-        elif type(cause) is LocalStiffness:
+        elif isinstance(cause, LocalStiffness):
             found += _smallest_loss(data, cause, chosen)
         elif isinstance(cause, SensorGain):
             found.append(_smallest(data, cause, chosen, "gain", "-"))
