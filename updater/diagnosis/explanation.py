@@ -55,6 +55,7 @@ from updater.reference import Calibration, ModelFit, Reference
 from updater.structure import Structure
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
+_WORTH = 10.0  # of log evidence: another cause, its place and size
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
 _KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
@@ -127,7 +128,7 @@ def _diagnosed(
     plain = _searched(reference, event, circumstances, on_cause, allowed_causes(only, without))
     of_the_file = _of_the_file_alone(plain) if reference.of_file else []
     if of_the_file:
-        learned = with_learned_error(reference, event, circumstances, of_the_file[0])
+        learned, evidence = with_learned_error(reference, event, circumstances, of_the_file[0])
         plain = replace(_searched(learned, event, circumstances, on_cause, plain.allowed), faults=plain.faults)
     if reference.nominal is not None and not plain.of_the_file:
         name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
@@ -153,9 +154,11 @@ def _diagnosed(
     least_error = MODEL_ERROR / reference.model_error_factor
     good = compare(reference, event, circumstances=circumstances, model_error=least_error)
     if found and fits(found[0]):
-        if of_the_file and found[0].names != of_the_file[0].names:
-            learned = with_learned_error(reference, event, circumstances, found[0])
-            case = replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
+        if of_the_file and learned is reference:  # the file alone agrees no better than assumed
+            again_learned, other = with_learned_error(reference, event, circumstances, found[0])
+            if other > evidence + _WORTH:
+                learned = again_learned
+                case = replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
         case, found = judged(case, found, compare(case.reference, event, circumstances=circumstances))
 
         def again(loaded: Reference) -> DiagnosisResult:

@@ -25,7 +25,7 @@ from updater.inference.linearization import (
 from updater.inference.new_shapes import shaken
 from updater.inference.phases_and_damping import without_mode
 from updater.inference.posterior import Place, PositionPosterior, credible, likeliest_place
-from updater.inference.priors import Magnitude, common_magnitude, log_uniform, other_spread
+from updater.inference.priors import Magnitude, common_magnitude, log_uniform
 from updater.inference.reanalysis import Changed, Effect, Tangent, in_modes, no_effect, picked, predict, reanalyse
 from updater.inference.residuals import Prediction, residual
 from updater.inference.shape_covariance import SHAPE_BIAS, beside
@@ -63,7 +63,6 @@ __all__ = [
     "log_uniform",
     "most_likely",
     "no_effect",
-    "other_spread",
     "picked",
     "predict",
     "pulls",

@@ -88,14 +88,14 @@ class Reference:
         apart = np.abs(np.log(self.frequency[self.paired, None] / self.frequency[hidden]))
         return np.asarray((apart < NEAR).any(1))
 
-    def with_own_error(self, of_frequency: float, of_shape: float) -> "Reference":
-        """Return the reference with shares of the errors that are assumed for a model's own frequencies and shapes.
+    def with_own_error(self, share: float) -> "Reference":
+        """Return the reference with a share of the errors that are assumed for a model's own frequencies and shapes.
 
         The baseline is the model's own modes (`of_file`). Sensors may be turned as before.
         """
         own = self.baseline
-        shape_std = np.sqrt(own.shape_std**2 - (1 - of_shape**2) * SHAPE_STD**2)
-        less = replace(own, log_frequency_std=of_frequency * own.log_frequency_std, shape_std=shape_std)
+        shape_std = np.sqrt(own.shape_std**2 - (1 - share**2) * SHAPE_STD**2)
+        less = replace(own, log_frequency_std=share * own.log_frequency_std, shape_std=shape_std)
         return replace(self, baseline=less)
 
     def at_channels(self, channels: tuple[str, ...]) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from updater.inference import common_magnitude, log_uniform, other_spread
+from updater.inference import common_magnitude, log_uniform
 
 GAUSSIAN, MIN, MAX = 1.5, 1e-3, 7.5
 
@@ -70,12 +70,12 @@ def test_parameters_without_effect_do_not_change_the_common_magnitude() -> None:
     np.testing.assert_allclose(both, alone, atol=1e-9)
 
 
-@pytest.mark.parametrize("spread", [1e-6, 0.2, GAUSSIAN, 30.0])
-def test_evidence_under_another_spread_is_that_of_the_closed_form(spread: float) -> None:
-    """A measured value x with deviation s and a prior of deviation p: x is Gaussian with variance s^2 + p^2."""
-    value, std = np.array([0.7, -0.02]), np.array([0.3, 0.5])
-    precision = std**-2 + GAUSSIAN**-2
-    posterior, posterior_std = value / std**2 / precision, precision**-0.5
-    found = other_spread(posterior, posterior_std, gaussian=GAUSSIAN, spread=np.full(2, spread))
-    closed = norm.logpdf(value, 0, np.hypot(std, spread)) - norm.logpdf(value, 0, np.hypot(std, GAUSSIAN))
-    np.testing.assert_allclose(found, closed, rtol=1e-9, atol=1e-9)
+def test_log_uniform_prior_has_no_unit() -> None:
+    """Magnitudes in other units, each with its own Gaussian prior, have the same evidence."""
+    value, std, unit = np.array([0.3, -0.02]), np.array([0.1, 0.05]), np.array([3.0, 1e-4])
+    found = log_uniform(value, std, gaussian=GAUSSIAN, least=MIN, most=MAX).log_ratio
+    scaled = [
+        log_uniform(value[[k]] / u, std[[k]] / u, gaussian=np.array([GAUSSIAN / u]), least=MIN / u, most=MAX / u)
+        for k, u in enumerate(unit)
+    ]
+    np.testing.assert_allclose([one.log_ratio[0] for one in scaled], found, rtol=1e-9)

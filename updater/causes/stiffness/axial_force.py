@@ -20,7 +20,7 @@ from updater.causes.base import Discrete
 from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.stretches import may_be_cut
 from updater.fe import Element, Model, self_stress
-from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect, other_spread
+from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
 from updater.structure import Member, Structure
@@ -33,8 +33,9 @@ _STD = 0.3  # of the force over that of buckling, while it is fitted
 _MIN, _MAX = 0.003, 3.0  # of its magnitude
 _COMPRESSED = -0.9  # relative to buckling: no structure is stable beyond
 _GRAVITY = 9.81  # m/s2
-_MISFIT = 2e-4  # standard deviation of a member's strain before it is restrained: 15 K of steel, 0.2 mm on a metre
-_STATED = 0.3  # likewise of a preload in the file, relative to it
+_MISFIT = 2e-4  # strain of a member before it is restrained: 15 K of steel, 0.2 mm on a metre
+_STATED = 0.3  # error of a preload in the file, relative to it
+_LEAST_USUAL = 1e-3  # least of a usual force over the most
 _UNSTATED = 0.05  # probability of a force of any order that a structure file lacks
 
 
@@ -47,7 +48,7 @@ class AxialForce(Discrete):
     buckling: FloatArray  #: (n,) force at which each member buckles the structure [N]
     share: FloatArray  #: (n, n_modes) w over its largest [-]
     basis: FloatArray  #: (n, n_modes, n_modes) Lambda^-1/2 V [s]
-    #: (n,) standard deviation of a usual force over that of buckling; infinite for a change, which may be of any order
+    #: (n,) most of a usual force over that of buckling; infinite for a change, which may be of any order
     usual: FloatArray
     name: str = "axial_force"
     place_free: bool = False
@@ -64,9 +65,10 @@ class AxialForce(Discrete):
         """Return the correction of the evidence for a force of any order, or for a usual one."""
         value, std = theta[:, 0], np.sqrt(covariance[:, 0, 0])
         of_any_order = log_uniform(value, std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
-        if not np.isfinite(self.usual).all():
+        unit = self.usual[rows]
+        if not np.isfinite(unit).all():
             return of_any_order
-        usual = other_spread(value, std, gaussian=_STD, spread=self.usual[rows])
+        usual = log_uniform(value / unit, std / unit, gaussian=_STD / unit, least=_LEAST_USUAL, most=1.0).log_ratio
         return np.asarray(np.logaddexp(np.log1p(-_UNSTATED) + usual, np.log(_UNSTATED) + of_any_order))
 
     def where(self, fit: "Fit[Cause]") -> Where:
@@ -115,7 +117,7 @@ def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialFo
 
 
 def usual_forces(model: Model) -> FloatArray:
-    """Return the standard deviation of each member's force that the file lacks (n,) [N].
+    """Return the most of each member's usual force that a file lacks (n,) [N].
 
     The weight of all, an error of a stated preload, and the force of a misfit strain: in states of self-stress z of
     unit energy, a strain e along a member of length L causes the force e L sum(N_z^2).
