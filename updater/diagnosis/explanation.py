@@ -200,19 +200,6 @@ def _searched(
     return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
 
 
-def _searched(
-    reference: Reference,
-    event: ModalMean,
-    circumstances: Circumstances,
-    on_cause: OnCause,
-    allowed: Collection[str],
-) -> EvidenceComparison:
-    """Return the causes compared with twice the error of a good model, unless the reference's is larger."""
-    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
-    rough = compare(reference, event, circumstances=circumstances, model_error=less)
-    return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
-
-
 def _of_the_file_alone(weighing: EvidenceComparison) -> list[Candidate]:
     """Return the errors of the structure file, fitted alone."""
     names = [name for name in weighing.allowed if CATALOGUE[name].of_the_file]

@@ -261,7 +261,8 @@ def _least(data: Comparison, cause: Cause, chosen: Hypothesis) -> FloatArray:
     """Return the smallest magnitude of each alternative (n,)."""
     n_own = len(cause.prior_std)
     theta = np.concatenate([np.zeros(n_own), *(c.theta for c in chosen)])
-    return _NAMED * size_deviations(data, JointHypothesis(cause, chosen), theta, n_own)
+    beside: JointHypothesis[Cause] = JointHypothesis(cause, chosen)
+    return _NAMED * size_deviations(data, beside, theta, n_own)
 
 
 def _at_places(least: FloatArray, weight: FloatArray) -> tuple[float | None, float | None]:
