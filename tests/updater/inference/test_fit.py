@@ -12,7 +12,7 @@ from updater import Body
 from updater.causes import Nothing, SensorGain
 from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.weighing import EvidenceComparison
-from updater.inference import compare, fit, freedom_of_frequencies
+from updater.inference import compare, fit, freedom_of_frequencies, size_deviations
 
 
 @pytest.mark.parametrize("seed", few_of([182, 181, 183]))
@@ -61,3 +61,13 @@ def test_parameters_without_effect_take_no_degrees_of_freedom() -> None:
     for prior, determined in ((0.3, 1.0), (1e-6, 0.0)):
         found = fit(data, replace(gains, prior_std=np.array([prior])))
         assert found.freedom == pytest.approx(data.freedom - determined, abs=0.02)
+
+
+def test_size_deviation_is_that_of_a_fit_near_no_change() -> None:
+    """To first order; with a prior of 0.3, 1 / (1 / s^2 + 1 / 0.3^2) is the variance of a fitted gain of about 1."""
+    reference, _, event = learnt(186)
+    data = compare(reference, event(Change()))
+    gains = EvidenceComparison(reference, data).causes["sensor_gain"]
+    fitted = np.sqrt(fit(data, gains).covariance[:, 0, 0])
+    least = size_deviations(data, gains, np.zeros(1), 1)
+    np.testing.assert_allclose((least**-2 + 0.3**-2) ** -0.5, fitted, rtol=0.05)
