@@ -11,7 +11,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text
 from monitor.text.quantities import MIN_P, mass_words, plain, share_text, utc
 from updater import Body, Cause, DiagnosisResult
-from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation
+from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation, SmallestChange
 from updater.quantities import SIGNIFICANT
 
 _REASONS = {
@@ -29,6 +29,7 @@ _SITUATIONS = {
     "file.",
 }
 _RATE_UNITS = {"kg": (1000.0, "g"), "-": (100.0, "%")}  # spoken: scale and unit
+_SPOKEN_UNITS = _RATE_UNITS | {"m": (1000.0, "mm")}
 
 
 def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = ()) -> DiagnosisAnswer:
@@ -124,6 +125,26 @@ def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:
 
 def _joint(causes: Iterable[str], word: str = " and ") -> str:
     return word.join(map(plain, causes))
+
+
+def smallest_changes_text(found: Sequence[SmallestChange]) -> str:
+    """Return the smallest changes that would have been seen beside the errors of a structure file; empty if unknown."""
+    if not found:
+        return ""
+    texts = "; ".join(map(_smallest_text, found))
+    return f"Smallest changes that differ from errors of the model, at half (nine tenths) of all places: {texts}."
+
+
+def _smallest_text(found: SmallestChange) -> str:
+    scale, unit = _SPOKEN_UNITS[found.unit]
+    values = (found.value, found.value_at_most_places)
+    half, most = ("none" if value is None else f"{_two_digits(scale * value)} {unit}" for value in values)
+    over = "" if found.extent is None else f" over {found.extent:.2g} m"
+    return f"{plain(found.cause)} {half} ({most}){over}"
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def within_record_text(found: WithinRecord) -> str:

@@ -10,6 +10,8 @@ from updater.causes.mass.several_bodies import PER_BODY, Bodies
 from updater.causes.model.parameters import ModelParameters, propose_model_parameters
 from updater.causes.overall.common_factor import CommonFactor
 from updater.causes.sensors.delay import begin_at
+from updater.causes.sensors.gain_polarity_swap import SensorGain
+from updater.causes.sensors.position import SensorPosition
 from updater.causes.stiffness.connections import CONNECTIONS
 from updater.causes.stiffness.local_stiffness import LocalStiffness
 
@@ -33,6 +35,8 @@ __all__ = [
     "Placed",
     "Propose",
     "SelectedCause",
+    "SensorGain",
+    "SensorPosition",
     "Sized",
     "begin_at",
     "effect_of",

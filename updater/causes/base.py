@@ -147,9 +147,9 @@ class Discrete:
         same: BoolArray = np.arange(len(self.lower)) == row
         return same
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return zeros (n_alternatives,): the prior is Gaussian."""
-        del covariance
+        del covariance, rows
         return np.zeros(len(theta))
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
@@ -194,9 +194,9 @@ class Nothing:
         del theta
         return no_effect(len(rows), self.comparison)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return zeros (n_alternatives,): the prior is Gaussian."""
-        del covariance
+        del covariance, rows
         return np.zeros(len(theta))
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> None:

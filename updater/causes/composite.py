@@ -89,13 +89,14 @@ class JointHypothesis(Generic[C]):
             at = own.stop
         return found
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return those of all together, each by its own parameters."""
         n = len(self.free.prior_std)
-        found = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n])
+        found = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n], rows)
         for c in self.chosen:
             own = slice(n, n + len(c.cause.prior_std))
-            found = found + c.cause.log_ratio(theta[:, own], covariance[:, own, own])
+            its_row = np.full(len(rows), c.row)
+            found = found + c.cause.log_ratio(theta[:, own], covariance[:, own, own], its_row)
             n = own.stop
         return found
 

@@ -264,7 +264,8 @@ class Stretches:
     def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         posterior, cell_of = self._posterior(fit)
-        return [np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in posterior.places]
+        every = (np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in posterior.places)
+        return [inside for inside in every if inside.any()]  # a place may be the end of stretches with other middles
 
     def averaged(self, fit: "Fit[Any]", value: FloatArray, std: FloatArray) -> tuple[float, float]:
         """Return mean and standard deviation of values (n,), (n,) over the most probable place."""

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
         ReferenceStep,
         Rejected,
         Separation,
+        SmallestChange,
         Verdict,
     )
     from updater.diagnosis.weighing import OnCause, allowed_causes, say_nothing
@@ -51,6 +52,7 @@ __all__ = [
     "ReferenceStep",
     "Rejected",
     "Separation",
+    "SmallestChange",
     "Verdict",
     "allowed_causes",
     "densities",

@@ -31,10 +31,10 @@ from updater.diagnosis.naming import (
     rejected_causes,
     with_place_names,
 )
-from updater.diagnosis.next_measurement import next_measurement
+from updater.diagnosis.next_measurement import next_measurement, smallest_changes
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
 from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
-from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, Verdict
+from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, SmallestChange, Verdict
 from updater.diagnosis.search import (
     beside_the_file,
     closer,
@@ -42,6 +42,7 @@ from updater.diagnosis.search import (
     judged,
     nothing_changed,
     stepwise,
+    with_learned_error,
     with_section_error,
     within_noise,
 )
@@ -54,6 +55,7 @@ from updater.reference import Calibration, ModelFit, Reference
 from updater.structure import Structure
 
 _ROUGHER = 2.0  # times the model error that a good model has, to search with
+_WORTH = 10.0  # of log evidence: another cause, its place and size
 _MAX_OPEN = 5  # hypotheses that a next measurement is sought for
 _DRIFT = "global_stiffness"  # cause that represents a drift of all frequencies in the extended model
 _KNOWN_MASS = "added_mass"  # cause whose positions are those of a known mass
@@ -123,9 +125,11 @@ def _diagnosed(
     bare : of the structure file, where the reference's model has bodies that it lacks
     """
     event = measured.event
-    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
-    rough = compare(reference, event, circumstances=circumstances, model_error=less)
-    plain = EvidenceComparison(reference, rough, on_cause, allowed=allowed_causes(only, without))
+    plain = _searched(reference, event, circumstances, on_cause, allowed_causes(only, without))
+    of_the_file = _of_the_file_alone(plain) if reference.of_file else []
+    if of_the_file:
+        learned, evidence = with_learned_error(reference, event, circumstances, of_the_file[0])
+        plain = replace(_searched(learned, event, circumstances, on_cause, plain.allowed), faults=plain.faults)
     if reference.nominal is not None and not plain.of_the_file:
         name = next(name for name, entry in CATALOGUE.items() if entry.of_the_file)
         raise SelectionError(f"{name} cannot be left out: the structure file is too far from the measured modes")
@@ -137,7 +141,7 @@ def _diagnosed(
     if not singles:
         raise RuntimeError(f"every cause has failed: {plain.faults.found}")
     search, singles = relaxed_alone(plain, singles)
-    case = Case(reference, event, search.data, singles, search, measured, unused, bare)
+    case = Case(search.reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, "unsteady")
     if reference.nominal is None and nothing_changed(search, singles):
@@ -150,7 +154,12 @@ def _diagnosed(
     least_error = MODEL_ERROR / reference.model_error_factor
     good = compare(reference, event, circumstances=circumstances, model_error=least_error)
     if found and fits(found[0]):
-        case, found = judged(case, found, compare(reference, event, circumstances=circumstances))
+        if of_the_file and learned is reference:  # the file alone agrees no better than assumed
+            again_learned, other = with_learned_error(reference, event, circumstances, found[0])
+            if other > evidence + _WORTH:
+                learned = again_learned
+                case = replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
+        case, found = judged(case, found, compare(case.reference, event, circumstances=circumstances))
 
         def again(loaded: Reference) -> DiagnosisResult:
             given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
@@ -178,6 +187,25 @@ def _diagnosed(
     return _explained(case, with_section_error(case, found), best.log_evidence)
 
 
+def _searched(
+    reference: Reference,
+    event: ModalMean,
+    circumstances: Circumstances,
+    on_cause: OnCause,
+    allowed: Collection[str],
+) -> EvidenceComparison:
+    """Return the causes compared with twice the error of a good model, unless the reference's is larger."""
+    less = max(_ROUGHER / reference.model_error_factor, 1.0) * MODEL_ERROR
+    rough = compare(reference, event, circumstances=circumstances, model_error=less)
+    return EvidenceComparison(reference, rough, on_cause, allowed=allowed)
+
+
+def _of_the_file_alone(weighing: EvidenceComparison) -> list[Candidate]:
+    """Return the errors of the structure file, fitted alone."""
+    names = [name for name in weighing.allowed if CATALOGUE[name].of_the_file]
+    return replace(weighing, allowed=names).singles()
+
+
 def _strewn(best: Candidate) -> bool:
     """Return whether a rare cause occurs with another one of its common form: mass at many places."""
     rare = {CATALOGUE[name].common_form for name in best.names} - {""}
@@ -202,6 +230,7 @@ def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement)
         gain=None,
         calibration=calibration_summary(case.reference),
         failed=_failed(case),
+        smallest_changes=_smallest(case, ()) if verdict == "nothing_to_explain" else (),
     )
     rejected = rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain")
     return DiagnosisResult(diagnosis, None, rejected, advice)
@@ -267,6 +296,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         gain=gained.gain if gained and gained.significant else None,
         calibration=calibration_summary(case.reference),
         failed=_failed(case),
+        smallest_changes=_smallest(case, best.chosen),
     )
     return DiagnosisResult(
         diagnosis,
@@ -278,6 +308,17 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         calibration=calibration if case.bare else None,
         removed=tuple(body for _, body in removed),
     )
+
+
+def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChange, ...]:
+    """Return the smallest changes that would have been seen, if only errors of a whole structure file are accepted."""
+    if not case.reference.of_file or not all(c.cause.place_free for c in chosen):
+        return ()
+    plain = replace(case.weighing, instead={})
+    found = plain.faults.attempt(
+        "the smallest changes", lambda: smallest_changes(plain.data, plain.causes, tuple(chosen))
+    )
+    return found or ()
 
 
 def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tuple[SelectedCause, ...], Comparison]:

@@ -2,19 +2,40 @@
 
 A further sensor, four times the record, a known mass, a thermometer, a tone of known frequency: the hypotheses predict
 the result of each measurement. The distance of the predictions in standard deviations measures how well it would
-decide.
+decide. Where nothing is to be decided, the smallest changes that the data would have shown.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import AddedMass, CommonFactor, SelectedCause, effect_of, prediction
-from updater.diagnosis.schema import Measurement, Separation
-from updater.inference import MODEL_ERROR, Changed, Comparison, Effect, compare, picked, reanalyse, residual
+from updater.causes import (
+    AddedMass,
+    Cause,
+    CommonFactor,
+    JointHypothesis,
+    LocalStiffness,
+    SelectedCause,
+    SensorGain,
+    SensorPosition,
+    effect_of,
+    prediction,
+)
+from updater.diagnosis.schema import Measurement, Separation, SmallestChange
+from updater.inference import (
+    MODEL_ERROR,
+    Changed,
+    Comparison,
+    Effect,
+    compare,
+    picked,
+    reanalyse,
+    residual,
+    size_deviations,
+)
 from updater.modal_data import ModalMean
 from updater.quantities import vector
 from updater.reference import Reference
@@ -179,3 +200,74 @@ def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Tr
         if reading.any():
             found.append((Measurement(kind="instrument", instrument=instrument), _apart(reading, np.ones(1))))
     return found
+
+
+_NAMED = 4.5  # standard deviations: cause, place and size cost about 10 of log evidence
+_HALF, _MOST = 0.5, 0.9  # shares of all places
+_IMPOSSIBLE = 3.0  # prior standard deviations: a larger magnitude is not stated
+_LARGEST_LOSS = 0.9  # a larger one is not stated: a stretch is then a hinge
+
+
+def smallest_changes(data: Comparison, causes: Mapping[str, Cause], chosen: Hypothesis) -> tuple[SmallestChange, ...]:
+    """Return the smallest changes that the data would have shown beside the chosen causes.
+
+    To first order, with all parameters of these fitted too.
+
+    Parameters
+    ----------
+    causes : that were considered, by name
+    chosen : accepted
+    """
+    found = []
+    for cause in causes.values():
+        if isinstance(cause, AddedMass):
+            found.append(_smallest(data, cause, chosen, "mass", "kg"))
+        elif isinstance(cause, LocalStiffness):
+            found += _smallest_loss(data, cause, chosen)
+        elif isinstance(cause, SensorGain):
+            found.append(_smallest(data, cause, chosen, "gain", "-"))
+        elif isinstance(cause, SensorPosition):
+            found.append(_smallest(data, cause, chosen, "shift", "m"))
+    return tuple(found)
+
+
+def _smallest(
+    data: Comparison, cause: AddedMass | SensorGain | SensorPosition, chosen: Hypothesis, parameter: str, unit: str
+) -> SmallestChange:
+    least = _least(data, cause, chosen)
+    least[least > _IMPOSSIBLE * cause.prior_std[0]] = np.inf
+    half, most = _at_places(least, np.exp(cause.log_prior))
+    return SmallestChange(cause=cause.name, parameter=parameter, value=half, value_at_most_places=most, unit=unit)
+
+
+def _smallest_loss(data: Comparison, cause: LocalStiffness, chosen: Hypothesis) -> list[SmallestChange]:
+    """Return the smallest loss of stiffness along stretches of the middle kind of length."""
+    kind = sorted(cause.kinds.size)[len(cause.kinds.size) // 2]
+    rows = cause.kind == kind
+    if not rows.any():
+        return []
+    compliance, weight = _least(data, cause, chosen)[rows], np.exp(cause.log_prior[rows])
+    loss = compliance / (1 + compliance)  # a softer stretch has 1 / (1 - loss) of the compliance
+    half, most = _at_places(np.where(loss > _LARGEST_LOSS, np.inf, loss), weight)
+    extent = float(np.median(cause.size[rows] * cause.cells.length[cause.member[rows]]))
+    return [
+        SmallestChange(
+            cause=cause.name, parameter="loss", value=half, value_at_most_places=most, unit="-", extent=extent
+        )
+    ]
+
+
+def _least(data: Comparison, cause: Cause, chosen: Hypothesis) -> FloatArray:
+    """Return the smallest magnitude of each alternative (n,)."""
+    n_own = len(cause.prior_std)
+    theta = np.concatenate([np.zeros(n_own), *(c.theta for c in chosen)])
+    beside: JointHypothesis[Cause] = JointHypothesis(cause, chosen)
+    return _NAMED * size_deviations(data, beside, theta, n_own)
+
+
+def _at_places(least: FloatArray, weight: FloatArray) -> tuple[float | None, float | None]:
+    """Return the smallest magnitude (n,) at half of all places, and at nine of ten; None where it is infinite."""
+    order = np.argsort(least)
+    below = np.cumsum(weight[order]) / weight.sum()
+    half, most = (float(least[order][np.searchsorted(below, share)]) for share in (_HALF, _MOST))
+    return half if np.isfinite(half) else None, most if np.isfinite(most) else None

@@ -56,6 +56,17 @@ class Measurement(PlainValue):
     deviations: float = 0.0  #: by at least so many standard deviations
 
 
+class SmallestChange(PlainValue):
+    """Smallest change of one kind that these data would have shown beside the errors of the structure file."""
+
+    cause: str
+    parameter: str
+    value: float | None  #: smallest magnitude at half of all places or channels; None where none would be seen
+    value_at_most_places: float | None  #: at nine of ten
+    unit: str
+    extent: float | None = None  #: length of the stretch [m]; None for other kinds
+
+
 class Separation(PlainValue):
     """Measurements that would decide between hypotheses."""
 
@@ -157,6 +168,8 @@ class Diagnosis(PlainValue):
     gain: Gain | None
     calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
+    #: by kinds, where a structure file is compared and no change is named beside its errors
+    smallest_changes: tuple[SmallestChange, ...] = ()
 
     def __repr__(self) -> str:
         causes = ", ".join(f"{cause.cause} {_probability(cause)}" for cause in self.causes)

@@ -100,6 +100,6 @@ def self_stress(model: Model) -> SelfStress:
 def _beside_range(strain: FloatArray) -> FloatArray:
     """Return orthonormal columns (n_strains, n) that are no strain of any displacement; none of very many."""
     left, value, _ = np.linalg.svd(strain, full_matrices=True)
-    rank = int((value > _MIN * value[0]).sum())
+    rank = int((value > _MIN * value.max(initial=0.0)).sum())
     states = left[:, rank:]
     return states if states.shape[1] <= _MAX else states[:, :0]

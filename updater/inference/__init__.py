@@ -13,7 +13,15 @@ from updater.inference.laplace_fit import (
     refined_fit,
     slopes,
 )
-from updater.inference.linearization import first_order, foreseen, linear_in_mass, linearised, most_likely, pulls
+from updater.inference.linearization import (
+    first_order,
+    foreseen,
+    linear_in_mass,
+    linearised,
+    most_likely,
+    pulls,
+    size_deviations,
+)
 from updater.inference.new_shapes import shaken
 from updater.inference.phases_and_damping import without_mode
 from updater.inference.posterior import Place, PositionPosterior, credible, likeliest_place
@@ -62,6 +70,7 @@ __all__ = [
     "refined_fit",
     "residual",
     "shaken",
+    "size_deviations",
     "slopes",
     "without_mode",
 ]

@@ -22,6 +22,9 @@ _REACH_NEAR = (100.0, 60.0, 60.0, 60.0, 60.0, 60.0)  # likewise, of alternatives
 _FEW = 150  # alternatives that are continued after the first step: those with the best predictions
 _HOPELESS = 300.0  # of chi-square over the best: alternatives that begin near their best are not fitted
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
+_PATIENCE = 3  # exchanges without fewer wrong parameters, after which they are exchanged one by one
+_MAX_PIVOTS = 100  # exchanges
+_WRONG = 1e-6  # standard deviations by which a parameter may go beyond its bound
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 _AT_ONCE = 256  # rows times parameters whose residuals are computed together: their arrays stay in the cache
 BoolArray = npt.NDArray[np.bool_]
@@ -59,13 +62,14 @@ class Hypotheses(Protocol):
         """Return the effect of the alternatives `rows` with parameters theta (len(rows), n_parameters)."""
         ...
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return by how much a prior that is not Gaussian raises the log evidence of each alternative.
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return by how much a prior that is not Gaussian raises the log evidence of alternatives `rows`.
 
         Parameters
         ----------
-        theta : (n_alternatives, n_parameters) fitted with the Gaussian prior
-        covariance : (n_alternatives, n_parameters, n_parameters)
+        theta : (len(rows), n_parameters) fitted with the Gaussian prior
+        covariance : (len(rows), n_parameters, n_parameters)
+        rows : (len(rows),) alternatives
         """
         ...
 
@@ -108,7 +112,7 @@ class Fit(Generic[H]):
     covariance: FloatArray  #: (n_alternatives, n_parameters, n_parameters)
     chi_square: FloatArray  #: (n_alternatives,) of data and priors
     log_density: FloatArray  #: (n_alternatives,) log evidence of each, its own prior probability left out
-    freedom: float  #: number of data less fitted parameters
+    freedom: float  #: number of data less the parameters that they determine
     frequency_residual: FloatArray  #: (n_alternatives, n) whitened residuals of the frequencies
 
     @property
@@ -205,7 +209,7 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
     slope = _of_priors(hypotheses, point)
     slope[begun] = slopes(comparison, hypotheses, point, begun)
     for number, reach in enumerate(_REACH_NEAR if near else _REACH):
-        step, promised = _newton(slope, point.residual, np.zeros(point.theta.shape, bool))
+        step, promised = _newton(slope, point.residual, point.theta - hypotheses.lower)
         least = point.cost - promised
         alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
         if number:
@@ -214,11 +218,6 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
             break
         before = point.cost[alive]
         _descend(comparison, hypotheses, point, slope, step[alive], alive)
-        beyond = point.theta - step <= hypotheses.lower
-        held = alive[(before - point.cost[alive] <= _ENOUGH) & beyond[alive].any(1)]
-        if len(held):  # a parameter at its bound has misled the others
-            bounded, _ = _newton(slope[held], point.residual[held], beyond[held])
-            _descend(comparison, hypotheses, point, slope, bounded, held)
         gained = before - point.cost[alive]
         moving[alive] = gained > _ENOUGH
         moved = alive[gained > 0]
@@ -228,15 +227,27 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
     whitener = comparison.drifting if hypotheses.drifting else comparison.plain
     of_new = comparison.freedom_of_new(point.effect.own.shape[1])
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
+    log_ratio = hypotheses.log_ratio(point.theta, covariance, everything)
+    determined = _determined(hypotheses, covariance[int(np.argmin(point.cost))])
     return Fit(
         hypotheses=hypotheses,
         theta=point.theta,
         covariance=covariance,
         chi_square=point.cost,
-        log_density=-0.5 * point.cost + volume + whitener.log_det + hypotheses.log_ratio(point.theta, covariance),
-        freedom=max(comparison.freedom + of_new - len(hypotheses.prior_std), 1.0),
+        log_density=-0.5 * point.cost + volume + whitener.log_det + log_ratio,
+        freedom=max(comparison.freedom + of_new - determined, 1.0),
         frequency_residual=point.residual[:, : len(comparison.log_ratio)],
     )
+
+
+def _determined(hypotheses: Hypotheses, covariance: FloatArray) -> float:
+    """Return how many parameters the data determine: a parameter that keeps its prior takes nothing from the data.
+
+    Parameters
+    ----------
+    covariance : (n_parameters, n_parameters) of one alternative
+    """
+    return len(covariance) - float((np.diag(covariance) / hypotheses.prior_std**2).sum())
 
 
 def _of_priors(hypotheses: Hypotheses, point: Point) -> FloatArray:
@@ -247,23 +258,57 @@ def _of_priors(hypotheses: Hypotheses, point: Point) -> FloatArray:
     return slope
 
 
-def _newton(slope: FloatArray, residual: FloatArray, least: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _newton(slope: FloatArray, residual: FloatArray, room: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the step of each alternative (n_alternatives, n_parameters), and the predicted reduction of chi-square.
 
     Parameters
     ----------
-    least : which parameters cannot become less: those that would stay, and the others are stepped without them
+    room : (n_alternatives, n_parameters) largest decrease of each parameter, to its least value
     """
     whole, gradient = normal(slope), np.einsum("pij,pi->pj", slope, residual)
-    held = np.zeros(least.shape, bool)
-    while True:
-        free = ~held
-        alone = np.where(free[:, :, None] & free[:, None, :], whole, np.eye(least.shape[1]))
-        step = np.linalg.solve(alone, (free * gradient)[..., None])[..., 0]
-        blocked = least & (step > 0)
-        if not blocked.any():
-            return step, np.asarray((gradient * step).sum(1))
-        held |= blocked
+    step = np.linalg.solve(whole, gradient[..., None])[..., 0]
+    beyond = np.flatnonzero((step > room).any(1))
+    if len(beyond):
+        step[beyond] = _bounded(whole[beyond], gradient[beyond], room[beyond], step[beyond] > room[beyond])
+    moved = (whole @ step[..., None])[..., 0]
+    return step, np.asarray(((2 * gradient - moved) * step).sum(1))
+
+
+def _bounded(whole: FloatArray, gradient: FloatArray, room: FloatArray, held: BoolArray) -> FloatArray:
+    """Return the steps s (n, k) with the least s^T A s - 2 g^T s that go no farther than the room.
+
+    By block principal pivoting: parameters that go too far are held at their bound, and those whose gradient leads away
+    from it are released, all at once while their number decreases, else one by one.
+
+    Parameters
+    ----------
+    whole, gradient : (n, k, k), (n, k) A and g
+    room : (n, k) largest steps, infinite without a bound
+    held : (n, k) parameters that are at their bound first
+
+    References
+    ----------
+    Kim, J., Park, H. (2011). Fast nonnegative matrix factorization: an active-set-like method. SIAM J. Sci. Comput.
+    33(6), 3261-3281.
+    """
+    scale = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
+    fewest, patience = np.full(len(whole), held.shape[1] + 1), np.full(len(whole), _PATIENCE)
+    step = np.zeros(gradient.shape)
+    for _ in range(_MAX_PIVOTS):
+        at = np.where(held, room, 0.0)
+        alone = np.where(held[:, :, None] | held[:, None, :], np.eye(held.shape[1]), whole)
+        right = np.where(held, at, gradient - (whole @ at[..., None])[..., 0])
+        step = np.linalg.solve(alone, right[..., None])[..., 0]
+        pull = gradient - (whole @ step[..., None])[..., 0]
+        wrong = np.where(held, pull < -_WRONG * scale, (step - room) * scale > _WRONG)
+        number = wrong.sum(1)
+        if not number.any():
+            break
+        patience = np.where(number < fewest, _PATIENCE, patience - 1)
+        fewest = np.minimum(fewest, number)
+        last = wrong & (np.cumsum(wrong[:, ::-1], axis=1)[:, ::-1] == 1)
+        held = held ^ np.where(patience[:, None] >= 0, wrong, last)
+    return np.minimum(step, room)
 
 
 def normal(slope: FloatArray) -> FloatArray:

@@ -125,16 +125,37 @@ def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, 
     if not n_own:  # all or nothing: the slope is zero
         whole = evaluate(comparison, hypotheses, np.tile(theta, (n, 1)), np.arange(n))
         return -whole.cost
-    one = evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
-    n_all = len(theta)
-    own = slopes(comparison, hypotheses, _repeated(one, n), np.arange(n), range(n_own))
-    others = slopes(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
-    if n_all > n_own:
-        basis = np.linalg.qr(others)[0]
-        own = own - np.einsum("dk,pkj->pdj", basis, np.einsum("dk,pdj->pkj", basis, own))
+    one, own = _besides(comparison, hypotheses, theta, n_own)
     score = own.transpose(0, 2, 1) @ one.residual[0]
     gain = np.einsum("pj,pj->p", score, np.linalg.solve(normal(own), score[..., None])[..., 0])
     return np.asarray(gain - one.cost[0])
+
+
+def size_deviations(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> FloatArray:
+    """Return the standard deviation of the first parameter of each alternative near no effect (n_alternatives,).
+
+    By the data alone, without the prior of that parameter; infinite where it has no effect.
+
+    Parameters
+    ----------
+    theta : (n_parameters,) where the first `n_own` have no effect; those after them are fitted too
+    """
+    one, own = _besides(comparison, hypotheses, theta, n_own)
+    n_data = one.residual.shape[1] - len(theta)
+    information = (own[:, :, 0] ** 2).sum(1) - own[:, n_data, 0] ** 2
+    return np.asarray(np.maximum(information, _MIN_INFORMATION) ** -0.5)
+
+
+def _besides(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> tuple[Point, FloatArray]:
+    """Return the state at theta, and derivatives (n_alternatives, n_residuals, n_own) beyond the other parameters'."""
+    n, n_all = len(hypotheses.log_prior), len(theta)
+    one = evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
+    own = slopes(comparison, hypotheses, _repeated(one, n), np.arange(n), range(n_own))
+    if n_all > n_own:
+        others = slopes(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
+        basis = np.linalg.qr(others)[0]
+        own = own - np.einsum("dk,pkj->pdj", basis, np.einsum("dk,pdj->pkj", basis, own))
+    return one, own
 
 
 def pulls(comparison: Comparison, hypotheses: Hypotheses, rows: IndexArray) -> tuple[FloatArray, FloatArray]:

@@ -26,13 +26,15 @@ class Magnitude:
     variance: FloatArray  #: (n,)
 
 
-def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: float, most: float) -> Magnitude:
+def log_uniform(
+    value: FloatArray, std: FloatArray, *, gaussian: float | FloatArray, least: float, most: float
+) -> Magnitude:
     """Return the posterior under a prior 1/(2 ln(most/least) |x|) in place of a Gaussian one.
 
     Parameters
     ----------
     value, std : (n,) Gaussian posterior under the Gaussian prior
-    gaussian : standard deviation of the Gaussian prior
+    gaussian : standard deviation of the Gaussian prior, of all or (n,) of each
     least, most : smallest and largest magnitude
     """
     size = np.exp(np.linspace(np.log(least), np.log(most), _POINTS))
@@ -41,7 +43,8 @@ def log_uniform(value: FloatArray, std: FloatArray, *, gaussian: float, least: f
     share[[0, _POINTS - 1, _POINTS, -1]] /= 2
     wide = np.flatnonzero(std > _NARROW * np.abs(value))
     off = (x - value[wide, None]) / std[wide, None]
-    log_weight = -0.5 * off**2 - np.log(std[wide, None]) + 0.5 * (x / gaussian) ** 2 + np.log(share * gaussian)
+    prior = np.broadcast_to(gaussian, value.shape)[wide, None]
+    log_weight = -0.5 * off**2 - np.log(std[wide, None]) + 0.5 * (x / prior) ** 2 + np.log(share * prior)
     top = log_weight.max(axis=1, keepdims=True)
     weight = np.exp(log_weight - top)
     total = weight.sum(1)

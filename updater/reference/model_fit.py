@@ -15,9 +15,9 @@ from updater.fe import Model, Modes
 from updater.modal_data import ModalMean, match_modes
 from updater.quantities import FREQUENCY_STD
 from updater.reference.calibration import UNLIKE, best_model, channel_rows, enough_modes, share_within
+from updater.reference.reference import SHAPE_STD
 from updater.structure import Structure
 
-SHAPE_STD = 0.01  #: relative to a unit shape's components: gains are known to half a per cent, positions to millimetres
 _TURNED = 0.02  # rad that sensors are turned by: share of the motion across them that they read
 _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured
 

@@ -1,6 +1,6 @@
 """The reference: a calibrated model, one-step updated to the baseline's modes, and the baseline's own statistics."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,9 @@ from updater.structure import Structure
 
 SAME_SHAPE = 0.9  #: MAC, and
 NEAR = 0.05  #: ln f: modes that may be mistaken for each other
+#: relative to a unit shape's components: assumed error of a model's; gains are known to half a per cent, positions to
+#: millimetres
+SHAPE_STD = 0.01
 _HIDDEN = 0.05  # relative to the usual motion of sensors by modes: a smaller one is hardly measured
 _GOOD = 1e-3  # rms of ln f: agreement of a good model with the baseline
 
@@ -84,6 +87,16 @@ class Reference:
         hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[self.paired])), self.paired)
         apart = np.abs(np.log(self.frequency[self.paired, None] / self.frequency[hidden]))
         return np.asarray((apart < NEAR).any(1))
+
+    def with_own_error(self, share: float) -> "Reference":
+        """Return the reference with a share of the errors that are assumed for a model's own frequencies and shapes.
+
+        The baseline is the model's own modes (`of_file`). Sensors may be turned as before.
+        """
+        own = self.baseline
+        shape_std = np.sqrt(own.shape_std**2 - (1 - share**2) * SHAPE_STD**2)
+        less = replace(own, log_frequency_std=share * own.log_frequency_std, shape_std=shape_std)
+        return replace(self, baseline=less)
 
     def at_channels(self, channels: tuple[str, ...]) -> FloatArray:
         """Return the modes at sensors (n_channels, n_modes)."""

@@ -30,7 +30,7 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.detectability import last_detectable
-from monitor.text.diagnosis import record_change_texts, within_record_text
+from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import plain, share_text, utc
 from monitor.text.sensors import health_rows
@@ -323,6 +323,7 @@ def _diagnosis(
         "gain": _gain(diagnosis, found.gain_std if found else None),
         "extended_model": diagnosis.extended_model,
         "next_measurement": diagnosis.next_measurement,
+        "smallest": smallest_changes_text(diagnosis.smallest_changes),
         "within": [within_record_text(within), *record_change_texts(within)] if within else [],
     }
 

@@ -24,7 +24,13 @@ CAUSE = {"cause", "probability", "where", "parameters", "cannot_be_told_from", "
 WHERE = {"member", "position", "position_std", "region", "channels", "name"}
 GAIN_PAIRS = {"frequency_error_percent", "one_minus_mac", "log_likelihood", "change_error_percent"}
 GAIN = {"heldout", "n_modes", "n_measured", "noise_percent", "exceeds_noise", *GAIN_PAIRS}
-ADDED = {"calibration", "reference_steps", "failed", "within_record"}  # since the contract was agreed
+ADDED = {
+    "calibration",
+    "reference_steps",
+    "failed",
+    "within_record",
+    "smallest_changes",
+}  # since the contract was agreed
 WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"} | ADDED
 PAIR = {"before", "after"}
 

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 
 from daq import FloatArray, IndexArray
 from updater.inference import fit
-from updater.inference.laplace_fit import Point, _adopt
+from updater.inference.laplace_fit import Point, _adopt, _newton
 
 PRIOR = np.array([10.0, 20.0, 5.0])
 # the second parameter makes up for the first: without bounds it is far off
@@ -32,7 +32,8 @@ class Linear:
     def log_prior(self) -> FloatArray:
         return np.full(len(self.b), -np.log(len(self.b)))
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        del rows
         return np.zeros(len(theta))
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
@@ -77,7 +78,7 @@ def test_fit_without_bounds_equals_least_squares(linear: Any, seed: int) -> None
     evidence = -0.5 * found.chi_square + 0.5 * np.linalg.slogdet(found.covariance[0])[1] - np.log(PRIOR).sum()
     np.testing.assert_allclose(found.log_density, evidence, rtol=1e-9)
     assert found.best == int(np.argmax(evidence))
-    assert found.freedom == 2.0
+    assert found.freedom == pytest.approx(5.0 - np.trace(A @ found.covariance[0] @ A.T))
     np.testing.assert_allclose(found.frequency_residual, found.theta @ A[:2].T - b[:, :2], atol=1e-9)
 
 
@@ -160,3 +161,17 @@ def test_effect_whose_rows_change_in_a_fit_is_refused() -> None:
         _adopt(first, later, *both)
     with pytest.raises(ValueError, match=r"Effect\.mass: expected 2 rows, as at the start of the fit, found 1"):
         _adopt(later, first, *both)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_step_within_bounds_equals_bounded_least_squares(seed: int) -> None:
+    """Of 12 correlated parameters, some at their bound, of which a clipped step may leave the minimum."""
+    random = np.random.default_rng(seed)
+    slope = random.normal(size=(40, 20, 3)) @ random.normal(size=(40, 3, 12)) + 0.1 * random.normal(size=(40, 20, 12))
+    residual = 3 * random.normal(size=(40, 20))
+    room = np.where(random.uniform(size=(40, 12)) < 0.3, np.inf, np.maximum(random.normal(size=(40, 12)), 0.0))
+    step, promised = _newton(slope, residual, room)
+    for k in range(40):
+        closed = lsq_linear(slope[k], residual[k], (-np.inf, room[k]), tol=1e-14, max_iter=1000)
+        assert promised[k] == pytest.approx(residual[k] @ residual[k] - 2 * closed.cost, abs=1e-6)
+        assert step[k] == pytest.approx(closed.x, abs=1e-4)

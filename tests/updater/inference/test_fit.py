@@ -1,5 +1,7 @@
 """Goodness of fit of a hypothesis."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -7,10 +9,10 @@ from scipy.stats import chi2
 from tests.support.thorough import few_of
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body
-from updater.causes import Nothing
+from updater.causes import Nothing, SensorGain
 from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.weighing import EvidenceComparison
-from updater.inference import compare, fit, freedom_of_frequencies
+from updater.inference import compare, fit, freedom_of_frequencies, size_deviations
 
 
 @pytest.mark.parametrize("seed", few_of([182, 181, 183]))
@@ -48,3 +50,24 @@ def test_frequency_degrees_of_freedom_match_the_residuals_of_refits() -> None:
     print(freedom, np.round(left, 3))
     assert len(ratio) - 4 < freedom < len(ratio)
     assert freedom == pytest.approx(sum(left), abs=0.1)
+
+
+def test_parameters_without_effect_take_no_degrees_of_freedom() -> None:
+    """Shapes determine a gain to 0.5 %: with a prior of 0.3 it is determined, with one of 1e-6 it is not."""
+    reference, _, event = learnt(185)
+    data = compare(reference, event(Change()))
+    gains = EvidenceComparison(reference, data).causes["sensor_gain"]
+    assert isinstance(gains, SensorGain)
+    for prior, determined in ((0.3, 1.0), (1e-6, 0.0)):
+        found = fit(data, replace(gains, prior_std=np.array([prior])))
+        assert found.freedom == pytest.approx(data.freedom - determined, abs=0.02)
+
+
+def test_size_deviation_is_that_of_a_fit_near_no_change() -> None:
+    """To first order; with a prior of 0.3, 1 / (1 / s^2 + 1 / 0.3^2) is the variance of a fitted gain of about 1."""
+    reference, _, event = learnt(186)
+    data = compare(reference, event(Change()))
+    gains = EvidenceComparison(reference, data).causes["sensor_gain"]
+    fitted = np.sqrt(fit(data, gains).covariance[:, 0, 0])
+    least = size_deviations(data, gains, np.zeros(1), 1)
+    np.testing.assert_allclose((least**-2 + 0.3**-2) ** -0.5, fitted, rtol=0.05)

@@ -68,3 +68,14 @@ def test_parameters_without_effect_do_not_change_the_common_magnitude() -> None:
     alone = common_magnitude(value[:, :1], covariance[:, :1, :1], gaussian=0.1, least=1e-3, most=1.0)
     both = common_magnitude(value, covariance, gaussian=0.1, least=1e-3, most=1.0)
     np.testing.assert_allclose(both, alone, atol=1e-9)
+
+
+def test_log_uniform_prior_has_no_unit() -> None:
+    """Magnitudes in other units, each with its own Gaussian prior, have the same evidence."""
+    value, std, unit = np.array([0.3, -0.02]), np.array([0.1, 0.05]), np.array([3.0, 1e-4])
+    found = log_uniform(value, std, gaussian=GAUSSIAN, least=MIN, most=MAX).log_ratio
+    scaled = [
+        log_uniform(value[[k]] / u, std[[k]] / u, gaussian=np.array([GAUSSIAN / u]), least=MIN / u, most=MAX / u)
+        for k, u in enumerate(unit)
+    ]
+    np.testing.assert_allclose([one.log_ratio[0] for one in scaled], found, rtol=1e-9)

@@ -123,8 +123,9 @@ class AddedMass:
         moved = np.concatenate([at, turn], axis=1)
         return np.asarray(moved.transpose(0, 2, 1) @ moved)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for the mass's own prior, uniform in its logarithm."""
+        del rows
         return self.magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
 
     def magnitude(self, mass: FloatArray, std: FloatArray) -> Magnitude:

@@ -105,8 +105,9 @@ class AttachedOscillator:
             own_log_damping=theta[:, 2:],
         )
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the log evidence of a mass of any order, with the new mode explained or not measured."""
+        del rows
         mass = self._magnitude(theta[:, 0], np.sqrt(covariance[:, 0, 0])).log_ratio
         if self.new is None:
             return np.asarray(mass + np.log(_UNSEEN))

@@ -75,8 +75,9 @@ class DistributedMass(Spread):
         turned = np.stack([np.ones(len(theta)), 1 + theta[:, 3]], axis=1)
         return self.matrix(self.mass, turned, theta, rows)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for a mass of any order of magnitude."""
+        del rows
         std, most = np.sqrt(covariance[:, 0, 0]), self._total
         return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_MIN * most, most=most).log_ratio
 

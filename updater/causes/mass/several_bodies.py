@@ -105,8 +105,9 @@ class Bodies:
             found[m] = CubicSpline(position, values), length
         return found
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for the masses' own priors, each by its own deviation."""
+        del rows
         mass = theta.reshape(-1, PER_BODY)[:, 1]
         variance = np.diagonal(covariance, axis1=1, axis2=2).reshape(-1, PER_BODY)[:, 1]
         found = self.grid.magnitude(mass, np.sqrt(variance)).log_ratio

@@ -17,7 +17,7 @@ from updater.causes.base import BoolArray, Discrete
 from updater.causes.modal_loads import group_compliance, modal_section_forces, modal_spring_force
 from updater.causes.overall.common_factor import ground_compliance
 from updater.fe import Model, self_stress
-from updater.inference import Comparison, Effect, no_effect
+from updater.inference import Comparison, Effect, common_magnitude, no_effect
 from updater.quantities import ParameterChange, Quantity
 from updater.reference import Reference, spring_of
 from updater.structure import (
@@ -43,6 +43,7 @@ _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a jo
 _LOOSE = 0.1
 _TURNED = slice(3, None)  # twist and bending, which are reduced in a joint's zone
 _LESS_BELIEVED = 4.0  # times both of a file that is seen to be far off
+_LEAST_ORDER = 0.1  # of all errors of a file, relative to their priors; uniform in its logarithm
 _LEAST_P = 1e-300  # probability that is not rounded to 0
 
 
@@ -99,11 +100,18 @@ class ModelParameters(Discrete):
         of_all = np.exp(((self.moved - theta) * self._whole).sum(-1, keepdims=True))
         return np.where(self._stiffness & ~self._whole, of_all, 1.0)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return the parts of priors and posteriors above the least values."""
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the parts of priors and posteriors above the least values, and the correction for a common order.
+
+        A file may be right within a tenth of the priors in all its parameters.
+        """
+        del rows
         std = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         kept = log_ndtr((theta - self.lower) / std) - log_ndtr(-self.lower / self.prior_std)
-        return np.asarray(kept.sum(1))
+        prior = self.prior_std
+        relative = covariance / (prior[:, None] * prior)
+        common = common_magnitude(theta / prior, relative, gaussian=1.0, least=_LEAST_ORDER, most=1.0)
+        return np.asarray(kept.sum(1) + common)
 
     def where(self, fit: "Fit[Cause]") -> None:
         """Return none: they are everywhere."""

@@ -85,9 +85,9 @@ class AmplitudeSoftening(Discrete):
             log_damping=np.tile(self.trend.excess * rise, len(data.frequency)),
         )
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the log evidence of the windows."""
-        del covariance
+        del covariance, rows
         return np.full(len(theta), self.log_trend)
 
     def where(self, fit: "Fit[Cause]") -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.causes.overall.common_factor import COMMON_FACTOR_STD, CommonFactor, standard_score
 from updater.inference import Comparison
 from updater.quantities import Quantity
@@ -34,9 +34,9 @@ class SamplingClock(CommonFactor):
     instrument: str = "A tone of known frequency in both records"
     advice: str = "Record a tone of known frequency (mains, a tuning fork) during the next log."
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the log evidence of the tones."""
-        del covariance
+        del covariance, rows
         return np.full(len(theta), self.log_tones)
 
     def reading(self, theta: FloatArray) -> float:

@@ -33,9 +33,9 @@ class SensorDead(Chain):
         none = no_effect(len(rows), self.comparison)
         return replace(none, chain=none.chain * self.hears[rows][:, :, None])
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the evidence of channels that have no signal."""
-        del covariance
+        del covariance, rows
         return np.full(len(theta), _LOG_ODDS if self.without_signal else 0.0)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:

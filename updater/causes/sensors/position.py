@@ -98,8 +98,9 @@ class SensorPosition(Chain):
             return np.zeros((len(theta), 1, 3))
         return np.cross(theta[:, None, 3:], self.directions[row])
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction for the moved mass, which is not negative."""
+        del rows
         mass, variance = theta[:, 1:2], np.einsum("pkk->pk", covariance)[:, 1:2]
         return np.asarray(np.log(2 * ndtr(mass / np.sqrt(variance))).sum(1))
 

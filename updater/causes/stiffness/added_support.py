@@ -64,8 +64,9 @@ class SupportSpring(Stretches):
         change = -held[:, None, None] * moved[:, :, None] * moved[:, None, :]
         return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for a stiffness of any order; half of that prior would bias it."""
+        del rows
         std = np.sqrt(covariance[:, 0, 0])
         found = log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
         return np.asarray(found + np.log(2))

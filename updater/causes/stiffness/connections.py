@@ -75,8 +75,9 @@ class Springs(Discrete):
         compliance = np.einsum("pa,par,pas->prs", theta / self.unit[rows], couple, couple)
         return replace(no_effect(len(rows), self.comparison), compliance=compliance)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for a change of any order: the same about all axes, as of one loss."""
+        del rows
         least, most = np.multiply(_ORDERS, LOOSE)
         return common_magnitude(theta, covariance, gaussian=LOOSE, least=least, most=most)
 

@@ -65,8 +65,9 @@ class GroupStiffness(Discrete):
         more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))
         return replace(no_effect(len(rows), self.comparison), compliance=more[:, None, None] * self.compliance[rows])
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray) -> FloatArray:
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return the correction of the evidence for a loss of any order."""
+        del rows
         std = np.sqrt(covariance[:, 0, 0])
         return log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
 

@@ -25,7 +25,7 @@ from monitor.text.causes import (
     missed_text,
     probability_text,
 )
-from monitor.text.diagnosis import record_change_texts, within_record_text
+from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
 from monitor.text.quantities import plain
 from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import verdict_text
@@ -49,6 +49,8 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
+    if unseen := smallest_changes_text(diagnosis.smallest_changes):
+        console.print(escape(unseen))
 
 
 def say_evidence(
