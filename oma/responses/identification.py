@@ -131,11 +131,15 @@ def identify_responses_all(
     lines, band = _lines(frequency, response, channels, band, 1 / window if window else 0.0)
     moving = lines.moving
     silent = tuple(np.delete(np.array(channels), moving).tolist())
+    alike = lines.of_channels(moving)
     lines, weighted = _weighted(lines, frequency, coherence)
     lines = lines.of_channels(moving)
     channels = [channel for channel in channels if channel not in silent]
     poles, diagram = stable_poles(lines, band)
-    modes = sorted(fitted_modes(poles, lines), key=lambda mode: mode.frequency)
+    modes = fitted_modes(poles, lines)
+    if weighted:
+        modes += _lost(modes, fitted_modes(stable_poles(alike, band)[0], alike))
+    modes = sorted(modes, key=lambda mode: mode.frequency)
     if not modes:
         raise TooFewModes(len(diagram))
     forces = forces or tuple(f"force {k + 1}" for k in range(lines.response.shape[2]))
@@ -170,6 +174,14 @@ def _weighted(lines: Lines, frequency: FloatArray, coherence: FloatArray | None)
     if levels is None:
         return lines, False
     return replace(lines, line_noise=levels[0], response_noise=levels[1]), True
+
+
+def _lost(modes: Sequence[FittedMode], alike: Sequence[FittedMode]) -> list[FittedMode]:
+    """Return the modes of a fit in which all responses weigh alike that are not among those of the weighted fit.
+
+    If a close mode is not separated, the most accurate responses contradict the fit, and the mode seems insignificant.
+    """
+    return [m for m in alike if all(abs(m.frequency - k.frequency) > m.damping * m.frequency for k in modes)]
 
 
 def _lines(

@@ -42,7 +42,8 @@ def test_folder_contains_mode_files_and_pictures(modalwatch: Commands, log: Path
         with Image.open(path) as picture:
             assert min(picture.size) > 300
         assert path.name in done.out.replace("\n", " ")
-    universal = pyuff.UFF(str(out / "modes.unv")).read_sets()
+    header, *universal = pyuff.UFF(str(out / "modes.unv")).read_sets()
+    assert header["type"] == 151
     assert len(universal) == len(content["modes"]) == 4
     for found, mode in zip(universal, content["modes"], strict=True):
         assert abs(found["eig"]) / (2 * np.pi) == pytest.approx(mode["frequency"]["value"], rel=1e-5)
