@@ -22,6 +22,7 @@ _READERS = {
     "updater/structure/toml_file.py",
     "updater/fe/external/files.py",
     "updater/fe/external/programs/meshes.py",
+    "updater/fe/external/programs/nastran.py",
     "updater/fe/external/programs/numbers.py",
     "updater/fe/external/tables.py",
     "oma/tracking/track_state.py",
