@@ -29,6 +29,11 @@ _SITUATIONS = {
     "file.",
 }
 _RATE_UNITS = {"kg": (1000.0, "g"), "-": (100.0, "%")}  # spoken: scale and unit
+_SMALLEST = {
+    "local_stiffness": "loss of stiffness",
+    "sensor_gain": "gain error",
+    "sensor_position": "shift of a sensor",
+}
 _SPOKEN_UNITS = _RATE_UNITS | {"m": (1000.0, "mm")}
 
 
@@ -132,15 +137,15 @@ def smallest_changes_text(found: Sequence[SmallestChange]) -> str:
     if not found:
         return ""
     texts = "; ".join(map(_smallest_text, found))
-    return f"Smallest changes that differ from errors of the model, at half (nine tenths) of all places: {texts}."
+    return f"Smallest changes that differ from errors of the model, at half of all places (at nine tenths): {texts}."
 
 
 def _smallest_text(found: SmallestChange) -> str:
     scale, unit = _SPOKEN_UNITS[found.unit]
     values = (found.value, found.value_at_most_places)
-    half, most = ("none" if value is None else f"{_two_digits(scale * value)} {unit}" for value in values)
+    half, most = ("no size" if value is None else f"{_two_digits(scale * value)} {unit}" for value in values)
     over = "" if found.extent is None else f" over {found.extent:.2g} m"
-    return f"{plain(found.cause)} {half} ({most}){over}"
+    return f"{_SMALLEST.get(found.cause, plain(found.cause))} {half} ({most}){over}"
 
 
 def _two_digits(value: float) -> str:

@@ -17,13 +17,13 @@ from monitor.text.causes import (
     parameter_text,
     where_text,
 )
-from monitor.text.diagnosis import written_bodies_texts
+from monitor.text.diagnosis import smallest_changes_text, written_bodies_texts
 from monitor.text.verdicts import is_one_mass
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
 from updater import Body, Cause, Gain
-from updater.diagnosis import Pair
+from updater.diagnosis import Pair, SmallestChange
 from updater.quantities import ParameterChange, Quantity, Where
 
 
@@ -271,3 +271,15 @@ def test_written_body_is_named_where_it_differs_from_the_reported_one() -> None:
     assert text.startswith("its body has 450 g at (0.805, 0.000, 1.000) m")
     (text,) = written_bodies_texts([cause], [Body(at=(0.82, 0.0, 1.0), mass=0.4)])
     assert text.startswith("its body has 400 g at (0.820, 0.000, 1.000) m")
+
+
+def test_smallest_changes_have_both_sizes_and_the_length_of_the_stretch() -> None:
+    mass = SmallestChange(cause="added_mass", parameter="mass", value=0.1834, value_at_most_places=0.29, unit="kg")
+    loss = SmallestChange(
+        cause="local_stiffness", parameter="loss", value=0.152, value_at_most_places=None, unit="-", extent=0.3
+    )
+    assert smallest_changes_text(()) == ""
+    assert smallest_changes_text([mass, loss]) == (
+        "Smallest changes that differ from errors of the model, at half of all places (at nine tenths): "
+        "added mass 180 g (290 g); loss of stiffness 15 % (no size) over 0.3 m."
+    )
