@@ -137,7 +137,7 @@ def mass_change(found: Fit[AddedMass], model_error: float) -> MassChange:
         body=_shape(found, open_places[0]),
         alternatives=alternatives,
         region=tuple(Stretch(member=names[m], start=a, stop=b) for m, a, b in posterior.intervals),
-        member_probability=float(probability[cause.member == open_places[0].member].sum()),
+        member_probability=min(float(probability[cause.member == open_places[0].member].sum()), 1.0),
         p_value=found.p_value,
         model_error=model_error,
         tracks=cause.comparison.tracks,
