@@ -25,7 +25,7 @@ def frame() -> UnmeasuredPoints:
 
 @pytest.fixture(scope="module")
 def learned(frame: UnmeasuredPoints) -> ResponseModel:
-    return ResponseModel.learn(frame.reference, frame.record(40.0, SEED)[0])
+    return ResponseModel.learn(frame.reference, frame.record(25.0, SEED)[0])
 
 
 def in_band(truth: FloatArray, estimate: ResponseEstimate) -> FloatArray:
@@ -35,7 +35,7 @@ def in_band(truth: FloatArray, estimate: ResponseEstimate) -> FloatArray:
 
 def compare(case: UnmeasuredPoints, model: ResponseModel, seed: int) -> tuple[FloatArray, FloatArray]:
     """Return error over deviation (n_samples, n_points), and rms error over rms signal (n_points,)."""
-    recording, truth = case.record(20.0, seed)
+    recording, truth = case.record(12.0, seed)
     found = model.estimate(recording, case.points)
     settled = np.isfinite(found.recording.data[:, 0])
     truth = in_band(truth, found)[settled]
@@ -69,7 +69,7 @@ def test_truth_is_within_the_deviations_of_other_specimens(which: str, seed: int
 
 
 def test_deviations_follow_the_level_of_the_excitation(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
-    recording, _ = frame.record(20.0, 7)
+    recording, _ = frame.record(8.0, 7)
     quiet, loud = (learned.estimate(replace(recording, data=k * recording.data), frame.points) for k in (0.5, 4.0))
     np.testing.assert_allclose(loud.std, 8 * quiet.std, rtol=1e-9)
     assert loud.level == pytest.approx(8 * quiet.level)
@@ -77,21 +77,21 @@ def test_deviations_follow_the_level_of_the_excitation(frame: UnmeasuredPoints, 
 
 def test_estimate_does_not_depend_on_a_gap_elsewhere(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
     """The filter starts anew after it; both agree as soon as its start is forgotten."""
-    recording, _ = frame.record(30.0, 8)
+    recording, _ = frame.record(18.0, 8)
     data = recording.data.copy()
-    data[9000:9100, 4] = np.nan
+    data[5000:5100, 4] = np.nan
     whole, parts = (
         learned.estimate(r, frame.points).recording.data for r in (recording, replace(recording, data=data))
     )
-    assert np.isnan(parts[9000:9100]).all()
-    later = np.isfinite(parts).all(1) & (np.arange(len(parts)) > 20000) & np.isfinite(whole).all(1)
-    assert later.sum() > 5000
+    assert np.isnan(parts[5000:5100]).all()
+    later = np.isfinite(parts).all(1) & (np.arange(len(parts)) > 12000) & np.isfinite(whole).all(1)
+    assert later.sum() > 3000
     scale = np.nanstd(whole, axis=0)
     assert (np.abs(parts - whole)[later] / scale).max() < 0.02
 
 
 def test_blocks_one_after_another_give_the_same_as_one(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
-    recording, _ = frame.record(5.0, 9)
+    recording, _ = frame.record(2.0, 9)
     whole, _ = learned.filter(frame.points).run(recording.data)
     blocks = learned.filter(frame.points)
     parts = np.concatenate([blocks.run(part)[0] for part in np.array_split(recording.data, 7)])
@@ -119,14 +119,14 @@ def test_integrated_truth_is_within_the_deviations(
 
 def test_snippet_of_the_page_runs(frame: UnmeasuredPoints) -> None:
     (code,) = code_blocks(Path(__file__).parents[4] / "docs" / "explanation" / "update" / "response.md")
-    given = {"reference": frame.reference, "recording": frame.record(20.0, 12)[0], "later": frame.record(20.0, 13)[0]}
+    given = {"reference": frame.reference, "recording": frame.record(8.0, 12)[0], "later": frame.record(6.0, 13)[0]}
     names = run_cells([code], **given)
-    assert names["estimate"].recording.data.shape == (20000, 1)
+    assert names["estimate"].recording.data.shape == (6000, 1)
     assert 0 < names["estimate"].std[0] < 1e-6
 
 
 def test_records_that_do_not_fit_are_refused(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
-    recording, _ = frame.record(20.0, 11)
+    recording, _ = frame.record(6.0, 11)
     with pytest.raises(ModalDataError, match="expected a rate of 1000 Hz, found 500 Hz"):
         learned.estimate(replace(recording, rate=500.0), frame.points)
     fewer = replace(recording, channels=recording.channels[1:], data=recording.data[:, 1:])
