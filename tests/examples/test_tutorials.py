@@ -77,7 +77,7 @@ def follow(repository: Path, modalwatch: Commands, monkeypatch: pytest.MonkeyPat
 @pytest.mark.usefixtures("undrawn")
 def test_tables_lead_to_the_clamped_mass(follow: Callable[[str], dict[str, Done]]) -> None:
     done = follow("data.md")
-    assert {one.code for one in done.values()} == {0}
+    assert not [one for one in done.values() if one.code]
     (cause,) = json.loads(Path("found/diagnosis.json").read_text(encoding="utf-8"))["causes"]
     mass, where = cause["parameters"]["mass"], cause["where"]
     assert cause["cause"] == "added_mass"

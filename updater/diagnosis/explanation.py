@@ -171,8 +171,11 @@ def _diagnosed(
         if without_bodies is not None:
             return without_bodies
         found = found if within_noise(good, found[0]) else closer(case, found, good)
-        found = significant_only(case.weighing, [merged(case.weighing, found[0]), *found[1:]])
-        if not found and reference.nominal is None and case.weighing.nothing.p_value >= MIN_P:
+        leading, *rest = [merged(case.weighing, found[0]), *found[1:]]
+        found = significant_only(case.weighing, [leading, *rest])
+        less = max((c.log_evidence for c in found), default=float("-inf"))
+        left = less >= min(leading.log_evidence, case.weighing.log_nothing)  # else no change is more probable
+        if not left and reference.nominal is None and case.weighing.nothing.p_value >= MIN_P:
             return _refused("nothing_to_explain", case, best.log_evidence, "no_change")
     if not found or not fits(found[0]) or not within_noise(good, found[0]):
         odd = found[0] if found else best
