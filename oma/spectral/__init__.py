@@ -6,7 +6,7 @@ from oma.spectral.device_alignment import aligned, channel_delays, delays_of_cle
 from oma.spectral.frequency_response import Resonance, fit_resonance
 from oma.spectral.harmonics import LineClasses, classify
 from oma.spectral.resonance_search import SpectralResonance, residue_weight, resonances
-from oma.spectral.spectra import SpectrumAccumulator, singular_values
+from oma.spectral.spectra import SpectrumAccumulator, singular_values, spectral_matrix
 
 __all__ = [
     "CorrelationAccumulator",
@@ -28,4 +28,5 @@ __all__ = [
     "residue_weight",
     "resonances",
     "singular_values",
+    "spectral_matrix",
 ]

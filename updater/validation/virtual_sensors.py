@@ -107,13 +107,18 @@ def _gapless(recording: Recording, channels: tuple[str, ...]) -> tuple[int, Floa
     """Return the first sample and the data (n_samples, n_channels) of the longest stretch without a gap, cut."""
     names = [c.name for c in recording.channels]
     data = recording.data[:, [names.index(c) for c in channels]]
-    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
-    if not len(edges):
+    stretches = gapless_stretches(data)
+    if not stretches:
         raise ModalDataError("recording: no sample without a gap")
-    starts, stops = edges[::2], edges[1::2]
-    longest = int(np.argmax(stops - starts))
-    first = max(int(starts[longest]), int(stops[longest]) - _MAX)
-    return first, data[first : stops[longest]]
+    start, stop = max(stretches, key=lambda part: part[1] - part[0])
+    first = max(start, stop - _MAX)
+    return first, data[first:stop]
+
+
+def gapless_stretches(data: FloatArray) -> list[tuple[int, int]]:
+    """Return first sample and end of the stretches of data (n_samples, n_channels) without a gap in any channel."""
+    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ Whittle, P. (1953). Estimation and information in stationary time series. Arkiv 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray
+from oma.spectral import spectral_matrix
 from updater.validation.response.modal_system import ComplexArray, ModalSystem
 
 _ITERATIONS = 60
@@ -53,13 +53,9 @@ def spectral_matrices(
     wanted = 1 << int(np.ceil(np.log2(_LINES * rate / narrowest)))
     most = 1 << int(np.log2(max(len(data) // _BLOCKS, 2)))
     size = min(wanted, most)
-    window = scipy.signal.windows.hann(size, sym=False)
-    blocks = np.lib.stride_tricks.sliding_window_view(data, size, axis=0)[:: size // 2] * window
-    spectra = np.fft.rfft(blocks, axis=2) / np.sqrt(rate * (window**2).sum())  # (n_blocks, n_channels, n_lines)
     lines: FloatArray = np.fft.rfftfreq(size, 1 / rate).astype(np.float64)
     inside = (band[0] <= lines) & (lines <= band[1])
-    chosen = spectra[:, :, inside].transpose(2, 1, 0)
-    return lines[inside], chosen @ chosen.conj().swapaxes(1, 2) / len(blocks)
+    return lines[inside], spectral_matrix(data, rate, size)[inside] / 2
 
 
 def estimate_excitation(

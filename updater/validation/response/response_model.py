@@ -13,6 +13,7 @@ from updater.validation.response.excitation import Excitation, estimate_excitati
 from updater.validation.response.kalman_filter import ModalKalmanFilter, Outputs
 from updater.validation.response.modal_system import ModalSystem, Quantity
 from updater.validation.response.shape_error import shape_error
+from updater.validation.virtual_sensors import gapless_stretches
 
 _AXES = ("x", "y", "z")
 _MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band
@@ -99,7 +100,7 @@ class ResponseModel:
         modes = np.flatnonzero(reference.frequency < _NYQUIST * recording.rate)
         system = ModalSystem(frequency=reference.frequency[modes], damping=_damping(reference)[modes])
         shape = reference.at_channels(channels)[:, modes]
-        start, stop = max(_stretches(data), key=lambda part: part[1] - part[0], default=(0, 0))
+        start, stop = max(gapless_stretches(data), key=lambda part: part[1] - part[0], default=(0, 0))
         if stop - start < _LEAST_PERIODS * recording.rate / band[0]:
             raise ModalDataError(f"recording: {(stop - start) / recording.rate:.3g} s without a gap are too short")
         longest = data[start:stop] - data[start:stop].mean(0)
@@ -198,7 +199,7 @@ class ResponseModel:
         sections = self._band_pass()
         estimates = np.full((len(data), len(outputs.state)), np.nan)
         innovations = np.full(data.shape, np.nan)
-        for start, stop in _stretches(data):
+        for start, stop in gapless_stretches(data):
             kalman = self._filter(outputs)
             settling = max(kalman.settling, round(_PERIODS * self.rate / self.band[0]))
             if stop - start <= 2 * settling:
@@ -220,12 +221,6 @@ def _signals(recording: Recording, channels: tuple[str, ...]) -> tuple[FloatArra
         raise ModalDataError(f"recording: channel {missing[0]!r} of the reference is missing")
     chosen = [present[name] for name in channels]
     return recording.data[:, chosen], {recording.channels[i].device for i in chosen}
-
-
-def _stretches(data: FloatArray) -> list[tuple[int, int]]:
-    """Return first sample and end of the stretches without a gap in any channel."""
-    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _damping(reference: Reference) -> FloatArray:
