@@ -20,6 +20,7 @@ Kind = Literal[
     "seen_again",
     "changed_again",
     "changing",
+    "change_ended",
     "refused",
     "failed",
     "trend",

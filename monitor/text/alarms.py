@@ -36,6 +36,18 @@ def changing_text(n_windows: int) -> str:
     return f"the structure changes gradually: the answer is for its state in the last {n_windows} windows"
 
 
+def change_ended_text(start: int) -> str:
+    """Return the text of the end of a gradual change by the start of a window [ns UTC]."""
+    return f"the gradual change has ended by {utc(start)}; the answer is for the state since"
+
+
+def waiting_text(cause: str, needed: int, n_windows: int, *, gradual: bool) -> str:
+    """Return the text of an acceptance that waits for windows of the state after the change."""
+    if gradual:
+        return f"to be accepted as {cause!r} once {needed} windows show the state after the gradual change"
+    return f"to be accepted as {cause!r} once there are {needed} windows since the change; there are {n_windows}"
+
+
 def acknowledged_text(change: Change, request: Acknowledged) -> str:
     """Return the text of an acknowledgement, with name and note."""
     if change.kind in ("flapping", "steady"):

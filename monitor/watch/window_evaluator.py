@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from daq import Event, IndexArray
-from monitor.analysis.states.present_state import present_state
+from monitor.analysis.states.present_state import PresentState, present_state
 from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm, Change, Kind
 from monitor.optional import OptionalWork
@@ -18,6 +18,7 @@ from monitor.text.alarms import (
     acceptance_text,
     acknowledged_text,
     alarm_change_text,
+    change_ended_text,
     changed_again_text,
     changing_text,
     location_text,
@@ -25,6 +26,7 @@ from monitor.text.alarms import (
     restored_text,
     resumed_text,
     undone_text,
+    waiting_text,
 )
 from monitor.text.quantities import utc
 from monitor.text.trends import trend_text
@@ -197,17 +199,25 @@ class WindowEvaluator:
     def _present(self, window: Window, learned: LearnedBaseline) -> tuple[Sequence[Window], AlarmResult | None]:
         """Return the windows of the present state, and a message if the structure has changed once more, or changes."""
         changed = self._changed_windows()
-        look = self._extras.found("the look for further changes", lambda: present_state(changed, learned.devices))
+        look = self._state(changed, learned)
         if look is None:
             return changed, None
         was_changing, self._changing = self._changing, look.gradual
+        first = look.windows[0].start
         if look.before:
             self._out = [changed[look.before - 1], *look.windows]  # the first may hold both states
-            text = changed_again_text(changed[look.before - 1].start, look.windows[0].start)
+        if look.since == "step":
+            text = changed_again_text(changed[look.before - 1].start, first)
             return look.windows, self._notice(window.end, "changed_again", text).model_copy(update={"quiet": False})
+        if look.since == "end":
+            return look.windows, self._notice(window.end, "change_ended", change_ended_text(first))
         if look.gradual and not was_changing:
             return look.windows, self._notice(window.end, "changing", changing_text(len(look.windows)))
         return look.windows, None
+
+    def _state(self, changed: Sequence[Window], learned: LearnedBaseline) -> PresentState | None:
+        """Return the present state of the structure by the windows since the change; None if it cannot be found."""
+        return self._extras.found("the look for further changes", lambda: present_state(changed, learned.devices))
 
     def _test(self, learned: LearnedBaseline, window: Window, *, over: bool) -> tuple[Result, ...]:
         return tuple(self._tests.after(learned, self._alarm, window, over=over))
@@ -229,8 +239,9 @@ class WindowEvaluator:
             self._requested = AcceptanceRequest(cause=request.cause, by=request.by)
             yield from self._accept(time, self._learned)
             if self._requested:
-                text = f"to be accepted as {request.cause!r} once there are {MIN_WINDOWS} windows since the change"
-                yield self._notice(time, "accepting", f"{text}; there are {len(self._changed_windows())}")
+                n = len(self._changed_windows())
+                text = waiting_text(request.cause, MIN_WINDOWS, n, gradual=n >= MIN_WINDOWS)
+                yield self._notice(time, "accepting", text)
 
     def _accept(self, time: int, learned: LearnedBaseline) -> Iterator[Result]:
         """Make the changed structure the reference, if that is wanted and there are enough windows of it."""
@@ -240,6 +251,9 @@ class WindowEvaluator:
             yield self._notice(time, "refused", f"{wanted.cause!r} is not accepted: the change has disappeared")
             return
         if wanted is None or len(changed_windows) < MIN_WINDOWS:
+            return
+        look = self._state(changed_windows, learned)
+        if look is not None and look.gradual:
             return
         self._requested = None
         raised = self._alarm.raised or time

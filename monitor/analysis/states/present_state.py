@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -19,14 +20,16 @@ class PresentState:
     """Windows of the present state."""
 
     windows: tuple[Window, ...]  #: those that show it, without drift among them
-    before: int = 0  #: windows before a step to this state, which do not
+    before: int = 0  #: windows before a step to this state, or before the end of a gradual change, which do not
+    since: Literal["alarm", "step", "end"] = "alarm"  #: the windows are those since this event
     gradual: bool = False  #: whether the structure still changes, or has until lately
 
 
 def present_state(windows: Sequence[Window], devices: Mapping[str, str]) -> PresentState:
     """Return which windows of an alarm show the present state of the structure.
 
-    After a step: the windows since. While the structure changes gradually: the last third, without their drift.
+    After a step or a gradual change: the windows since. While the structure changes gradually: the last third, without
+    their drift.
 
     Parameters
     ----------
@@ -44,7 +47,9 @@ def present_state(windows: Sequence[Window], devices: Mapping[str, str]) -> Pres
         return PresentState(windows=tuple(windows))
     last = int(course.last[0])
     if course.kind == "sudden":
-        return PresentState(windows=tuple(windows[last:]), before=last)
+        return PresentState(windows=tuple(windows[last:]), before=last, since="step")
+    if course.end is not None:
+        return PresentState(windows=tuple(windows[course.end :]), before=course.end, since="end")
     level = without_drift(estimates[last:], tracks[last:])
     present = (replace(window, synchronized=e) for window, e in zip(windows[last:], level, strict=True))
     return PresentState(windows=tuple(present), gradual=True)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from daq import FloatArray
-from monitor.results.windows import AlarmResult, ModalChange, Result
+from daq import Event, FloatArray
+from monitor.results.service_events import ChangeAccepted
+from monitor.results.windows import AlarmResult, ModalChange, ReferenceResult, Result
 from monitor.text.quantities import utc
 from monitor.watch.pipeline import Pipeline
 from tests.support.monitor.played_windows import BASELINE, START, STEP, Played, judged, run
@@ -32,8 +33,12 @@ def filled(played: Played, pipeline: Pipeline, masses: FloatArray) -> list[Resul
     return found
 
 
+def of_kind(results: list[Result], *kinds: str) -> list[AlarmResult]:
+    return [r for r in results if isinstance(r, AlarmResult) and r.kind in kinds]
+
+
 def further(results: list[Result]) -> list[AlarmResult]:
-    return [r for r in results if isinstance(r, AlarmResult) and r.kind in ("changed_again", "changing")]
+    return of_kind(results, "changed_again", "changing", "change_ended")
 
 
 def last_change(results: list[Result]) -> ModalChange:
@@ -89,3 +94,31 @@ def test_alarm_of_one_state_has_no_further_change(seed: int, monkeypatch: pytest
     results = filled(played, pipeline, np.full(30, PUMP.mass))
     assert further(results) == []
     assert last_change(results).n_windows == 29
+
+
+@pytest.mark.parametrize("seed", few_of([111, 112, 113, 114, 115, 116]))
+def test_acceptance_waits_for_the_end_of_a_gradual_change(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mean of a filling tank is no state to watch from."""
+    played, pipeline = watched(seed, monkeypatch)
+    filled(played, pipeline, np.linspace(0.2, 0.8, 24))
+    payload = {"cause": "tank in service", "by": "Ada"}
+    [waiting] = pipeline.push(Event(topic=ChangeAccepted.topic, time=7, payload=payload))
+    assert isinstance(waiting, AlarmResult)
+    assert waiting.kind == "accepting"
+    assert waiting.text.startswith(
+        "to be accepted as 'tank in service' once 5 windows show the state after the gradual change"
+    )
+    assert of_kind(filled(played, pipeline, np.linspace(0.83, 1.0, 7)), "accepted") == []
+    results = filled(played, pipeline, np.full(14, 1.0))
+    [ended] = of_kind(results, "change_ended")
+    assert (ended.state, ended.quiet) == ("alarm", True)
+    [accepted] = of_kind(results, "accepted")
+    [reference] = [result for result in results if isinstance(result, ReferenceResult)]
+    [change] = reference.accepted
+    body = PUMP.model_copy(update={"mass": 1.0})
+    true = 100 * (played.true_frequency(body) / played.true_frequency(None) - 1)
+    shift, std = np.array([change.shift_percent, change.shift_std_percent], np.float64)  # NaN of a mode that is hidden
+    assert np.isfinite(shift).sum() > len(shift) / 2
+    assert np.nanmax(np.abs((shift - true) / std)) < 4
+    after = [window for window in judged(results) if window.start > accepted.time]
+    assert all(window.novelty and window.novelty.t2 < window.novelty.limit for window in after)

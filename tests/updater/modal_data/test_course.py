@@ -51,6 +51,32 @@ def test_course_of_a_change_is_found(name: str) -> None:
         assert np.sqrt(np.mean(error**2)) < 1.5  # one but for the errors of both ends
 
 
+@pytest.mark.parametrize("n_draws", [60, pytest.param(400, marks=pytest.mark.thorough)])
+def test_end_of_a_gradual_change(n_draws: int) -> None:
+    """Of 40 windows at most; changes from 4 to 60 standard deviations of a window, that go on or end."""
+    random = np.random.default_rng(34)
+    print("seed 34")
+    goes_on = found = early = ended = 0
+    for _ in range(n_draws):
+        n, ends = int(random.integers(16, 40)), bool(random.integers(2))
+        rise = int(random.integers(8, n - 5)) if ends else n
+        size = 1e-4 * np.exp(random.uniform(np.log(4), np.log(60)))
+        share = np.minimum((np.arange(n) + 0.5) / rise, 1.0)
+        value = np.log([10.0, 12.0, 31.0, 47.0, 60.0]) - size * np.outer(share, random.standard_normal(5))
+        modes = tracked(value + STD * random.standard_normal(value.shape), np.full(value.shape, STD))
+        unknown = np.full(n, np.nan)
+        course = find_course(modes, 120.0 * np.arange(n, dtype=np.float64), unknown, unknown)
+        if course is None or course.kind != "gradual":
+            continue
+        found += ends
+        goes_on += not ends
+        ended += ends and course.end is not None
+        early += course.end is not None and (not ends or course.end < rise - 2)
+    print(f"of {goes_on} changes that go on and {found} that end, {ended} are found to end, {early} too early")
+    assert early == 0  # at a constant rate such a slope is six standard deviations off
+    assert ended > found / 2
+
+
 def test_drift_of_a_single_mode_or_in_few_windows_is_no_course() -> None:
     random = np.random.default_rng(33)
     print("seed 33")

@@ -27,6 +27,8 @@ from updater.modal_data.tracked import TrackedModes
 FEWEST = 12  #: windows in which a course is looked for: four at each end of a drift
 _ENDS = 3  # a drift is the difference between the last and the first of so many parts
 _SHORTEST = 3  # windows of a state before or after a step
+_FEWEST_AFTER = 5  # windows after a gradual change
+_NO_SLOPE, _CLEARLY = 2.0, 4.0  # standard deviations
 _MISFIT = 1e-3  # probability at which shares that go one way are rejected by chance
 
 CourseKind = Literal["sudden", "gradual", "irregular"]
@@ -42,6 +44,24 @@ class Course:
     share: FloatArray  #: (n_windows,) share of the change from `first` to `last` that each window shows [-]
     share_std: FloatArray  #: (n_windows,) [-]
     p_value: float  #: probability of as clear a drift or step in windows of one state [-]
+
+    @property
+    def end(self) -> int | None:
+        """Return the first window after a gradual change; None if the change is not known to have ended.
+
+        From this window on, the slope of the share is consistent with zero, and clearly below half the mean rate until
+        then.
+        """
+        n, std = len(self.share), float(self.share_std[0])
+        for first in range(n // 2, n - _FEWEST_AFTER + 1):
+            after = self.share[first:]
+            time = np.arange(n - first) - (n - first - 1) / 2
+            square = float(time @ time)
+            slope, slope_std = float(time @ after) / square, std * square**-0.5
+            rate = float(after.mean() - self.share[:_SHORTEST].mean()) / first
+            if abs(slope) < _NO_SLOPE * slope_std and slope + _CLEARLY * slope_std < rate / 2:
+                return first
+        return None
 
 
 def find_course(modes: TrackedModes, seconds: FloatArray, temperature: FloatArray, rms: FloatArray) -> Course | None:
