@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.opensees import needs_opensees
 from tests.support.snippets import code_blocks, run_cells
 from updater import build_model, load_structure
 
@@ -48,6 +49,7 @@ def test_tables_of_sap2000_become_a_structure_file(tmp_path: Path, monkeypatch: 
     assert abs(sway[0]) > 100 * abs(sway[1])  # about axis 3, which is y for a vertical member
 
 
+@needs_opensees
 def test_domain_of_opensees_becomes_a_structure_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The plate is a cantilever strip: between the frequencies of a beam and of a plate in cylindrical bending."""
     monkeypatch.chdir(tmp_path)

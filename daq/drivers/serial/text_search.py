@@ -22,6 +22,7 @@ _MAX_COLUMNS = 12
 _GRAVITY = 9.80665
 _NEAR = 0.2  # of gravity: a sensor at rest that is tilted and has an offset
 _USUAL = (1, 2, 5, 10, 12.5, 20, 25, 31.25, 40, 50, 62.5, 80, 100, 119, 125, 200, 250, 400, 416, 500, 800, 833, 1000)
+_SAME_RATE = 5.0  # factor between the rates by a clock and by arrival; units of time differ by 1000
 _MOST, _NEARLY_ALL = 0.8, 0.95  # shares of lines
 _ROUNDED = {True: 0.005, False: 0.03}  # relative difference from a usual rate, by the sensor's clock, by arrival
 
@@ -37,9 +38,9 @@ def search(path: str, _: int) -> PortAnswer | None:
         for number, baud in enumerate(BAUDS[: 1 if address else None]):
             if number and isinstance(port, SerialPort):
                 port.set_baud(baud)
-            lines, seconds = _listen(port, _LISTEN_SECONDS if number else _FIRST_SECONDS)
+            lines, rate = _listen(port, _LISTEN_SECONDS if number else _FIRST_SECONDS)
             if len(values := _same_numbers(lines)):
-                return _answer(path, baud, values, len(values) / seconds if seconds > 0 else 0.0)
+                return _answer(path, baud, values, rate)
             if not lines:
                 return None  # silent at any baud rate
     except (*PORT_ERRORS, DeviceLost):
@@ -50,20 +51,23 @@ def search(path: str, _: int) -> PortAnswer | None:
 
 
 def _listen(port: BytePort, longest: float) -> tuple[list[bytes], float]:
-    """Return the lines that arrive within some time, and the time from the first to the last [s]."""
+    """Return the lines that arrive within some time, and their rate [Hz]: the slope of their number in time."""
     port.discard_input()
-    data, arrivals = b"", [time.monotonic()]
-    end = arrivals[0] + longest
+    data, arrivals, counts = b"", [0.0], [0]
+    end = time.monotonic() + longest
     while (now := time.monotonic()) < end:
         if part := port.read():
             if not data:
                 end = now + _MEASURE_SECONDS
-                arrivals = [time.monotonic()]
                 data = part.rpartition(b"\n")[2] or b"\n"  # the rate does not follow from lines that were waiting
             else:
                 data += part
-                arrivals.append(time.monotonic())
-    return data.split(b"\n")[1:-1] if data else [], arrivals[-1] - arrivals[0]
+            arrivals.append(time.monotonic())
+            counts.append(data.count(b"\n"))
+    at, count = np.array(arrivals[1:]), np.array(counts[1:], np.float64)
+    off = at - at.mean() if len(at) else at
+    square = float(off @ off)
+    return data.split(b"\n")[1:-1] if data else [], float(off @ count) / square if square > 0 else 0.0
 
 
 def _same_numbers(lines: Sequence[bytes]) -> FloatArray:
@@ -100,7 +104,7 @@ def _time_unit(step: FloatArray, arriving: float) -> str | None:
     """Return the column of times with these steps, at about a rate [Hz]."""
     ratio = {name: abs(math.log(_period(step) * unit * max(arriving, 1e-9))) for name, unit in TIMES.items()}
     best = min(ratio, key=lambda name: ratio[name])
-    return best if ratio[best] < math.log(2) else None
+    return best if ratio[best] < math.log(_SAME_RATE) else None
 
 
 def _period(step: FloatArray) -> float:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import openseespy.opensees as ops
 from scipy import sparse
 from scipy.sparse.linalg import eigsh
 from skfem import Basis, BilinearForm, ElementTriMorley, MeshTri
@@ -13,6 +12,7 @@ from skfem.helpers import dd, ddot, eye, trace
 
 from daq import FloatArray
 from oma import ModalEstimate
+from tests.support.opensees import ops
 from tests.support.updater.frames import noisy_estimates
 from updater import save_matrices
 from updater.fe import opensees_matrices

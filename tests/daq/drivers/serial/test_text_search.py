@@ -24,16 +24,16 @@ SENSORS = [
     (LineFormat(columns=("counter", "time_us", "x", "y", "z"), unit="mg"), 197.0, None),
     (LineFormat(columns=("x", "y", "z"), unit="m/s2"), 50.0, None),
     (
-        LineFormat(columns=("counter", "x", "y", "z", "temperature"), scale=0.00059855),
+        LineFormat(columns=("counter", "x", "y", "z", "temperature"), scale=0.00061292),
         125.0,
-        LineFormat(columns=("counter", "x", "y", "z", "-"), scale=0.0005985),
+        LineFormat(columns=("counter", "x", "y", "z", "-"), scale=0.0006129),
     ),
 ]
 
 
 def test_columns_unit_and_rate_are_found() -> None:
     devices: list[EmulatedPort] = [
-        EmulatedTextLines(AtRest(G if form.unit else 16_384), CLOCK, form, rate=rate, checksum=k == 1)
+        EmulatedTextLines(AtRest(G if form.unit else 16_000), CLOCK, form, rate=rate, checksum=k == 1)
         for k, (form, rate, _) in enumerate(SENSORS)
     ]
     devices.append(EmulatedAdapter(EmulatedTextLines(AtRest(G), CLOCK, SENSORS[2][0], rate=50.0), "tcp"))
@@ -42,6 +42,7 @@ def test_columns_unit_and_rate_are_found() -> None:
     expected = [*SENSORS, SENSORS[2]]
     for device, answer, (form, rate, taken) in zip(devices, answers, expected, strict=True):
         assert isinstance(answer, PortAnswer), form
+        assert len(answer.devices) == 1, answer
         (found,) = answer.devices
         assert found.place == TextAddress(port=device.port, form=taken or form)
         assert (found.driver, found.rate, found.axes) == ("serial-text", rate, (0, 1, 2))

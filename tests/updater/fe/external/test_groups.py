@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from tests.support.opensees import needs_opensees
 from tests.support.updater.frames import unmoved
 from tests.support.updater.plates import FEET, N_MODES, Table, windows, write_table
 from updater import (
@@ -31,6 +32,8 @@ from updater.causes.stiffness.group_stiffness import GroupStiffness
 from updater.fe import Matrices, read_matrices, save_matrices
 from updater.inference import compare
 from updater.reference import channel_rows
+
+pytestmark = needs_opensees
 
 #: truth; cause, place and parameter that are expected, with their largest error
 EFFECTS: dict[str, tuple[dict[str, Any], list[tuple[str, str, str, float, float]]]] = {

@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.opensees import needs_opensees
 from tests.support.updater.plates import write_table
 from updater import build_model, load_structure
 from updater.fe.external.mesh_error import mesh_error
+
+pytestmark = needs_opensees
 
 
 @pytest.mark.parametrize("triangles", [False, True])

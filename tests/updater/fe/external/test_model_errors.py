@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.opensees import needs_opensees
 from tests.support.thorough import few_of
 from tests.support.updater.frames import unmoved
 from tests.support.updater.moved_parameters import Differenced, Moved
@@ -27,6 +28,8 @@ from updater import (
 )
 from updater.causes import ModelParameters, SelectedCause, prediction, propose_model_parameters
 from updater.inference import Comparison, compare, linearised
+
+pytestmark = needs_opensees
 
 #: mesh, feet as springs of the file, hidden factors, parameters that are named, largest error of feet
 CASES: list[tuple[int, bool, dict[str, float], set[str], float]] = [

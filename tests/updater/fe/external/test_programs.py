@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import openseespy.opensees as ops
 import pytest
 from scipy import sparse
 from scipy.io import hb_write
@@ -14,6 +13,7 @@ from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray
 from tests.support.nastran_files import dmig, sparse_output4
+from tests.support.opensees import needs_opensees, ops
 from tests.support.updater.frames import beam, clamped
 from updater import (
     Matrices,
@@ -221,6 +221,7 @@ def test_invalid_dmig_entries_are_refused(tmp_path: Path, change: object, messag
         read_program_files(ProgramFiles(stiffness=path, mass=path, nodes=folder / "beam.bdf"))
 
 
+@needs_opensees
 def test_opensees_domain_is_read_with_groups_and_tied_nodes() -> None:
     """A frame with a rigid floor: two columns, of which one is a group, and a mass at the floor's retained node."""
     ops.wipe()
@@ -249,6 +250,7 @@ def test_opensees_domain_is_read_with_groups_and_tied_nodes() -> None:
     assert found.mass.diagonal()[found.dofs[at[1], [0, 1, 5]]].tolist() == [500.0, 500.0, 700.0]
 
 
+@needs_opensees
 def test_opensees_groups_need_elements_of_the_domain() -> None:
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 6)

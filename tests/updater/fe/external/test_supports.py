@@ -4,10 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import openseespy.opensees as ops
 import pytest
 
 from oma import ModalEstimate
+from tests.support.opensees import needs_opensees, ops
 from tests.support.updater.frames import noisy_estimates, unmoved
 from updater import (
     Reference,
@@ -24,6 +24,8 @@ from updater.causes import CATALOGUE, SelectedCause, prediction
 from updater.causes.stiffness.connections import Springs
 from updater.fe import opensees_matrices, self_stress
 from updater.inference import compare
+
+pytestmark = needs_opensees
 
 LENGTH, N = 2.0, 20  # m, elements
 AREA, ABOUT_X, ABOUT_Y, TORSION = 1.6e-3, 2.2e-7, 6.0e-7, 4.0e-7  # box of steel: E I / L is 23 and 63 kN m/rad
