@@ -80,8 +80,11 @@ def _as_real_as_can_be(shape: np.ndarray) -> np.ndarray:
     return np.asarray(shape * np.exp(-0.5j * np.angle((shape**2).sum(1)))[:, None])
 
 
-def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000.0) -> Recording:
-    """Record for a while: wind, delays, an anti-alias filter, noise and quantization."""
+def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000.0, n_displaced: int = 0) -> Recording:
+    """Record for a while: wind, delays, an anti-alias filter, noise and quantization.
+
+    The last `n_displaced` channels follow the displacement of the modes, the others their acceleration.
+    """
     true_rate = rate * state.clock
     fine, settling = _OVER * true_rate, round(20 * _OVER * true_rate)
     total = settling + round(seconds * fine)
@@ -89,7 +92,8 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
     motion = state.motion(30)
     keep = motion.frequency < 0.45 * fine
     push = state.loudness * np.sqrt(_DENSITY * fine / 2) * random.standard_normal((total, motion.at_forces.shape[1]))
-    acceleration = np.zeros((total, len(state.sensors)))
+    accelerated = len(state.sensors) - n_displaced
+    signal = np.zeros((total, len(state.sensors)))
     for f, z, there, pushed in zip(
         motion.frequency[keep],
         state.modal_damping(30)[keep],
@@ -97,8 +101,10 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
         motion.at_forces[keep],
         strict=True,
     ):
-        acceleration += _modal_acceleration(push @ pushed, 2 * np.pi * f, z, 1 / fine)[:, None] * there
-    reported = _delayed(acceleration * state.gain, state.delay, fine)[settling:, state.order]
+        displacement, acceleration = _modal_response(push @ pushed, 2 * np.pi * f, z, 1 / fine)
+        signal[:, :accelerated] += acceleration[:, None] * there[:accelerated]
+        signal[:, accelerated:] += displacement[:, None] * there[accelerated:]
+    reported = _delayed(signal * state.gain, state.delay, fine)[settling:, state.order]
     reported = upfirdn(firwin(129, 0.9 / _OVER), reported, down=_OVER, axis=0)[: round(seconds * rate)]
     reported[:, [state.channels.index(c) for c in state.dead]] = 0.0
     reported += _NOISE * np.sqrt(rate / 2) * random.standard_normal(reported.shape)
@@ -109,14 +115,14 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
     return Recording(channels=channels, data=data, rate=rate, start=START, temperature=state.temperature)
 
 
-def _modal_acceleration(force: FloatArray, omega: float, damping: float, dt: float) -> FloatArray:
-    """Return q'' of q'' + 2 zeta omega q' + omega^2 q = p, p constant over a sample: one complex pole, exactly."""
+def _modal_response(force: FloatArray, omega: float, damping: float, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Return q and q'' of q'' + 2 zeta omega q' + omega^2 q = p, p constant over a sample: one complex pole, exactly."""
     decay = omega * np.sqrt(1 - damping**2)
     pole = -damping * omega + 1j * decay
     step = np.exp(pole * dt)
     state = lfilter([0.0, (step - 1) / pole], [1.0, -step], force.astype(complex))
     # the impulse response of q is Im(exp(pole t)) / decay, and each derivative brings the pole down once
-    return np.asarray((pole**2 * state).imag / decay + force)
+    return np.asarray(state.imag / decay), np.asarray((pole**2 * state).imag / decay + force)
 
 
 def _delayed(signal: FloatArray, delay: FloatArray, rate: float) -> FloatArray:

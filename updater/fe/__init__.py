@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from updater.fe.redundants import self_stress
     from updater.fe.response import Ambient, AmbientResponse
     from updater.fe.rotations import Hinges, flexibility, hinges_of
-    from updater.fe.section_forces import elastic_energy, parts_between, weighted_actions
+    from updater.fe.section_forces import elastic_energy, parts_between, section_rigidity, weighted_actions
 else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
@@ -40,6 +40,7 @@ __all__ = [
     "read_matrices",
     "read_program_files",
     "save_matrices",
+    "section_rigidity",
     "self_stress",
     "weighted_actions",
 ]

@@ -5,11 +5,11 @@ sum_k int (1/s - 1) A_kr A_ks / D_k dx, with D = (E A, kappa G A_y, kappa G A_z,
 """
 
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.fe.eigen import Modes
 from updater.fe.element import Element
 from updater.fe.model import Model
@@ -36,21 +36,32 @@ def weighted_actions(model: Model, modes: Modes, stations: dict[int, FloatArray]
     dict
         Number of the member -> (n, 6, n_modes), unit elastic energy a metre [sqrt(J/m)].
     """
-    spans = defaultdict(list)
-    for i, name in enumerate(model.member_names):
-        spans[name].append(i)
     found = {}
     for m, at in stations.items():
-        member = model.structure.member[m]
-        own = sorted((_distance(model, member, i), i) for i in spans[member.name])
-        starts = np.array([start for start, _ in own])
-        which = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(own) - 1)
         found[m] = np.empty((len(at), N_ACTIONS, modes.shape.shape[1]))
-        for k in np.unique(which):
-            start, span = own[k]
-            here = which == k
+        for span, start, here in _spans_at(model, model.structure.member[m], at):
             found[m][here] = _within(model, modes, span, at[here] - start)
     return found
+
+
+def section_rigidity(model: Model, member: Member, at: FloatArray) -> FloatArray:
+    """Return the stiffness that bears each action (n, 6) at stations (n,) from a member's start [m], [N] and [N m2]."""
+    found = np.empty((len(at), N_ACTIONS))
+    for span, _, here in _spans_at(model, member, at):
+        element = model.elements[span][2]
+        assert isinstance(element, Element)
+        found[here] = element.rigidity
+    return found
+
+
+def _spans_at(model: Model, member: Member, at: FloatArray) -> Iterator[tuple[int, float, IndexArray]]:
+    """Yield the elements with stations (n,) of a member: number, start [m], stations in it."""
+    own = sorted((_distance(model, member, i), i) for i, name in enumerate(model.member_names) if name == member.name)
+    starts = np.array([start for start, _ in own])
+    which = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(own) - 1)
+    for k in np.unique(which):
+        start, span = own[k]
+        yield span, start, np.flatnonzero(which == k)
 
 
 def elastic_energy(model: Model, shape: FloatArray, members: Collection[str]) -> FloatArray:

@@ -44,6 +44,7 @@ from updater.structure.written_structure import (
     simplified,
     stands_for_rigid,
     with_few_digits,
+    without_edges,
     without_empty_segments,
 )
 
@@ -99,5 +100,6 @@ __all__ = [
     "welded",
     "with_few_digits",
     "with_springs",
+    "without_edges",
     "without_empty_segments",
 ]

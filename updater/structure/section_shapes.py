@@ -17,9 +17,11 @@ from typing import Any, Self
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
+from daq import FloatArray
 from updater.structure.base import Entry, Positive, meant, not_known
 
 _NU = 0.3
+_AROUND = 16  # points about a round section: between two of them the stress is at most 2 % larger
 # What a round corner leaves of a square one, r x r less a quarter of a circle (also the fillet of a rolled section):
 _CORNER = 1 - np.pi / 4  # its area over r^2
 _FILLET_CENTRE = (10 - 3 * np.pi) / (12 - 3 * np.pi)  # its centroid from the corner over r
@@ -32,13 +34,15 @@ class _Constants:
     second_moment: tuple[float, float]
     torsion_constant: float
     shear_factor: tuple[float, float]
+    edge: tuple[float, float]
+    round: bool = False
 
 
 class Shape(Entry):
     """A cross-section by its measures [m]."""
 
     def constants(self) -> dict[str, Any]:
-        """Return area, second moments, torsion constant and shear factors, by the names of `Section`."""
+        """Return area, second moments, torsion constant, shear factors and edge, by the names of `Section`."""
         return asdict(self._constants())
 
     @abstractmethod
@@ -54,7 +58,8 @@ class Rectangle(Shape):
     def _constants(self) -> _Constants:
         b, h = self.width, self.height
         factor = 10 * (1 + _NU) / (12 + 11 * _NU)
-        return _Constants(b * h, (b * h**3 / 12, h * b**3 / 12), _rectangle_torsion(b, h), (factor, factor))
+        moments = (b * h**3 / 12, h * b**3 / 12)
+        return _Constants(b * h, moments, _rectangle_torsion(b, h), (factor, factor), (b / 2, h / 2))
 
 
 class Circle(Shape):
@@ -103,7 +108,7 @@ class Box(Shape):
         area = 2 * t * (b + h - 2 * t) - 4 * _CORNER * (outer**2 - inner**2)
         moment = [_rounded(across, along, outer) for across, along in ((b, h), (h, b))]
         moment = [m - _rounded(*sides, inner) for m, sides in zip(moment, (hole, hole[::-1]), strict=True)]
-        return _Constants(area, (moment[0], moment[1]), self._torsion(outer, inner), self._shear())
+        return _Constants(area, (moment[0], moment[1]), self._torsion(outer, inner), self._shear(), (b / 2, h / 2))
 
     def _torsion(self, outer: float, inner: float) -> float:
         """Bredt's closed cell and the resistance of the wall itself, EN 10219-2 annex B."""
@@ -143,7 +148,8 @@ class IBeam(Shape):
         own = 4 * _FILLET * r**4
         strong = (b * h**3 - (b - s) * clear**3) / 12 + own + corner * (clear / 2 - _FILLET_CENTRE * r) ** 2
         weak = (2 * t * b**3 + clear * s**3) / 12 + own + corner * (s / 2 + _FILLET_CENTRE * r) ** 2
-        return _Constants(area, (strong, weak), self._torsion(), (5 / 6 * 2 * b * t / area, self._shear_of_web()))
+        shear = (5 / 6 * 2 * b * t / area, self._shear_of_web())
+        return _Constants(area, (strong, weak), self._torsion(), shear, (b / 2, h / 2))
 
     def _torsion(self) -> float:
         """Return the resistance of strips, less their ends, plus the junctions (El Darwish & Johnston 1965)."""
@@ -173,7 +179,8 @@ def _ring(outer: float, inner: float) -> _Constants:
     m2 = (inner / outer) ** 2
     ends = (1 + m2) ** 2
     factor = 6 * (1 + _NU) * ends / ((7 + 6 * _NU) * ends + (20 + 12 * _NU) * m2)
-    return _Constants(np.pi * (outer**2 - inner**2) / 4, (moment, moment), 2 * moment, (factor, factor))
+    area = np.pi * (outer**2 - inner**2) / 4
+    return _Constants(area, (moment, moment), 2 * moment, (factor, factor), (outer / 2, outer / 2), round=True)
 
 
 def _rounded(across: float, along: float, radius: float) -> float:
@@ -212,6 +219,8 @@ class Section(Entry):
     second_moment: tuple[Positive, Positive]  #: about the local y and z axes [m4]
     torsion_constant: Positive  #: [m4]
     shear_factor: Positive | tuple[Positive, Positive] = 5 / 6  #: effective shear area over area, y and z or both [-]
+    edge: tuple[Positive, Positive] | None = None  #: distances of the outermost fibres along y and z; for stresses [m]
+    round: bool = False  #: whether the edge is an ellipse; otherwise a rectangle
 
     @model_validator(mode="before")
     @classmethod
@@ -227,6 +236,15 @@ class Section(Entry):
             return SHAPES[name].model_validate(measures).constants()
         except ValidationError as error:
             raise ValueError(_wrong_measure(name, error)) from error
+
+    def fibres(self) -> FloatArray:
+        """Return the points (n, 2) along y and z at which bending stresses are largest [m]; none without `edge`."""
+        if self.edge is None:
+            return np.empty((0, 2))
+        if not self.round:
+            return np.asarray(np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * self.edge)
+        angle = 2 * np.pi * np.arange(_AROUND) / _AROUND
+        return np.asarray(np.column_stack([np.cos(angle), np.sin(angle)]) * self.edge)
 
     def shear_area(self, axis: int) -> float:
         """Return the effective shear area along the local y (0) or z (1) axis [m2]."""

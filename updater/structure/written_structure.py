@@ -49,6 +49,13 @@ def simplified(structure: Structure, knobs: Sequence[ModelParameter]) -> Structu
     )
 
 
+def without_edges(structure: Structure) -> Structure:
+    """Return the structure without the edges of sections, on which stresses depend but no motion."""
+    none: dict[str, object] = {"edge": None, "round": False}
+    sections = {name: section.model_copy(update=none) for name, section in structure.section.items()}
+    return structure.model_copy(update={"section": sections})
+
+
 def stands_for_rigid(structure: Structure, connection: Support | Joint, knob: ModelParameter) -> bool:
     """Return whether a spring is of a connection that the file has rigid, and so stiff that it changes nothing.
 

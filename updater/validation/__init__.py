@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from updater.validation.response.kalman_filter import ModalKalmanFilter
     from updater.validation.response.modal_system import Quantity
     from updater.validation.response.response_model import Point, ResponseEstimate, ResponseModel
+    from updater.validation.response.section_stress import Fibre, edge_fibres
     from updater.validation.shape_expansion import (
         ModelModes,
         ModelPartner,
@@ -28,6 +29,7 @@ else:
     __getattr__, __dir__ = lazy_names(__name__, __file__)
 
 __all__ = [
+    "Fibre",
     "ForceBalance",
     "ModalCorrelation",
     "ModalKalmanFilter",
@@ -41,6 +43,7 @@ __all__ = [
     "VirtualSensing",
     "as_written",
     "correlate_modes",
+    "edge_fibres",
     "expand_measured",
     "force_balance",
     "model_modes",

@@ -19,6 +19,7 @@ from monitor.watch.memory.codec import CodecError, decode, encode
 from monitor.watch.memory.file import MEMORY, NOTHING, LoadedState
 from monitor.watch.self_test import Tested
 from updater import Structure, dump_structure
+from updater.structure import without_edges
 
 STRUCTURE, NO_STRUCTURE = "the structure file", "none"  #: key and value in the dependencies of a state
 VERSION = 10  # version of this format, or of the identification of modes: another one is not read
@@ -56,7 +57,7 @@ def state_fingerprint(structure: Structure | None, settings: Settings) -> dict[s
     """
     analysis, temperature = settings.analysis, settings.temperature
     return {
-        STRUCTURE: NO_STRUCTURE if structure is None else _digest(dump_structure(structure))[:16],
+        STRUCTURE: NO_STRUCTURE if structure is None else _digest(dump_structure(without_edges(structure)))[:16],
         "the channels": ", ".join(f"{c.name} = {c.device} {'xyz'[c.axis]}" for c in settings.channels),
         "the devices": ", ".join(f"{d.name} ({d.driver}, {d.rate:g} Hz)" for d in settings.device),
         "the thermometer": "the devices'" if temperature is None else _thermometer(temperature),

@@ -1,4 +1,4 @@
-"""Response of a structure where there is no sensor, with its standard deviation."""
+"""Response of a structure where there is no sensor, with its standard deviation: motion, and stresses of sections."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,6 +12,7 @@ from updater.reference import Reference
 from updater.validation.response.excitation import Excitation, estimate_excitation, spectral_matrices
 from updater.validation.response.kalman_filter import ModalKalmanFilter, Outputs
 from updater.validation.response.modal_system import ModalSystem, Quantity
+from updater.validation.response.section_stress import Fibre, modal_stress
 from updater.validation.response.shape_error import shape_error
 from updater.validation.virtual_sensors import gapless_stretches
 
@@ -45,8 +46,8 @@ class Point:
 class ResponseEstimate:
     """Estimated signals at points without a sensor."""
 
-    points: tuple[Point, ...]
-    recording: Recording  #: (n_samples, n_points) [m, m/s or m/s2], NaN about gaps of the measured signals
+    points: tuple[Point | Fibre, ...]
+    recording: Recording  #: (n_samples, n_points) [m, m/s, m/s2 or Pa], NaN about gaps of the measured signals
     std: FloatArray  #: (n_points,) standard deviation of the error in the band, constant over the recording
     band: tuple[float, float]  #: of the signals [Hz]
     level: float  #: root mean square of the innovations over that of the record that was learned from [-]
@@ -69,7 +70,7 @@ class ResponseModel:
     modes: IndexArray  #: (n_modes,) of the reference in the system
     system: ModalSystem
     excitation: Excitation
-    shape_error: FloatArray  #: (n_modes,) standard deviation of a component where there is no sensor [kg^-1/2]
+    shape_error: FloatArray  #: (n_modes,) standard deviation of a component where there is no sensor over its size [-]
     innovation: FloatArray  #: (n_channels,) root mean square in the band, of the learned record [m/s2]
 
     @classmethod
@@ -107,7 +108,7 @@ class ResponseModel:
         lines, matrices = spectral_matrices(longest, recording.rate, band, system)
         excitation = estimate_excitation(lines, matrices, system, shape)
         share = len(devices) / (len(devices) - 2)
-        error = np.sqrt(share * (shape**2).mean(0)) * shape_error(reference)[modes]
+        error = np.sqrt(share) * shape_error(reference)[modes]
         model = cls(
             reference=reference,
             channels=channels,
@@ -122,7 +123,7 @@ class ResponseModel:
         _, innovation = model._run(data, Outputs(state=np.zeros((0, 2 * len(modes))), force=np.zeros((0, len(modes)))))
         return replace(model, innovation=_root_mean_square(innovation))
 
-    def filter(self, points: Sequence[Point]) -> ModalKalmanFilter:
+    def filter(self, points: Sequence[Point | Fibre]) -> ModalKalmanFilter:
         """Return a filter that estimates the response at points, block by block.
 
         Raises
@@ -130,9 +131,9 @@ class ResponseModel:
         ModelError
             If a point is on no member.
         """
-        return self._filter(self._outputs(points))
+        return self._filter(self._outputs(points, self._modal(points)[0]))
 
-    def estimate(self, recording: Recording, points: Sequence[Point]) -> ResponseEstimate:
+    def estimate(self, recording: Recording, points: Sequence[Point | Fibre]) -> ResponseEstimate:
         """Estimate the response at points; the structure must not have changed.
 
         The band-pass filter has no phase; the Kalman filter starts anew after each gap.
@@ -152,8 +153,9 @@ class ResponseModel:
         if not np.isclose(recording.rate, self.rate, rtol=1e-6):
             raise ModalDataError(f"recording: expected a rate of {self.rate:g} Hz, found {recording.rate:g} Hz")
         data, _ = _signals(recording, self.channels)
-        quantities = [point.quantity for point in points]
-        outputs = self._outputs(points)
+        quantities = [_derivative(point) for point in points]
+        at, error = self._modal(points)
+        outputs = self._outputs(points, at)
         modal = {quantity: self.system.outputs(quantity) for quantity in dict.fromkeys(quantities)}
         every = Outputs(
             state=np.vstack([outputs.state, *(state for state, _ in modal.values())]),
@@ -161,29 +163,45 @@ class ResponseModel:
         )
         estimates, innovation = self._run(data, every)
         level = float(np.sqrt(np.mean((_root_mean_square(innovation) / self.innovation) ** 2)))
-        own, others = estimates[:, : len(points)], estimates[:, len(points) :]
+        signals, others = estimates[:, : len(points)], estimates[:, len(points) :]
         squares = dict(zip(modal, np.split(_root_mean_square(others) ** 2, len(modal)), strict=True))
-        by_shape = np.array([squares[quantity] @ self.shape_error**2 for quantity in quantities])
+        by_shape = np.array([squares[quantity] @ own**2 for quantity, own in zip(quantities, error, strict=True)])
         lines = np.geomspace(_SKIRT[0] * self.band[0], min(_SKIRT[1] * self.band[1], self.rate / 2), _LINES)
         _, gain = scipy.signal.freqz_sos(self._band_pass(), lines, fs=self.rate)
         variance = level**2 * self._filter(outputs).variance(lines, np.abs(gain) ** 4) + by_shape
-        channels = tuple(Channel(name=point.name, device="estimated", axis=point.axis) for point in points)
+        axes = [point.axis if isinstance(point, Point) else 0 for point in points]
+        channels = tuple(
+            Channel(name=point.name, device="estimated", axis=axis) for point, axis in zip(points, axes, strict=True)
+        )
         return ResponseEstimate(
             points=tuple(points),
-            recording=replace(recording, channels=channels, data=own, gaps=()),
+            recording=replace(recording, channels=channels, data=signals, gaps=()),
             std=np.sqrt(variance),
             band=self.band,
             level=level,
         )
 
-    def _outputs(self, points: Sequence[Point]) -> Outputs:
-        rows = self.reference.model.reader(np.array([point.at for point in points]).reshape(-1, 3))
-        shape = np.asarray(rows @ self.reference.shape[:, self.modes]).reshape(len(points), 6, -1)
-        parts = [self.system.outputs(point.quantity) for point in points]
-        own = [shape[i, point.axis] for i, point in enumerate(points)]
+    def _modal(self, points: Sequence[Point | Fibre]) -> tuple[FloatArray, FloatArray]:
+        """Return the values (n_points, n_modes) of unit modal coordinates, and their standard deviations."""
+        size = np.sqrt((self.reference.at_channels(self.channels)[:, self.modes] ** 2).mean(0))
+        rows, error = np.empty((2, len(points), len(self.modes)))
+        moving = [i for i, point in enumerate(points) if isinstance(point, Point)]
+        places = [point for point in points if isinstance(point, Point)]
+        reader = self.reference.model.reader(np.array([point.at for point in places]).reshape(-1, 3))
+        motion = np.asarray(reader @ self.reference.shape[:, self.modes]).reshape(len(places), 6, -1)
+        rows[moving] = [motion[i, point.axis] for i, point in enumerate(places)] or np.empty((0, len(self.modes)))
+        error[moving] = self.shape_error * size
+        strained = [i for i, point in enumerate(points) if isinstance(point, Fibre)]
+        stress, along = modal_stress(self.reference, [point for point in points if isinstance(point, Fibre)])
+        rows[strained], error[strained] = stress[:, self.modes], self.shape_error * along[:, self.modes]
+        return rows, error
+
+    def _outputs(self, points: Sequence[Point | Fibre], rows: FloatArray) -> Outputs:
+        parts = [self.system.outputs(_derivative(point)) for point in points]
+        n = len(self.modes)
         return Outputs(
-            state=np.array([row @ state for row, (state, _) in zip(own, parts, strict=True)]),
-            force=np.array([row @ force for row, (_, force) in zip(own, parts, strict=True)]),
+            state=np.array([row @ state for row, (state, _) in zip(rows, parts, strict=True)]).reshape(-1, 2 * n),
+            force=np.array([row @ force for row, (_, force) in zip(rows, parts, strict=True)]).reshape(-1, n),
         )
 
     def _filter(self, outputs: Outputs) -> ModalKalmanFilter:
@@ -211,6 +229,11 @@ class ResponseModel:
         if np.isnan(innovations).all():
             raise ModalDataError("recording: no stretch without a gap is long enough for the filter to settle")
         return estimates, innovations
+
+
+def _derivative(point: Point | Fibre) -> Quantity:
+    """Return the derivative of the modal coordinates that a signal is made of."""
+    return point.quantity if isinstance(point, Point) else "displacement"
 
 
 def _signals(recording: Recording, channels: tuple[str, ...]) -> tuple[FloatArray, set[str]]:
