@@ -98,14 +98,7 @@ def explain(
     with _blamed_on("reference" if before else "current"):
         if before:
             before, steps = of_one_state(before)
-            reference = learn_reference(
-                structure,
-                before.estimates,
-                before.tracks,
-                before.lateness.delays,
-                stated=before.stated,
-                shaped=before.shaped,
-            )
+            reference = reference_of(structure, before)
         else:
             devices = sorted(set(now.lateness.devices.values()))
             filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else _all_fixed(structure)
@@ -132,6 +125,18 @@ def explain(
         event=event.modes,
         circumstances=event.circumstances,
         diagnosis=diagnosis_answer(explained, steps),
+    )
+
+
+def reference_of(structure: Structure, before: Observation) -> Reference:
+    """Learn the reference from an observation of one state; errors as for `updater.learn_reference`."""
+    return learn_reference(
+        structure,
+        before.estimates,
+        before.tracks,
+        before.lateness.delays,
+        stated=before.stated,
+        shaped=before.shaped,
     )
 
 

@@ -167,11 +167,11 @@ def follow(
         temperature=temperature,
         rms=rms,
         lateness=lateness,
-        sample=_aligned(sample, lateness.removed[-1], late) if sample else None,
+        sample=without_delays(sample, lateness.removed[-1], late) if sample else None,
     )
 
 
-def _aligned(recording: Recording, removed: Mapping[str, float], late: Mapping[str, float]) -> Recording:
+def without_delays(recording: Recording, removed: Mapping[str, float], late: Mapping[str, float]) -> Recording:
     """Return a recording without the delays [s] that its modes show by device, and those known by channel."""
     own = [replace(c, device=c.name) for c in recording.channels]
     tau = {c.name: removed.get(c.device, 0.0) + late.get(c.name, 0.0) for c in recording.channels}

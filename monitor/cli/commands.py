@@ -23,6 +23,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "structure": ("Data", "data.structure.structure"),
     "identify": ("Data", "data.identify.identify"),
     "diagnose": ("Data", "data.diagnose.diagnose"),
+    "response": ("Data", "data.response.response"),
     "bodies": ("Data", "data.bodies"),
     "report": ("Data", "data.report"),
     "view": ("Data", "data.view"),

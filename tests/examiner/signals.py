@@ -116,7 +116,7 @@ def recorded(state: State, seconds: float, random: Random, *, rate: float = 1000
 
 
 def _modal_response(force: FloatArray, omega: float, damping: float, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Return q and q'' of q'' + 2 zeta omega q' + omega^2 q = p, p constant over a sample: one complex pole, exactly."""
+    """Return q and q'' of q'' + 2 zeta omega q' + omega^2 q = p, p constant over a sample, by one complex pole."""
     decay = omega * np.sqrt(1 - damping**2)
     pole = -damping * omega + 1j * decay
     step = np.exp(pole * dt)

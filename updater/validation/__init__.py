@@ -14,8 +14,9 @@ if TYPE_CHECKING:
         modes_with_causes,
     )
     from updater.validation.residual_forces import ForceBalance, force_balance
+    from updater.validation.response.fatigue import StressCycles, count_cycles, damage_rate
     from updater.validation.response.kalman_filter import ModalKalmanFilter
-    from updater.validation.response.modal_system import Quantity
+    from updater.validation.response.modal_system import MotionQuantity
     from updater.validation.response.response_model import Point, ResponseEstimate, ResponseModel
     from updater.validation.response.section_stress import Fibre, edge_fibres
     from updater.validation.shape_expansion import (
@@ -35,14 +36,17 @@ __all__ = [
     "ModalKalmanFilter",
     "ModelModes",
     "ModelPartner",
+    "MotionQuantity",
     "Point",
-    "Quantity",
     "ResponseEstimate",
     "ResponseModel",
     "SensorHealth",
+    "StressCycles",
     "VirtualSensing",
     "as_written",
     "correlate_modes",
+    "count_cycles",
+    "damage_rate",
     "edge_fibres",
     "expand_measured",
     "force_balance",

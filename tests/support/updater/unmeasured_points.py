@@ -1,5 +1,6 @@
 """Records of independent specimens at sensors and where there is none, with reference models learned beforehand."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,7 +33,13 @@ class UnmeasuredPoints:
     rate: float  #: [Hz]
 
     def record(self, seconds: float, seed: int) -> tuple[Recording, FloatArray]:
-        """Return signals of the sensors, device delays removed, and the truth (n_samples, n_points) [m/s2] or [Pa].
+        """Return the same as `raw_record`, with the delays of the devices removed."""
+        record, truth = self.raw_record(seconds, seed)
+        delays = dict(self.reference.delays.seconds)
+        return aligned(record, {c.device: delays.get(c.device, 0.0) for c in record.channels}), truth
+
+    def raw_record(self, seconds: float, seed: int) -> tuple[Recording, FloatArray]:
+        """Return signals of the sensors, and the truth (n_samples, n_points) [m/s2] or [Pa].
 
         Parameters
         ----------
@@ -43,10 +50,7 @@ class UnmeasuredPoints:
         stresses = sum(isinstance(point, Fibre) for point in self.points)
         record = recorded(self.state, duration, random, rate=self.rate, n_displaced=stresses)
         sensors = replace(record, channels=record.channels[:n], data=record.data[:, :n])
-        delays = dict(self.reference.delays.seconds)
-        return aligned(sensors, {c.device: delays.get(c.device, 0.0) for c in sensors.channels}), record.data[
-            :, n:
-        ] / self.unit
+        return sensors, record.data[:, n:] / self.unit
 
 
 def modal_stress_of(state: State, member: Member, fibre: Fibre, n_modes: int) -> FloatArray:
@@ -68,8 +72,13 @@ def _fibre(structure: Structure, member: Member, share: float) -> Fibre:
     return Fibre(member=member.name, distance=share * member.length, y=y, z=z)
 
 
-def unmeasured_points(which: str, seed: int) -> UnmeasuredPoints:
-    """Return a specimen ("frame", "portal", ...) with a learned reference, across all its members."""
+def unmeasured_points(which: str, seed: int, fibres: Sequence[Fibre] = ()) -> UnmeasuredPoints:
+    """Return a specimen ("frame", "portal", ...) with a learned reference, across all its members.
+
+    Parameters
+    ----------
+    fibres : of which stresses are recorded. Default: one at each place
+    """
     state, _ = specimen("" if which == "frame" else which, seed)
     random = np.random.default_rng((seed, 2))
     structure = structure_of(f"{which}: nothing")
@@ -94,7 +103,7 @@ def unmeasured_points(which: str, seed: int) -> UnmeasuredPoints:
                     )
                 )
     n, k = len(state.sensors), len(sensors)
-    fibres = [_fibre(structure, member, share) for member in structure.member for share in _SHARES]
+    fibres = fibres or [_fibre(structure, member, share) for member in structure.member for share in _SHARES]
     sensors += [replace(sensors[0], channel=f"{fibre.name} x") for fibre in fibres]
     unit = np.ones(k + len(fibres))
     state = replace(

@@ -141,3 +141,33 @@ def test_invalid_section_shape_is_refused_with_the_reason(text: str, says: str) 
         parse_structure(f"{old[:start]}{text}\n{old[end:]}", "frame.toml")
     assert str(caught.value).startswith("frame.toml: section.tube_40x40x3")
     assert says in str(caught.value)
+
+
+# EN 10219-2 annex C and EN 10365: elastic section moduli [cm3], as the tables print them
+@pytest.mark.parametrize(
+    ("measures", "about_y", "about_z"),
+    [
+        (COLD | {"width": 0.04, "height": 0.06}, "8.46", "6.72"),
+        ({"shape": "tube", "diameter": 0.0483, "thickness": 3.2e-3}, "4.8", "4.8"),
+        (
+            {"shape": "i", "width": 0.1, "height": 0.2, "web": 5.6e-3, "flange": 8.5e-3, "root_radius": 0.012},
+            "194", "28.5",
+        ),
+    ],
+    ids=["60x40x3", "48.3x3.2", "IPE 200"],
+)  # fmt: skip
+def test_outermost_fibres_give_the_section_moduli_of_the_tables(
+    measures: dict[str, Any], about_y: str, about_z: str
+) -> None:
+    section = Section.model_validate(measures)
+    y, z = np.abs(section.fibres()).max(0)
+    assert _printed(section.second_moment[0] / z * 1e6, about_y) == about_y
+    assert _printed(section.second_moment[1] / y * 1e6, about_z) == about_z
+    assert len(section.fibres()) == (16 if section.round else 4)
+
+
+def test_section_by_constants_has_no_fibres_without_its_edge() -> None:
+    constants = {"area": 1e-4, "second_moment": (1e-9, 1e-9), "torsion_constant": 1e-9}
+    assert len(Section.model_validate(constants).fibres()) == 0
+    (y, z), *_ = Section.model_validate(constants | {"edge": (0.01, 0.03)}).fibres()
+    assert (y, z) == (0.01, 0.03)

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from daq import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
-Quantity = Literal["displacement", "velocity", "acceleration"]
+MotionQuantity = Literal["displacement", "velocity", "acceleration"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +47,7 @@ class ModalSystem:
         b = np.vstack([np.diag((1 - from_q[0]) / omega), np.diag(-from_q[1] / omega)])
         return a, b
 
-    def outputs(self, quantity: Quantity) -> tuple[FloatArray, FloatArray]:
+    def outputs(self, quantity: MotionQuantity) -> tuple[FloatArray, FloatArray]:
         """Return C (n, 2 n) and D (n, n) of the modal displacements, velocities or accelerations C x + D p."""
         omega, none = self.omega, np.zeros((len(self.frequency),) * 2)
         if quantity == "displacement":

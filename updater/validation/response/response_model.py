@@ -11,7 +11,7 @@ from updater.errors import ModalDataError
 from updater.reference import Reference
 from updater.validation.response.excitation import Excitation, estimate_excitation, spectral_matrices
 from updater.validation.response.kalman_filter import ModalKalmanFilter, Outputs
-from updater.validation.response.modal_system import ModalSystem, Quantity
+from updater.validation.response.modal_system import ModalSystem, MotionQuantity
 from updater.validation.response.section_stress import Fibre, modal_stress
 from updater.validation.response.shape_error import shape_error
 from updater.validation.virtual_sensors import gapless_stretches
@@ -34,7 +34,7 @@ class Point:
 
     at: tuple[float, float, float]  #: [m]
     axis: int  #: global axis 0, 1, 2 = x, y, z
-    quantity: Quantity = "acceleration"
+    quantity: MotionQuantity = "acceleration"
 
     @property
     def name(self) -> str:
@@ -186,11 +186,12 @@ class ResponseModel:
         size = np.sqrt((self.reference.at_channels(self.channels)[:, self.modes] ** 2).mean(0))
         rows, error = np.empty((2, len(points), len(self.modes)))
         moving = [i for i, point in enumerate(points) if isinstance(point, Point)]
-        places = [point for point in points if isinstance(point, Point)]
-        reader = self.reference.model.reader(np.array([point.at for point in places]).reshape(-1, 3))
-        motion = np.asarray(reader @ self.reference.shape[:, self.modes]).reshape(len(places), 6, -1)
-        rows[moving] = [motion[i, point.axis] for i, point in enumerate(places)] or np.empty((0, len(self.modes)))
-        error[moving] = self.shape_error * size
+        if moving:
+            places = [point for point in points if isinstance(point, Point)]
+            reader = self.reference.model.reader(np.array([point.at for point in places]))
+            motion = np.asarray(reader @ self.reference.shape[:, self.modes]).reshape(len(places), 6, -1)
+            rows[moving] = motion[np.arange(len(places)), [point.axis for point in places]]
+            error[moving] = self.shape_error * size
         strained = [i for i, point in enumerate(points) if isinstance(point, Fibre)]
         stress, along = modal_stress(self.reference, [point for point in points if isinstance(point, Fibre)])
         rows[strained], error[strained] = stress[:, self.modes], self.shape_error * along[:, self.modes]
@@ -231,7 +232,7 @@ class ResponseModel:
         return estimates, innovations
 
 
-def _derivative(point: Point | Fibre) -> Quantity:
+def _derivative(point: Point | Fibre) -> MotionQuantity:
     """Return the derivative of the modal coordinates that a signal is made of."""
     return point.quantity if isinstance(point, Point) else "displacement"
 

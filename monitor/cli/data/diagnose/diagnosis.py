@@ -1,19 +1,18 @@
 """Changes since the reference logs, or errors of the structure file."""
 
-import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from daq import AnyLog, LogError, Recording, load_recordings
+from daq import AnyLog, LogError
 from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
 from monitor.analysis.explanation import Explanation, explain
-from monitor.analysis.logs import Held, log_channels, log_held
+from monitor.analysis.logs import log_channels
 from monitor.analysis.modal_table.responses import is_universal
-from monitor.analysis.modal_table.table import is_table, read_tables
-from monitor.analysis.observation import Observation, given_up, observe, window_seconds
+from monitor.analysis.modal_table.table import is_table
+from monitor.analysis.observation import Observation, given_up
 from monitor.analysis.selection import Selection
 from monitor.analysis.states.record_course import explain_record
 from monitor.analysis.states.stationarity import step_text
@@ -22,11 +21,12 @@ from monitor.analysis.trends import trends_beside
 from monitor.cli.data.diagnose.basis import calibration_facts, log_facts
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
 from monitor.cli.data.diagnose.held_out import check_independent
+from monitor.cli.data.log_observation import observe_logs
 from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
-from monitor.cli.terminal import Work, console, echo, files_of_logs, progress, warn
-from monitor.errors import ArgumentError, RecordLengthError, StateError, writing
+from monitor.cli.terminal import Work, console, echo, progress, warn
+from monitor.errors import ArgumentError, StateError, writing
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
@@ -38,7 +38,6 @@ from monitor.text.diagnosis import written_bodies_texts
 from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
-from oma import OmaError
 from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
@@ -163,7 +162,7 @@ def diagnose_logs(
         def observed(paths: Sequence[Path], what: str, within: TimeRange = WHOLE) -> Observation | None:
             if not paths:
                 return None
-            found = _observe(structure, paths, window, what, work, selection, within, logs.exponential_window)
+            found = observe_logs(structure, paths, window, what, work, selection, within, logs.exponential_window)
             return selection.of_observation(found)
 
         after = observed(logs.current, "logs", logs.within)
@@ -347,54 +346,6 @@ def selected_structure(path: Path, selection: Selection) -> Structure:
         return selection.of_structure(structure)
     except ValueError as error:
         raise ArgumentError("--fix, --bound, --without-channel", str(error)) from error
-
-
-def _observe(
-    structure: Structure,
-    paths: Sequence[Path],
-    window: float | None,
-    what: str,
-    work: Work,
-    selection: Selection,
-    within: TimeRange,
-    exponential_window: float | None,
-) -> Observation:
-    tables = [path for path in paths if is_table(path)]
-    if tables and len(tables) < len(paths):
-        raise LogError(tables[0], "expected modal tables only, or logs only, for one state")
-    if tables and not within.whole:
-        raise ArgumentError(", ".join(within.options), f"expected a log, found a table of modes: {tables[0]}")
-    if tables:
-        return read_tables(structure, paths, exponential_window)
-    logs = within.of_logs(as_logs(paths), lambda text: echo(f"{_names(paths)}: {text}"))
-    try:
-        if window is None:
-            work.stage(f"{what}: length", files_of_logs(logs))
-            window = _window(structure, [log_held(log) for log in logs])
-        work.windows_of(what, logs)
-        recordings = _recordings(structure, logs, window, selection.without_channels)
-        return observe(recordings, lambda one: work.window(one.start), structure.delays)
-    except (OmaError, RecordLengthError) as error:
-        raise LogError(", ".join(map(str, logs)), str(error)) from error
-
-
-def _window(structure: Structure, held: Sequence[Held]) -> float:
-    """Return how long windows are [s]: as logs are, or within the records of loggers that pause."""
-    record = min((one.record for one in held if one.record < one.seconds), default=math.inf)
-    return window_seconds(structure, min(one.seconds for one in held), len(held), record)
-
-
-def _recordings(
-    structure: Structure, logs: Sequence[AnyLog], seconds: float, left_out: Collection[str]
-) -> Iterator[Recording]:
-    """Yield the windows of logs, without channels that are no sensors of the structure or are left out."""
-    for log in logs:
-        found = log_channels(log)
-        channels = tuple(c for c in found if c.name in structure.active_channels and c.name not in left_out)
-        if not channels:
-            have, know = ", ".join(c.name for c in found), ", ".join(structure.channels)
-            raise LogError(str(log), f"expected channels named as the structure's sensors ({know}), found {have}")
-        yield from load_recordings(log, window_seconds=seconds, channels=channels)
 
 
 def _channel_notes(structure: Structure, logs: Logs) -> list[str]:

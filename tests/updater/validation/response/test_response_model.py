@@ -12,7 +12,7 @@ from daq import FloatArray
 from tests.support.snippets import code_blocks, run_cells
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
 from updater import ModalDataError, ModelError
-from updater.validation import Point, Quantity, ResponseEstimate, ResponseModel
+from updater.validation import Fibre, MotionQuantity, Point, ResponseEstimate, ResponseModel
 
 SEED = 5
 
@@ -49,14 +49,17 @@ def assert_within_deviations(case: UnmeasuredPoints, model: ResponseModel, seed:
     Without the error of the shapes, some 50 to 75 % are within two deviations.
     """
     ratio, relative = compare(case, model, seed)
-    assert (np.abs(ratio) < 2).mean() > 0.80
+    strained = np.array([isinstance(point, Fibre) for point in case.points])
+    for which, most in ((~strained, 0.08), (strained, 0.12)):
+        assert (np.abs(ratio[:, which]) < 2).mean() > 0.80
+        assert np.median(relative[which]) < most
     assert (np.abs(ratio) < 1).mean() < 0.95  # deviations are not too large either
-    assert np.median(relative) < 0.08
 
 
 def test_truth_is_within_the_deviations_where_there_is_no_sensor(
     frame: UnmeasuredPoints, learned: ResponseModel
 ) -> None:
+    """Accelerations at twelve points, and stresses at six."""
     assert_within_deviations(frame, learned, SEED + 1000)
 
 
@@ -100,11 +103,13 @@ def test_blocks_one_after_another_give_the_same_as_one(frame: UnmeasuredPoints, 
 
 @pytest.mark.parametrize(("quantity", "order"), [("velocity", 1), ("displacement", 2)])
 def test_integrated_truth_is_within_the_deviations(
-    frame: UnmeasuredPoints, learned: ResponseModel, quantity: Quantity, order: int
+    frame: UnmeasuredPoints, learned: ResponseModel, quantity: MotionQuantity, order: int
 ) -> None:
     """The truth is the recorded acceleration, integrated in the band by its spectrum; 80 % as for accelerations."""
+    points = [point for point in frame.points if isinstance(point, Point)]  # the first ones
     recording, truth = frame.record(20.0, 10)
-    found = learned.estimate(recording, [replace(point, quantity=quantity) for point in frame.points])
+    truth = truth[:, : len(points)]
+    found = learned.estimate(recording, [replace(point, quantity=quantity) for point in points])
     taper = tukey(len(truth), 0.2)[:, None]
     spectrum = np.fft.rfft(taper * in_band(truth, found), axis=0)
     omega = 2 * np.pi * np.fft.rfftfreq(len(truth), 1 / recording.rate)

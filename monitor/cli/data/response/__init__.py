@@ -1,0 +1,1 @@
+"""Command `response`: motion and stresses where there is no sensor."""

@@ -1,0 +1,59 @@
+"""Tables of the response where there is no sensor."""
+
+from collections.abc import Sequence
+
+from rich.console import Console
+
+from daq.notebook import number_text
+from monitor.cli.terminal import new_table
+from monitor.results.response import Motion, ResponseFound, SectionStress
+from monitor.text.quantities import aligned_numbers, duration_words
+
+_SHOWN = {"m/s2": ("m/s2", 1.0), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
+_LONGEST = 1e4  # years, beyond which no life is printed
+_MPA = 1e-6
+
+
+def say_response(console: Console, found: ResponseFound) -> None:
+    """Print the motion at points, the stresses of sections and their fatigue."""
+    low, high = found.band
+    console.print(
+        f"vibration between {low:.3g} and {high:.3g} Hz, {duration_words(found.seconds)}, "
+        f"at {found.level:.2g} times the level of the reference",
+        soft_wrap=True,
+    )
+    if found.motions:
+        _say_motions(console, found.motions)
+    if found.sections:
+        _say_sections(console, found.sections)
+
+
+def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
+    table = new_table(("position \\[m]", "motion", "unit"), ("rms", "largest"), no_wrap=True)
+    scales = [_SHOWN[motion.rms.unit] for motion in motions]
+    pairs = [(k * m.rms.value, k * m.rms.std) for m, (_, k) in zip(motions, scales, strict=True)]
+    for motion, (unit, scale), rms in zip(motions, scales, aligned_numbers(pairs), strict=True):
+        place = ", ".join(f"{value:.3f}" for value in motion.position)
+        table.add_row(place, f"{motion.quantity} {motion.axis}", unit, rms, f"{scale * motion.largest:.3g}")
+    console.print(table)
+
+
+def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
+    names = ("rms \\[MPa]", "largest \\[MPa]", "cycles per h", "life \\[years]", "from", "to")
+    table = new_table(("section",), names, overflow="fold")
+    for own in sections:
+        table.add_row(
+            f"{own.member} at {own.distance:g} m",
+            number_text(_MPA * own.rms.value, _MPA * own.rms.std),
+            f"{_MPA * own.largest_range:.3g}",
+            f"{own.cycles_per_hour:.0f}",
+            *(f"{years:.2g}" if years < _LONGEST else f"> {_LONGEST:.0f}" for years in own.life),
+        )
+    console.print(table)
+    console.print(
+        f"largest: range from valley to peak; life: at detail category {_MPA * sections[0].category:g} of EN 1993-1-9, "
+        "by the vibration of these logs alone, without partial factors; from and to with stresses a standard deviation "
+        "larger and smaller",
+        style="dim",
+        soft_wrap=True,
+    )

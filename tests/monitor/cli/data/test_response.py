@@ -1,0 +1,123 @@
+"""`response`: motion and stresses where there is no sensor, of logs of an independent specimen."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from daq import FloatArray, write_recording
+from tests.support.monitor.cli import Commands, assert_refused
+from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
+from updater import t_structure_toml
+from updater.validation import Fibre, Point
+
+SEED = 6
+STRESSED = Fibre(member="column", distance=0.1, y=0.02, z=0.02)
+
+
+@pytest.fixture(scope="module")
+def case() -> UnmeasuredPoints:
+    print(f"seed {SEED}")
+    return unmeasured_points("frame", SEED, fibres=[STRESSED])
+
+
+@pytest.fixture(scope="module")
+def folder(case: UnmeasuredPoints, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with structure.toml, before.mcap, now.mcap and the truth of the latter."""
+    folder = tmp_path_factory.mktemp("response")
+    (folder / "structure.toml").write_text(t_structure_toml(), encoding="utf-8")
+    before, _ = case.raw_record(100.0, 1)
+    now, truth = case.raw_record(40.0, 2)
+    write_recording(folder / "before.mcap", before)
+    write_recording(folder / "now.mcap", now)
+    np.save(folder / "truth.npy", truth)
+    return folder
+
+
+def in_band(truth: FloatArray, band: tuple[float, float]) -> FloatArray:
+    return np.asarray(sosfiltfilt(butter(4, band, "bandpass", fs=1000.0, output="sos"), truth, axis=0))
+
+
+def test_motion_and_stress_are_within_their_deviations(
+    modalwatch: Commands, case: UnmeasuredPoints, folder: Path
+) -> None:
+    point = case.points[0]
+    assert isinstance(point, Point)
+    place = f"column:{point.at[2]:g}:{'xyz'[point.axis]}"
+    done = modalwatch(
+        "response", folder / "structure.toml", folder / "now.mcap", "--reference", folder / "before.mcap",
+        "--at", place, "--at", f"{place}:displacement", "--stress", "column:0.1", "--stress", "crossbeam:0.3",
+        "-o", folder / "signals.csv", "--json", folder / "response.json",
+    )  # fmt: skip
+    assert (done.code, done.err) == (0, ""), done
+    found = json.loads((folder / "response.json").read_text())
+    truth = in_band(np.load(folder / "truth.npy"), found["band"])[3000:-3000]
+    acceleration, displacement = found["motions"]
+    for own, exact in ((acceleration["rms"], truth[:, 0]), (found["sections"][0]["rms"], truth[:, -1])):
+        # the error adds to the square of the signal, and its share of the square is small
+        assert abs(own["value"] - exact.std()) < 2 * own["std"]
+        assert own["std"] < 0.2 * own["value"]
+    assert (displacement["rms"]["unit"], acceleration["axis"]) == ("m", place[-1])
+    section = found["sections"][0]
+    assert (section["member"], section["distance"]) == ("column", 0.1)
+    assert [abs(value) for value in section["fibre"]] == [0.02, 0.02]
+    assert section["damage_per_year"] == 0  # a thousandth of a MPa
+    assert "column at 0.1 m" in done.out
+    assert "> 10000" in done.out
+    with (folder / "signals.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.reader(file) if not row[0].startswith("#")]
+    assert len(rows[0]) == 1 + 2 + 4 + 4
+    signal = np.array([float(row[1] or "nan") for row in rows[1:]])
+    assert np.nanstd(signal) == pytest.approx(acceleration["rms"]["value"], rel=1e-6)
+
+
+def test_life_of_a_loud_vibration_is_finite(modalwatch: Commands, case: UnmeasuredPoints, folder: Path) -> None:
+    """Signals 30,000 times as large, some 50 MPa rms: less damage than if all ranges were the largest."""
+    loud = folder / "loud.mcap"
+    now, _ = case.raw_record(40.0, 2)
+    if not loud.exists():
+        write_recording(loud, replace(now, data=3e4 * now.data))
+    done = modalwatch(
+        "response", folder / "structure.toml", loud, "--reference", folder / "before.mcap", "--stress", "column:0.1",
+        "--detail", 80, "--json", folder / "loud.json",
+    )  # fmt: skip
+    assert done.code == 0, done
+    (section,) = json.loads((folder / "loud.json").read_text())["sections"]
+    low, high = section["damage_per_year_range"]
+    assert 0 < low < section["damage_per_year"] < high
+    largest, equivalent = section["largest_range"], section["equivalent_range"]["value"]
+    assert largest > equivalent > section["rms"]["value"]
+    most = section["cycles_per_hour"] * 24 * 365.25 * (largest / section["category"]) ** 3 / 2e6
+    assert section["damage_per_year"] < most
+    assert "detail category 80 of EN 1993-1-9" in done.out
+
+
+@pytest.mark.parametrize(
+    ("options", "reported"),
+    [
+        ((), "--at, --stress: expected a place or a section, found none"),
+        (("--at", "column:0.3"), "--at: expected MEMBER:DISTANCE:AXIS[:displacement|velocity|acceleration]"),
+        (("--at", "column:0.3:x:speed"), "--at: expected MEMBER:DISTANCE:AXIS"),
+        (("--at", "mast:0.3:x"), "--at: no member is named 'mast'; there are column, crossbeam"),
+        (("--stress", "column:2"), "--stress: column: expected a distance of 0 to 1.48 m, found '2'"),
+        (("--stress", "column"), "--stress: column: expected a distance of 0 to 1.48 m, found ''"),
+        (("--stress", "column:1", "--detail", 0), "--detail: expected a positive range in MPa, found 0"),
+    ],
+)
+def test_invalid_requests_are_refused(
+    modalwatch: Commands, folder: Path, options: tuple[object, ...], reported: str
+) -> None:
+    paths = folder / "structure.toml", folder / "now.mcap", "--reference", folder / "before.mcap"
+    assert_refused(modalwatch("response", *paths, *options), reported)
+
+
+def test_section_without_an_edge_is_refused(modalwatch: Commands, folder: Path, tmp_path: Path) -> None:
+    text = "".join(line for line in t_structure_toml().splitlines(keepends=True) if not line.startswith("edge"))
+    (tmp_path / "bare.toml").write_text(text, encoding="utf-8")
+    paths = tmp_path / "bare.toml", folder / "now.mcap", "--reference", folder / "before.mcap"
+    done = modalwatch("response", *paths, "--stress", "column:0.1")
+    assert_refused(done, "--stress: section of column: stresses need the shape of its section, or its edge")
