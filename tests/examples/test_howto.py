@@ -49,7 +49,7 @@ SLOW = (
     "bodies", "diagnose", "replay", "reanalyse /data/archive -o results", "identify run.mcap", "log expand",
     "structure t_structure.toml --record", "structure structure.toml --target", "structure examples", "view",
     "report watched", "report run.mcap --pdf", "identify measured.mcap --structure", "identify measured.mcap --picture",
-    "identify before.mcap", "identify setup_1", "identify days.mcap",
+    "identify before.mcap", "identify setup_1", "identify days.mcap", "response",
 )  # fmt: skip
 #: exit codes of commands that do not end with 0: a person is needed
 ALARM = {"replay run.mcap": 1, "reanalyse /data/archive -o results": 1, "bodies": 1}

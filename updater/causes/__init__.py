@@ -7,6 +7,7 @@ from updater.causes.joint_prediction import effect_of, mac_of, prediction
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, AddedMass, propose_added_mass
 from updater.causes.mass.attached_oscillator import has_unobserved_mode
 from updater.causes.mass.several_bodies import PER_BODY, Bodies
+from updater.causes.modal_loads import modal_section_forces
 from updater.causes.model.parameters import ModelParameters, propose_model_parameters
 from updater.causes.overall.common_factor import CommonFactor
 from updater.causes.sensors.delay import begin_at
@@ -42,6 +43,7 @@ __all__ = [
     "effect_of",
     "has_unobserved_mode",
     "mac_of",
+    "modal_section_forces",
     "prediction",
     "propose_added_mass",
     "propose_model_parameters",

@@ -176,6 +176,8 @@ def test_shipped_frame_has_the_reference_values() -> None:
         "second_moment": (9.3e-8, 9.3e-8),
         "torsion_constant": 1.58e-7,
         "shear_factor": 0.44,
+        "edge": (0.02, 0.02),
+        "round": False,
     }
     assert " ".join(frame.channels) == (
         "col_037_x col_037_y col_074_x col_074_y col_111_x col_111_y "

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.modal_loads import modal_section_forces
+from updater.causes import modal_section_forces
 from updater.errors import ModelError
 from updater.fe import section_rigidity
 from updater.reference import Reference
@@ -33,8 +33,8 @@ class Fibre:
 
     @property
     def name(self) -> str:
-        """Short name, such as `stress in column at 0.1: y 0.02 z -0.02`."""
-        return f"stress in {self.member} at {self.distance:g}: y {self.y:g} z {self.z:g}"
+        """Short name, such as `stress_column_0.1_y0.02_z-0.02`."""
+        return f"stress_{self.member}_{self.distance:g}_y{self.y:g}_z{self.z:g}"
 
 
 def edge_fibres(structure: Structure, member: str, distance: float) -> tuple[Fibre, ...]:

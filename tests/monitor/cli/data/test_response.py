@@ -11,8 +11,9 @@ from scipy.signal import butter, sosfiltfilt
 
 from daq import FloatArray, write_recording
 from tests.support.monitor.cli import Commands, assert_refused
+from tests.support.snippets import code_blocks, run_cells
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
-from updater import t_structure_toml
+from updater import parse_structure, t_structure_toml
 from updater.validation import Fibre, Point
 
 SEED = 6
@@ -73,6 +74,15 @@ def test_motion_and_stress_are_within_their_deviations(
     assert len(rows[0]) == 1 + 2 + 4 + 4
     signal = np.array([float(row[1] or "nan") for row in rows[1:]])
     assert np.nanstd(signal) == pytest.approx(acceleration["rms"]["value"], rel=1e-6)
+
+
+def test_snippet_of_the_page_runs(case: UnmeasuredPoints) -> None:
+    (code,) = code_blocks(Path(__file__).parents[4] / "docs" / "howto" / "data" / "response.md")
+    signals = {"recording": case.record(30.0, 1)[0], "later": case.record(20.0, 2)[0]}
+    names = run_cells([code], reference=case.reference, structure=parse_structure(t_structure_toml()), **signals)
+    assert names["damage"] == 0
+    assert max(one.largest for one in names["cycles"]) < 1e6
+    assert len(names["cycles"]) == 4
 
 
 def test_life_of_a_loud_vibration_is_finite(modalwatch: Commands, case: UnmeasuredPoints, folder: Path) -> None:
