@@ -57,10 +57,10 @@ class ResponseEstimate:
 class ResponseModel:
     """Reference with the excitation and noise of a record: a model that is run beside the structure.
 
-    The signals are those in a band about the measured modes. Each standard deviation combines the error of the Kalman
-    filter, which follows the level of the innovations, and that of the expanded shapes. The latter is estimated from
-    the sensors of n devices; its predictive distribution is Student's with n degrees of freedom, of variance n / (n -
-    2).
+    The signals are those in a band about the measured modes. Each standard deviation combines three errors: that of the
+    Kalman filter, which follows the level of the innovations; that of the expanded shapes; that of the devices' clocks,
+    by their variation about the delays that are removed. The second is estimated from the sensors of n devices; its
+    predictive distribution is Student's with n degrees of freedom, of variance n / (n - 2).
     """
 
     reference: Reference
@@ -168,7 +168,9 @@ class ResponseModel:
         by_shape = np.array([squares[quantity] @ own**2 for quantity, own in zip(quantities, error, strict=True)])
         lines = np.geomspace(_SKIRT[0] * self.band[0], min(_SKIRT[1] * self.band[1], self.rate / 2), _LINES)
         _, gain = scipy.signal.freqz_sos(self._band_pass(), lines, fs=self.rate)
-        variance = level**2 * self._filter(outputs).variance(lines, np.abs(gain) ** 4) + by_shape
+        late = np.array(list(self.reference.delays.astray().values()))
+        by_time = np.mean(late**2) * _root_mean_square(np.diff(signals, axis=0) * self.rate) ** 2
+        variance = level**2 * self._filter(outputs).variance(lines, np.abs(gain) ** 4) + by_shape + by_time
         axes = [point.axis if isinstance(point, Point) else 0 for point in points]
         channels = tuple(
             Channel(name=point.name, device="estimated", axis=axis) for point, axis in zip(points, axes, strict=True)
