@@ -14,7 +14,6 @@ from scipy.stats import beta
 
 from daq import FloatArray, IndexArray
 from updater import Body, MassChange, Model, Structure, build_model
-from updater.fe import local_axes
 from updater.fe.body import body_mass
 from updater.modal_data import COMMON_STD
 from updater.structure import Member
@@ -42,7 +41,7 @@ class Placed:
     @property
     def body(self) -> Body:
         """Return it as a body of a structure."""
-        axes = local_axes(np.subtract(self.member.end, self.member.start), self.member.local_y)
+        axes = self.member.axes
         offset = np.array(self.offset) @ axes[1:]
         at = tuple(self.member.point(self.distance).tolist())
         return Body(at=at, mass=self.mass, offset=tuple(offset.tolist()), inertia=(self.mass * self.gyration,) * 3)

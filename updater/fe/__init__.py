@@ -7,7 +7,7 @@ from daq.lazy_names import lazy_names
 if TYPE_CHECKING:
     from updater.fe.assembly import build_model
     from updater.fe.eigen import Modes
-    from updater.fe.element import Element, local_axes
+    from updater.fe.element import Element
     from updater.fe.external.files import Matrices, read_matrices, save_matrices
     from updater.fe.external.groups import group_strains
     from updater.fe.external.programs.conversion import ProgramFiles, read_program_files
@@ -34,7 +34,6 @@ __all__ = [
     "flexibility",
     "group_strains",
     "hinges_of",
-    "local_axes",
     "opensees_matrices",
     "parts_between",
     "read_matrices",

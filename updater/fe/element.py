@@ -5,15 +5,13 @@ shear flexibility, phi = 0, they are Hermite's cubics), so that stiffness is exa
 a meaning.
 """
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from daq import FloatArray
-from updater.structure import Material, Section, Vector
+from updater.structure import Material, Section, Vector, local_axes
 
 #: DOFs bending in the x-y plane (v, rz), and in the x-z plane (w, ry, which turns the other way)
 _PLANES = (((1, 5, 7, 11), 1.0), ((2, 4, 8, 10), -1.0))
@@ -161,19 +159,3 @@ class Element:
         """Return the particle-lumped mass matrix (12, 12): half the mass at each end, no rotary inertia."""
         half = self.material.density * self.section.area * self.length / 2
         return np.diag(np.tile([half] * 3 + [0.0] * 3, 2))
-
-
-def local_axes(direction: FloatArray, local_y: Vector | None = None) -> FloatArray:
-    """Return (3, 3), rows = local x, y, z; by default local y is horizontal, or global y for a vertical member."""
-    x = _unit(direction.tolist())  # plain numbers: numpy takes twenty times as long for three of them
-    default = (0.0, 1.0, 0.0) if abs(x[2]) > 1 - 1e-9 else (-x[1], x[0], 0.0)
-    y = local_y or default
-    along = y[0] * x[0] + y[1] * x[1] + y[2] * x[2]
-    y = _unit([y[k] - along * x[k] for k in range(3)])
-    z = x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
-    return np.array([x, y, z])
-
-
-def _unit(vector: Sequence[float]) -> Vector:
-    length = math.hypot(*vector)
-    return vector[0] / length, vector[1] / length, vector[2] / length

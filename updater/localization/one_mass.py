@@ -6,7 +6,6 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes import AddedMass, propose_added_mass
-from updater.fe import local_axes
 from updater.inference import Fit, Place, PositionPosterior, compare, fit
 from updater.modal_data import ModalMean
 from updater.reference import Reference
@@ -166,7 +165,7 @@ def _shape(found: Fit[AddedMass], place: Place) -> BodyShape:
     average = np.array([cause.averaged(found, place, parameter) for parameter in range(4)])
     known = average[:, 1] < _LEARNT * cause.prior_std
     member = cause.reference.structure.member[place.member]
-    cross = local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
+    cross = member.axes[1:]
     return BodyShape(
         offset=average[1:3, 0] @ cross,
         offset_std=np.sqrt(average[1:3, 1] ** 2 @ cross**2),

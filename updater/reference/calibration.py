@@ -337,7 +337,7 @@ class _Misfit:
         """Return d ln omega / dc, -q^2 / (2 omega^2 unit) by the moments or forces q of the modes in the spring."""
         row, spring = spring_of(model, knob)
         force = spring * (row @ modes.shape)
-        return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis)))
+        return np.asarray(-(force**2) / (2 * modes.omega**2 * flexibility_unit(self._structure, knob.axis, knob.at)))
 
 
 def spring_of(model: Model, knob: ModelParameter) -> tuple[FloatArray, float]:

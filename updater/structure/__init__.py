@@ -14,6 +14,7 @@ from updater.structure.entries import (
     Segment,
     Support,
     Updating,
+    local_axes,
 )
 from updater.structure.parameters import (
     TURNS,
@@ -81,6 +82,7 @@ __all__ = [
     "is_of",
     "is_rigid",
     "load_structure",
+    "local_axes",
     "meant",
     "model_parameters_of",
     "nominal_parameters",

@@ -1,6 +1,7 @@
 """Entries of structure.toml: materials, members, supports, joints, segments, bodies and sensors."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -126,6 +127,11 @@ class Member(Entry):
     def length(self) -> float:
         """Length [m]."""
         return math.dist(self.start, self.end)
+
+    @property
+    def axes(self) -> FloatArray:
+        """Local axes (3, 3), rows = local x, y, z."""
+        return local_axes(np.subtract(self.end, self.start), self.local_y)
 
     def point(self, distance: FloatArray | float) -> FloatArray:
         """Return the points (..., 3) [m] at distances (...) [m] from the member's start."""
@@ -312,3 +318,19 @@ class Entries(Entry):
             shear,
             turning / density if density else 1.0,
         )
+
+
+def local_axes(direction: FloatArray, local_y: Vector | None = None) -> FloatArray:
+    """Return (3, 3), rows = local x, y, z; by default local y is horizontal, or global y for a vertical member."""
+    x = _unit(direction.tolist())  # plain numbers: numpy takes twenty times as long for three of them
+    default = (0.0, 1.0, 0.0) if abs(x[2]) > 1 - 1e-9 else (-x[1], x[0], 0.0)
+    y = local_y or default
+    along = y[0] * x[0] + y[1] * x[1] + y[2] * x[2]
+    y = _unit([y[k] - along * x[k] for k in range(3)])
+    z = x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]
+    return np.array([x, y, z])
+
+
+def _unit(vector: Sequence[float]) -> Vector:
+    length = math.hypot(*vector)
+    return vector[0] / length, vector[1] / length, vector[2] / length

@@ -32,6 +32,7 @@ _PLACE_DIGITS = 6  # of a weld's place and extent in metres
 _BENDING_PRIOR, _TWIST_PRIOR = 0.02, 0.04
 _SECTION_KEYS: Mapping[Axis, str] = {"rx": "J", "ry": "Iy", "rz": "Iz"}
 _SECTION_DIGITS = 4  # of a factor on a section's stiffness: 5e-5 changes frequencies by less than 3e-5
+_TWISTS = 0.5  # cosine squared of the angle between a member and an axis, above which it twists rather than bends
 _START = 0.05  # times its standard deviation: start of nominally rigid or unwelded parameters
 TURNS = AXES[3:]
 _FACTOR = ".K"  # ending of the keys of factors on the stiffness of external matrices
@@ -182,7 +183,7 @@ def physical_value(structure: Structure, knob: ModelParameter, value: float) -> 
         return 1 / (1 - value)
     if knob.kind == "section":
         return float(np.exp(value))
-    return flexibility_unit(structure, knob.axis) / value
+    return flexibility_unit(structure, knob.axis, knob.at) / value
 
 
 def physical_slope(structure: Structure, knob: ModelParameter, value: float) -> float:
@@ -201,7 +202,7 @@ def fitted_value(structure: Structure, knob: ModelParameter, value: float) -> fl
         return 1 - 1 / value
     if knob.kind == "section":
         return float(np.log(value))
-    return flexibility_unit(structure, knob.axis) / value
+    return flexibility_unit(structure, knob.axis, knob.at) / value
 
 
 def physical_unit(structure: Structure, knob: ModelParameter) -> str:
@@ -312,7 +313,7 @@ def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str
 def _stated(
     structure: Structure, name: str, axis: Axis, kind: Literal["support", "joint"], target: str, spring: Support | Joint
 ) -> ModelParameter:
-    mean = flexibility_unit(structure, axis) / dict(spring.stiffness)[axis]  # type: ignore[index]
+    mean = flexibility_unit(structure, axis, spring.at) / dict(spring.stiffness)[axis]  # type: ignore[index]
     return ModelParameter(
         name=f"{name} flexibility {axis}",
         key=f"{name.removeprefix('joint of ')}.{axis}",
@@ -370,10 +371,10 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
         elif knob.kind == "section":
             factors.setdefault(knob.target, {})[knob.axis] = round(float(np.exp(value)), _SECTION_DIGITS)
         elif knob.kind == "support":
-            i, spring = int(knob.target), flexibility_unit(structure, knob.axis) / value
+            i, spring = int(knob.target), flexibility_unit(structure, knob.axis, knob.at) / value
             supports[i] = _sprung(supports[i], knob.axis, spring)
         else:
-            _put_joint(joints, knob, flexibility_unit(structure, knob.axis) / value)
+            _put_joint(joints, knob, flexibility_unit(structure, knob.axis, knob.at) / value)
     return structure.model_copy(
         update={
             "external": external,
@@ -450,19 +451,32 @@ def _sprung(support: Support, axis: Axis, spring: float) -> Support:
     return support.model_copy(update={"fixed": fixed, "stiffness": {**support.stiffness, axis: spring}})
 
 
-def flexibility_unit(structure: Structure, axis: Axis) -> float:
-    """E I / L of the longest member [N m/rad] about an axis, E I / L^3 along one [N/m]: units of flexibilities.
+def flexibility_unit(structure: Structure, axis: Axis, at: Vector) -> float:
+    """Return the unit of a connection's flexibility: E I / L about an axis [N m/rad], E I / L^3 along one [N/m].
 
-    Of external matrices, whose E I is unknown, 1 N m/rad and 1 N/m.
+    L is that of the longest member. I about an axis is the least of the members there that bend about it: a foot or a
+    joint of a flat bar yields with the bar, much more about the weak axis than about the strong one. Where none bends
+    about it, and along an axis, E I is that of the longest member about its strong axis. Of external matrices, whose
+    E I is unknown, 1 N m/rad and 1 N/m.
+
+    Parameters
+    ----------
+    at : place of the connection [m]
     """
     if structure.external is not None:
         return 1.0
-    unit = bending_stiffness(structure)
-    return unit if axis in TURNS else unit / max(member.length for member in structure.member) ** 2
+    longest = max(structure.member, key=lambda m: m.length)
+    strong = structure.material[longest.material].youngs_modulus * max(structure.section[longest.section].second_moment)
+    if axis not in TURNS:
+        return strong / longest.length / longest.length**2
+    there = (_bending_rigidity(structure, member, axis) for member in structure.member if member.passes(at))
+    return min((rigidity for rigidity in there if rigidity), default=strong) / longest.length
 
 
-def bending_stiffness(structure: Structure) -> float:
-    """E I / L of the longest member [N m/rad]."""
-    member = max(structure.member, key=lambda m: m.length)
-    section = structure.section[member.section]
-    return structure.material[member.material].youngs_modulus * max(section.second_moment) / member.length
+def _bending_rigidity(structure: Structure, member: Member, axis: Axis) -> float:
+    """Return E I of a member about a global axis across it [N m2], 0 if it rather twists about it."""
+    twist, *bending = (member.axes[:, TURNS.index(axis)] ** 2).tolist()
+    if twist > _TWISTS:
+        return 0.0
+    moment = np.dot(bending, structure.section[member.section].second_moment) / sum(bending)
+    return structure.material[member.material].youngs_modulus * float(moment)

@@ -72,7 +72,7 @@ def stands_for_rigid(structure: Structure, connection: Support | Joint, knob: Mo
 def _flexibility(structure: Structure, connection: Support | Joint, axis: Axis) -> float:
     """Return a connection's flexibility in its unit; infinite where it has no spring."""
     stiffness = dict(connection.stiffness.items()).get(axis)
-    return flexibility_unit(structure, axis) / stiffness if stiffness else np.inf
+    return flexibility_unit(structure, axis, connection.at) / stiffness if stiffness else np.inf
 
 
 def _held(support: Support, axis: Axis) -> Support:

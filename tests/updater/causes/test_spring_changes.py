@@ -110,7 +110,7 @@ def test_prior_std_is_a_loose_connection_and_flexibility_is_bounded(design: str,
         for a, axis in enumerate(axes):
             if not cause.active[row, a]:
                 continue
-            own, beam = 1 / spring(connection, axis), 1 / flexibility_unit(reference.structure, axis)
+            own, beam = 1 / spring(connection, axis), 1 / flexibility_unit(reference.structure, axis, connection.at)
             loose = max(0.1 * beam, own) if axis in TURNS else max(10 * own, 0.01 * beam)
             assert cause.prior_std[a] / cause.unit[row, a] == pytest.approx(loose)
             assert own + cause.lower[row, a] / cause.unit[row, a] == pytest.approx(1e-3 * own)
@@ -137,7 +137,9 @@ def test_fits_start_after_one_bounded_gauss_newton_step(design: str, name: str) 
         white = slope @ whitener.T
         step = np.linalg.solve(white @ white.T + 100 * np.eye(3), white @ whitener @ data.log_ratio)
         own = np.where(cause.active[row], -cause.lower[row] / 0.999, 0.0)
-        beam = cause.unit[row] / np.array([flexibility_unit(reference.structure, axis) for axis in cause.axes[row]])
+        beam = cause.unit[row] / np.array(
+            [flexibility_unit(reference.structure, axis, cause.connections[row].at) for axis in cause.axes[row]]
+        )
         least = np.where(own > beam, beam - own, cause.lower[row])
         np.testing.assert_allclose(cause.start[half + row], np.maximum(step, least), rtol=0.03, atol=5e-4)
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.mass.removed_mass import mass_outside_model
-from updater.fe import local_axes
 from updater.inference import (
     Comparison,
     Effect,
@@ -28,7 +27,7 @@ from updater.inference import (
 )
 from updater.quantities import ECCENTRIC, Quantity, Vector, Where, rounded_value, vector
 from updater.reference import Reference
-from updater.structure import Body, Member, Structure, fineness, size
+from updater.structure import Body, Member, Structure, fineness, local_axes, size
 
 if TYPE_CHECKING:
     from updater.causes.base import Cause
@@ -196,7 +195,7 @@ class AddedMass:
     def _across(self, member: int) -> FloatArray:
         """Return the cross axes (2, 3) of a member that offsets are along."""
         found = self._member_of(member)
-        return local_axes(np.subtract(found.end, found.start), found.local_y)[1:]
+        return found.axes[1:]
 
     def _offset(self, fit: "Fit[Any]", place: Place) -> tuple[FloatArray, FloatArray]:
         """Return mean and deviation (3,) of the offset of the centre at a place [m]."""
@@ -301,7 +300,7 @@ class AddedMass:
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add the body."""
         member = self._member(row)
-        offset = theta[1:3] @ local_axes(np.subtract(member.end, member.start), member.local_y)[1:]
+        offset = theta[1:3] @ member.axes[1:]
         at = vector(member.point(self.position[row]))
         inertia = vector(np.full(3, theta[0] * theta[3]))
         return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=vector(offset), inertia=inertia)])

@@ -17,7 +17,6 @@ from scipy.special import gammaln
 
 from daq import FloatArray, IndexArray
 from updater.causes.mass.oscillator_start import hung, not_known, shaking, translations
-from updater.fe import local_axes
 from updater.inference import Comparison, Effect, Magnitude, NewModes, PositionPosterior, log_uniform, no_effect
 from updater.inference import fit as fit_all
 from updater.quantities import Quantity, Where, vector
@@ -221,7 +220,7 @@ class AttachedOscillator:
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Add the oscillator."""
         member = self.reference.structure.member[self.member[row]]
-        way = local_axes(np.subtract(member.end, member.start), member.local_y)[self.axis[row]]
+        way = member.axes[self.axis[row]]
         oscillator = Oscillator(
             at=vector(member.point(float(self.position[row]))),
             direction=vector(np.round(way, 9)),

@@ -15,7 +15,6 @@ from daq import FloatArray, IndexArray
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.member_grid import Cells, cut
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
-from updater.fe import local_axes
 from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
@@ -137,7 +136,7 @@ def _mass(reference: Reference) -> tuple[Cells, FloatArray]:
     for m, member in enumerate(cells.members):
         section = structure.section[member.section]
         gyration = np.array([sum(section.second_moment), *section.second_moment]) / section.area
-        axes = local_axes(np.subtract(member.end, member.start), member.local_y)
+        axes = member.axes
         moved = (model.reader(member.point(cells.middles(m))) @ reference.shape).reshape(cells.count[m], 6, -1)
         ways.append(moved[:, :3])
         turns.append(np.sqrt(gyration)[:, None] * (axes @ moved[:, 3:]))

@@ -7,7 +7,6 @@ across it.
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.fe import local_axes
 from updater.inference import Comparison, NewModes, beside, linear_in_mass, shaken
 from updater.reference import Reference
 
@@ -32,7 +31,7 @@ def translations(reference: Reference, member: IndexArray, position: FloatArray)
     members = structure.member
     points = np.array([members[m].point(float(s)) for m, s in zip(member.tolist(), position.tolist(), strict=True)])
     moved = (model.reader(points) @ reference.shape).reshape(len(points), 6, -1)[:, :3]
-    axes = np.array([local_axes(np.subtract(m.end, m.start), m.local_y) for m in members])
+    axes = np.array([m.axes for m in members])
     return np.asarray(axes[member] @ moved)
 
 

@@ -214,7 +214,7 @@ def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
     if knob.kind in ("stiffness", "weld", "section"):
         return 0.0
-    return flexibility_unit(model.structure, knob.axis) / spring_of(model, knob)[1]
+    return flexibility_unit(model.structure, knob.axis, knob.at) / spring_of(model, knob)[1]
 
 
 def _compliance(reference: Reference, knob: ModelParameter, value: float, file: Structure) -> FloatArray:
@@ -248,7 +248,7 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         return np.asarray(-np.sum(parts, axis=0)) / (1 - value)
     row, _ = spring_of(model, knob)
     force = modal_spring_force(reference, connection_of(model.structure, knob), knob.axis, row)
-    return np.outer(force, force) / flexibility_unit(file, knob.axis)
+    return np.outer(force, force) / flexibility_unit(file, knob.axis, knob.at)
 
 
 def _between(reference: Reference, member: int, edges: FloatArray, actions: slice) -> FloatArray:

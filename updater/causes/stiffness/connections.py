@@ -14,7 +14,6 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.causes.base import BoolArray, Discrete
 from updater.causes.modal_loads import modal_spring_force
-from updater.fe import local_axes
 from updater.inference import Comparison, Effect, common_magnitude, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
@@ -178,7 +177,7 @@ def _end_stiffness(structure: Structure, member: Member, axis: Axis) -> tuple[fl
     material, section = structure.material[member.material], structure.section[member.section]
     bending = [4 * material.youngs_modulus * moment for moment in section.second_moment]
     rigidity = np.array([material.shear_modulus * section.torsion_constant, *bending])
-    share = local_axes(np.subtract(member.end, member.start), member.local_y)[:, TURNS.index(axis)] ** 2
+    share = member.axes[:, TURNS.index(axis)] ** 2
     return float(share @ rigidity) / member.length, bool(share[0] > 0.5)
 
 
@@ -271,7 +270,7 @@ def _stiffness_and_unit(
     if structure.external is not None:
         own = np.where(np.isfinite(stiffness), stiffness, 1.0)
         return stiffness, own, own * LOOSE / _SOFTER
-    bending = np.array([[flexibility_unit(structure, a) for a in axes] for _, axes, _ in sprung])
+    bending = np.array([[flexibility_unit(structure, a, c.at) for a in axes] for c, axes, _ in sprung])
     turning = np.array([[a in TURNS for a in axes] for _, axes, _ in sprung])
     usual = np.where(turning, np.maximum(LOOSE, bending / stiffness), np.maximum(_SOFTER * bending / stiffness, _GIVES))
     return stiffness, bending, bending * LOOSE / usual

@@ -14,12 +14,11 @@ from scipy.spatial import KDTree
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import ModelError, StructureError
-from updater.fe.element import local_axes
 from updater.fe.external.faces import Faces
 from updater.fe.external.files import Matrices, check_part, read_group, read_matrices
 from updater.fe.external.overlap import SharedElements
 from updater.fe.model import Model
-from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support
+from updater.structure import AXES, ON_MEMBER, External, Member, Structure, Support, local_axes
 
 _POINTS = 21  # of a member without nodes at its ends, which must be on faces
 BoolArray = npt.NDArray[np.bool_]
