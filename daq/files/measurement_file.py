@@ -18,6 +18,7 @@ from daq.files.columns.time_column import (
     date_column,
     date_remark,
     in_seconds,
+    moment_column,
     no_times,
     time_column,
     time_remark,
@@ -207,8 +208,10 @@ def _table(path: Path, options: DataOptions) -> Columns:
     layout, origin = table_layout(path, options.names)
     every, rate = tuple(name for name in layout.names if name), options.rate
     filled = [name for name, kind in zip(layout.names, layout.kinds, strict=True) if name and kind != "empty"]
-    time = time_column(filled, options.time)
     first = layout.head[0] if layout.head else ()
+    time = time_column(filled, options.time)
+    if time is None and options.time is None and rate is None:
+        time = moment_column(layout.names, first)
     day = date_column(layout.names, first, time)
     others = _foreign_columns(layout, {time, day}) if options.columns is None else {}
     untimed = no_times(every, options.time) + ("" if layout.named else ", and --columns to name them")

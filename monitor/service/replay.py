@@ -8,9 +8,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from daq import AnyLog, Block, Event, LogError, LogExcerpt, McapWriter, read_attachments, read_events, read_log
+from daq import (
+    AnyLog,
+    Block,
+    Event,
+    LogError,
+    LogExcerpt,
+    McapWriter,
+    inspect_log,
+    read_attachments,
+    read_events,
+    read_log,
+)
 from daq.events import DeviceFailed
-from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, read_channel_map
+from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, files_of, read_channel_map
 from monitor.results.replay_comparison import ReplayComparison, compare_results
 from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult, event_result, result_event
@@ -121,6 +132,8 @@ def _comparable(log: AnyLog, logged: list[Result], found: Sequence[Result]) -> l
 def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
     """Write a log again with the results of a replay, as if it had been monitored so.
 
+    A whole log without the end of a run, as one that was imported, gets it.
+
     Parameters
     ----------
     log : its path, or all files of a run
@@ -133,14 +146,19 @@ def write_watched(log: AnyLog, path: Path, report: ReplayReport) -> None:
         If the file exists or cannot be made.
     """
     writer, results = McapWriter(path, report.attached), deque(map(result_event, report.found))
+    ended, last = not inspect_log(files_of(log)[-1]).whole, 0
     for item in read_log(log):
         if isinstance(item, Event) and event_result(item) is not None:
             continue
-        while results and results[0].time <= (item.time if isinstance(item, Event) else item.arrival_time):
+        last = item.time if isinstance(item, Event) else item.arrival_time
+        ended |= isinstance(item, Event) and item.topic == Stopped.topic
+        while results and results[0].time <= last:
             writer.write(results.popleft())
         writer.write(item)
     for result in results:
         writer.write(result)
+    if not ended:
+        writer.write(Stopped().event(last))
     writer.close()
 
 

@@ -69,5 +69,7 @@ def load_fleet_settings(path: Path) -> FleetSettings:
         )
         place = ".".join(map(str, first["loc"]))
         raise SettingsError(path, f"{place}: {message}" if place else message) from error
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise SettingsError(path, f"cannot be read: {error.strerror}") from error
+    except ValueError as error:
         raise SettingsError(path, f"cannot be read: {error}") from error

@@ -103,7 +103,9 @@ def read_settings(path: Path, given: Sequence[Override]) -> tuple[str, Settings]
     try:
         text = path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
         parse_toml(text)
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
+        raise SettingsError(path, f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
         raise SettingsError(path, f"cannot be read: {error}") from error
     except ValueError as error:
         raise SettingsError(path, str(error)) from error

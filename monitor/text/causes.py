@@ -29,6 +29,7 @@ _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters withou
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
 _OFFSET = "offset_"  # parameters of a body that are shown if significant
 _MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
+_MAX_NAMED = 4  # places of one kind that are named; more are counted
 _SAME_ERROR = 0.02  # relative difference of errors of frequencies that are those of the same prediction
 _LARGE = 10.0  # kg: smaller masses are given in grams
 CLEAR_ODDS = 5.0  #: log evidence above which only one interpretation of the residual forces is shown
@@ -123,17 +124,29 @@ def further_changes(cause: FittedCause) -> tuple[ParameterChange, ...]:
 def further_changes_text(changes: Sequence[ParameterChange]) -> str:
     """Return the names of parameters within two deviations of the file in one line, by place; empty if there are none.
 
-    Such as `within two deviations of the file: rotational stiffness about x, z at the foot of the left post`.
+    Such as `within two deviations of the file: rotational stiffness about x, z at the foot of the left post`. Places
+    with the same quantities are named together, and counted if they are many.
     """
     if not changes:
         return ""
-    by_place: dict[tuple[str, str], list[str]] = {}
+    axes: dict[str, dict[str, list[str]]] = {}
     for change in changes:
         what, about, axis = change.quantity.rpartition(" about ")
         place = _named_quantity(change).removeprefix(change.quantity)
-        by_place.setdefault((f"{what}{about}" or axis, place), []).append(axis if what else "")
-    names = [f"{what}{', '.join(filter(None, axes))}{place}" for (what, place), axes in by_place.items()]
-    return f"within two deviations of the file: {'; '.join(names)}"
+        axes.setdefault(place, {}).setdefault(f"{what}{about}" or axis, []).append(axis if what else "")
+    places: dict[str, list[str]] = {}
+    for place, found in axes.items():
+        quantities = " and ".join(f"{what}{', '.join(filter(None, about))}" for what, about in found.items())
+        places.setdefault(quantities, []).append(place)
+    return f"within two deviations of the file: {'; '.join(w + _places_text(p) for w, p in places.items())}"
+
+
+def _places_text(places: Sequence[str]) -> str:
+    """Return places, each with its preposition; the number of feet or joints if they are many."""
+    for begins, kind in ((" at the foot of", "feet"), (" at the joint of", "joints")):
+        if len(places) > _MAX_NAMED and all(place.startswith(begins) for place in places):
+            return f" at {len(places)} {kind}"
+    return ",".join(places)
 
 
 def _changed_texts(cause: FittedCause) -> list[tuple[str, str]]:

@@ -57,7 +57,7 @@ def rejection_text(rejected: Rejected) -> str:
 def _ratio_text(log_ratio: float) -> str:
     if log_ratio > -np.log(MIN_P):
         return f"more than {1 / MIN_P:.0e}".replace("+", "")
-    return f"{np.exp(log_ratio):.2g}" if log_ratio < np.log(1e4) else f"1e{log_ratio / np.log(10):.0f}"
+    return f"{float(f'{np.exp(log_ratio):.2g}'):g}" if log_ratio < np.log(1e4) else f"1e{log_ratio / np.log(10):.0f}"
 
 
 def next_text(found: NextMeasurement) -> str:

@@ -35,13 +35,18 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 
 
 def changed_between(run_results: RunResults) -> tuple[int, int] | None:
-    """Return start and end [ns UTC] of the window that first showed the last alarm's change; None if none did."""
+    """Return start and end [ns UTC] of the window that first showed the last alarm's change; None if none did.
+
+    Windows after the alarm was raised do not count: one of them may be within the limit while the change is there.
+    """
     raised = [alarm.time for alarm in run_results.alarms if alarm.raised]
     if raised and raised[-1] <= run_results.start:
         return None  # the window is before the range that is reported
     first: WindowResult | None = None
     before: WindowResult | None = None
     for window in run_results.watched:
+        if raised and window.end > raised[-1]:
+            break
         over = window.novelty is not None and window.novelty.t2 > window.novelty.limit
         if over and (before is None or before.novelty is None or before.novelty.t2 <= before.novelty.limit):
             first = window

@@ -5,11 +5,12 @@ import re
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.columns.date_cells import CLOCK, DAY, reads
+from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, reads
 from daq.files.columns.headings import parted
 from daq.types import FloatArray
 
@@ -37,6 +38,7 @@ _ENDED = re.compile(r"(?P<name>.+?)[\s_/]+(in\s+)?(?P<unit>[a-zµμ]+)", re.IGNO
 _SLOWEST, _FASTEST = 1 - 1e-9, 200e3
 _USUAL = 20e3  # Hz: up to which a unit is proposed
 _MIN_PERIOD = 1e-12  # s
+_LISTED = 100  # characters of the names of columns in a message
 _MAX_START = 1 << 62  # ns
 _LATEST = 1e20  # of a time: nanoseconds since 1970 are less
 
@@ -74,6 +76,22 @@ def date_column(names: Sequence[str], first: Sequence[str], time: str | None) ->
         return None
     called = [name for name in names if _DAYS.fullmatch(_parted(name)[0])]
     return next((name for name in called if reads(DAY, cell.get(name, ""))), called[0] if called else None)
+
+
+def moment_column(names: Sequence[str], first: Sequence[str]) -> str | None:
+    """Return the name of the column of dates whose cells also have the time of day, None where there is none.
+
+    Parameters
+    ----------
+    names : of all columns
+    first : cells of the first line
+    """
+    cells = zip(names, first, strict=False)
+    return next((name for name, cell in cells if _is_moment(name, cell)), None)
+
+
+def _is_moment(name: str, cell: str) -> bool:
+    return bool(_DAYS.fullmatch(_parted(name)[0])) and ":" in cell and reads(MOMENT, cell)
 
 
 def header_unit(name: str) -> str | None:
@@ -150,4 +168,6 @@ def date_remark(name: str | None, began: int) -> str:
 def no_times(names: Collection[str], asked: str | None) -> str:
     """Return the error for a missing column of times."""
     what = "of times, as 't' or 'time [ms]'" if asked is None else f"{asked!r} of times"
-    return f"has no column {what}, but {', '.join(names):.100}: give --time NAME or --rate"
+    return (
+        f"has no column {what}, but {shorten(', '.join(names), _LISTED, placeholder=' ..')}: give --time NAME or --rate"
+    )

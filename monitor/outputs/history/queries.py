@@ -125,7 +125,7 @@ class Reader:
         for engine in reading_engines(url):
             file = engine.url.database
             if refused is None and engine.dialect.name == "sqlite" and file and not Path(file).exists():
-                raise HistoryError(self.url, "there is no history yet")
+                raise HistoryError(self.url, "there is no history yet: `run` and `reanalyse` write it")
             try:
                 with engine.begin() as connection:
                     migrate(connection, self.url)

@@ -17,7 +17,7 @@ from monitor.results.windows import ReferenceResult
 from monitor.text.causes import SIGNIFICANT, position_text
 from monitor.views.geometry import Geometry
 from monitor.views.report.structure_figure import Frame
-from monitor.views.report.svg import ALARM, INK, OK, SENSOR, SOFT, WIDTH, mode_colour, new_figure
+from monitor.views.report.svg import ALARM, FAINT, INK, LIGHT, OK, SENSOR, SOFT, WIDTH, mode_colour, new_figure
 
 _WRITTEN = 10  # modes up to which each MAC is written into its cell
 _MIN = 1e-5  # smallest value on a logarithmic scale
@@ -44,7 +44,7 @@ def mac_figure(found: DiscrepancyResult) -> Figure | None:
         for (i, k), value in np.ndenumerate(mac):
             if value >= 0.005:
                 text = f"{value:.3f}" if value >= 0.5 else f"{value:.2f}"
-                axes.text(k, i, text, ha="center", va="center", fontsize=6, color="white" if value > 0.6 else "black")
+                axes.text(k, i, text, ha="center", va="center", fontsize=6, color=LIGHT if value > 0.6 else "black")
     bar = figure.colorbar(image, ax=axes, shrink=0.8, aspect=25, pad=0.02)
     bar.set_label("MAC", fontsize=7)
     bar.outline.set_visible(False)
@@ -119,7 +119,7 @@ def _dots(
 ) -> None:
     """Draw one figure per sensor in per cent, red without and green with the causes; a bar: the unavoidable part."""
     floor = 100 * _column([getattr(s, least) for s in sensors])
-    axes.barh(level, floor, height=0.55, color="#dfe4ea")
+    axes.barh(level, floor, height=0.55, color=FAINT)
     axes.plot(100 * _column([getattr(s, name) for s in sensors]), level - 0.12, "o", markersize=4.5, color=ALARM)
     axes.plot(
         100 * _column([getattr(s, name + "_after") for s in sensors]), level + 0.12, "o", markersize=4.5, color=OK

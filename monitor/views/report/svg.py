@@ -12,6 +12,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
+LIGHT = "#fefefe"  #: on dark parts of a picture, on a dark page as well: `data_uri` does not exchange it
 OK, WARN, ALARM, REGION = "#2f9e62", "#d08a00", "#cc3340", "#e3b341"
 ADDED, REMOVED, SENSOR = "#cc3340", "#2f6fcc", "#1b86b8"
 _MODES = ("#2f6fcc", "#dd7a1c", "#239a68", "#8a55d6", "#d8457b", "#1f9fb4", "#a08d12", "#5e6875", "#d1492e", "#6a9a1f")

@@ -522,8 +522,8 @@ TABLES = {
         r"line 3, column 'time': expected a time as 2026-01-31T12:00:00\.005, found '2026-02-29 12:00:00'",
     ),
     "times called otherwise": (
-        "Datum,a\n2026-01-31 12:00:00,1\n",
-        "has no column of times, .* but Datum, a: give --time",
+        "Moment,a\n2026-01-31 12:00:00,1\n",
+        "has no column of times, .* but Moment, a: give --time",
     ),
     "no first date": ("time,a\n,1\n2026-01-31T12:00:00,1\n2026-01-31T12:00:01,1\n", "line 2: the time is missing"),
     "name twice": ("t,a,a\n0,1,2\n", "line 1: the column name 'a' is given twice"),

@@ -100,5 +100,5 @@ def learning_notes(settings: Settings, seconds: float, site: Path) -> Iterator[s
     analysis = settings.analysis
     yield (
         f"by {site} a watch learns for {settings.learning_seconds:g} s ({analysis.first_windows} windows of "
-        f"{analysis.window_seconds:g} s), the log has {seconds:.6g} s: mind window_seconds and baseline_windows there"
+        f"{analysis.window_seconds:g} s), the log has {seconds:.6g} s: shorten window_seconds or baseline_windows there"
     )

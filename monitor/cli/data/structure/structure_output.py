@@ -18,6 +18,7 @@ from updater.planning import DetectabilityStudy, ModeVisibility, Plan, SensorSet
 from updater.structure import Sensor
 
 _MEMBERS = 12  # more of them are not all listed: those where least and where most mass is needed
+_WHOLE = 10.0  # mm: larger deviations are stated in whole millimetres
 _PAIRS = 4  # that are named
 _WORTH_IT = 0.9  # of how far off a mass is located, that one more sensor must come under
 _SHARES = (0.5, 0.8, 0.9, 0.95)  # of the members' length, in the columns of sensor sets
@@ -110,10 +111,15 @@ def body_table(sight: ModeVisibility, outlook: DetectabilityStudy) -> Table:
             mass_words(float(sight.weakest[least])),
             f"{outlook.places.position[least]:.2f}",
             mass_words(median[m]),
-            f"{1000 * np.median(place[here]):.0f} mm",
+            _millimetres(1000 * float(np.median(place[here]))),
             stretches_text(blind(outlook, sight.weakest.tolist(), m)),
         )
     return table
+
+
+def _millimetres(std: float) -> str:
+    """Return a deviation [mm] in whole millimetres, or with two digits if it is below ten."""
+    return f"{std:.2g} mm" if std < _WHOLE else f"{std:.0f} mm"
 
 
 def _ends(order: IndexArray) -> IndexArray:

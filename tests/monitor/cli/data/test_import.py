@@ -265,6 +265,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     assert "window   2 learning none of" in done.out
     assert "the same as live, to the last digit" in modalwatch("replay", watched).out
     assert modalwatch("report", watched).code == 0
+    assert "no end record" not in watched.with_suffix(".html").read_text(encoding="utf-8")
     assert_refused(modalwatch("replay", log, "-o", watched), "watched.mcap exists: give another name, or --force")
     assert_refused(modalwatch("replay", log, "--set", "analysis.overlap=x"), "--set analysis.overlap", "found 'x'")
     other = ("import", table, "-o", tmp_path / "other.mcap", "--new-site", site, "--structure", structure)
