@@ -162,12 +162,15 @@ def new_table(
     overflow: Literal["fold", "ellipsis"] = "ellipsis",
     **options: Any,  # noqa: ANN401 - as rich has them
 ) -> Table:
-    """Return a table without rows: columns of texts, then columns of numbers, with options of `rich.table.Table`."""
+    """Return a table without rows: columns of texts, then columns of numbers, with options of `rich.table.Table`.
+
+    Headings are plain text: a unit in brackets is no markup.
+    """
     table = Table(box=SIMPLE_HEAD, **options)
     for name in left:
-        table.add_column(name, no_wrap=no_wrap, overflow=overflow)
+        table.add_column(escape(name), no_wrap=no_wrap, overflow=overflow)
     for name in right:
-        table.add_column(name, justify="right", no_wrap=no_wrap, overflow=overflow)
+        table.add_column(escape(name), justify="right", no_wrap=no_wrap, overflow=overflow)
     return table
 
 

@@ -31,7 +31,7 @@ class Site:
 
     @property
     def name(self) -> str:
-        """Name in notices: that of the structure file; without one that of the history, or of the site's folder."""
+        """Name in notices: file name of the structure file; without one, name in the history or of the folder."""
         if self.settings.structure is not None:
             return Path(self.settings.structure).stem
         return self.settings.history.site or self.path.absolute().parent.name or self.path.stem

@@ -142,7 +142,7 @@ class HistorySettings(Section):
     url: Annotated[SecretStr | None, Field(examples=["postgresql://modalwatch@localhost/modalwatch"])] = None
     """`postgresql://USER@HOST/NAME`. Default: a SQLite file in the state folder."""
     site: Annotated[str | None, Field(min_length=1, max_length=200, examples=["bridge 7"])] = None
-    """Name of the site in a database of many sites, unique there. Default: that of the structure file."""
+    """Name of the site in a database of many sites, unique there. Default: file name of the structure file."""
     keep_days: Annotated[float | None, Field(ge=15, le=1e5, examples=[30.0])] = None
     """Days of which single windows and modes are kept [d]; daily figures and alarms are all kept. Default: all."""
     keep_events: Annotated[int, Field(ge=1)] = 100_000

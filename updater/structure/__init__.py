@@ -41,6 +41,7 @@ from updater.structure.structure import Structure, extent, fineness, size
 from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
 from updater.structure.unit_check import odd_units
 from updater.structure.written_structure import (
+    is_negligible,
     rounded,
     simplified,
     stands_for_rigid,
@@ -79,6 +80,7 @@ __all__ = [
     "extent",
     "fineness",
     "flexibility_unit",
+    "is_negligible",
     "is_of",
     "is_rigid",
     "load_structure",

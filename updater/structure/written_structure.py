@@ -66,7 +66,12 @@ def stands_for_rigid(structure: Structure, connection: Support | Joint, knob: Mo
     """
     if not (is_rigid(knob) and is_of(structure, connection, knob)):
         return False
-    return _flexibility(structure, connection, knob.axis) < _NEGLIGIBLE * knob.lower
+    return is_negligible(knob, _flexibility(structure, connection, knob.axis))
+
+
+def is_negligible(knob: ModelParameter, value: float) -> bool:
+    """Return whether a parameter is the flexibility of a connection that is as good as rigid, as the file has it."""
+    return is_rigid(knob) and value < _NEGLIGIBLE * knob.lower
 
 
 def _flexibility(structure: Structure, connection: Support | Joint, axis: Axis) -> float:

@@ -81,9 +81,9 @@ def _say_plan(site: Site) -> None:
     echo(f"baseline:  {_baseline_text(settings)}")
     acknowledged = ", once acknowledged" if settings.alarm.latched else ""
     echo(
-        f"alarm:     {settings.alarm.false_alarms_per_year:g} false ones a year, "
+        f"alarm:     {settings.alarm.false_alarms_per_year:g} false alarms per year, "
         f"after {settings.alarm.hold_windows} windows over the limit; "
-        f"over after {settings.alarm.clear_windows} calm ones{acknowledged}"
+        f"it ends after {settings.alarm.clear_windows} calm windows{acknowledged}"
     )
     echo(f"log:       {folder}, {free / 1e9:.1f} GB free")
     echo(f"disk:      {disk_plan(settings, free)}")
@@ -110,7 +110,7 @@ def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
         return []
     problems = []
     if not found.rate_is(device.rate):
-        problems.append(f"device {device.name}: expected {device.rate:g} scans a second, found {found.rate:.0f}")
+        problems.append(f"device {device.name}: expected {device.rate:g} scans per second, found {found.rate:.0f}")
     if found.lost or found.bad_bytes:
         problems.append(f"device {device.name}: {found.lost} scans lost, {found.bad_bytes} damaged bytes in a second")
     still = [name for axis, name in device.channels.items() if found.rms[AXES.index(axis)] == 0]

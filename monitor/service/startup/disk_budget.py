@@ -15,7 +15,7 @@ def disk_plan(settings: Settings, free: float) -> str:
     """
     recorder = settings.recorder
     least, most = (sum(device.rate for device in settings.device) * 86400 * b * 1e-9 for b in BYTES_A_SCAN)
-    takes = f"{_span(least, most)} GB a day"
+    takes = f"{_span(least, most)} GB per day"
     room = free * 1e-9 - recorder.min_free_gb
     if room <= 0:
         return f"{takes}; less than recorder.min_free_gb = {recorder.min_free_gb:g} is free now"
@@ -24,7 +24,8 @@ def disk_plan(settings: Settings, free: float) -> str:
     if recorder.keep_days and recorder.keep_days <= days[0]:
         return f"{takes}; the last {recorder.keep_days:g} days are kept"
     spared = recorder.min_free_gb > 0 or allowed < room
-    return f"{takes}; room for {_span(*days)} days, then {'the oldest files go' if spared else 'the disk is full'}"
+    then = "the oldest files are deleted" if spared else "the disk is full"
+    return f"{takes}; room for {_span(*days)} days, then {then}"
 
 
 def _span(low: float, high: float) -> str:

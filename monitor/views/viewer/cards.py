@@ -23,6 +23,10 @@ from monitor.views.viewer.primitives import at, clock
 _MAX_REFUSED = 6  # causes whose refusal is listed individually
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
+_OF_CALIBRATION = (
+    "What calibration found about the model. Stiffness: factor on the file. Flexibility: times L / (E I) of the members"
+    " there, L the longest length; along an axis times L³ / (E I). Weld: share of the flexibility of the joint's zone."
+)
 
 
 def write_cards(recording: rr.RecordingStream, run_results: RunResults, answered: WindowResult | None = None) -> None:
@@ -57,7 +61,7 @@ def window_card(window: WindowResult, run_results: RunResults, answered: WindowR
     if window.answer:
         parts.append(_answer(window.answer))
     elif answered and answered.answer:
-        parts += [_answer(answered.answer), f"*By window {answered.index}.*"]
+        parts += [_answer(answered.answer), f"*By window {answered.index + 1}.*"]
     elif window.change:
         parts.append(f"**The structure has changed**: {modal_change_text(window.change)}.")
     elif window.phase == "alarm" and not (window.diagnosis and window.diagnosis.causes):
@@ -70,7 +74,7 @@ def window_card(window: WindowResult, run_results: RunResults, answered: WindowR
         parts.append(f"Novelty **{window.novelty.t2:.1f}**, limit {window.novelty.limit:.1f}.")
     if window.modes or window.phase != "learning":
         parts.append(_table(window, run_results))
-    parts.append(f"*Window {window.index}: {clock(window.start)} to {clock(window.end)} UTC*")
+    parts.append(f"*Window {window.index + 1}: {clock(window.start)} to {clock(window.end)} UTC*")
     return "\n\n".join(parts)
 
 
@@ -178,6 +182,6 @@ def model_card(reference: ReferenceResult) -> str:
     """Return the result of the calibration."""
     if not reference.calibrated:
         return "Nothing was calibrated."
-    lines = ["What calibration found about the model:", "", "| parameter | value | ± |", "|:--|---:|---:|"]
+    lines = [_OF_CALIBRATION, "", "| parameter | value | ± |", "|:--|---:|---:|"]
     lines += [f"| {name} | {_cells(value, std)} |" for name, (value, std) in reference.calibrated.items()]
     return "\n".join(lines)

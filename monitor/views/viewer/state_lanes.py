@@ -127,7 +127,7 @@ def events(run_results: RunResults) -> Iterator[tuple[int, str, str]]:
     yield run_results.start, "INFO", f"started: {len(first.channels)} channels"
     for window in run_results.windows:
         if window.problem:
-            yield window.end, "WARN", f"window {window.index} gave no modes: {window.problem}"
+            yield window.end, "WARN", f"window {window.index + 1} gave no modes: {window.problem}"
     for time, sentence in run_results.device_events:
         if time >= run_results.start:
             yield time, "WARN", sentence

@@ -169,7 +169,7 @@ def test_check_of_a_dbc_sensor_reports_an_unexpected_rate(modalwatch: Commands, 
         done = modalwatch("check", dbc_site)
     assert (done.code, done.err) == (1, ""), done
     assert "imu GroupCounter 0x6, Acceleration 0x34" in done.out
-    assert "device beam_left: expected 400 scans a second, found " in done.out
+    assert "device beam_left: expected 400 scans per second, found " in done.out
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from updater.structure import (
     apply_parameters,
     connection_of,
     flexibility_unit,
+    is_negligible,
     physical_slope,
     physical_unit,
     physical_value,
@@ -121,9 +122,13 @@ class ModelParameters(Discrete):
         return {c.name: Quantity(value=c.after, std=c.std, unit=c.unit) for c in self.changes(fit)}
 
     def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
-        """Return every parameter that the written model changes, in the file and as fitted; significant ones first."""
-        std = np.sqrt(np.diagonal(fit.covariance[0]))
-        found = [self._change(k, float(fit.theta[0, k]), float(std[k])) for k in self._written(fit.theta[0])]
+        """Return every parameter that the written model changes, in the file and as fitted; significant ones first.
+
+        A spring that is as good as rigid is not among them.
+        """
+        std, value = np.sqrt(np.diagonal(fit.covariance[0])), self.file_value + fit.theta[0]
+        moved = [k for k in self._written(fit.theta[0]) if not is_negligible(self.knobs[k], float(value[k]))]
+        found = [self._change(k, float(fit.theta[0, k]), float(std[k])) for k in moved]
         return tuple(sorted(found, key=lambda change: not change.significant))
 
     def deviations(self, fit: "Fit[Cause]") -> float:

@@ -186,7 +186,7 @@ def _table(title: str, found: ResponseIdentification, model: "ModelModes | None"
     estimate = found.estimate
     massive = bool(np.isfinite(found.modal_mass).all())
     names = ["mode", "frequency [Hz]", "damping [%]", "MPC", *([] if model else ["MPD [°]"])]
-    names += [escape("modal mass [kg]")] * massive + ["model", "MAC"] * (model is not None)
+    names += ["modal mass [kg]"] * massive + ["model", "MAC"] * (model is not None)
     table = new_table(right=names, no_wrap=True, title=title)
     frequencies = aligned_numbers(zip(estimate.frequency, estimate.frequency_std, strict=True))
     dampings = aligned_numbers(zip(100 * estimate.damping, 100 * estimate.damping_std, strict=True))

@@ -129,7 +129,8 @@ def card(name: str, origin: str) -> rrb.TextDocumentView:
 
 def signal(channel: str, span: rr.TimeRange, values: tuple[float, float] | None = None) -> rrb.TimeSeriesView:
     """Return the view of a channel."""
-    return _series(f"{channel} [m/s²]", signal_path(channel), span, values=values)
+    scale = f", scale ±{values[1]:.2g}" if values else ""
+    return _series(f"{channel} [m/s²]{scale}", signal_path(channel), span, values=values)
 
 
 def mac(name: str, origin: str) -> rrb.Spatial2DView:

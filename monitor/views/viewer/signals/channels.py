@@ -41,10 +41,15 @@ def write_channels(recording: rr.RecordingStream, signals: Recording) -> None:
 
 
 def channels_card(signals: Recording) -> str:
-    """Return offset, RMS and peak about the offset [mm/s2], and the share of missing scans, of each channel."""
+    """Return offset, RMS and peak about the offset [mm/s2], and the share of missing scans, of each channel.
+
+    Where no channel has a value at the beginning or at the end, nothing is missing: filters have no output there.
+    """
     lines = ["| channel | offset mm/s² | RMS | peak | missing % |", "|:--|---:|---:|---:|---:|"]
+    there = np.flatnonzero(~np.isnan(signals.data).all(axis=1))
+    within = slice(there[0], there[-1] + 1) if len(there) else slice(None)
     for number, channel in enumerate(signals.channels):
-        data = 1000 * signals.data[:, number]
+        data = 1000 * signals.data[within, number]
         missing = float(np.mean(np.isnan(data)))
         if missing == 1:
             lines.append(f"| {channel.name} | | | | 100.0 |")

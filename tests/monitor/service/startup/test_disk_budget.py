@@ -24,18 +24,18 @@ rate = 500
 channels = {x = "b_x"}
 [recorder]
 """
-DAY = "0.57 to 1.2 GB a day; "  # 1500 scans/s, 86400 s, 4.4 to 9.2 bytes
+DAY = "0.57 to 1.2 GB per day; "  # 1500 scans/s, 86400 s, 4.4 to 9.2 bytes
 
 
 @pytest.mark.parametrize(
     ("recorder", "free", "says"),
     [
-        ("", 101e9, "room for 84 to 175 days, then the oldest files go"),
+        ("", 101e9, "room for 84 to 175 days, then the oldest files are deleted"),
         ("min_free_gb = 0", 100e9, "room for 84 to 175 days, then the disk is full"),
-        ("min_free_gb = 0\nkeep_gb = 10", 100e9, "room for 8.4 to 18 days, then the oldest files go"),
-        ("keep_gb = 500", 11e9, "room for 8.4 to 18 days, then the oldest files go"),
+        ("min_free_gb = 0\nkeep_gb = 10", 100e9, "room for 8.4 to 18 days, then the oldest files are deleted"),
+        ("keep_gb = 500", 11e9, "room for 8.4 to 18 days, then the oldest files are deleted"),
         ("keep_days = 30", 101e9, "the last 30 days are kept"),
-        ("keep_days = 300", 101e9, "room for 84 to 175 days, then the oldest files go"),
+        ("keep_days = 300", 101e9, "room for 84 to 175 days, then the oldest files are deleted"),
         ("min_free_gb = 2", 1e9, "less than recorder.min_free_gb = 2 is free now"),
     ],
 )
