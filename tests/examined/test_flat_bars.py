@@ -8,7 +8,7 @@ import pytest
 from monitor.analysis.explanation import explain
 from tests.examiner.cases import N_AFTER
 from tests.examiner.design import Design, Section
-from tests.examiner.models.bar import Bar
+from tests.examiner.designs import steel_bar
 from tests.examiner.models.frame import Ground, Lump, Meeting
 from tests.examiner.path import observation
 from tests.examiner.signals import estimated
@@ -17,25 +17,6 @@ from updater import parse_structure
 _WIDTH, _THICKNESS, _HEIGHT, _SPAN = 0.05, 0.008, 1.0, 0.6  # m
 _STRONG, _WEAK = _THICKNESS * _WIDTH**3 / 12, _WIDTH * _THICKNESS**3 / 12
 _BEAM = Section(area=5.6e-4, second_moment=(1.4e-7, 2.6e-7), torsion_constant=2.8e-7, shear_factor=0.44)
-
-
-def _bar(name: str, start: tuple[float, float, float], axis: int, length: float, section: Section) -> Bar:
-    return Bar(
-        name=name,
-        start=start,
-        axis=axis,
-        length=length,
-        size=0.05,
-        modulus=210e9,
-        shear_modulus=80.77e9,
-        density=7850.0,
-        area=section.area,
-        second_moment=section.second_moment,
-        torsion_constant=section.torsion_constant,
-        shear_factor=section.shear_factor,
-    )
-
-
 _POST = Section(
     area=_WIDTH * _THICKNESS,
     second_moment=(_STRONG, _WEAK),  # about x and y: weak in the plane of the frame
@@ -50,8 +31,8 @@ def _design() -> Design:
     return Design(
         name="flat",
         bars=(
-            *(_bar(side, (x, 0.0, 0.0), 2, _HEIGHT, _POST) for side, x in sides),
-            *(_bar(level, (0.0, 0.0, z), 0, _SPAN, _BEAM) for level, z in levels),
+            *(steel_bar(side, (x, 0.0, 0.0), 2, _HEIGHT, _POST, 0.05) for side, x in sides),
+            *(steel_bar(level, (0.0, 0.0, z), 0, _SPAN, _BEAM, 0.05) for level, z in levels),
         ),
         grounds=tuple(Ground(bar=side, s=0.0, about=(np.inf,) * 3) for side, _ in sides),
         meetings=tuple(Meeting(bar=side, s=z, other=level, t=x) for side, x in sides for level, z in levels),

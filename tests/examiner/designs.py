@@ -7,7 +7,8 @@ from tests.examiner.models.bar import Bar, Vector, vector
 from tests.examiner.models.frame import Ground, Lump, Meeting
 
 
-def _bar(name: str, start: Vector, axis: int, length: float, section: Section, size: float) -> Bar:
+def steel_bar(name: str, start: Vector, axis: int, length: float, section: Section, size: float) -> Bar:
+    """Return a bar of steel."""
     return Bar(
         name=name,
         start=start,
@@ -57,9 +58,9 @@ _UNIT = 210e9 * _POST.second_moment[0] / 2.0 / 0.004  # N m/rad
 PORTAL = Design(
     name="portal",
     bars=(
-        _bar("left", (0.0, 0.0, 0.0), 2, 2.0, _POST, 0.06),
-        _bar("beam", (0.0, 0.0, 2.0), 0, 3.0, _BEAM, 0.06),
-        _bar("right", (3.0, 0.0, 0.0), 2, 2.0, _POST, 0.06),
+        steel_bar("left", (0.0, 0.0, 0.0), 2, 2.0, _POST, 0.06),
+        steel_bar("beam", (0.0, 0.0, 2.0), 0, 3.0, _BEAM, 0.06),
+        steel_bar("right", (3.0, 0.0, 0.0), 2, 2.0, _POST, 0.06),
     ),
     grounds=(Ground(bar="left", s=0.0, about=(_UNIT,) * 3), Ground(bar="right", s=0.0, about=(_UNIT,) * 3)),
     meetings=(
@@ -78,7 +79,7 @@ PORTAL = Design(
 _GIRDER = _box(0.20, 0.30, 0.008)
 BRIDGE = Design(
     name="bridge",
-    bars=(_bar("girder", (0.0, 0.0, 0.0), 0, 12.0, _GIRDER, 0.3),),
+    bars=(steel_bar("girder", (0.0, 0.0, 0.0), 0, 12.0, _GIRDER, 0.3),),
     grounds=(
         Ground(bar="girder", s=0.0, along=_rigid_but("z", 8e7), about=(np.inf, 0.0, 0.0)),
         Ground(bar="girder", s=12.0, along=(0.0, np.inf, 8e7), about=(np.inf, 0.0, 0.0)),
@@ -94,7 +95,7 @@ _DECK = _box(1.4, 0.9, 0.025)
 #: three spans, few sensors across; along its bearings it slides at nearly a frequency that it bends at across them
 FOOTBRIDGE = Design(
     name="footbridge",
-    bars=(_bar("deck", (0.0, 0.0, 0.0), 0, 66.0, _DECK, 1.0),),
+    bars=(steel_bar("deck", (0.0, 0.0, 0.0), 0, 66.0, _DECK, 1.0),),
     grounds=tuple(
         Ground(bar="deck", s=s, along=(kx, ky, kz), about=(np.inf, 2e6, 1e6))
         for s, kx, ky, kz in (
@@ -128,9 +129,9 @@ _FOOT = 210e9 * _LOW.second_moment[0] / 15.0 / 0.004
 MAST = Design(
     name="mast",
     bars=(
-        _bar("low", (0.0, 0.0, 0.0), 2, 5.0, _LOW, 0.25),
-        _bar("mid", (0.0, 0.0, 5.0), 2, 5.0, _MID, 0.25),
-        _bar("top", (0.0, 0.0, 10.0), 2, 5.0, _TOP, 0.25),
+        steel_bar("low", (0.0, 0.0, 0.0), 2, 5.0, _LOW, 0.25),
+        steel_bar("mid", (0.0, 0.0, 5.0), 2, 5.0, _MID, 0.25),
+        steel_bar("top", (0.0, 0.0, 10.0), 2, 5.0, _TOP, 0.25),
     ),
     grounds=(Ground(bar="low", s=0.0, about=(_FOOT, 1.5 * _FOOT, np.inf)),),
     meetings=(Meeting(bar="low", s=5.0, other="mid", t=0.0), Meeting(bar="mid", s=5.0, other="top", t=0.0)),
@@ -149,9 +150,9 @@ _LONG, _CROSS = _box(0.06, 0.10, 0.004), _box(0.08, 0.06, 0.003)
 GRID = Design(
     name="grid",
     bars=(
-        _bar("south", (0.0, 0.0, 0.0), 0, 4.0, _LONG, 0.1),
-        _bar("north", (0.0, 1.2, 0.0), 0, 4.0, _LONG, 0.1),
-        *(_bar(f"cross{i}", (x, 0.0, 0.0), 1, 1.2, _CROSS, 0.1) for i, x in enumerate((0.0, 1.4, 2.6, 4.0))),
+        steel_bar("south", (0.0, 0.0, 0.0), 0, 4.0, _LONG, 0.1),
+        steel_bar("north", (0.0, 1.2, 0.0), 0, 4.0, _LONG, 0.1),
+        *(steel_bar(f"cross{i}", (x, 0.0, 0.0), 1, 1.2, _CROSS, 0.1) for i, x in enumerate((0.0, 1.4, 2.6, 4.0))),
     ),
     grounds=(
         Ground(bar="south", s=0.0),

@@ -285,6 +285,7 @@ def test_sparse_temperature_readings_are_interpolated_to_windows(tmp_path: Path)
         (",", "Date/Time", "2026-01-01 01:00:{:06.3f}+01:00", START),
         ("\t", "datetime", "2025-12-31T23:59:{:06.3f}", START - 60_000_000_000),
         (",", "time", "31.12.2025 23:59:{:06.3f}", START - 60_000_000_000),
+        (",", "Date", "2026-01-01 00:00:{:06.3f}", START),
     ],
 )
 def test_dates_are_accepted_as_times(tmp_path: Path, delimiter: str, name: str, form: str, start: int) -> None:

@@ -190,6 +190,10 @@ def test_every_parameter_that_a_model_changes_is_named() -> None:
         "within two deviations of the file: rotational stiffness about x, z at the foot of the left post; "
         "Young's modulus of steel"
     )
+    feet = tuple(spring(axis, 5e5, 5e5, f"foot of post {k}") for k in range(5) for axis in "xy")
+    assert further_changes_text(feet) == "within two deviations of the file: rotational stiffness about x, y at 5 feet"
+    few = "at the foot of post 0, at the foot of post 1"
+    assert further_changes_text(feet[:4]) == f"within two deviations of the file: rotational stiffness about x, y {few}"
 
 
 @pytest.mark.parametrize(

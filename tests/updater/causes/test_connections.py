@@ -78,6 +78,31 @@ def test_model_parameter_writes_its_flexibility(axis: Axis) -> None:
     assert changed.stiffness[axis] == pytest.approx(1e3 * flexibility_unit(structure, axis, knob.at))
 
 
+def test_flexibility_is_relative_to_the_members_that_bend_about_the_axis_there() -> None:
+    """A post of 50 x 8 mm under a beam that is stiffer about all axes: E b h^3 / 12 over the longest length, 1.5 m."""
+    structure = parse_structure(
+        """
+        name = "bent"
+        mesh = {element_length = 0.1}
+        material.steel = {youngs_modulus = 210e9, poisson_ratio = 0.3, density = 7850}
+        section.flat = {shape = "rectangle", width = 0.05, height = 0.008}
+        section.bar = {shape = "rectangle", width = 0.06, height = 0.06}
+        member = [
+            {name = "post", from = [0, 0, 0], to = [0, 0, 1.5], material = "steel", section = "flat"},
+            {name = "beam", from = [0, 0, 1.5], to = [0.6, 0, 1.5], material = "steel", section = "bar"},
+        ]
+        support = [{at = [0, 0, 0], fixed = ["x", "y", "z", "rx", "ry", "rz"]}]
+        sensor = [{channel = "a", at = [0, 0, 1.5], direction = [1, 0, 0]}]
+        """
+    )
+    strong, weak, bar = (210e9 * b * h**3 / 12 / 1.5 for b, h in ((0.008, 0.05), (0.05, 0.008), (0.06, 0.06)))
+    foot, corner = (0.0, 0.0, 0.0), (0.0, 0.0, 1.5)
+    found = [[flexibility_unit(structure, axis, at) for axis in ("rx", "ry", "rz")] for at in (foot, corner)]
+    # about z the post twists: its strong axis instead; at the corner the beam bends about it
+    np.testing.assert_allclose(found, [[strong, weak, strong], [strong, weak, bar]], rtol=1e-9)
+    assert flexibility_unit(structure, "z", foot) == pytest.approx(strong / 1.5**2)
+
+
 def test_bending_mode_similar_to_a_torsion_mode_is_left_out() -> None:
     """Of the bridge at 111 Hz: after a change either may be the other."""
     reference = _learnt("bridge", 0)

@@ -220,7 +220,9 @@ def test_errors_after_import_without_a_site_suggest_the_command(
     site.write_text(played.replace("X", "beam_left").replace("log.mcap", "placed.mcap"), encoding="utf-8")
     done = modalwatch("import", table, "-o", tmp_path / "placed.mcap", "--site", site)
     assert done.code == 0, done.err
-    assert "all devices answer" in modalwatch("check", site).out
+    checked = modalwatch("check", site).out
+    assert "all devices answer" in checked
+    assert "rms [m/s²]" in checked
 
 
 def test_import_creates_a_new_site_that_can_be_monitored(

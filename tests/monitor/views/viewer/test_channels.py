@@ -45,6 +45,15 @@ def test_table_of_channels_has_offset_rms_and_peak() -> None:
     assert lines[3] == "| b | | | | 100.0 |"
 
 
+def test_ends_that_no_channel_has_are_not_missing() -> None:
+    """Filters have no output there; a gap within is missing."""
+    signals = sine(amplitude=0.2, frequency=20.0, offset=3.0)
+    data = signals.data.copy()
+    data[:10], data[-10:], data[50:60, 0] = np.nan, np.nan, np.nan
+    missing = float(channels_card(replace(signals, data=data)).splitlines()[2].split("|")[-2])
+    assert missing == pytest.approx(100 * 10 / (len(data) - 20), abs=0.05)
+
+
 def test_spectrogram_has_the_first_singular_value_of_each_window() -> None:
     run = made.run_results(RUN)
     level, highest = spectrogram(run)
