@@ -58,7 +58,8 @@ def test_log_with_a_structure_gives_sensor_positions_and_geometry(modalwatch: Co
     done = modalwatch("identify", path, "--window", 60, "--out", tmp_path)
     assert done.code == 0, done.err
     assert {picture.name for picture in tmp_path.glob("*.png")} == PICTURES
-    geometry, *others = pyuff.UFF(str(tmp_path / "modes.unv")).read_sets()
+    header, geometry, *others = pyuff.UFF(str(tmp_path / "modes.unv")).read_sets()
+    assert header["type"] == 151
     at = dict(zip(geometry["node_nums"], zip(geometry["x"], geometry["y"], geometry["z"], strict=True), strict=True))
     structure = parse_structure(t_structure_toml(), "t")
     assert {sensor.at for sensor in structure.sensor} <= set(at.values())

@@ -29,7 +29,7 @@ def say_response(console: Console, found: ResponseFound) -> None:
 
 
 def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
-    table = new_table(("position \\[m]", "motion", "unit"), ("rms", "largest"), no_wrap=True)
+    table = new_table(("position [m]", "motion", "unit"), ("rms", "largest"), no_wrap=True)
     scales = [_SHOWN[motion.rms.unit] for motion in motions]
     pairs = [(k * m.rms.value, k * m.rms.std) for m, (_, k) in zip(motions, scales, strict=True)]
     for motion, (unit, scale), rms in zip(motions, scales, aligned_numbers(pairs), strict=True):
@@ -39,7 +39,7 @@ def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
 
 
 def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
-    names = ("rms \\[MPa]", "largest \\[MPa]", "cycles per h", "life \\[years]", "from", "to")
+    names = ("rms [MPa]", "largest [MPa]", "cycles per h", "life [years]", "from", "to")
     table = new_table(("section",), names, overflow="fold")
     for own in sections:
         table.add_row(
