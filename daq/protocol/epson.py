@@ -13,7 +13,7 @@ from daq.protocol.overlap import without_overlap
 from daq.types import FloatArray, IntArray
 
 FRAME_SIZE = 24
-SCALE = 9.80665 / 2**24  #: m/s2 a count
+EPSON_SCALE = 9.80665 / 2**24  #: m/s2 a count
 HEADER, DELIMITER = 0x80, 0x0D
 
 WINDOW, MODE_CTRL, SMPL_CTRL, FILTER_CTRL, UART_CTRL = 0x7E, 0x03, 0x05, 0x06, 0x08

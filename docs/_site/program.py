@@ -268,8 +268,10 @@ def documented_names() -> dict[str, str]:
     return found | {name: f"{package}.{name}" for package in DOORS for name in _exported(package)}
 
 
-def _exported(module: str) -> tuple[str, ...]:
-    return tuple(getattr(import_module(module), "__all__", ()))
+def _exported(module: str) -> list[str]:
+    room = vars(import_module(module))
+    public = (name for name, value in room.items() if not name.startswith("_") and not inspect.ismodule(value))
+    return sorted(room.get("__all__", public))
 
 
 def front_door(package: str) -> str:

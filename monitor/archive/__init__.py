@@ -1,8 +1,10 @@
 """Analysis of archives: many logs of many sites, in parallel, with present settings."""
 
-from monitor.archive.catalog import ArchiveLog, find_logs
-from monitor.archive.log_texts import LogTexts, steps_key, texts_of
-from monitor.archive.reanalysis import AnalysedLog, reanalyse
-from monitor.archive.steps import read_steps
-
-__all__ = ["AnalysedLog", "ArchiveLog", "LogTexts", "find_logs", "read_steps", "reanalyse", "steps_key", "texts_of"]
+from monitor.archive.catalog import ArchiveLog as ArchiveLog
+from monitor.archive.catalog import find_logs as find_logs
+from monitor.archive.log_texts import LogTexts as LogTexts
+from monitor.archive.log_texts import steps_key as steps_key
+from monitor.archive.log_texts import texts_of as texts_of
+from monitor.archive.reanalysis import AnalysedLog as AnalysedLog
+from monitor.archive.reanalysis import reanalyse as reanalyse
+from monitor.archive.steps import read_steps as read_steps

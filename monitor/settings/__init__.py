@@ -1,34 +1,24 @@
 """SITE.toml: schema, reading, overrides, template."""
 
-from monitor.settings.attached import attachable, attached_structure, has_settings, parse_attached
-from monitor.settings.device import AXES, DeviceSettings
-from monitor.settings.notify import HomeAssistantSettings, NotifySettings
-from monitor.settings.overrides import Override, overridden, overrides
-from monitor.settings.reading import load_settings, nearest, parse_settings, read_settings
-from monitor.settings.schema import AnalysisSettings, RecorderSettings, Settings, TemperatureSettings
-from monitor.settings.template import EXAMPLE, annotated, json_schema
-
-__all__ = [
-    "AXES",
-    "EXAMPLE",
-    "AnalysisSettings",
-    "DeviceSettings",
-    "HomeAssistantSettings",
-    "NotifySettings",
-    "Override",
-    "RecorderSettings",
-    "Settings",
-    "TemperatureSettings",
-    "annotated",
-    "attachable",
-    "attached_structure",
-    "has_settings",
-    "json_schema",
-    "load_settings",
-    "nearest",
-    "overridden",
-    "overrides",
-    "parse_attached",
-    "parse_settings",
-    "read_settings",
-]
+from monitor.settings.attached import attachable as attachable
+from monitor.settings.attached import attached_structure as attached_structure
+from monitor.settings.attached import has_settings as has_settings
+from monitor.settings.attached import parse_attached as parse_attached
+from monitor.settings.device import AXES as AXES
+from monitor.settings.device import DeviceSettings as DeviceSettings
+from monitor.settings.notify import HomeAssistantSettings as HomeAssistantSettings
+from monitor.settings.notify import NotifySettings as NotifySettings
+from monitor.settings.overrides import Override as Override
+from monitor.settings.overrides import overridden as overridden
+from monitor.settings.overrides import overrides as overrides
+from monitor.settings.reading import load_settings as load_settings
+from monitor.settings.reading import nearest as nearest
+from monitor.settings.reading import parse_settings as parse_settings
+from monitor.settings.reading import read_settings as read_settings
+from monitor.settings.schema import AnalysisSettings as AnalysisSettings
+from monitor.settings.schema import RecorderSettings as RecorderSettings
+from monitor.settings.schema import Settings as Settings
+from monitor.settings.schema import TemperatureSettings as TemperatureSettings
+from monitor.settings.template import EXAMPLE as EXAMPLE
+from monitor.settings.template import annotated as annotated
+from monitor.settings.template import json_schema as json_schema

@@ -5,36 +5,26 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from oma.preparation.bandwidth import usable_share
-    from oma.preparation.conditioning import BoolArray, channel_faults, cleaned, detrended, enough, usable
-    from oma.preparation.faults import ChannelFault, FaultKind
-    from oma.preparation.gaps import bridged
-    from oma.preparation.pyramid import ALIAS_FREE, PASS, TOP, Decimator, HighPass, Level, levels
-    from oma.preparation.quality import BlockQuality, WindowQuality, window_quality
-    from oma.types import SAME_AS
+    from oma.preparation.bandwidth import usable_share as usable_share
+    from oma.preparation.conditioning import BoolArray as BoolArray
+    from oma.preparation.conditioning import channel_faults as channel_faults
+    from oma.preparation.conditioning import cleaned as cleaned
+    from oma.preparation.conditioning import detrended as detrended
+    from oma.preparation.conditioning import enough as enough
+    from oma.preparation.conditioning import usable as usable
+    from oma.preparation.faults import ChannelFault as ChannelFault
+    from oma.preparation.faults import FaultKind as FaultKind
+    from oma.preparation.gaps import bridged as bridged
+    from oma.preparation.pyramid import ALIAS_FREE as ALIAS_FREE
+    from oma.preparation.pyramid import PASS as PASS
+    from oma.preparation.pyramid import TOP as TOP
+    from oma.preparation.pyramid import Decimator as Decimator
+    from oma.preparation.pyramid import HighPass as HighPass
+    from oma.preparation.pyramid import Level as Level
+    from oma.preparation.pyramid import levels as levels
+    from oma.preparation.quality import BlockQuality as BlockQuality
+    from oma.preparation.quality import WindowQuality as WindowQuality
+    from oma.preparation.quality import window_quality as window_quality
+    from oma.types import SAME_AS as SAME_AS
 else:
-    __getattr__, __dir__ = lazy_names(__name__, __file__)
-
-__all__ = [
-    "ALIAS_FREE",
-    "PASS",
-    "SAME_AS",
-    "TOP",
-    "BlockQuality",
-    "BoolArray",
-    "ChannelFault",
-    "Decimator",
-    "FaultKind",
-    "HighPass",
-    "Level",
-    "WindowQuality",
-    "bridged",
-    "channel_faults",
-    "cleaned",
-    "detrended",
-    "enough",
-    "levels",
-    "usable",
-    "usable_share",
-    "window_quality",
-]
+    __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

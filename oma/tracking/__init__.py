@@ -1,18 +1,10 @@
 """Identities of modes over time and over set-ups."""
 
-from oma.tracking.long_term import FollowedModes, LongTermTracker
-from oma.tracking.merging import match_setups, merge
-from oma.tracking.pairing import mac_of_moving, pair_modes
-from oma.tracking.track_state import Tracks
-from oma.tracking.tracker import Tracker
-
-__all__ = [
-    "FollowedModes",
-    "LongTermTracker",
-    "Tracker",
-    "Tracks",
-    "mac_of_moving",
-    "match_setups",
-    "merge",
-    "pair_modes",
-]
+from oma.tracking.long_term import FollowedModes as FollowedModes
+from oma.tracking.long_term import LongTermTracker as LongTermTracker
+from oma.tracking.merging import match_setups as match_setups
+from oma.tracking.merging import merge as merge
+from oma.tracking.pairing import mac_of_moving as mac_of_moving
+from oma.tracking.pairing import pair_modes as pair_modes
+from oma.tracking.track_state import Tracks as Tracks
+from oma.tracking.tracker import Tracker as Tracker

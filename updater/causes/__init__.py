@@ -1,50 +1,32 @@
 """The catalogue: every cause that a diagnosis may name, one file each."""
 
-from updater.causes.base import CatalogueEntry, Cause, Discrete, Nothing, Parametric, Placed, Propose, Sized
-from updater.causes.catalogue import CATALOGUE
-from updater.causes.composite import JointHypothesis, SelectedCause
-from updater.causes.joint_prediction import effect_of, mac_of, prediction
-from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, AddedMass, propose_added_mass
-from updater.causes.mass.attached_oscillator import has_unobserved_mode
-from updater.causes.mass.several_bodies import PER_BODY, Bodies
-from updater.causes.modal_loads import modal_section_forces
-from updater.causes.model.parameters import ModelParameters, propose_model_parameters
-from updater.causes.overall.common_factor import CommonFactor
-from updater.causes.sensors.delay import begin_at
-from updater.causes.sensors.gain_polarity_swap import SensorGain
-from updater.causes.sensors.position import SensorPosition
-from updater.causes.stiffness.connections import CONNECTIONS
-from updater.causes.stiffness.local_stiffness import LocalStiffness
-
-__all__ = [
-    "CATALOGUE",
-    "CONNECTIONS",
-    "DENSITY_STD",
-    "LARGEST_REMOVED",
-    "PER_BODY",
-    "AddedMass",
-    "Bodies",
-    "CatalogueEntry",
-    "Cause",
-    "CommonFactor",
-    "Discrete",
-    "JointHypothesis",
-    "LocalStiffness",
-    "ModelParameters",
-    "Nothing",
-    "Parametric",
-    "Placed",
-    "Propose",
-    "SelectedCause",
-    "SensorGain",
-    "SensorPosition",
-    "Sized",
-    "begin_at",
-    "effect_of",
-    "has_unobserved_mode",
-    "mac_of",
-    "modal_section_forces",
-    "prediction",
-    "propose_added_mass",
-    "propose_model_parameters",
-]
+from updater.causes.base import CatalogueEntry as CatalogueEntry
+from updater.causes.base import Cause as Cause
+from updater.causes.base import Discrete as Discrete
+from updater.causes.base import Nothing as Nothing
+from updater.causes.base import Parametric as Parametric
+from updater.causes.base import Placed as Placed
+from updater.causes.base import Propose as Propose
+from updater.causes.base import Sized as Sized
+from updater.causes.catalogue import CATALOGUE as CATALOGUE
+from updater.causes.composite import JointHypothesis as JointHypothesis
+from updater.causes.composite import SelectedCause as SelectedCause
+from updater.causes.joint_prediction import effect_of as effect_of
+from updater.causes.joint_prediction import mac_of as mac_of
+from updater.causes.joint_prediction import prediction as prediction
+from updater.causes.mass.added_mass import DENSITY_STD as DENSITY_STD
+from updater.causes.mass.added_mass import LARGEST_REMOVED as LARGEST_REMOVED
+from updater.causes.mass.added_mass import AddedMass as AddedMass
+from updater.causes.mass.added_mass import propose_added_mass as propose_added_mass
+from updater.causes.mass.attached_oscillator import has_unobserved_mode as has_unobserved_mode
+from updater.causes.mass.several_bodies import PER_BODY as PER_BODY
+from updater.causes.mass.several_bodies import Bodies as Bodies
+from updater.causes.modal_loads import modal_section_forces as modal_section_forces
+from updater.causes.model.parameters import ModelParameters as ModelParameters
+from updater.causes.model.parameters import propose_model_parameters as propose_model_parameters
+from updater.causes.overall.common_factor import CommonFactor as CommonFactor
+from updater.causes.sensors.delay import begin_at as begin_at
+from updater.causes.sensors.gain_polarity_swap import SensorGain as SensorGain
+from updater.causes.sensors.position import SensorPosition as SensorPosition
+from updater.causes.stiffness.connections import CONNECTIONS as CONNECTIONS
+from updater.causes.stiffness.local_stiffness import LocalStiffness as LocalStiffness

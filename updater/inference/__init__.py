@@ -1,76 +1,44 @@
 """Comparison of an event with the baseline, and the fit of hypotheses to it."""
 
-from updater.inference.comparison import Comparison, NewModes, Whitener
-from updater.inference.event_comparison import MODEL_ERROR, compare
-from updater.inference.laplace_fit import (
-    BoolArray,
-    Fit,
-    Hypotheses,
-    LinearInCompliance,
-    evaluate,
-    fit,
-    freedom_of_frequencies,
-    refined_fit,
-    slopes,
-)
-from updater.inference.linearization import (
-    first_order,
-    foreseen,
-    linear_in_mass,
-    linearised,
-    most_likely,
-    pulls,
-    size_deviations,
-)
-from updater.inference.new_shapes import shaken
-from updater.inference.phases_and_damping import without_mode
-from updater.inference.posterior import Place, PositionPosterior, credible, likeliest_place
-from updater.inference.priors import Magnitude, common_magnitude, log_uniform
-from updater.inference.reanalysis import Changed, Effect, Tangent, in_modes, no_effect, picked, predict, reanalyse
-from updater.inference.residuals import Prediction, residual
-from updater.inference.shape_covariance import SHAPE_BIAS, beside
-
-__all__ = [
-    "MODEL_ERROR",
-    "SHAPE_BIAS",
-    "BoolArray",
-    "Changed",
-    "Comparison",
-    "Effect",
-    "Fit",
-    "Hypotheses",
-    "LinearInCompliance",
-    "Magnitude",
-    "NewModes",
-    "Place",
-    "PositionPosterior",
-    "Prediction",
-    "Tangent",
-    "Whitener",
-    "beside",
-    "common_magnitude",
-    "compare",
-    "credible",
-    "evaluate",
-    "first_order",
-    "fit",
-    "foreseen",
-    "freedom_of_frequencies",
-    "in_modes",
-    "likeliest_place",
-    "linear_in_mass",
-    "linearised",
-    "log_uniform",
-    "most_likely",
-    "no_effect",
-    "picked",
-    "predict",
-    "pulls",
-    "reanalyse",
-    "refined_fit",
-    "residual",
-    "shaken",
-    "size_deviations",
-    "slopes",
-    "without_mode",
-]
+from updater.inference.comparison import Comparison as Comparison
+from updater.inference.comparison import NewModes as NewModes
+from updater.inference.comparison import Whitener as Whitener
+from updater.inference.event_comparison import MODEL_ERROR as MODEL_ERROR
+from updater.inference.event_comparison import compare as compare
+from updater.inference.laplace_fit import BoolArray as BoolArray
+from updater.inference.laplace_fit import Fit as Fit
+from updater.inference.laplace_fit import Hypotheses as Hypotheses
+from updater.inference.laplace_fit import LinearInCompliance as LinearInCompliance
+from updater.inference.laplace_fit import evaluate as evaluate
+from updater.inference.laplace_fit import fit as fit
+from updater.inference.laplace_fit import freedom_of_frequencies as freedom_of_frequencies
+from updater.inference.laplace_fit import refined_fit as refined_fit
+from updater.inference.laplace_fit import slopes as slopes
+from updater.inference.linearization import first_order as first_order
+from updater.inference.linearization import foreseen as foreseen
+from updater.inference.linearization import linear_in_mass as linear_in_mass
+from updater.inference.linearization import linearised as linearised
+from updater.inference.linearization import most_likely as most_likely
+from updater.inference.linearization import pulls as pulls
+from updater.inference.linearization import size_deviations as size_deviations
+from updater.inference.new_shapes import shaken as shaken
+from updater.inference.phases_and_damping import without_mode as without_mode
+from updater.inference.posterior import Place as Place
+from updater.inference.posterior import PositionPosterior as PositionPosterior
+from updater.inference.posterior import credible as credible
+from updater.inference.posterior import likeliest_place as likeliest_place
+from updater.inference.priors import Magnitude as Magnitude
+from updater.inference.priors import common_magnitude as common_magnitude
+from updater.inference.priors import log_uniform as log_uniform
+from updater.inference.reanalysis import Changed as Changed
+from updater.inference.reanalysis import Effect as Effect
+from updater.inference.reanalysis import Tangent as Tangent
+from updater.inference.reanalysis import in_modes as in_modes
+from updater.inference.reanalysis import no_effect as no_effect
+from updater.inference.reanalysis import picked as picked
+from updater.inference.reanalysis import predict as predict
+from updater.inference.reanalysis import reanalyse as reanalyse
+from updater.inference.residuals import Prediction as Prediction
+from updater.inference.residuals import residual as residual
+from updater.inference.shape_covariance import SHAPE_BIAS as SHAPE_BIAS
+from updater.inference.shape_covariance import beside as beside

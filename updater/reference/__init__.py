@@ -1,70 +1,35 @@
 """The reference: calibrated model, expansion of measured modes, pairing with model modes."""
 
-from updater.reference.calibration import (
-    UNLIKE,
-    Calibration,
-    Parameter,
-    best_model,
-    calibrate,
-    channel_rows,
-    share_within,
-    spring_of,
-)
-from updater.reference.expansion import (
-    LARGEST_CLUSTER,
-    ExpandedChange,
-    expand_change,
-    expand_shape,
-    orthonormal,
-    orthonormal_slope,
-    well_posed_cluster,
-)
-from updater.reference.model_fit import ModelFit, fit_of_model, own_modes
-from updater.reference.new_modes import matched_and_new, matched_surely
-from updater.reference.parameter_sensitivity import ParameterSensitivity, parameter_sensitivities
-from updater.reference.reference import (
-    NEAR,
-    SAME_SHAPE,
-    NominalModel,
-    Reference,
-    first_stage,
-    match_nominal_modes,
-    pair_baseline,
-)
-from updater.reference.sensitivity_method import Convergence, Prior, SensitivityFit, fit_parameters
-
-__all__ = [
-    "LARGEST_CLUSTER",
-    "NEAR",
-    "SAME_SHAPE",
-    "UNLIKE",
-    "Calibration",
-    "Convergence",
-    "ExpandedChange",
-    "ModelFit",
-    "NominalModel",
-    "Parameter",
-    "ParameterSensitivity",
-    "Prior",
-    "Reference",
-    "SensitivityFit",
-    "best_model",
-    "calibrate",
-    "channel_rows",
-    "expand_change",
-    "expand_shape",
-    "first_stage",
-    "fit_of_model",
-    "fit_parameters",
-    "match_nominal_modes",
-    "matched_and_new",
-    "matched_surely",
-    "orthonormal",
-    "orthonormal_slope",
-    "own_modes",
-    "pair_baseline",
-    "parameter_sensitivities",
-    "share_within",
-    "spring_of",
-    "well_posed_cluster",
-]
+from updater.reference.calibration import UNLIKE as UNLIKE
+from updater.reference.calibration import Calibration as Calibration
+from updater.reference.calibration import Parameter as Parameter
+from updater.reference.calibration import best_model as best_model
+from updater.reference.calibration import calibrate as calibrate
+from updater.reference.calibration import channel_rows as channel_rows
+from updater.reference.calibration import share_within as share_within
+from updater.reference.calibration import spring_of as spring_of
+from updater.reference.expansion import LARGEST_CLUSTER as LARGEST_CLUSTER
+from updater.reference.expansion import ExpandedChange as ExpandedChange
+from updater.reference.expansion import expand_change as expand_change
+from updater.reference.expansion import expand_shape as expand_shape
+from updater.reference.expansion import orthonormal as orthonormal
+from updater.reference.expansion import orthonormal_slope as orthonormal_slope
+from updater.reference.expansion import well_posed_cluster as well_posed_cluster
+from updater.reference.model_fit import ModelFit as ModelFit
+from updater.reference.model_fit import fit_of_model as fit_of_model
+from updater.reference.model_fit import own_modes as own_modes
+from updater.reference.new_modes import matched_and_new as matched_and_new
+from updater.reference.new_modes import matched_surely as matched_surely
+from updater.reference.parameter_sensitivity import ParameterSensitivity as ParameterSensitivity
+from updater.reference.parameter_sensitivity import parameter_sensitivities as parameter_sensitivities
+from updater.reference.reference import NEAR as NEAR
+from updater.reference.reference import SAME_SHAPE as SAME_SHAPE
+from updater.reference.reference import NominalModel as NominalModel
+from updater.reference.reference import Reference as Reference
+from updater.reference.reference import first_stage as first_stage
+from updater.reference.reference import match_nominal_modes as match_nominal_modes
+from updater.reference.reference import pair_baseline as pair_baseline
+from updater.reference.sensitivity_method import Convergence as Convergence
+from updater.reference.sensitivity_method import Prior as Prior
+from updater.reference.sensitivity_method import SensitivityFit as SensitivityFit
+from updater.reference.sensitivity_method import fit_parameters as fit_parameters

@@ -1,109 +1,57 @@
 """The structure file: entries, checks, reading, writing."""
 
-from updater.structure.base import ON_MEMBER, Vector, meant
-from updater.structure.entries import (
-    AXES,
-    Axis,
-    Body,
-    External,
-    Joint,
-    Material,
-    Member,
-    Oscillator,
-    Recorder,
-    Segment,
-    Support,
-    Updating,
-    local_axes,
-)
-from updater.structure.parameters import (
-    TURNS,
-    ModelParameter,
-    all_knobs,
-    apply_parameters,
-    check_updating,
-    connection_of,
-    flexibility_unit,
-    is_of,
-    is_rigid,
-    model_parameters_of,
-    nominal_parameters,
-    physical_slope,
-    physical_unit,
-    physical_value,
-    welded,
-    with_springs,
-)
-from updater.structure.place_names import NamedPlaces, place_name
-from updater.structure.section_shapes import Section
-from updater.structure.sensors import Correction, Sensor, sensor_axes
-from updater.structure.structure import Structure, extent, fineness, size
-from updater.structure.toml_file import dump_structure, load_structure, parse_structure, portable_text, t_structure_toml
-from updater.structure.unit_check import odd_units
-from updater.structure.written_structure import (
-    is_negligible,
-    rounded,
-    simplified,
-    stands_for_rigid,
-    with_few_digits,
-    without_edges,
-    without_empty_segments,
-)
-
-__all__ = [
-    "AXES",
-    "ON_MEMBER",
-    "TURNS",
-    "Axis",
-    "Body",
-    "Correction",
-    "External",
-    "Joint",
-    "Material",
-    "Member",
-    "ModelParameter",
-    "NamedPlaces",
-    "Oscillator",
-    "Recorder",
-    "Section",
-    "Segment",
-    "Sensor",
-    "Structure",
-    "Support",
-    "Updating",
-    "Vector",
-    "all_knobs",
-    "apply_parameters",
-    "check_updating",
-    "connection_of",
-    "dump_structure",
-    "extent",
-    "fineness",
-    "flexibility_unit",
-    "is_negligible",
-    "is_of",
-    "is_rigid",
-    "load_structure",
-    "local_axes",
-    "meant",
-    "model_parameters_of",
-    "nominal_parameters",
-    "odd_units",
-    "parse_structure",
-    "physical_slope",
-    "physical_unit",
-    "physical_value",
-    "place_name",
-    "portable_text",
-    "rounded",
-    "sensor_axes",
-    "simplified",
-    "size",
-    "stands_for_rigid",
-    "t_structure_toml",
-    "welded",
-    "with_few_digits",
-    "with_springs",
-    "without_edges",
-    "without_empty_segments",
-]
+from updater.structure.base import ON_MEMBER as ON_MEMBER
+from updater.structure.base import Vector as Vector
+from updater.structure.base import meant as meant
+from updater.structure.entries import AXES as AXES
+from updater.structure.entries import Axis as Axis
+from updater.structure.entries import Body as Body
+from updater.structure.entries import External as External
+from updater.structure.entries import Joint as Joint
+from updater.structure.entries import Material as Material
+from updater.structure.entries import Member as Member
+from updater.structure.entries import Oscillator as Oscillator
+from updater.structure.entries import Recorder as Recorder
+from updater.structure.entries import Segment as Segment
+from updater.structure.entries import Support as Support
+from updater.structure.entries import Updating as Updating
+from updater.structure.entries import local_axes as local_axes
+from updater.structure.parameters import TURNS as TURNS
+from updater.structure.parameters import ModelParameter as ModelParameter
+from updater.structure.parameters import all_knobs as all_knobs
+from updater.structure.parameters import apply_parameters as apply_parameters
+from updater.structure.parameters import check_updating as check_updating
+from updater.structure.parameters import connection_of as connection_of
+from updater.structure.parameters import flexibility_unit as flexibility_unit
+from updater.structure.parameters import is_of as is_of
+from updater.structure.parameters import is_rigid as is_rigid
+from updater.structure.parameters import model_parameters_of as model_parameters_of
+from updater.structure.parameters import nominal_parameters as nominal_parameters
+from updater.structure.parameters import physical_slope as physical_slope
+from updater.structure.parameters import physical_unit as physical_unit
+from updater.structure.parameters import physical_value as physical_value
+from updater.structure.parameters import welded as welded
+from updater.structure.parameters import with_springs as with_springs
+from updater.structure.place_names import NamedPlaces as NamedPlaces
+from updater.structure.place_names import place_name as place_name
+from updater.structure.section_shapes import Section as Section
+from updater.structure.sensors import Correction as Correction
+from updater.structure.sensors import Sensor as Sensor
+from updater.structure.sensors import sensor_axes as sensor_axes
+from updater.structure.structure import Structure as Structure
+from updater.structure.structure import extent as extent
+from updater.structure.structure import fineness as fineness
+from updater.structure.structure import size as size
+from updater.structure.toml_file import dump_structure as dump_structure
+from updater.structure.toml_file import load_structure as load_structure
+from updater.structure.toml_file import parse_structure as parse_structure
+from updater.structure.toml_file import portable_text as portable_text
+from updater.structure.toml_file import t_structure_toml as t_structure_toml
+from updater.structure.unit_check import odd_units as odd_units
+from updater.structure.written_structure import is_negligible as is_negligible
+from updater.structure.written_structure import rounded as rounded
+from updater.structure.written_structure import simplified as simplified
+from updater.structure.written_structure import stands_for_rigid as stands_for_rigid
+from updater.structure.written_structure import with_few_digits as with_few_digits
+from updater.structure.written_structure import without_edges as without_edges
+from updater.structure.written_structure import without_empty_segments as without_empty_segments

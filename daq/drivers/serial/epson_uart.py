@@ -104,7 +104,7 @@ class EpsonUart(SerialDriver[epson.BurstDecoder, SerialPort]):
     """
 
     product = "M-A352"
-    scale = epson.SCALE
+    scale = epson.EPSON_SCALE
 
     def __init__(self, port: str, rate: float) -> None:
         super().__init__(port)

@@ -9,8 +9,6 @@ from monitor.views.animation.page import write_page
 from oma import ModalEstimate
 from updater.validation import ModelModes
 
-__all__ = ["SUFFIXES", "write_animation"]
-
 _WRITERS = {".html": write_page, ".gif": write_gif}
 SUFFIXES = tuple(_WRITERS)  #: endings of the names of files that can be written
 

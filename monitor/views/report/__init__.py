@@ -17,12 +17,11 @@ from monitor.results.convert import bare_reference
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
 from monitor.views.report.content import diagnosis_content, run_content, versions
-from monitor.views.report.pdf import load_typst, pdf_of
+from monitor.views.report.pdf import load_typst as load_typst
+from monitor.views.report.pdf import pdf_of
 from monitor.views.report.svg import styled
 from monitor.views.run import Run
 from updater import Structure
-
-__all__ = ["alarm_report", "diagnosis_report", "load_diagnosis", "load_typst", "run_report"]
 
 
 def run_report(run: Run, path: Path, diagnosis: DiagnosisAnswer | None = None, *, pdf: Path | None = None) -> None:

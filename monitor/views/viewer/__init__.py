@@ -9,7 +9,7 @@ from rerun import RecordingStream
 from daq.log import report_progress
 from monitor.results.run_results import RunResults, thin
 from monitor.views.viewer.cards import write_cards, write_reference
-from monitor.views.viewer.diagnosis.recording import write_diagnosis
+from monitor.views.viewer.diagnosis.recording import write_diagnosis as write_diagnosis
 from monitor.views.viewer.increments import draw_increments
 from monitor.views.viewer.layout.blueprint import layout
 from monitor.views.viewer.modes.mac_matrix import draw_auto_mac
@@ -24,8 +24,6 @@ from monitor.views.viewer.signals.spectrogram import draw_spectrogram
 from monitor.views.viewer.signals.traces import draw_signals
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import draw_states, write_events
-
-__all__ = ["write_diagnosis", "write_recording"]
 
 
 def write_recording(path: Path, run_results: RunResults) -> None:

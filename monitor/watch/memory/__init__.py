@@ -5,31 +5,17 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from monitor.watch.memory.codec import CodecError
-    from monitor.watch.memory.file import MEMORY, NOTHING, LoadedState, MemoryFile
-    from monitor.watch.memory.state import (
-        VERSION,
-        Memory,
-        check_saved_state,
-        memory_text,
-        parse_memory,
-        recall,
-        state_fingerprint,
-    )
+    from monitor.watch.memory.codec import CodecError as CodecError
+    from monitor.watch.memory.file import MEMORY as MEMORY
+    from monitor.watch.memory.file import NOTHING as NOTHING
+    from monitor.watch.memory.file import LoadedState as LoadedState
+    from monitor.watch.memory.file import MemoryFile as MemoryFile
+    from monitor.watch.memory.state import VERSION as VERSION
+    from monitor.watch.memory.state import Memory as Memory
+    from monitor.watch.memory.state import check_saved_state as check_saved_state
+    from monitor.watch.memory.state import memory_text as memory_text
+    from monitor.watch.memory.state import parse_memory as parse_memory
+    from monitor.watch.memory.state import recall as recall
+    from monitor.watch.memory.state import state_fingerprint as state_fingerprint
 else:
-    __getattr__, __dir__ = lazy_names(__name__, __file__)
-
-__all__ = [
-    "MEMORY",
-    "NOTHING",
-    "VERSION",
-    "CodecError",
-    "LoadedState",
-    "Memory",
-    "MemoryFile",
-    "check_saved_state",
-    "memory_text",
-    "parse_memory",
-    "recall",
-    "state_fingerprint",
-]
+    __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

@@ -20,7 +20,7 @@ from daq.protocol import epson, epson_can, epson_filters, frames, node, slcan, w
 COUNTS_OF_ONE_G = 16_777_216  # "16777216 LSB/G"
 
 
-@pytest.mark.parametrize("scale", [epson.SCALE, epson_can.SCALE])
+@pytest.mark.parametrize("scale", [epson.EPSON_SCALE, epson_can.SCALE])
 def test_epson_scale_is_two_to_the_minus_24_g_per_count(scale: float) -> None:
     assert scale * COUNTS_OF_ONE_G == pytest.approx(g, rel=1e-12)
     assert scale / g * 1000 == pytest.approx(vendor.SF_ACCL, rel=1e-12)  # mG a count

@@ -1,5 +1,4 @@
 """The page of many sites: which structures have changed, which monitors are stale or unwell."""
 
-from monitor.service.servers.fleet.app import FleetSource, serve_fleet
-
-__all__ = ["FleetSource", "serve_fleet"]
+from monitor.service.servers.fleet.app import FleetSource as FleetSource
+from monitor.service.servers.fleet.app import serve_fleet as serve_fleet
