@@ -11,9 +11,9 @@ from updater.causes.base import Sized as Sized
 from updater.causes.catalogue import CATALOGUE as CATALOGUE
 from updater.causes.composite import JointHypothesis as JointHypothesis
 from updater.causes.composite import SelectedCause as SelectedCause
-from updater.causes.joint_prediction import effect_of as effect_of
-from updater.causes.joint_prediction import mac_of as mac_of
-from updater.causes.joint_prediction import prediction as prediction
+from updater.causes.composite import effect_of as effect_of
+from updater.causes.composite import mac_of as mac_of
+from updater.causes.composite import prediction as prediction
 from updater.causes.mass.added_mass import DENSITY_STD as DENSITY_STD
 from updater.causes.mass.added_mass import LARGEST_REMOVED as LARGEST_REMOVED
 from updater.causes.mass.added_mass import AddedMass as AddedMass

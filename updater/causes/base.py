@@ -1,6 +1,6 @@
 """Interface of a cause."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, Self, TypeVar, runtime_checkable
 
 import numpy as np
@@ -21,39 +21,31 @@ class Cause(Hypotheses, Protocol):
     @property
     def name(self) -> str:
         """Name in a diagnosis."""
-        ...
 
     @property
     def cannot_be_told_from(self) -> tuple[str, ...]:
         """Causes outside the catalogue's reach with the very same signature."""
-        ...
 
     @property
     def place_free(self) -> bool:
         """True if it acts on the whole structure alike."""
-        ...
 
     @property
     def advice(self) -> str:
         """Measurement that would decide between the remaining hypotheses."""
-        ...
 
     @property
     def neutral_start(self) -> FloatArray:
         """Start of a joint fit with other causes (n_alternatives, n_parameters); positions have no effect yet."""
-        ...
 
     def where(self, fit: "Fit[Cause]") -> Where | None:
         """Return the place, None if the cause has none."""
-        ...
 
     def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
         """Return the estimated parameters."""
-        ...
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Return the structure with alternative `row` of parameters theta (n_parameters,) written into it."""
-        ...
 
 
 @runtime_checkable
@@ -62,26 +54,23 @@ class Placed(Protocol):
 
     reference: Reference
 
-    def points(self, fit: "Fit[Any]") -> FloatArray:
+    def points(self, fit: Fit[Any]) -> FloatArray:
         """Return where each alternative is (n, 3) [m]."""
-        ...
 
-    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+    def by_place(self, fit: Fit[Any]) -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
-        ...
 
 
 @runtime_checkable
 class Sized(Protocol):
     """A cause with magnitudes that may be found within their standard deviations of no change."""
 
-    def deviations(self, fit: "Fit[Any]") -> float:
+    def deviations(self, fit: Fit[Any]) -> float:
         """Return by how many standard deviations the best alternative differs from no change.
 
         Of several magnitudes the most; parameters that mean nothing where a magnitude is zero - a place, a length -
         are held.
         """
-        ...
 
 
 C = TypeVar("C", bound=Cause, covariant=True)
@@ -91,13 +80,11 @@ C = TypeVar("C", bound=Cause, covariant=True)
 class Parametric(Protocol):
     """A cause that changes parameters of the model."""
 
-    def changes(self, fit: "Fit[Any]") -> tuple[ParameterChange, ...]:
+    def changes(self, fit: Fit[Any]) -> tuple[ParameterChange, ...]:
         """Return the parameters that changed significantly, before and after."""
-        ...
 
-    def physical_std(self, fit: "Fit[Any]") -> dict[str, float]:
+    def physical_std(self, fit: Fit[Any]) -> dict[str, float]:
         """Return the standard deviation of every fitted parameter by its name, in physical units."""
-        ...
 
 
 class Propose(Protocol[C]):
@@ -105,7 +92,6 @@ class Propose(Protocol[C]):
 
     def __call__(self, reference: Reference, comparison: Comparison) -> C | None:
         """Return the alternatives."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,11 +107,13 @@ class CatalogueEntry:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Discrete:
-    """Common part of causes with equally probable alternatives without refinement."""
+    """Common part of causes with equally probable alternatives without refinement; by default one, no parameters."""
 
-    prior_std: FloatArray
-    lower: FloatArray
-    drifting: bool
+    comparison: Comparison
+    prior_std: FloatArray = field(default_factory=lambda: np.zeros(0))
+    lower: FloatArray = field(default_factory=lambda: np.zeros((1, 0)))
+    drifting: bool = False
+    cannot_be_told_from: tuple[str, ...] = ()
 
     @property
     def start(self) -> FloatArray:
@@ -156,49 +144,22 @@ class Discrete:
         """There is nothing between the alternatives."""
         del log_density, theta
 
-    @property
-    def cannot_be_told_from(self) -> tuple[str, ...]:
-        """None that is known."""
-        return ()
+    def where(self, fit: Fit[Cause]) -> Where | None:
+        """Return none: it has no place of its own."""
+        del fit
+        return None
+
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
+        """There are none."""
+        del fit
+        return {}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Nothing:
+class Nothing(Discrete):
     """One alternative without parameters."""
-
-    comparison: Comparison
-    drifting: bool = False
-
-    @property
-    def prior_std(self) -> FloatArray:
-        """No parameters."""
-        return np.zeros(0)
-
-    @property
-    def lower(self) -> FloatArray:
-        """No parameters."""
-        return np.zeros((1, 0))
-
-    @property
-    def start(self) -> FloatArray:
-        """No parameters."""
-        return np.zeros((1, 0))
-
-    @property
-    def log_prior(self) -> FloatArray:
-        """One alternative."""
-        return np.zeros(1)
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return none."""
         del theta
         return no_effect(len(rows), self.comparison)
-
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return zeros (n_alternatives,): the prior is Gaussian."""
-        del covariance, rows
-        return np.zeros(len(theta))
-
-    def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
-        """There is nothing to refine."""
-        del log_density, theta

@@ -1,6 +1,6 @@
-"""One free cause fitted jointly with causes at fixed alternatives."""
+"""One free cause fitted jointly with causes at fixed alternatives; joint prediction of selected causes."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause, Discrete
-from updater.inference import Effect, Fit, LinearInCompliance
+from updater.inference import Comparison, Effect, Fit, LinearInCompliance, Prediction, picked, predict, reanalyse
 
 C = TypeVar("C", bound=Cause)
 
@@ -70,34 +70,35 @@ class JointHypothesis(Generic[C]):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return all effects together."""
-        at = len(self.free.prior_std)
-        found = self.free.effect(theta[:, :at], rows)
-        for c in self.chosen:
-            n = len(c.cause.prior_std)
-            found = c.cause.effect(theta[:, at : at + n], np.full(len(rows), c.row)).then(found)
-            at += n
+        found = self.free.effect(theta[:, : len(self.free.prior_std)], rows)
+        for c, own in self._columns():
+            found = c.cause.effect(theta[:, own], np.full(len(rows), c.row)).then(found)
         return found
 
-    def compliance_increments(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
-        """Return the compliance increments of the chosen causes."""
-        found: dict[int, tuple[FloatArray, FloatArray]] = {}
+    def _columns(self) -> Iterator[tuple[SelectedCause, slice]]:
+        """Yield each chosen cause with the columns of its parameters."""
         at = len(self.free.prior_std)
         for c in self.chosen:
             own = slice(at, at + len(c.cause.prior_std))
-            if isinstance(c.cause, LinearInCompliance):
-                found |= {at + k: each for k, each in c.cause.compliance_increments(theta[:, own]).items()}
+            yield c, own
             at = own.stop
-        return found
+
+    def compliance_increments(self, theta: FloatArray) -> Mapping[int, tuple[FloatArray, FloatArray]]:
+        """Return the compliance increments of the chosen causes."""
+        return {
+            own.start + k: each
+            for c, own in self._columns()
+            if isinstance(c.cause, LinearInCompliance)
+            for k, each in c.cause.compliance_increments(theta[:, own]).items()
+        }
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return those of all together, each by its own parameters."""
         n = len(self.free.prior_std)
         found = self.free.log_ratio(theta[:, :n], covariance[:, :n, :n], rows)
-        for c in self.chosen:
-            own = slice(n, n + len(c.cause.prior_std))
+        for c, own in self._columns():
             its_row = np.full(len(rows), c.row)
             found = found + c.cause.log_ratio(theta[:, own], covariance[:, own, own], its_row)
-            n = own.stop
         return found
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> "JointHypothesis[C] | None":
@@ -120,10 +121,29 @@ class JointHypothesis(Generic[C]):
 
     def best(self, fit: "Fit[JointHypothesis[C]]") -> tuple[SelectedCause, ...]:
         """Return the best alternatives of all causes, the free one first."""
-        at, theta = len(self.free.prior_std), fit.theta[fit.best]
-        found = [SelectedCause(self.free, fit.best, theta[:at])]
-        for c in self.chosen:
-            n = len(c.cause.prior_std)
-            found.append(replace(c, theta=theta[at : at + n]))
-            at += n
-        return tuple(found)
+        theta = fit.theta[fit.best]
+        own = SelectedCause(self.free, fit.best, theta[: len(self.free.prior_std)])
+        return own, *(replace(c, theta=theta[columns]) for c, columns in self._columns())
+
+
+def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Prediction:
+    """Return the prediction of one alternative, chosen causes together; without causes, the modes before."""
+    if not chosen:
+        nothing = np.zeros((1, len(data.log_ratio)))
+        nobody = np.empty((1, 0, data.base.shape[1]))
+        ratio, shape = (data.nominal.log_ratio[None], data.nominal.shape) if data.nominal else (nothing, data.base)
+        return Prediction(ratio, shape[None], data.baseline_imaginary[None], nothing, nobody[:, :, 0], nobody)
+    effect = effect_of(chosen)
+    return predict(data, *picked(reanalyse(data, effect)), effect)
+
+
+def effect_of(chosen: Sequence[SelectedCause]) -> Effect:
+    """Return the joint effect of chosen causes, as one alternative."""
+    together = JointHypothesis(chosen[0].cause, tuple(chosen[1:]))
+    return together.effect(np.concatenate([c.theta for c in chosen])[None], np.array([chosen[0].row]))
+
+
+def mac_of(data: Comparison, shape: FloatArray) -> FloatArray:
+    """Return the modal assurance criterion (n,) of measured shapes with others, one by one; NaN if not measured."""
+    mac = (data.shape * shape).sum(1) ** 2 / (shape**2).sum(1)
+    return np.where(data.shaped, mac, np.nan)

@@ -1,20 +1,17 @@
 """Stretches of members as alternatives: any middle, any of several lengths."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.member_grid import Cells, weighed
-from updater.inference import Comparison, PositionPosterior
+from updater.inference import Comparison, Fit, PositionPosterior
 from updater.quantities import Vector, Where, vector
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 S = TypeVar("S", bound="Stretches")
 _MAX_MEMBERS = 2000  # largest number of members for which stretches are considered
@@ -103,18 +100,18 @@ class Stretches:
         """Return the smallest lengths (len(rows),) [cells]: a shorter one is another cause."""
         return np.minimum(self.size[rows], min(min(sizes) for sizes in self.kinds.about.values())).astype(float)
 
-    def _distances(self, fit: "Fit[Any]") -> tuple[FloatArray, FloatArray]:
+    def _distances(self, fit: Fit[Any]) -> tuple[FloatArray, FloatArray]:
         """Return distance of each alternative's middle from its member's start (n,) and its deviation [m]."""
         cell = self.cells.length[self.member]
         std = np.sqrt(fit.covariance[:, 1, 1]) * self.step
         return self.middles(fit.theta, np.arange(len(cell))) * cell, std * cell
 
-    def extents(self, fit: "Fit[Any]") -> tuple[FloatArray, FloatArray]:
+    def extents(self, fit: Fit[Any]) -> tuple[FloatArray, FloatArray]:
         """Return length of each alternative (n,) and its deviation [m]."""
         extent = self.sizes(fit.theta, np.arange(len(self.member))) * self.cells.length[self.member]
         return extent, extent * self.span * np.sqrt(fit.covariance[:, 2, 2])
 
-    def along_most(self, fit: "Fit[Any]") -> bool:
+    def along_most(self, fit: Fit[Any]) -> bool:
         """Return whether the best alternative is longer than half of its member."""
         row = np.array([fit.best])
         return bool(self.sizes(fit.theta[row], row)[0] > self.cells.count[self.member[fit.best]] / 2)
@@ -228,7 +225,7 @@ class Stretches:
                     found.setdefault(size, other)
         return found
 
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return mean of the most probable place, and the region of all stretches."""
         share = self.likely(fit)
         distance, std = self._distances(fit)
@@ -242,12 +239,12 @@ class Stretches:
             region=self._posterior(fit)[0].region(self.cells.length / 2),
         )
 
-    def likely(self, fit: "Fit[Any]") -> FloatArray:
+    def likely(self, fit: Fit[Any]) -> FloatArray:
         """Return the probability of each alternative (n,), given that it lies in the most probable place."""
         inside = self.by_place(fit)[0]
         return np.asarray(inside / inside.sum())
 
-    def deviations(self, fit: "Fit[Any]") -> float:
+    def deviations(self, fit: Fit[Any]) -> float:
         """Return by how many standard deviations the strength of the best alternative differs from zero.
 
         With place and length held: a loss is known badly where its length is, for it is their product that data show,
@@ -256,24 +253,24 @@ class Stretches:
         precision = np.linalg.inv(fit.covariance[fit.best])[0, 0]
         return float(abs(fit.theta[fit.best, 0]) * np.sqrt(precision))
 
-    def points(self, fit: "Fit[Any]") -> FloatArray:
+    def points(self, fit: Fit[Any]) -> FloatArray:
         """Return the middle of each alternative (n, 3) [m]."""
         distance = self._distances(fit)[0].tolist()
         return np.array([self.cells.members[m].point(s) for m, s in zip(self.member.tolist(), distance, strict=True)])
 
-    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+    def by_place(self, fit: Fit[Any]) -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         posterior, cell_of = self._posterior(fit)
         every = (np.where(place.share[cell_of] > 0, fit.probability, 0.0) for place in posterior.places)
         return [inside for inside in every if inside.any()]  # a place may be the end of stretches with other middles
 
-    def averaged(self, fit: "Fit[Any]", value: FloatArray, std: FloatArray) -> tuple[float, float]:
+    def averaged(self, fit: Fit[Any], value: FloatArray, std: FloatArray) -> tuple[float, float]:
         """Return mean and standard deviation of values (n,), (n,) over the most probable place."""
         share = self.likely(fit)
         mean = float(share @ value)
         return mean, float(np.sqrt(share @ (std**2 + (value - mean) ** 2)))
 
-    def _posterior(self, fit: "Fit[Any]") -> tuple[PositionPosterior, IndexArray]:
+    def _posterior(self, fit: Fit[Any]) -> tuple[PositionPosterior, IndexArray]:
         """Return the posterior of middles over all cells, and the cell of each alternative's middle.
 
         The middle of an alternative is distributed uniformly with its deviation.

@@ -8,15 +8,17 @@ as much as the noise.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.mass.removed_mass import mass_outside_model
 from updater.inference import (
     Comparison,
     Effect,
+    Fit,
     Magnitude,
     Place,
     PositionPosterior,
@@ -28,10 +30,6 @@ from updater.inference import (
 from updater.quantities import ECCENTRIC, Quantity, Vector, Where, rounded_value, vector
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure, fineness, local_axes, size
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 # relative to the structure's mass: frequencies determine a body, a spring or a force only as a share of it
 DENSITY_STD = 0.015
@@ -163,7 +161,7 @@ class AddedMass:
     def _member_of(self, number: int) -> Member:
         return self.reference.structure.member[number]
 
-    def posterior(self, fit: "Fit[Any]") -> PositionPosterior:
+    def posterior(self, fit: Fit[Any]) -> PositionPosterior:
         """Return the posterior over positions."""
         return PositionPosterior(
             members=self.reference.structure.member,
@@ -175,11 +173,11 @@ class AddedMass:
             resolution=self._fine,
         )
 
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return mean of the most probable place, and the region."""
         return self.posterior(fit).where
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the mass and the offsets of its centre along global axes, averaged over the positions of its place."""
         place = self.posterior(fit).places[0]
         value, std = self.mass(fit, place)
@@ -197,13 +195,13 @@ class AddedMass:
         found = self._member_of(member)
         return found.axes[1:]
 
-    def _offset(self, fit: "Fit[Any]", place: Place) -> tuple[FloatArray, FloatArray]:
+    def _offset(self, fit: Fit[Any], place: Place) -> tuple[FloatArray, FloatArray]:
         """Return mean and deviation (3,) of the offset of the centre at a place [m]."""
         across = self._across(place.member)
         value, std = np.array(self._local_offsets(fit, place)).T
         return value @ across, np.sqrt(std**2 @ across**2)
 
-    def at_reported_place(self, fit: "Fit[Any]", theta: FloatArray) -> tuple["AddedMass", int, FloatArray]:
+    def at_reported_place(self, fit: Fit[Any], theta: FloatArray) -> tuple["AddedMass", int, FloatArray]:
         """Return the one alternative at the reported place, its row and its start (4,), theta.
 
         The place is rounded by its deviation; offsets that are not significant are held at zero.
@@ -217,7 +215,7 @@ class AddedMass:
         found = along(self.reference, self.comparison, grid, self.gap, start[None])
         return replace(found, by_offset=found.by_offset * kept[:, None, None, None]), 0, start
 
-    def reported_size(self, fit: "Fit[Any]", theta: FloatArray) -> FloatArray:
+    def reported_size(self, fit: Fit[Any], theta: FloatArray) -> FloatArray:
         """Return parameters (4,) with the reported mass and offsets, rounded by their deviations."""
         place = self.posterior(fit).places[0]
         offsets = [
@@ -226,21 +224,21 @@ class AddedMass:
         ]
         return np.array([rounded_value(*self.mass(fit, place)), *offsets, theta[3]])
 
-    def _local_offsets(self, fit: "Fit[Any]", place: Place) -> list[tuple[float, float]]:
+    def _local_offsets(self, fit: Fit[Any], place: Place) -> list[tuple[float, float]]:
         """Return mean and deviation of each offset along the member's cross axes [m]."""
         return [self.averaged(fit, place, k) for k in (1, 2)]
 
-    def points(self, fit: "Fit[Any]") -> FloatArray:
+    def points(self, fit: Fit[Any]) -> FloatArray:
         """Return where each alternative is (n, 3), on its member's axis [m]."""
         del fit
         places = zip(self.member.tolist(), self.position.tolist(), strict=True)
         return np.array([self._member_of(m).point(s) for m, s in places])
 
-    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+    def by_place(self, fit: Fit[Any]) -> list[FloatArray]:
         """Return the probability of each alternative (n,) at each place left open, the most probable place first."""
         return [place.probability * place.share for place in self.posterior(fit).places]
 
-    def mass(self, fit: "Fit[Any]", place: Place) -> tuple[float, float]:
+    def mass(self, fit: Fit[Any], place: Place) -> tuple[float, float]:
         """Return mean and standard deviation of the mass at a place [kg]."""
         here = np.flatnonzero(place.share)
         share = place.share[here]
@@ -291,7 +289,7 @@ class AddedMass:
         known = 3 if share < _LARGE_SHARE else 1
         return body, float(np.hypot(std * (body / mass) ** 2, (body - mass) / known))
 
-    def averaged(self, fit: "Fit[Any]", place: Place, parameter: int) -> tuple[float, float]:
+    def averaged(self, fit: Fit[Any], place: Place, parameter: int) -> tuple[float, float]:
         """Return mean and standard deviation of a parameter over the positions of a place."""
         value = fit.theta[:, parameter]
         mean = float(place.share @ value)

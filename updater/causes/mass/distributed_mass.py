@@ -7,22 +7,18 @@ material does, less for water in a pipe and more for ice on it.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
 from updater.causes.member_grid import Cells, cut
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
-from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
+from updater.inference import Comparison, Effect, Fit, first_order, log_uniform, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Segment, Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _MIN = 1e-4  # of the structure's mass
 _GYRATION_STD = 0.7  # relative to g: the distribution of a load around the axis is unknown
@@ -80,7 +76,7 @@ class DistributedMass(Spread):
         std, most = np.sqrt(covariance[:, 0, 0]), self._total
         return log_uniform(theta[:, 0], std, gaussian=MASS_STD * most, least=_MIN * most, most=most).log_ratio
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the mass in all and the length over which it is spread."""
         mass = self.averaged(fit, fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
         extent = self.averaged(fit, *self.extents(fit))

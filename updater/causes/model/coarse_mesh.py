@@ -7,7 +7,6 @@ missing shear cannot occur in a file's model.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,13 +14,8 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Discrete
 from updater.fe import Model
 from updater.inference import Comparison, Effect, in_modes, no_effect
-from updater.quantities import Quantity
 from updater.reference import Reference, best_model
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _FINER = 4  # elements for one
 _WORTH = 1e-4  # of ln f: less than this is a fine mesh
@@ -32,7 +26,6 @@ _MAX_DOFS = 20_000  # of the finer model: a larger one is fine, and slow
 class MeshError(Discrete):
     """One alternative, the finer mesh; it has no parameter."""
 
-    comparison: Comparison
     flexibility: FloatArray  #: (n_modes, n_modes) of the finer mesh over that of the coarse one [s2]
     name: str = "mesh_error"
     place_free: bool = True
@@ -43,14 +36,6 @@ class MeshError(Discrete):
         del theta
         change = np.tile(self.flexibility, (len(rows), 1, 1))
         return replace(no_effect(len(rows), self.comparison), compliance=in_modes(change, self.comparison))
-
-    def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: it is everywhere."""
-
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """There are none."""
-        del fit
-        return {}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Cut every member into more elements."""
@@ -73,9 +58,6 @@ def propose_mesh_error(reference: Reference, comparison: Comparison) -> MeshErro
     own = (2 * np.pi * reference.frequency) ** -2.0
     flexibility = (inside * (2 * np.pi * modes.frequency) ** -2.0) @ inside.T - np.diag(own)
     return MeshError(
-        prior_std=np.zeros(0),
-        lower=np.zeros((1, 0)),
-        drifting=False,
         comparison=comparison,
         flexibility=0.5 * (flexibility + flexibility.T),
     )

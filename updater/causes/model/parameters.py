@@ -7,17 +7,16 @@ of a spring: the stiffness f f_i K_i of a group has the factor of all, so that i
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import chdtrc, log_ndtr, ndtri
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import BoolArray, Discrete
+from updater.causes.base import BoolArray, Cause, Discrete
 from updater.causes.modal_loads import group_compliance, modal_section_forces, modal_spring_force
 from updater.causes.overall.common_factor import ground_compliance
 from updater.fe import Model, self_stress
-from updater.inference import Comparison, Effect, common_magnitude, no_effect
+from updater.inference import Comparison, Effect, Fit, common_magnitude, no_effect
 from updater.quantities import ParameterChange, Quantity
 from updater.reference import Reference, spring_of
 from updater.structure import (
@@ -34,10 +33,6 @@ from updater.structure import (
     welded,
 )
 
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
-
 _STIFFNESS_STD = 0.05  # ln E including the density, which frequencies cannot distinguish from it
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # of an element, or a joint's zone
 # times c E I / L: prior flexibility of a rigid foot or joint in a calibration, where it may have come loose
@@ -52,7 +47,6 @@ _LEAST_P = 1e-300  # probability that is not rounded to 0
 class ModelParameters(Discrete):
     """One alternative: all parameters relative to the file."""
 
-    comparison: Comparison
     nominal: Structure  #: structure as in the file
     knobs: tuple[ModelParameter, ...]
     file_value: FloatArray  #: (n_knobs,) values of the file's model
@@ -114,14 +108,11 @@ class ModelParameters(Discrete):
         common = common_magnitude(theta / prior, relative, gaussian=1.0, least=_LEAST_ORDER, most=1.0)
         return np.asarray(kept.sum(1) + common)
 
-    def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: they are everywhere."""
-
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the values after the change, in physical units."""
         return {c.name: Quantity(value=c.after, std=c.std, unit=c.unit) for c in self.changes(fit)}
 
-    def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
+    def changes(self, fit: Fit[Cause]) -> tuple[ParameterChange, ...]:
         """Return every parameter that the written model changes, in the file and as fitted; significant ones first.
 
         A spring that is as good as rigid is not among them.
@@ -131,7 +122,7 @@ class ModelParameters(Discrete):
         found = [self._change(k, float(fit.theta[0, k]), float(std[k])) for k in moved]
         return tuple(sorted(found, key=lambda change: not change.significant))
 
-    def deviations(self, fit: "Fit[Cause]") -> float:
+    def deviations(self, fit: Fit[Cause]) -> float:
         """Return by how many standard deviations all parameters together differ from the file's.
 
         What the data say of all, beyond their priors, is one chi-square with as many degrees of freedom as parameters
@@ -143,7 +134,7 @@ class ModelParameters(Discrete):
         p_value = chdtrc(determined, max(float(theta @ information @ theta), 0.0))
         return -float(ndtri(max(p_value / 2, _LEAST_P)))
 
-    def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
+    def physical_std(self, fit: Fit[Cause]) -> dict[str, float]:
         """Return the standard deviations of all parameters."""
         std = np.sqrt(np.diagonal(fit.covariance[0]))
         every = (self._change(k, float(fit.theta[0, k]), float(std[k])) for k in range(len(self.knobs)))
@@ -190,7 +181,6 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
             [_prior(k, _LESS_BELIEVED if nominal and nominal.far else 1.0, reference.of_file) for k in knobs]
         ),
         lower=np.minimum(lower, 0.0)[None],
-        drifting=False,
         comparison=comparison,
         nominal=file.structure,
         knobs=knobs,

@@ -8,25 +8,20 @@ and s give the resulting shifts of its frequencies and shapes.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts at their first use
 import scipy.linalg
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
+from updater.causes.base import Cause, Discrete
 from updater.causes.overall.common_factor import stiffened
 from updater.causes.stiffness.connections import LOOSE, Springs, propose_joint_stiffness, propose_support_stiffness
-from updater.inference import Comparison, Effect, in_modes, no_effect
+from updater.inference import Comparison, Effect, Fit, in_modes, no_effect
 from updater.modal_data import Trend
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _FALL = 0.01  # of ln f over the spread of the windows' rms: prior standard deviation
 _OWN = 0.1  # share of that variance which is a mode's own
@@ -46,7 +41,6 @@ class AmplitudeSoftening(Discrete):
     the law from a straight line.
     """
 
-    comparison: Comparison
     trend: Trend
     connections: tuple[Connection, ...]
     couple: FloatArray  #: (n_axes, n_modes + n_stress) mu [s2] of every axis of them that can turn, and self-stress
@@ -90,10 +84,7 @@ class AmplitudeSoftening(Discrete):
         del covariance, rows
         return np.full(len(theta), self.log_trend)
 
-    def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: several connections may slip, and the common part has no position."""
-
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the mean slope of log frequencies, and that of log damping."""
         n = len(self.mean)
         onto = np.concatenate([self.by_axis.mean(0), np.full(len(self.by_axis), 1 / len(self.by_axis))])
@@ -150,7 +141,6 @@ def propose_amplitude_softening(reference: Reference, comparison: Comparison) ->
     return AmplitudeSoftening(
         prior_std=np.ones(n_parameters),
         lower=np.full((1, n_parameters), -np.inf),
-        drifting=False,
         comparison=comparison,
         trend=trend,
         connections=connections,

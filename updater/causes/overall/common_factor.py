@@ -5,22 +5,17 @@ so that none is preferred without further data. Known circumstances (a temperatu
 of them, which distinguishes it.
 """
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
+from updater.causes.base import Cause, Discrete
 from updater.causes.modal_loads import modal_spring_force
 from updater.fe import self_stress
-from updater.inference import Comparison, Effect, no_effect
+from updater.inference import Effect, Fit, no_effect
 from updater.reference import Reference
 from updater.structure import AXES, Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 COMMON_FACTOR_STD = 0.025  # of ln f: stiffness or density known to 5 %
 
@@ -29,7 +24,8 @@ COMMON_FACTOR_STD = 0.025  # of ln f: stiffness or density known to 5 %
 class CommonFactor(Discrete):
     """One alternative; its parameter is the standard score of the logarithm of the factor on frequencies."""
 
-    comparison: Comparison
+    prior_std: FloatArray = field(default_factory=lambda: np.ones(1))
+    lower: FloatArray = field(default_factory=lambda: np.full((1, 1), -np.inf))
     centre: float = 0.0  #: prior mean of that logarithm
     spread: float = COMMON_FACTOR_STD  #: its prior standard deviation
     place_free: bool = True
@@ -54,7 +50,7 @@ class CommonFactor(Discrete):
         """Return ln of the factor on frequencies (...) of parameters (..., 1)."""
         return np.asarray(self.centre + self.spread * theta[..., 0])
 
-    def found(self, fit: "Fit[Cause]") -> tuple[float, float]:
+    def found(self, fit: Fit[Cause]) -> tuple[float, float]:
         """Return the logarithm of the factor on frequencies, and its standard deviation."""
         return float(self.log_factor(fit.theta[0])), self.spread * float(fit.covariance[0, 0, 0] ** 0.5)
 
@@ -68,9 +64,6 @@ class CommonFactor(Discrete):
         """Return the compliance over the squared factor."""
         change = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.compliance
         return replace(no_effect(len(rows), self.comparison), compliance=change)
-
-    def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: it is everywhere."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,8 +114,3 @@ def stiffened(structure: Structure, factor: float, *, ground: bool = True) -> St
     if external is not None:
         external = external.with_factor("", factor)
     return structure.model_copy(update={"external": external, "material": material, "oscillator": own, **springs})
-
-
-def standard_score() -> dict[str, Any]:
-    """Return the fields of one alternative with one standard normal parameter and no uniform shift."""
-    return {"prior_std": np.ones(1), "lower": np.full((1, 1), -np.inf), "drifting": False}

@@ -5,20 +5,15 @@ structure is the same structure.
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
-from updater.inference import Comparison, Effect, no_effect
+from updater.causes.base import Cause, Discrete
+from updater.inference import Comparison, Effect, Fit, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STD = 0.7  # of the factor's logarithm: half to twice the damping
 _ALL = 0.5  # prior probability that it is all modes
@@ -28,7 +23,6 @@ _ALL = 0.5  # prior probability that it is all modes
 class DampingChange(Discrete):
     """Alternatives are all modes and each by itself; the parameter is the logarithm of the factor."""
 
-    comparison: Comparison
     chosen: FloatArray  #: (n_alternatives, n) 1 for the modes that each alternative changes
     name: str = "damping_change"
     place_free: bool = True
@@ -46,10 +40,7 @@ class DampingChange(Discrete):
         log_damping[:, self.comparison.paired] = theta * self.chosen[rows]
         return replace(no_effect(len(rows), self.comparison), log_damping=log_damping)
 
-    def where(self, fit: "Fit[Cause]") -> None:
-        """Return none: modes are everywhere."""
-
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the factor, and the mode's frequency if it is one mode only."""
         factor = float(np.exp(fit.theta[fit.best, 0]))
         found = {"factor": Quantity(value=factor, std=factor * float(fit.covariance[fit.best, 0, 0] ** 0.5), unit="-")}
@@ -77,7 +68,6 @@ def propose_damping_change(reference: Reference, comparison: Comparison) -> Damp
     return DampingChange(
         prior_std=np.array([_STD]),
         lower=np.full((len(chosen), 1), -np.inf),
-        drifting=False,
         comparison=comparison,
         chosen=chosen,
     )

@@ -1,20 +1,16 @@
 """One factor on the density of all members; attached bodies keep their mass."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.overall.common_factor import CommonFactor, standard_score, stiffened
-from updater.inference import Comparison, Effect, no_effect
+from updater.causes.base import Cause
+from updater.causes.overall.common_factor import CommonFactor, stiffened
+from updater.inference import Comparison, Effect, Fit, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference, best_model
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,7 +30,7 @@ class GlobalDensity(CommonFactor):
         """Return the relative change of mass."""
         return float(np.expm1(-2 * self.log_factor(theta)))
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the gain of density, negative where it has fallen."""
         value, std = self.found(fit)
         factor = float(np.exp(-2 * value))
@@ -62,4 +58,4 @@ def propose_global_density(reference: Reference, comparison: Comparison) -> Glob
         bare = best_model(alone).mass
         shape = reference.shape[: bare.shape[0]]  # oscillators' own come last
         own = shape.T @ (bare @ shape)
-    return GlobalDensity(**standard_score(), comparison=comparison, own=own)
+    return GlobalDensity(comparison=comparison, own=own)

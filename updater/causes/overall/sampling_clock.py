@@ -5,20 +5,16 @@ speak for the clock, tones that stayed against it; a machine may also have chang
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.overall.common_factor import COMMON_FACTOR_STD, CommonFactor, standard_score
-from updater.inference import Comparison
+from updater.causes.base import Cause
+from updater.causes.overall.common_factor import COMMON_FACTOR_STD, CommonFactor
+from updater.inference import Comparison, Fit
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Recorder, Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STEADY = 5e-4  # of ln f: how far a mains tone wanders
 _RESTLESS = 0.1  # probability that a tone has moved by itself
@@ -43,7 +39,7 @@ class SamplingClock(CommonFactor):
         """Return the factor over the error of a tone."""
         return float(self.log_factor(theta)) / _STEADY
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the error of the clock: indicated over true frequencies, less one."""
         value, std = self.found(fit)
         factor = float(np.exp(value))
@@ -72,7 +68,7 @@ def propose_sampling_clock(reference: Reference, comparison: Comparison) -> Samp
         # Laplace: the likelihood at its peak, times the prior there, times the width
         log_prior = -0.5 * (centre / COMMON_FACTOR_STD) ** 2 + np.log(spread / COMMON_FACTOR_STD)
         log_tones = _log_likelihood(tones, centre) - _log_likelihood(tones, 0.0) + float(log_prior)
-    return SamplingClock(**standard_score(), comparison=comparison, centre=centre, spread=spread, log_tones=log_tones)
+    return SamplingClock(comparison=comparison, centre=centre, spread=spread, log_tones=log_tones)
 
 
 def _log_likelihood(tones: FloatArray, factor: float) -> float:

@@ -1,20 +1,16 @@
 """One factor on Young's and the shear modulus of all members and on all joints; the ground keeps its own."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.overall.common_factor import OwnFactor, ground_compliance, standard_score, stiffened
-from updater.inference import Comparison
+from updater.causes.base import Cause
+from updater.causes.overall.common_factor import OwnFactor, ground_compliance, stiffened
+from updater.inference import Comparison, Fit
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,7 +23,7 @@ class GlobalStiffness(OwnFactor):
         "stiffness from density."
     )
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the loss of stiffness, negative where it has grown."""
         value, std = self.found(fit)
         factor = float(np.exp(2 * value))
@@ -41,4 +37,4 @@ class GlobalStiffness(OwnFactor):
 
 def propose_global_stiffness(reference: Reference, comparison: Comparison) -> GlobalStiffness:
     """Return the one alternative."""
-    return GlobalStiffness(**standard_score(), comparison=comparison, ground=ground_compliance(reference))
+    return GlobalStiffness(comparison=comparison, ground=ground_compliance(reference))

@@ -11,26 +11,21 @@ studies. J. Civil Struct. Health Monit. 2, 29-46.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray
+from updater.causes.base import Cause
 from updater.causes.overall.common_factor import (
     COMMON_FACTOR_STD,
     OwnFactor,
     ground_compliance,
-    standard_score,
     stiffened,
 )
-from updater.inference import Comparison
+from updater.inference import Comparison, Fit
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 SOFTENING = 3.5e-4  # 1/K, of Young's modulus
 SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel
@@ -52,7 +47,7 @@ class Temperature(OwnFactor):
         factor = float(self.log_factor(theta))
         return factor / float(np.hypot(0.5 * SOFTENING * _THERMOMETER_STD, factor * SOFTENING_STD / SOFTENING))
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the temperature rise; with a thermometer, also the loss of stiffness over mass per kelvin."""
         value, std = self.found(fit)
         warmer = -2 * value / SOFTENING
@@ -77,7 +72,6 @@ def propose_temperature(reference: Reference, comparison: Comparison) -> Tempera
         centre = -0.5 * SOFTENING * known.warmer
         spread = 0.5 * float(np.hypot(SOFTENING_STD * known.warmer, SOFTENING * known.warmer_std))
     return Temperature(
-        **standard_score(),
         comparison=comparison,
         ground=ground_compliance(reference),
         centre=centre,

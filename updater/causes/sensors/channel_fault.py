@@ -3,19 +3,15 @@
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Self
+from typing import Literal, Self
 
 import numpy as np
 
-from updater.causes.base import BoolArray, Discrete
-from updater.inference import Comparison
-from updater.quantities import Quantity, Where
+from updater.causes.base import BoolArray, Cause, Discrete
+from updater.inference import Comparison, Fit
+from updater.quantities import Where
 from updater.reference import Reference
 from updater.structure import Correction, Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 ASKEW_STD = 0.02  #: rad: usual misalignment of a sensor
 _SAME_PLACE = 1e-3  # m
@@ -25,7 +21,6 @@ _SAME_PLACE = 1e-3  # m
 class Chain(Discrete):
     """Alternatives that are channels, pairs of them, or all of a device."""
 
-    comparison: Comparison
     channels: tuple[tuple[str, ...], ...]  #: channels of each alternative
     place_free: bool = False
 
@@ -33,14 +28,9 @@ class Chain(Discrete):
         """Return the alternatives of the same channels."""
         return np.array([channels == other.channels[row] for channels in self.channels])
 
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return the channels."""
         return Where(channels=self.channels[fit.best])
-
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
-        """There are none."""
-        del fit
-        return {}
 
 
 def groups_of(reference: Reference, comparison: Comparison) -> list[tuple[str, ...]]:

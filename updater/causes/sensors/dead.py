@@ -51,9 +51,7 @@ def propose_sensor_dead(reference: Reference, comparison: Comparison) -> SensorD
     missing = tuple(c for c in known if c in silent and c not in comparison.channels)
     groups = [missing] if missing else groups_of(reference, comparison)
     return SensorDead(
-        prior_std=np.zeros(0),
         lower=np.zeros((len(groups), 0)),
-        drifting=False,
         comparison=comparison,
         channels=tuple(groups),
         hears=np.array([[float(c not in group) for c in comparison.channels] for group in groups]),

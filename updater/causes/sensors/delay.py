@@ -1,20 +1,16 @@
 """A channel, or a device, that is late: its part of every mode turns by -2 pi f tau, and no frequency moves."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.sensors.channel_fault import Chain, corrected, groups_of
-from updater.inference import Comparison, Effect, no_effect, picked, predict, reanalyse, residual
+from updater.inference import Comparison, Effect, Fit, no_effect, picked, predict, reanalyse, residual
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STD = 2e-3  # s: filters of other settings, stations on a bus, clocks that are not disciplined
 _FARTHEST = 0.01  # s, of the delays that a fit may begin at
@@ -41,7 +37,7 @@ class SensorDelay(Chain):
         """Return the channels' delays."""
         return replace(no_effect(len(rows), self.comparison), imaginary=theta[:, :1] * self.late[rows])
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return how much later than it was."""
         std = float(fit.covariance[fit.best, 0, 0] ** 0.5)
         return {"delay": Quantity(value=float(fit.theta[fit.best, 0]), std=std, unit="s")}
@@ -60,7 +56,6 @@ def propose_sensor_delay(reference: Reference, comparison: Comparison) -> Sensor
     return SensorDelay(
         prior_std=np.array([_STD]),
         lower=np.full((len(groups), 1), -np.inf),
-        drifting=False,
         comparison=comparison,
         channels=tuple(groups),
         late=late,

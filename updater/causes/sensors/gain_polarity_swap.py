@@ -2,20 +2,16 @@
 
 import itertools
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.sensors.channel_fault import Chain, corrected, exchanged, groups_of
-from updater.inference import Comparison, Effect, no_effect
+from updater.inference import Comparison, Effect, Fit, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _GAIN_STD = 0.3  # of a gain's logarithm
 _LATE_STD = 1e-4  # s, of one device relative to another
@@ -30,12 +26,9 @@ class SensorGain(Chain):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the channels' gains."""
-        none = no_effect(len(rows), self.comparison)
-        chain = np.repeat(none.chain, len(rows), axis=0)
-        chain[np.arange(len(rows)), rows, rows] = np.exp(theta[:, 0])
-        return replace(none, chain=chain)
+        return _with_gain(self.comparison, rows, np.exp(theta[:, 0]))
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the gain relative to the previous one."""
         gain = float(np.exp(fit.theta[fit.best, 0]))
         return {"gain": Quantity(value=gain, std=gain * float(fit.covariance[fit.best, 0, 0] ** 0.5), unit="-")}
@@ -54,15 +47,20 @@ class SensorPolarity(Chain):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the channels' signs."""
-        none = no_effect(len(rows), self.comparison)
-        chain = np.repeat(none.chain, len(rows), axis=0)
-        chain[np.arange(len(rows)), rows, rows] = -1.0
-        return replace(none, chain=chain)
+        return _with_gain(self.comparison, rows, -1.0)
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Turn the sensor's sign."""
         del theta
         return corrected(structure, self.channels[row], sign=-1)
+
+
+def _with_gain(comparison: Comparison, rows: IndexArray, gain: FloatArray | float) -> Effect:
+    """Return the effect of a gain of one channel in each alternative (len(rows),)."""
+    none = no_effect(len(rows), comparison)
+    chain = np.repeat(none.chain, len(rows), axis=0)
+    chain[np.arange(len(rows)), rows, rows] = gain
+    return replace(none, chain=chain)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,7 +99,6 @@ def propose_sensor_gain(reference: Reference, comparison: Comparison) -> SensorG
     return SensorGain(
         prior_std=np.array([_GAIN_STD]),
         lower=np.full((len(names), 1), -np.inf),
-        drifting=False,
         comparison=comparison,
         channels=names,
     )
@@ -111,9 +108,7 @@ def propose_sensor_polarity(reference: Reference, comparison: Comparison) -> Sen
     """Return every channel."""
     del reference
     names = tuple((c,) for c in comparison.channels)
-    return SensorPolarity(
-        prior_std=np.zeros(0), lower=np.zeros((len(names), 0)), drifting=False, comparison=comparison, channels=names
-    )
+    return SensorPolarity(lower=np.zeros((len(names), 0)), comparison=comparison, channels=names)
 
 
 def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorSwap | None:
@@ -130,7 +125,6 @@ def propose_sensor_swap(reference: Reference, comparison: Comparison) -> SensorS
     return SensorSwap(
         prior_std=np.full(2, _LATE_STD),
         lower=np.full((len(pairs), 2), -np.inf),
-        drifting=False,
         comparison=comparison,
         channels=tuple(tuple(itertools.chain(*zip(*pair, strict=True))) for pair in pairs),
         order=order,

@@ -8,21 +8,17 @@ is its own.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.sensors.channel_fault import ASKEW_STD, Chain, groups_of
-from updater.inference import Comparison, Effect, evaluate, no_effect
+from updater.inference import Comparison, Effect, Fit, evaluate, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Structure, sensor_axes
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STD = 0.2  # rad: a bracket that is bent or screwed on askew, not a sensor on another face
 _TRIED = 0.3  # rad: angles from which a fit may start, of both signs
@@ -76,7 +72,7 @@ class SensorOrientation(Chain):
         chain = np.concatenate([reads[:, k, :, None] * np.eye(n) for k in range(3)], axis=2)
         return replace(no_effect(len(rows), self.comparison), chain=chain)
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the angle in all, and about each global axis."""
         row = fit.best
         axes, theta, covariance = self.axes[row], fit.theta[row, :2], fit.covariance[row, :2, :2]
@@ -120,7 +116,6 @@ def propose_sensor_orientation(reference: Reference, comparison: Comparison) -> 
     return SensorOrientation(
         prior_std=np.array([_STD, _STD, ASKEW_STD]),
         lower=np.full((len(groups), 3), -np.inf),
-        drifting=False,
         comparison=comparison,
         channels=tuple(groups),
         axes=np.array(axes),

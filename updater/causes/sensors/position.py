@@ -7,22 +7,18 @@ its mass.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import ndtr
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.sensors.channel_fault import ASKEW_STD, Chain, mounted_together
-from updater.inference import Comparison, Effect, evaluate, no_effect
+from updater.inference import Comparison, Effect, Fit, evaluate, no_effect
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure, size
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STD = 0.15  # m on a frame of 1.5 m: a distance read wrongly, or measured from another edge
 _REACH, _TRIED = 3.0, 61  # prior standard deviations to either side, shifts there from which a fit may start
@@ -104,7 +100,7 @@ class SensorPosition(Chain):
         mass, variance = theta[:, 1:2], np.einsum("pkk->pk", covariance)[:, 1:2]
         return np.asarray(np.log(2 * ndtr(mass / np.sqrt(variance))).sum(1))
 
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return the place at which the sensor is, and its channels."""
         row, of_place = fit.best, np.ix_(self._of_place, self._of_place)
         member, place = self.members[row], self._place(fit.best, fit.theta[fit.best])
@@ -118,7 +114,7 @@ class SensorPosition(Chain):
             channels=self.channels[row],
         )
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return how far the sensor is from its first place, positive towards the end of the member."""
         row, theta, variance = fit.best, fit.theta[fit.best], np.diag(fit.covariance[fit.best])
         shift = float(self.sense[row] * min(theta[0], self._most[row]))
@@ -173,7 +169,6 @@ def propose_sensor_position(reference: Reference, comparison: Comparison) -> Sen
     return SensorPosition(
         prior_std=prior_std[: lower.shape[1]],
         lower=lower,
-        drifting=False,
         comparison=comparison,
         channels=tuple(group for group, _ in pairs),
         members=tuple(member for _, member in pairs),

@@ -6,23 +6,19 @@ there over omega^2, f = p^T K^-1 p the static flexibility of the point, all of i
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.member_grid import Cells, cut
 from updater.causes.stretches import WITHIN, Kinds, Stretches, begun, everywhere, may_be_cut
 from updater.fe import flexibility
-from updater.inference import Comparison, Effect, first_order, in_modes, log_uniform, no_effect
+from updater.inference import Comparison, Effect, Fit, first_order, in_modes, log_uniform, no_effect
 from updater.quantities import Quantity, vector
 from updater.reference import Reference
 from updater.structure import AXES, Structure, Support
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STD = 2.0  # of ln(1 + k f), while it is fitted
 _MIN, _MAX = 0.003, 7.0  # range relative to it: from hardly visible to fixed
@@ -71,7 +67,7 @@ class SupportSpring(Stretches):
         found = log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
         return np.asarray(found + np.log(2))
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the stiffness along the likeliest axis: its logarithm, averaged over positions."""
         likely = self.likely(fit)
         axis = int(np.argmax(np.bincount(self.kind, likely)))

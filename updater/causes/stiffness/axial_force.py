@@ -11,23 +11,18 @@ as that of a cable or a jack, is rarely left out of a file.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import Discrete
+from updater.causes.base import Cause, Discrete
 from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.stretches import may_be_cut
 from updater.fe import Element, Model, self_stress
-from updater.inference import Comparison, Effect, in_modes, log_uniform, no_effect
+from updater.inference import Comparison, Effect, Fit, in_modes, log_uniform, no_effect
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
 from updater.structure import Member, Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _STD = 0.3  # of the force over that of buckling, while it is fitted
 _MIN, _MAX = 0.003, 3.0  # of its magnitude
@@ -43,7 +38,6 @@ _UNSTATED = 0.05  # probability of a force of any order that a structure file la
 class AxialForce(Discrete):
     """Members; the parameter is the force that is added over that at which the structure buckles."""
 
-    comparison: Comparison
     members: tuple[Member, ...]
     buckling: FloatArray  #: (n,) force at which each member buckles the structure [N]
     share: FloatArray  #: (n, n_modes) w over its largest [-]
@@ -71,7 +65,7 @@ class AxialForce(Discrete):
         usual = log_uniform(value / unit, std / unit, gaussian=_STD / unit, least=_LEAST_USUAL, most=1.0).log_ratio
         return np.asarray(np.logaddexp(np.log1p(-_UNSTATED) + usual, np.log(_UNSTATED) + of_any_order))
 
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return the member, all of it."""
         found = self.members[fit.best]
         return Where(
@@ -81,7 +75,7 @@ class AxialForce(Discrete):
             region=((found.start, found.end),),
         )
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the force that was added, negative in compression."""
         unit, best = float(self.buckling[fit.best]), fit.best
         value, std = unit * float(fit.theta[best, 0]), unit * float(fit.covariance[best, 0, 0] ** 0.5)

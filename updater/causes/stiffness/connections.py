@@ -7,21 +7,17 @@ spring, so that a flexibility c_a [rad/(N m)] more is, with self-stress, exact i
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes.base import BoolArray, Discrete
+from updater.causes.base import BoolArray, Cause, Discrete
 from updater.causes.modal_loads import modal_spring_force
-from updater.inference import Comparison, Effect, common_magnitude, first_order, no_effect
+from updater.inference import Comparison, Effect, Fit, common_magnitude, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
 from updater.structure import AXES, Axis, Joint, Member, Structure, Support, all_knobs, flexibility_unit, is_of
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
 SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
@@ -43,7 +39,6 @@ class Springs(Discrete):
 
     name: str
     advice: str
-    comparison: Comparison
     structure: Structure  #: structure with the connections
     connections: tuple[Support | Joint, ...]  #: (n,) of each alternative
     axes: tuple[tuple[Axis, Axis, Axis], ...]  #: (n,) that its three parameters are about or along
@@ -80,18 +75,18 @@ class Springs(Discrete):
         least, most = np.multiply(_ORDERS, LOOSE)
         return common_magnitude(theta, covariance, gaussian=LOOSE, least=least, most=most)
 
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return the node."""
         found = self.connections[fit.best]
         member = found.member if isinstance(found, Joint) else None
         return Where(member=member, position=found.at, position_std=0.0, region=((found.at, found.at),))
 
-    def deviations(self, fit: "Fit[Cause]") -> float:
+    def deviations(self, fit: Fit[Cause]) -> float:
         """Return the change of the most changed spring in standard deviations."""
         std = np.sqrt(np.diagonal(fit.covariance[fit.best]))
         return float(np.max(np.abs(fit.theta[fit.best]) / std, where=self.active[fit.best], initial=0.0))
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the stiffness about or along each axis with a significant change."""
         found = {}
         for a, axis, now in self._now(self.connections[fit.best], fit.best, fit.theta[fit.best]):
@@ -103,7 +98,7 @@ class Springs(Discrete):
             found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
         return found
 
-    def changes(self, fit: "Fit[Cause]") -> tuple[ParameterChange, ...]:
+    def changes(self, fit: Fit[Cause]) -> tuple[ParameterChange, ...]:
         """Return the springs that changed."""
         connection, after = self.connections[fit.best], self.parameters(fit)
         rigid = dict(zip(self.axes[fit.best], self.rigid[fit.best].tolist(), strict=True))
@@ -129,7 +124,7 @@ class Springs(Discrete):
         stiffness = _stiffness(self.connections[row])[axis]
         return float(self.before_std[row, self.axes[row].index(axis)]) * stiffness**2
 
-    def physical_std(self, fit: "Fit[Cause]") -> dict[str, float]:
+    def physical_std(self, fit: Fit[Cause]) -> dict[str, float]:
         """Return the standard deviations of the springs."""
         return {change.name: change.std for change in self.changes(fit)}
 

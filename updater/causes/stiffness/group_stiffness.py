@@ -5,38 +5,30 @@ modes and in states of self-stress (`updater.fe.external.groups`).
 """
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 
 from daq import FloatArray, IndexArray, IntArray
-from updater.causes.base import BoolArray, Discrete
+from updater.causes.base import BoolArray, Cause, Discrete
 from updater.causes.modal_loads import group_compliance
-from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
+from updater.causes.stiffness.local_stiffness import LOSS_STD, SOFTEST, STIFFEST, StiffnessLoss
+from updater.inference import Comparison, Effect, Fit, first_order, no_effect
 from updater.quantities import Quantity, Where, vector
 from updater.reference import Reference
 from updater.structure import Structure
 
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
-
-_STD = 1.0  # of ln of the factor on stiffness, while it is fitted
-_MIN, _MAX = 0.01, 4.0  # of its magnitude: one per cent to all but two
-_STIFFEST = -1.0  # logarithm of the largest gain of stiffness
-_SOFTEST = 7.0
 _MAX_START = 7.0  # of the compliance relative to the group's own, at the start of a fit
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GroupStiffness(Discrete):
+class GroupStiffness(StiffnessLoss, Discrete):
     """The groups of external matrices; the parameter is -ln of the factor on stiffness.
 
     Each is there twice, started from no change and from the frequencies to first order.
     """
 
     reference: Reference
-    comparison: Comparison
     group: tuple[str, ...]  #: (n,) of each alternative
     corner: FloatArray  #: (n, 2, 3) least and greatest coordinates of its nodes [m]
     middle: FloatArray  #: (n, 3) mean of its nodes [m]
@@ -62,16 +54,10 @@ class GroupStiffness(Discrete):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
-        more = np.expm1(np.minimum(theta[:, 0], _SOFTEST))
+        more = np.expm1(np.minimum(theta[:, 0], SOFTEST))
         return replace(no_effect(len(rows), self.comparison), compliance=more[:, None, None] * self.compliance[rows])
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return the correction of the evidence for a loss of any order."""
-        del rows
-        std = np.sqrt(covariance[:, 0, 0])
-        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
-
-    def where(self, fit: "Fit[Cause]") -> Where:
+    def where(self, fit: Fit[Cause]) -> Where:
         """Return the group's name, the mean of its nodes and the box that they fill."""
         least, most = self.corner[fit.best]
         return Where(
@@ -81,22 +67,22 @@ class GroupStiffness(Discrete):
             region=((vector(least), vector(most)),),
         )
 
-    def points(self, fit: "Fit[Any]") -> FloatArray:
+    def points(self, fit: Fit[Any]) -> FloatArray:
         """Return the middle of each alternative (n, 3) [m]."""
         del fit
         return self.middle
 
-    def by_place(self, fit: "Fit[Any]") -> list[FloatArray]:
+    def by_place(self, fit: Fit[Any]) -> list[FloatArray]:
         """Return the probability of the alternatives (n,) of each group, the most probable group first."""
         names = np.array(self.group)
         shares = [np.where(names == name, fit.probability, 0.0) for name in dict.fromkeys(self.group)]
         return sorted((share for share in shares if share.any()), key=lambda share: -share.sum())
 
-    def deviations(self, fit: "Fit[Any]") -> float:
+    def deviations(self, fit: Fit[Any]) -> float:
         """Return by how many standard deviations the factor of the best alternative differs from one."""
         return float(abs(fit.theta[fit.best, 0]) / np.sqrt(fit.covariance[fit.best, 0, 0]))
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the share of stiffness that is lost, negative where it has grown."""
         left = float(np.exp(-fit.theta[fit.best, 0]))
         std = left * float(np.sqrt(fit.covariance[fit.best, 0, 0]))
@@ -105,7 +91,7 @@ class GroupStiffness(Discrete):
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Multiply the group's factor."""
         assert structure.external is not None
-        factor = float(np.exp(-min(theta[0], _SOFTEST)))
+        factor = float(np.exp(-min(theta[0], SOFTEST)))
         return structure.model_copy(update={"external": structure.external.with_factor(self.group[row], factor)})
 
 
@@ -119,7 +105,7 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
     gained = np.diagonal(compliance, axis1=1, axis2=2)[:, paired]
     slope = -0.5 * gained * (2 * np.pi * comparison.frequency[paired]) ** 2
     more = first_order(comparison, slope[:, None])[0]
-    first = np.log1p(np.clip(more, np.expm1(_STIFFEST / 2), _MAX_START))
+    first = np.log1p(np.clip(more, np.expm1(STIFFEST / 2), _MAX_START))
     nodes = [model.nodes[_nodes_of(model.dofs, part.diagonal() != 0)] for part in model.groups.values()]
     corner = np.array([[points.min(0), points.max(0)] for points in nodes])
     middle = np.array([points.mean(0) for points in nodes])
@@ -131,8 +117,8 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
         middle=np.tile(middle, (2, 1)),
         compliance=np.tile(compliance, (2, 1, 1)),
         begun=np.concatenate([np.zeros(first.shape), first]),
-        prior_std=np.array([_STD]),
-        lower=np.full((2 * len(nodes), 1), _STIFFEST),
+        prior_std=np.array([LOSS_STD]),
+        lower=np.full((2 * len(nodes), 1), STIFFEST),
         drifting=True,
     )
 

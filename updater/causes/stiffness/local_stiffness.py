@@ -8,26 +8,22 @@ and nearly so in thirty. The share of the loss in shear is a parameter.
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.member_grid import Cells, cut
 from updater.causes.modal_loads import modal_section_forces
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
-from updater.inference import Comparison, Effect, first_order, log_uniform, no_effect
+from updater.inference import Comparison, Effect, Fit, first_order, log_uniform, no_effect
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Segment, Structure
 
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
-
-_STD = 1.0  # of ln of the factor on stiffness, while it is fitted
+LOSS_STD = 1.0  # of ln of the factor on stiffness, while it is fitted
 _MIN, _MAX = 0.01, 4.0  # of its magnitude: one per cent to all but two
-_STIFFEST = -1.0  # logarithm of the largest gain of stiffness
+STIFFEST = -1.0  # logarithm of the largest gain of stiffness
 SHEAR = 0.5  #: share of the loss in shear and along the axis: little for a crack, all for a softer material
 SOFTEST = 7.0  #: beyond it the stretch is a hinge
 #: from 1/75 of the longest member to half of it; similar lengths have similar effects
@@ -45,8 +41,18 @@ ALL_LENGTHS = Kinds(
 )
 
 
+class StiffnessLoss:
+    """Common part of causes whose first parameter is -ln of the factor on stiffness."""
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the correction of the evidence for a loss of any order."""
+        del rows
+        std = np.sqrt(covariance[:, 0, 0])
+        return log_uniform(theta[:, 0], std, gaussian=LOSS_STD, least=_MIN, most=_MAX).log_ratio
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LocalStiffness(Spread):
+class LocalStiffness(StiffnessLoss, Spread):
     """Stretches of all members; the parameter is -ln of the factor on stiffness."""
 
     #: (n_compliances, n_edges, n_modes + n_stress, same) from each member's start: in bending and twist, last in shear
@@ -57,12 +63,12 @@ class LocalStiffness(Spread):
     @property
     def prior_std(self) -> FloatArray:
         """Of the logarithm, the shift, the length, and of how much more than half as much it is softer in shear."""
-        return np.array([_STD, WITHIN, WITHIN, SHEAR])
+        return np.array([LOSS_STD, WITHIN, WITHIN, SHEAR])
 
     @property
     def lower(self) -> FloatArray:
         """A stretch gains less than it may lose."""
-        return np.tile([_STIFFEST, -np.inf, -np.inf, -SHEAR], (len(self.member), 1))
+        return np.tile([STIFFEST, -np.inf, -np.inf, -SHEAR], (len(self.member), 1))
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return flexibility changes."""
@@ -76,19 +82,13 @@ class LocalStiffness(Spread):
         del rows
         return np.stack([np.ones(len(theta)), np.minimum(SHEAR + theta[:, 3], 1.0)], axis=1)
 
-    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
-        """Return the correction of the evidence for a loss of any order."""
-        del rows
-        std = np.sqrt(covariance[:, 0, 0])
-        return log_uniform(theta[:, 0], std, gaussian=_STD, least=_MIN, most=_MAX).log_ratio
-
     def carried(self, theta: FloatArray, ratio: FloatArray) -> FloatArray:
         """Return the logarithm that adds as much flexibility in all."""
         found = theta.copy()
-        found[:, 0] = np.maximum(np.log1p(np.maximum(np.expm1(theta[:, 0]) / ratio, -0.6)), _STIFFEST)
+        found[:, 0] = np.maximum(np.log1p(np.maximum(np.expm1(theta[:, 0]) / ratio, -0.6)), STIFFEST)
         return found
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the share of stiffness that is lost and the length over which: as much less as that is longer."""
         left = np.exp(-fit.theta[:, 0])
         loss = self.averaged(fit, 1 - left, left * np.sqrt(fit.covariance[:, 0, 0]))
@@ -98,7 +98,7 @@ class LocalStiffness(Spread):
             "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
         }
 
-    def typical_shift(self, fit: "Fit[Cause]") -> float:
+    def typical_shift(self, fit: Fit[Cause]) -> float:
         """Return the relative shift of frequencies if the stretch were where the strain energy is as on average [-].
 
         Half of c extent / L, c = loss / (1 - loss) and L the length of all members.

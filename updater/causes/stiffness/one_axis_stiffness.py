@@ -8,22 +8,18 @@ catalogue.
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from updater.causes.base import Cause
 from updater.causes.member_grid import Cells
 from updater.causes.stiffness.local_stiffness import LENGTHS, SHEAR, SOFTEST, LocalStiffness, compliances, start_of
 from updater.causes.stretches import Kinds, begun, everywhere, may_be_cut
-from updater.inference import Comparison
+from updater.inference import Comparison, Fit
 from updater.quantities import Quantity
 from updater.reference import Reference
 from updater.structure import Segment, Structure
-
-if TYPE_CHECKING:
-    from updater.causes.base import Cause
-    from updater.inference import Fit
 
 _SHARE = 0.3  # of the compliance about the axis, about the other and in twist: a cut of a third of the depth adds it
 _ABOUT_Z = 1000  # beyond the kinds about y, those about z
@@ -68,7 +64,7 @@ class OneSidedStiffness(LocalStiffness):
         shear = np.minimum(SHEAR + theta[:, 3], 1.0)
         return np.stack([np.where(about_z, other, 1.0), np.where(about_z, 1.0, other), twist, shear], axis=1)
 
-    def parameters(self, fit: "Fit[Cause]") -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the shares of stiffness that are lost about the member's local axes and in twist, and the length."""
         lost, std = self._lost(fit)
         names = "loss_about_local_y", "loss_about_local_z", "loss_in_twist"
@@ -80,7 +76,7 @@ class OneSidedStiffness(LocalStiffness):
             "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
         }
 
-    def _lost(self, fit: "Fit[Cause]") -> tuple[FloatArray, FloatArray]:
+    def _lost(self, fit: Fit[Cause]) -> tuple[FloatArray, FloatArray]:
         """Return the shares lost about y and z and in twist (n, 3), and their deviations."""
         rows = np.arange(len(self.member))
         shares, more = self.shares(fit.theta, rows)[:, :3], np.expm1(fit.theta[:, :1])
