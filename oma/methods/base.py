@@ -1,12 +1,14 @@
-"""Interface of an identification method to the stream that feeds it."""
+"""Common part of identification methods, and their interface to the stream that feeds them."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from dataclasses import dataclass, field
+from typing import ClassVar, Protocol
 
 from daq import FloatArray
 from oma.preparation import Level
 from oma.selection import Mode, Selection, Stabilization
+from oma.spectral import CorrelationAccumulator
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -30,30 +32,44 @@ class LevelIdentifier(Protocol):
         """Return the modes in the blocks held; None if gaps leave too little to be worth a look."""
 
 
-class Method(Protocol):
+@dataclass(frozen=True, kw_only=True)
+class Method(ABC):
     """Identification method with its options, for `identify`."""
 
     name: ClassVar[str]  #: name on the command line
-    __dataclass_fields__: ClassVar[dict[str, Any]]
+    n_blocks: int = 30  #: blocks of time a recording is cut into, whose scatter gives the uncertainty [-]
+    decimation: int = 5  #: ratio of one rate to the next lower one [-]
+    min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
+    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
-    @property
-    def n_blocks(self) -> int:
-        """Blocks of time a recording is cut into; their scatter gives the uncertainty."""
+    def __post_init__(self) -> None:
+        """Refuse invalid options."""
+        self.check_least(n_blocks=4, decimation=2)
 
-    @property
-    def decimation(self) -> int:
-        """Ratio of one rate to the next lower one."""
+    def check_least(self, **least: int) -> None:
+        """Refuse options below their least values."""
+        for name, value in least.items():
+            if getattr(self, name) < value:
+                raise ValueError(f"{name}: expected at least {value}, found {getattr(self, name)}")
 
-    @property
-    def min_cycles(self) -> float:
-        """Periods in the window below which no mode is sought, unless a band is given."""
-
-    @property
-    def selection(self) -> Selection:
-        """Criteria of a mode."""
-
+    @abstractmethod
     def least_samples(self, n_channels: int) -> int:
         """Return how many samples at one rate are the least to identify anything from."""
 
+    @abstractmethod
     def start(self, channels: Sequence[str], level: Level) -> LevelIdentifier:
         """Return an empty identifier for one rate; raises TooFewChannels if no reference is among the channels."""
+
+
+class CorrelationLevel:
+    """Common part of identifiers that sum correlations."""
+
+    _correlations: CorrelationAccumulator
+
+    def add(self, data: FloatArray) -> None:
+        """Add a block, (n_samples, n_channels), zero-mean, NaN where a sample is missing."""
+        self._correlations.add(data)
+
+    def drop(self, n_blocks: int) -> None:
+        """Forget the oldest blocks."""
+        self._correlations.drop(n_blocks)

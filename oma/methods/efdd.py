@@ -1,9 +1,14 @@
-"""Enhanced frequency domain decomposition: damping from the decay that a singular value's bell transforms into.
+"""Frequency and damping from the bell about a peak: enhanced and frequency-spatial domain decomposition.
+
+EFDD takes them from the decay that the bell of a singular value transforms into, FSDD from a bell fitted to the
+spectrum that a mode's shape filters out.
 
 References
 ----------
 Brincker, R., Ventura, C. E., Andersen, P. (2001). Damping estimation by frequency domain decomposition. Proceedings of
 IMAC-XIX, 698-703.
+Zhang, L., Wang, T., Tamura, Y. (2010). A frequency-spatial domain decomposition (FSDD) method for operational modal
+analysis. Mechanical Systems and Signal Processing 24(5), 1227-1239.
 """
 
 from collections.abc import Sequence
@@ -82,3 +87,14 @@ def _poles(parts: Decomposition, one: SpectralResonance, lines: slice, spectra: 
     slope = np.linalg.pinv(np.column_stack((np.ones(len(weight)), time[used])) * weight[:, None])[1] * weight
     logarithm = np.log(np.abs(decay[:, used])) + 1j * np.unwrap(np.angle(decay[:, used]), axis=1)
     return np.asarray(logarithm @ slope + 1j * one.pole.imag)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FSDD(FDD):
+    """FSDD; where the paper fits a line to the inverse of the spectrum, this takes the most likely bell."""
+
+    name: ClassVar[str] = "fsdd"
+
+    def read(self, parts: Decomposition, one: SpectralResonance, others: Sequence[SpectralResonance]) -> Reading:
+        """Return frequency and damping from the bell."""
+        return read_bell(parts, one, others)

@@ -7,16 +7,16 @@ decomposition. Smart Materials and Structures 10(3), 441-445.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from daq import FloatArray
 from oma.mac import normalise
-from oma.methods.base import LevelModes
+from oma.methods.base import LevelModes, Method
 from oma.preparation import Level
-from oma.selection import Mode, Selection, Stabilization, block_std, normalised_move, pole_moves, uncertainty_law
+from oma.selection import Mode, Stabilization, block_std, normalised_move, pole_moves, uncertainty_law
 from oma.spectral import Decomposition, SpectralResonance, SpectrumAccumulator, decompose, residue_weight, resonances
 from oma.types import ComplexArray
 
@@ -43,7 +43,7 @@ class Reading:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FDD:
+class FDD(Method):
     """Frequency domain decomposition: frequencies and shapes where a singular value peaks.
 
     FDD itself has no damping: stated is that of the bell (`FSDD`) which a peak must show to count as a resonance.
@@ -52,18 +52,12 @@ class FDD:
     name: ClassVar[str] = "fdd"
     n_fft: int | None = None  #: samples a segment; None: `segment` chooses [-]
     n_blocks: int = 16  #: blocks of time, whose scatter gives the uncertainty [-]
-    decimation: int = 5  #: ratio of one rate to the next lower one [-]
-    min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
-    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
     def __post_init__(self) -> None:
         """Refuse invalid options."""
-        if self.n_fft is not None and self.n_fft < _SHORTEST:
-            raise ValueError(f"n_fft: expected at least {_SHORTEST}, found {self.n_fft}")
-        if self.n_blocks < 4:
-            raise ValueError(f"n_blocks: expected at least 4, found {self.n_blocks}")
-        if self.decimation < 2:
-            raise ValueError(f"decimation: expected at least 2, found {self.decimation}")
+        super().__post_init__()
+        if self.n_fft is not None:
+            self.check_least(n_fft=_SHORTEST)
 
     def least_samples(self, n_channels: int) -> int:
         """Return how many samples at one rate are the least to identify anything from."""

@@ -13,7 +13,7 @@ Stewart, G. W., Sun, J.-G. (1990). Matrix perturbation theory. Academic Press, c
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import ClassVar
 
@@ -22,11 +22,11 @@ from scipy import fft, linalg
 
 from daq import FloatArray
 from oma.mac import mac_matrix, normalise
-from oma.methods.base import LevelModes
+from oma.methods.base import CorrelationLevel, LevelModes, Method
 from oma.methods.fraction_poles import FractionModel, Windowed, fraction_model, pole_influences
 from oma.methods.matrix_fraction import HalfSpectrum, MatrixFraction, half_spectrum, matrix_fractions, ridged
 from oma.preparation import Level
-from oma.selection import PoleInfluence, Selection, candidates, normalised_move, pole_moves, stabilization
+from oma.selection import PoleInfluence, candidates, normalised_move, pole_moves, stabilization
 from oma.spectral import CorrelationAccumulator, CorrelationSums
 from oma.types import ComplexArray
 
@@ -109,7 +109,7 @@ _LAGS_A_SAMPLE = 16  # samples a lag, where the record is short
 
 
 @dataclass(frozen=True, kw_only=True)
-class PLSCF:
+class PLSCF(Method):
     """Options of the poly-reference least squares complex frequency estimator."""
 
     name: ClassVar[str] = "plscf"
@@ -118,22 +118,11 @@ class PLSCF:
     n_references: int = 8  #: combinations of channels, those with most of the signals, that all are correlated with [-]
     max_order: int = 100  #: largest number of poles, conjugates and all [-]
     n_orders: int = 12  #: numbers of poles that are tried [-]
-    n_blocks: int = 30  #: blocks of time, whose scatter gives the uncertainty [-]
-    decimation: int = 5  #: ratio of one rate to the next lower one [-]
-    min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
-    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
     def __post_init__(self) -> None:
         """Refuse invalid options."""
-        for name, least in (
-            ("n_lags", _SHORTEST),
-            ("n_references", 1),
-            ("n_orders", 4),
-            ("n_blocks", 4),
-            ("decimation", 2),
-        ):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name}: expected at least {least}, found {getattr(self, name)}")
+        super().__post_init__()
+        self.check_least(n_lags=_SHORTEST, n_references=1, n_orders=4)
         if not 0 < self.window < 1:
             raise ValueError(f"window: expected a share between 0 and 1, found {self.window}")
 
@@ -153,21 +142,13 @@ class PLSCF:
         return PLSCFLevel(self, len(channels), level)
 
 
-class PLSCFLevel:
+class PLSCFLevel(CorrelationLevel):
     """Correlation sums at one rate, and the modes in them; built by `PLSCF.start`."""
 
     def __init__(self, method: PLSCF, n_channels: int, level: Level) -> None:
         self._method, self._level, self._n_channels = method, level, n_channels
         self._first_lag = level.noise_lags + 1
         self._correlations = CorrelationAccumulator(n_channels, self._first_lag + method.n_lags)
-
-    def add(self, data: FloatArray) -> None:
-        """Add a block, (n_samples, n_channels), zero-mean, NaN where a sample is missing."""
-        self._correlations.add(data)
-
-    def drop(self, n_blocks: int) -> None:
-        """Forget the oldest blocks."""
-        self._correlations.drop(n_blocks)
 
     def identify(self) -> LevelModes | None:
         """Return the modes in the blocks held; None if gaps leave too little to be worth a look."""

@@ -17,7 +17,7 @@ decomposition. Advances in Neural Information Processing Systems 28.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -25,11 +25,11 @@ from scipy import linalg
 
 from daq import FloatArray
 from oma.errors import TooFewChannels
-from oma.methods.base import LevelModes
+from oma.methods.base import CorrelationLevel, LevelModes, Method
 from oma.methods.realization import Subspace, realisations
 from oma.methods.ssi_uncertainty import perturbation, pole_influences
 from oma.preparation import Level
-from oma.selection import Selection, candidates, physical, stabilization
+from oma.selection import candidates, physical, stabilization
 from oma.spectral import CorrelationAccumulator, CorrelationSums, covariance, hankel
 
 _FIRST_ORDER = 50  # largest model order, until it is known how many modes there are
@@ -41,7 +41,7 @@ _OVERSAMPLING = 10  # of the randomized block Krylov iteration
 
 
 @dataclass(frozen=True, kw_only=True)
-class CovarianceSSI:
+class CovarianceSSI(Method):
     """Covariance-driven SSI: reference-based, unweighted."""
 
     name: ClassVar[str] = "ssi-cov"
@@ -51,26 +51,19 @@ class CovarianceSSI:
     min_order: int = 2  #: smallest model order [-]
     max_order: int | None = None  #: largest model order; None: 50, and more where there are many modes [-]
     order_step: int = 2  #: step of the model order [-]
-    n_blocks: int = 30  #: blocks of time, whose scatter gives the uncertainty [-]
-    decimation: int = 5  #: ratio of one rate to the next lower one [-]
-    min_cycles: float = 100.0  #: periods in the window below which no mode is sought, unless a band is given [-]
-    selection: Selection = field(default_factory=Selection)  #: criteria of modes
 
     def __post_init__(self) -> None:
         """Refuse invalid options."""
+        super().__post_init__()
         if self.references is not None and len(self.references) == 0:
             raise ValueError("references: expected at least one channel, found none")
-        if self.block_rows is not None and self.block_rows < 2:
-            raise ValueError(f"block_rows: expected at least 2, found {self.block_rows}")
+        if self.block_rows is not None:
+            self.check_least(block_rows=2)
         if not 2 <= self.min_order <= self.first_order or self.order_step < 1:
             raise ValueError(
                 f"orders: expected 2 <= min <= max and a positive step, found {self.min_order}, {self.first_order}, "
                 f"{self.order_step}"
             )
-        if self.n_blocks < 4:
-            raise ValueError(f"n_blocks: expected at least 4, found {self.n_blocks}")
-        if self.decimation < 2:
-            raise ValueError(f"decimation: expected at least 2, found {self.decimation}")
 
     def rows(self, n_channels: int) -> int:
         """Return the number of block rows for so many channels.
@@ -180,7 +173,7 @@ class DataSSI(CovarianceSSI):
         )
 
 
-class SSILevel:
+class SSILevel(CorrelationLevel):
     """Correlation sums at one rate, and the modes in them; built by `CovarianceSSI.start`."""
 
     def __init__(self, method: CovarianceSSI, channels: Sequence[str], level: Level) -> None:
@@ -189,14 +182,6 @@ class SSILevel:
         columns, self._past = method.columns(_references(method.references, channels), self._n_channels)
         n_lags = self._first_lag + 2 * method.rows(self._n_channels)
         self._correlations = CorrelationAccumulator(self._n_channels, n_lags, columns)
-
-    def add(self, data: FloatArray) -> None:
-        """Add a block, (n_samples, n_channels), zero-mean, NaN where a sample is missing."""
-        self._correlations.add(data)
-
-    def drop(self, n_blocks: int) -> None:
-        """Forget the oldest blocks."""
-        self._correlations.drop(n_blocks)
 
     def identify(self) -> LevelModes | None:
         """Return the modes in the blocks held; None if gaps leave too little to be worth a look."""
