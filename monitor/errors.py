@@ -10,37 +10,26 @@ MonitorError
 StateError          modes of one state of the structure that cannot be compared; a ValueError, like its cause
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Self
 
-from daq.bounded_text import one_line
+from daq.errors import FileError, OneLineError
 
 State = Literal["reference", "current", "heldout"]  #: state of the structure: before, now, now but held out
 
 
-class MonitorError(Exception):
-    """Base of all errors of this package; the message is one printable line of bounded length."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(one_line(message))
+class MonitorError(OneLineError):
+    """Base of all errors of this package."""
 
 
-class SettingsError(MonitorError):
+class SettingsError(FileError, MonitorError):
     """Settings that cannot be used."""
 
-    def __init__(self, path: Path | str, message: str) -> None:
-        super().__init__(f"{path}: {message}")
-        self.path = path
 
-
-class BodiesError(MonitorError):
+class BodiesError(FileError, MonitorError):
     """File of bodies at known places that cannot be used."""
-
-    def __init__(self, path: Path | str, message: str) -> None:
-        super().__init__(f"{path}: {message}")
-        self.path = path
 
 
 class ArgumentError(MonitorError):
@@ -50,22 +39,23 @@ class ArgumentError(MonitorError):
         super().__init__(f"{name}: {message}")
         self.name = name
 
-
-class ResultsError(MonitorError):
-    """Results that cannot be shown."""
-
-    def __init__(self, path: Path | str, message: str) -> None:
-        super().__init__(f"{path}: {message}")
-        self.path = path
+    @classmethod
+    def of_file(cls, name: str) -> Callable[[Path, str], Self]:
+        """Return a function that makes the error of a file, which this argument names."""
+        return lambda path, message: cls(name, f"{path}: {message}")
 
 
 @contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Raise ResultsError for a file that cannot be written."""
+def drawing(path: Path, option: str) -> Iterator[None]:
+    """Raise ArgumentError where matplotlib cannot write a picture; ValueError is of an unknown file name extension."""
     try:
         yield
-    except OSError as error:
-        raise ResultsError(path, f"cannot be written: {error.strerror}") from error
+    except (OSError, ValueError) as error:
+        raise ArgumentError(option, f"{path}: cannot be written: {error}".splitlines()[0]) from error
+
+
+class ResultsError(FileError, MonitorError):
+    """Results that cannot be shown."""
 
 
 class StartError(MonitorError):

@@ -10,14 +10,11 @@ OmaError
 └── InputError              arguments that do not fit the recordings (a ValueError as well)
 """
 
-from daq.bounded_text import one_line
+from daq.errors import OneLineError
 
 
-class OmaError(Exception):
-    """Anything operational modal analysis reports, in one printable line of bounded length."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(one_line(message))
+class OmaError(OneLineError):
+    """Anything operational modal analysis reports."""
 
 
 class IdentificationError(OmaError):

@@ -9,24 +9,15 @@ UpdaterError
     SelectionError      causes or parameters that were chosen and do not exist or apply (a ValueError as well)
 """
 
-from pathlib import Path
-
-from daq.bounded_text import one_line
+from daq.errors import FileError, OneLineError
 
 
-class UpdaterError(Exception):
-    """Base of all errors of this package; the message is one printable line of bounded length."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(one_line(message))
+class UpdaterError(OneLineError):
+    """Base of all errors of this package."""
 
 
-class StructureError(UpdaterError):
+class StructureError(FileError, UpdaterError):
     """A structure file that cannot be used; names the file and the entry."""
-
-    def __init__(self, path: Path | str, message: str) -> None:
-        super().__init__(f"{path}: {message}")
-        self.path = path
 
 
 class ModelError(UpdaterError):

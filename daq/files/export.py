@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from daq.errors import DataError
+from daq.errors import DataError, writing
 from daq.files.columns.temperatures import known_mean
 from daq.files.formats.registry import FORMATS, format_of, write_format
 from daq.files.origin import Origin
@@ -136,7 +136,7 @@ def export_recording(path: Path | str, recording: Recording) -> None:
     if known is not None and not known.writes:
         written = ", ".join(ending for one in FORMATS if one.writes for ending in one.endings)
         raise DataError(path, f"{known.name} cannot be written; .csv, {written} can")
-    try:
+    with writing(path, DataError):
         path.open("xb").close()
         try:
             if known is None:
@@ -146,8 +146,6 @@ def export_recording(path: Path | str, recording: Recording) -> None:
         except BaseException:
             path.unlink(missing_ok=True)
             raise
-    except OSError as error:
-        raise DataError(path, f"cannot be written: {error.strerror}") from error
 
 
 def _write_csv(path: Path, recording: Recording) -> None:

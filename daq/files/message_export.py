@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from mcap.writer import CompressionType, Writer
 
-from daq.errors import LogError
+from daq.errors import LogError, writing
 from daq.log.format.preview import VIEW
 from daq.log.format.ros_messages import ENCODING, encode_scans, message_kind, schema
 from daq.log.mcap_log import read_attachments, read_log
@@ -93,19 +93,16 @@ def expand_log(log: AnyLog, path: Path, late: Mapping[str, float] = NO_DELAYS) -
     first = next(blocks, None)
     if first is None:
         raise LogError(str(log), "holds no scan to expand")
-    try:
-        with path.open("xb") as file:
-            writer = Writer(file, compression=CompressionType.ZSTD)
-            writer.start(profile="ros2", library="modalwatch")
-            for name, text in attached.items():
-                writer.add_attachment(int(first[1][0]), int(first[1][0]), name, "text/plain", text.encode())
-            counts = _Messages(writer)
-            counts.write(*first)
-            for block, times in blocks:
-                counts.write(block, times)
-            writer.finish()  # type: ignore[no-untyped-call]
-    except OSError as error:
-        raise LogError(path, f"cannot be written: {error.strerror}") from error
+    with writing(path, LogError), path.open("xb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(profile="ros2", library="modalwatch")
+        for name, text in attached.items():
+            writer.add_attachment(int(first[1][0]), int(first[1][0]), name, "text/plain", text.encode())
+        counts = _Messages(writer)
+        counts.write(*first)
+        for block, times in blocks:
+            counts.write(block, times)
+        writer.finish()  # type: ignore[no-untyped-call]
     return counts.written
 
 

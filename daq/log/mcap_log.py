@@ -24,19 +24,17 @@ from mcap_protobuf.schema import build_file_descriptor_set
 from zstandard import ZstdError
 
 from daq.bounded_text import parse_json
-from daq.errors import ItemError, LogError
-from daq.log.file_lock import lock
+from daq.errors import ItemError, LogError, reading, writing
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.block_codec import AxesOfDevices, decode_blocks, encode_block
-from daq.log.format.chunk_index import LeanWriter
 from daq.log.format.chunks import ChunkReader
-from daq.log.format.file_index import file_index
+from daq.log.format.file_index import LeanWriter, file_index
 from daq.log.format.preview import ViewMessage
 from daq.log.format.progress import report_progress
 from daq.log.format.record_stream import RecordStream
 from daq.log.format.ros_messages import ENCODING as VIEW_ENCODING
 from daq.log.format.ros_messages import schema as view_schema
-from daq.log.parts import END, PART, AnyLog, LogExcerpt, Part, files_of
+from daq.log.parts import END, PART, AnyLog, LogExcerpt, Part, files_of, lock
 from daq.types import Block, Event, Item
 
 if TYPE_CHECKING:
@@ -83,10 +81,8 @@ class McapWriter:
     """
 
     def __init__(self, path: Path, attachments: Mapping[str, str], part: Part | None = None) -> None:
-        try:
+        with writing(path, LogError):
             self._end = _AppendedFile(path)
-        except OSError as error:
-            raise LogError(path, f"cannot be written: {error.strerror}") from error
         self._file = io.BufferedWriter(self._end, _BUFFER)
         self._path = path
         lock(self._file)  # for as long as it is open: see `repair_log`
@@ -336,10 +332,6 @@ def _is_signal(topic: str) -> bool:
     return topic.startswith(ACCEL)
 
 
-def _every(_: str) -> bool:
-    return True
-
-
 def _items_of(wanted: Callable[[str], bool]) -> Callable[[Channel], bool]:
     """Return whether the messages of a channel are items of wanted topics."""
     return lambda channel: channel.message_encoding != VIEW_ENCODING and wanted(channel.topic)
@@ -467,17 +459,14 @@ def read_part(path: Path) -> Part | None:
     return None
 
 
-def _records(path: Path, wanted: Callable[[str], bool] = _every) -> Iterator[object]:
+def _records(path: Path, wanted: Callable[[str], bool] = lambda _: True) -> Iterator[object]:
     """Yield the records of a file; messages in chunks only if they are items of wanted topics."""
-    try:
-        with path.open("rb") as file:
-            size = file.seek(0, os.SEEK_END)
-            file.seek(0)
-            if file.read(len(MAGIC)) != MAGIC:
-                raise LogError(path, "is not an MCAP log")
-            yield from _until_cut(path, file, size, ChunkReader(_items_of(wanted)))
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
+    with reading(path, LogError), path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(0)
+        if file.read(len(MAGIC)) != MAGIC:
+            raise LogError(path, "is not an MCAP log")
+        yield from _until_cut(path, file, size, ChunkReader(_items_of(wanted)))
 
 
 def _until_cut(path: Path, file: IO[bytes], size: int, chunks: ChunkReader) -> Iterator[object]:

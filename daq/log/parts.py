@@ -1,8 +1,10 @@
-"""Logs as files: one file, the files of one run, or a range of time in either."""
+"""Logs as files: one file, the files of one run, or a range of time in either; lock of an open one against repair."""
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 PART = "modalwatch.part"  # name of the metadata record
 
@@ -71,3 +73,20 @@ def files_of(log: AnyLog) -> tuple[Path, ...]:
     if isinstance(log, LogExcerpt):
         return files_of(log.log)
     return log.files if isinstance(log, PartedLog) else (log,)
+
+
+if sys.platform == "win32":
+
+    def lock(file: IO[bytes]) -> bool:
+        """Return that the file is ours: Windows does not let another process replace a file that is open."""
+        return not file.closed
+else:
+    import fcntl
+
+    def lock(file: IO[bytes]) -> bool:
+        """Lock an open file until it is closed, or its process ends; False if another process holds it."""
+        try:
+            fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True

@@ -18,10 +18,11 @@ from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
-from daq.errors import LogError
-from daq.log.file_lock import lock
+from daq.bounded_text import one_line
+from daq.errors import LogError, reading
 from daq.log.format.chunks import CHUNK_HEAD, FRAME, WholeReads, chunk_records, next_chunk
 from daq.log.mcap_log import MAGIC, PROFILE, SCHEMAS
+from daq.log.parts import lock
 from daq.log.recovery import NotPlainError, PlainLog
 
 _FOOTER = struct.Struct("<QQI")  # begin of the summary, of its offsets, checksum
@@ -103,20 +104,15 @@ def inspect_log(path: Path) -> LogState:
     LogError
         If it cannot be read or is not a log.
     """
-    try:
-        with _open(path) as file:
-            if log := _plain(file):
-                return _plain_state(file, log)
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
+    with reading(path, LogError), _open(path) as file:
+        if log := _plain(file):
+            return _plain_state(file, log)
     return _state(path, _survey(path))
 
 
 def _open(path: Path) -> IO[bytes]:
-    try:
+    with reading(path, LogError):
         return path.open("rb")
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
 
 
 def repair_log(path: Path) -> LogState:
@@ -211,12 +207,9 @@ def _put(file: FileIO, at: int, data: bytes) -> None:
 
 def has_end(path: Path) -> bool:
     """Return whether a log has the end of a finished one, without reading it; errors as for `inspect_log`."""
-    try:
-        with path.open("rb") as file:
-            file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
-            return file.read() == MAGIC
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
+    with reading(path, LogError), path.open("rb") as file:
+        file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
+        return file.read() == MAGIC
 
 
 def _replace(path: Path, survey: _Survey) -> None:
@@ -251,22 +244,19 @@ def _state(path: Path, survey: _Survey) -> LogState:
 
 def _salvage(path: Path, survey: _Survey) -> Iterator[object]:
     """Yield all readable records, including those of chunks; note the others in the survey."""
-    try:
-        with path.open("rb") as file:
-            if file.read(len(MAGIC)) != MAGIC:
-                raise LogError(path, "is not an MCAP log")
-            file.seek(0)
-            records = _records(file, survey)
-            header = next(records, None)
-            _check_header(path, header)
-            yield header
-            for record in records:
-                if isinstance(record, Chunk):
-                    yield from _opened(record, survey)
-                elif not isinstance(record, Message) or not survey.n_chunks:  # else it is a record with a wrong opcode
-                    yield record
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
+    with reading(path, LogError), path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise LogError(path, "is not an MCAP log")
+        file.seek(0)
+        records = _records(file, survey)
+        header = next(records, None)
+        _check_header(path, header)
+        yield header
+        for record in records:
+            if isinstance(record, Chunk):
+                yield from _opened(record, survey)
+            elif not isinstance(record, Message) or not survey.n_chunks:  # else it is a record with a wrong opcode
+                yield record
 
 
 def _check_header(path: Path, record: object) -> None:
@@ -383,3 +373,19 @@ def _schema(survey: _Survey, channel: Channel) -> tuple[str, str, bytes]:
     """Return name, encoding and text of a channel's schema; ours if its chunk is lost."""
     schema = survey.schemas.get(channel.schema_id)
     return (schema.name, schema.encoding, schema.data) if schema else SCHEMAS[channel.message_encoding]
+
+
+def mend_logs(folder: Path) -> Iterator[str]:
+    """Repair the unfinished logs of a folder; yield a text for each.
+
+    A log that is still being written, or is past mending, is left as it is.
+    """
+    for path in sorted(folder.glob("*.mcap")):
+        try:
+            if not has_end(path):
+                state = repair_log(path)
+                yield f"{path}: repaired, {state.n_messages} messages kept"
+        except LogError as error:
+            yield str(error)
+        except Exception as error:  # noqa: BLE001 - a file that somebody left there must not stop a start
+            yield one_line(f"{path}: cannot be repaired: {type(error).__name__}: {error}")

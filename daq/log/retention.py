@@ -9,9 +9,8 @@ from itertools import islice, pairwise
 from pathlib import Path
 
 from daq.errors import LogError
-from daq.log.file_lock import lock
 from daq.log.mcap_log import read_part
-from daq.log.parts import Part
+from daq.log.parts import Part, lock
 
 _STEP = 0.1  # share of the retention time that a pause between two files, or a changed clock, counts at most
 _LOOK_SECONDS = 60.0  # wall time between scans of the folder, with files of years [s]; free space is queried each time

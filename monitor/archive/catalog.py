@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 from daq import AnyLog
+from daq.errors import reading
 from daq.log import as_logs, files_of
 from monitor.errors import ArgumentError
 
@@ -163,10 +164,7 @@ def _entry(log: AnyLog) -> ArchiveLog:
             digest.update(f"{path.url}\n{path.size}\n{path.version}\n".encode())
             size += path.size
             continue
-        try:
-            with path.open("rb") as file:
-                digest.update(hashlib.file_digest(file, "sha256").digest())
-                size += file.tell()
-        except OSError as error:
-            raise ArgumentError("ARCHIVE", f"{path}: cannot be read: {error.strerror}") from error
+        with reading(path, ArgumentError.of_file("ARCHIVE")), path.open("rb") as file:
+            digest.update(hashlib.file_digest(file, "sha256").digest())
+            size += file.tell()
     return ArchiveLog(log=log, size=size, key=digest.hexdigest()[:32])

@@ -10,6 +10,7 @@ from typing import Any
 
 import typer
 
+from daq.errors import writing
 from monitor.errors import ArgumentError
 
 STDOUT = Path("-")  #: name of the standard output in place of a file
@@ -27,10 +28,8 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
     if path == STDOUT:
         typer.echo(json.dumps({"version": VERSION} | content, indent=1))
         return
-    try:
+    with writing(path, ArgumentError.of_file("--json")):
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
-    except OSError as error:
-        raise ArgumentError("--json", f"{path}: cannot be written: {error.strerror}") from error
 
 
 @contextmanager
@@ -72,11 +71,12 @@ def write_new(path: Path, text: str, *, force: bool, option: str = "--out") -> N
     ArgumentError
         If it is there already or cannot be written.
     """
-    try:
-        with replacing(path, force=force, option=option), path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise ArgumentError(option, f"{path}: cannot be written: {error.strerror}") from error
+    with (
+        writing(path, ArgumentError.of_file(option)),
+        replacing(path, force=force, option=option),
+        path.open("x", encoding="utf-8") as file,
+    ):
+        file.write(text)
 
 
 def asked(option: str, question: str, choices: Sequence[str] = ()) -> str:

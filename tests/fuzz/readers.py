@@ -25,6 +25,7 @@ from daq import Channel, Event, McapWriter, Recording, export_recording, write_r
 from daq.drivers import LineFormat
 from daq.drivers.serial.text_lines import ScanNumbers
 from daq.files import header_set, read_geometry
+from daq.log import mend_logs
 from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
 from daq.protocol.text_line import TextDecoder
 from daq.timing.resampling import StampCount
@@ -34,7 +35,6 @@ from monitor.cli.options import explain
 from monitor.rig import World, load_scenario
 from monitor.rig.process import load_rig_structure
 from monitor.service.operator_commands import Inbox
-from monitor.service.startup.repair_logs import mend_logs
 from monitor.settings import parse_settings
 from monitor.watch.memory import recall
 from tests.fuzz.mutations import (

@@ -8,6 +8,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+from daq.errors import reading
+
 import daq.protocol.can_library  # noqa: F401, isort: skip - python-can without asammdf, before cantools imports it
 from cantools.database import Database, Message, Signal, load_string
 from cantools.errors import Error
@@ -62,10 +64,8 @@ def read_layout(sensor: DbcSensor) -> ScanLayout:
 
 
 def _parsed(path: Path) -> Database:
-    try:
+    with reading(path, DbcError):
         raw = path.read_bytes()
-    except OSError as error:
-        raise DbcError(path, f"cannot be read: {error.strerror}") from error
     try:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:

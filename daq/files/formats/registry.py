@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import cast
 
-from daq.errors import DataError
+from daq.errors import DataError, reading
 from daq.files.formats.arrays import Arrays
 from daq.files.options import DataOptions
 from daq.types import Recording
@@ -57,10 +57,8 @@ def read_format(known: Format, path: Path, options: DataOptions) -> Arrays:
     DataError
         Naming the file, and the package that is not installed, or what is wrong.
     """
-    try:
+    with reading(path, DataError):
         path.open("rb").close()
-    except OSError as error:
-        raise DataError(path, f"cannot be read: {error.strerror}") from error
     read = cast("Callable[[Path, DataOptions], Arrays]", _function(known, path, "read"))
     return read(path, options)
 

@@ -72,10 +72,6 @@ class WholeReads:
         return self._file.seekable()
 
 
-def _every(_: Channel) -> bool:
-    return True
-
-
 class ChunkReader:
     """Records of successive chunks; messages of channels that are not wanted are passed over by their headers.
 
@@ -84,7 +80,7 @@ class ChunkReader:
     wanted : decides for each channel, at its record
     """
 
-    def __init__(self, wanted: Callable[[Channel], bool] = _every) -> None:
+    def __init__(self, wanted: Callable[[Channel], bool] = lambda _: True) -> None:
         self._wanted = wanted
         self._passed_over: set[int] = set()  # channels
         self._zstd = ZstdDecompressor()  # to build one takes as long as a chunk

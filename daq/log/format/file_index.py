@@ -1,22 +1,28 @@
-"""Chunks of a finished log file, found by the index at its end."""
+"""The index of a log's chunks: of a finished file, and of an open one as the bytes that the file will end with.
+
+The stock writer keeps an object a chunk, a kilobyte for six devices and three for 32, until the file is finished: five
+a second for as long as a file may grow.
+"""
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from typing import IO, cast
 
-from mcap.data_stream import ReadDataStream
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, Message
+from mcap.writer import CompressionType, Writer
 from zstandard import ZstdError
 
-from daq.errors import LogError
+from daq.errors import LogError, reading
 from daq.log.format.chunks import ChunkReader, WholeReads
 
 _OPCODE_AND_LENGTH = 9  # bytes
+_LIST = "_Writer__chunk_indices"  # name of the list in the stock writer, the only private name used
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +72,8 @@ def file_index(path: Path) -> FileIndex | None:
     LogError
         If the file cannot be read.
     """
-    try:
+    with reading(path, LogError):
         file = path.open("rb")
-    except OSError as error:
-        raise LogError(path, f"cannot be read: {error.strerror}") from error
     with file:
         try:
             summary = make_reader(cast(IO[bytes], WholeReads(file))).get_summary()
@@ -81,3 +85,29 @@ def file_index(path: Path) -> FileIndex | None:
     if any(one.chunk_start_offset + one.chunk_length > other.chunk_start_offset for one, other in pairwise(chunks)):
         return None  # chunks do not overlap: such an index would have one read many times
     return FileIndex(path, tuple(summary.channels.values()), tuple(chunks))
+
+
+class ChunkIndexes:
+    """Replacement of the stock writer's list of chunk indexes, kept as packed bytes."""
+
+    def __init__(self) -> None:
+        self._built = RecordBuilder()
+
+    def append(self, index: ChunkIndex) -> None:
+        """Take the index of one more chunk."""
+        index.write(self._built)
+
+    def __iter__(self) -> Iterator["ChunkIndexes"]:
+        yield self
+
+    def write(self, summary: RecordBuilder) -> None:
+        """Write all of them, and forget them."""
+        summary.write(self._built.end())  # type: ignore[no-untyped-call]
+
+
+class LeanWriter(Writer):
+    """The stock writer with such an index."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        super().__init__(file, compression=CompressionType.ZSTD)
+        setattr(self, _LIST, ChunkIndexes())

@@ -11,6 +11,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from daq import AnyLog, LogExcerpt
+from daq.errors import writing
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.options import DONE
@@ -80,12 +81,10 @@ def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None
         work.stage("drawing", [file])
         from monitor.views.viewer import write_recording  # loads rerun: not before the log is known to be good
 
-        try:
+        with writing(file, ResultsError):
             if in_cache:
                 file.parent.mkdir(parents=True, exist_ok=True)
             write_recording(file, run.results)
-        except OSError as error:
-            raise ResultsError(file, f"cannot be written: {error.strerror}") from error
 
 
 def _spare(log: AnyLog, out: Path, option: str = "--out") -> None:

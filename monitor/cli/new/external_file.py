@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from daq import FloatArray
+from daq.errors import writing
 from monitor.cli.options import DONE
 from monitor.cli.output import replacing, write_new
 from monitor.cli.terminal import echo
@@ -43,11 +44,8 @@ def write_external(
     if npz.exists() and not force:
         raise ArgumentError("--out", f"{npz} exists: give another name, or --force to replace it")
     write_new(path, text, force=force)
-    try:
-        with replacing(npz, force=force):
-            save_matrices(npz, matrices)
-    except OSError as error:
-        raise ArgumentError("--out", f"{npz}: cannot be written: {error.strerror}") from error
+    with writing(npz, ArgumentError.of_file("--out")), replacing(npz, force=force):
+        save_matrices(npz, matrices)
     echo(
         f"written: {path} and {npz}: {matrices.stiffness.shape[0]} degrees of freedom, {len(matrices.nodes)} nodes, "
         f"{len(matrices.faces)} faces, {len(matrices.groups)} groups, {len(loaded.member)} members"

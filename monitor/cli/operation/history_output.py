@@ -9,6 +9,7 @@ from time import time_ns
 from rich.markup import escape
 from rich.table import Table
 
+from daq.errors import writing
 from daq.notebook import rounded_text
 from monitor.cli.terminal import console, echo, new_table
 from monitor.errors import ArgumentError
@@ -55,13 +56,10 @@ def _place(target: str) -> tuple[str, str]:
 
 def write_csv(path: Path, found: Found) -> None:
     """Write the trends: one line per mode and window, hour (over two days) or day (over two weeks)."""
-    try:
-        with path.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(TrendPoint.__dataclass_fields__)
-            writer.writerows(asdict(point).values() for points in found.trends.values() for point in points)
-    except OSError as error:
-        raise ArgumentError("--csv", f"{path} cannot be written: {error.strerror}") from error
+    with writing(path, ArgumentError.of_file("--csv")), path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(TrendPoint.__dataclass_fields__)
+        writer.writerows(asdict(point).values() for points in found.trends.values() for point in points)
 
 
 def as_json(found: Found) -> dict[str, object]:

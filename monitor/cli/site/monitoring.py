@@ -7,6 +7,7 @@ from pathlib import Path
 from signal import SIGHUP
 from threading import Event
 
+from daq.log import mend_logs
 from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.options import DONE
 from monitor.cli.site.console_log import journal
@@ -17,7 +18,6 @@ from monitor.service.processes import give_back_memory, spare_what_is_loaded
 from monitor.service.servers.live_view import LiveView, live_view
 from monitor.service.site import Site, load_site
 from monitor.service.startup.instance_lock import only_one
-from monitor.service.startup.repair_logs import mend_logs
 from monitor.settings import attached_structure
 from monitor.watch import memory
 

@@ -11,7 +11,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from pydantic import ValidationError
 
-from monitor.errors import ResultsError, writing
+from daq.errors import writing
+from monitor.errors import ResultsError
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
 from monitor.results.state_comparison import StateComparison
@@ -147,7 +148,7 @@ def _write(path: Path | None, template: str, values: Callable[[], dict[str, Any]
             text = _rendered(template, values())
         for file, part in parts.items():
             content = pdf_of(text) if file == pdf else text.encode()
-            with writing(file):
+            with writing(file, ResultsError):
                 part.write_bytes(content)
                 part.replace(file)
 
@@ -156,7 +157,7 @@ def _write(path: Path | None, template: str, values: Callable[[], dict[str, Any]
 def _part_of(path: Path) -> Iterator[Path]:
     """Create the file that will take a name once it is whole; remove it if it does not."""
     part = path.with_name(path.name + ".part")
-    with writing(path):
+    with writing(path, ResultsError):
         if path.is_dir():
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
         part.touch()

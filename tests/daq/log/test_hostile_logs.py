@@ -16,7 +16,7 @@ from daq import Channel, LogError, Recording, load_recordings, read_attachments,
 from daq.log import log_info
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.rice import pack
-from monitor.service.startup.repair_logs import mend_logs
+from daq.log.repair import mend_logs
 
 MAGIC = b"\x89MCAP0\r\n"
 CHANNELS = (Channel(name="a", device="imu", axis=0),)

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from daq import Block, Event, Flag, McapWriter, inspect_log, read_data
-from daq.log import RotatingWriter, Rotation
+from daq.log import RotatingWriter, Rotation, mend_logs
 from monitor.analysis.logs import log_channels, log_recordings
-from monitor.service.startup.repair_logs import mend_logs
 from monitor.views.run import late_devices
 from tests.support.daq.blocks import START, make_block
 from tests.support.monitor.cli import Commands, assert_refused

@@ -15,6 +15,7 @@ from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray, IndexArray, IntArray
+from daq.errors import reading
 from daq.files import check_archive
 from updater.errors import StructureError
 from updater.fe.external.tables import DAMAGED, FACE_COLUMNS, TABLE_COLUMNS, read_faces, read_table
@@ -106,10 +107,8 @@ def check_part(path: Path, what: str, diagonal: FloatArray, whole: Matrices) -> 
 
 
 def _changed(path: Path) -> int:
-    try:
+    with reading(path, StructureError):
         return path.stat().st_mtime_ns
-    except OSError as error:
-        raise StructureError(path, f"cannot be read: {error.strerror}") from error
 
 
 @lru_cache(maxsize=4)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pyuff
 
-from daq.errors import DataError
+from daq.errors import DataError, reading
 
 FUNCTIONS = (58, 164)  #: datasets that functions and their units are read from
 SI_UNITS = {"type": 164, "units_code": 1, "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
@@ -30,10 +30,8 @@ def datasets(path: Path, kinds: Collection[int] = FUNCTIONS) -> list[tuple[int, 
     DataError
         Naming the file and the dataset that cannot be read.
     """
-    try:
+    with reading(path, DataError):
         path.open("rb").close()
-    except OSError as error:
-        raise DataError(path, f"cannot be read: {error.strerror}") from error
     number = 0
     try:
         file = pyuff.UFF(str(path))

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pyuff
 
-from daq.errors import DataError
+from daq.errors import DataError, writing
 from daq.files.columns.units import ACCELERATIONS
 from daq.files.formats.universal.datasets import SI_UNITS, Dataset, datasets, force_unit, length_unit, node_name
 from daq.types import FloatArray
@@ -123,10 +123,8 @@ def write_responses(path: Path, responses: FrequencyResponses, header: Dataset) 
     DataError
         If the file cannot be written.
     """
-    try:
+    with writing(path, DataError):  # pyuff would not state the reason
         path.open("wb").close()
-    except OSError as error:  # pyuff would not state the reason
-        raise DataError(path, f"cannot be written: {error.strerror}") from error
     sets: list[Dataset] = [header, SI_UNITS]
     for (i, output), (k, force) in product(enumerate(responses.outputs), enumerate(responses.inputs)):
         place = {"id1": output, "id2": _FORCE.format(force), **_node(output, "rsp"), **_node(force, "ref")}

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from daq import AnyLog, LogError
+from daq.errors import writing
 from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
 from monitor.analysis.explanation import Explanation, explain
@@ -26,7 +27,7 @@ from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
 from monitor.cli.terminal import Work, console, echo, progress, warn
-from monitor.errors import ArgumentError, StateError, writing
+from monitor.errors import ArgumentError, ResultsError, StateError
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
@@ -74,7 +75,7 @@ def draw(
         If one of them cannot be written.
     """
     for old in (out / name for name in (REPORT, RECORDING, NUMBERS) if out):  # of an earlier diagnosis
-        with writing(old):
+        with writing(old, ResultsError):
             old.unlink(missing_ok=True)
     page = out / REPORT if out else None
     run_optional(
@@ -98,7 +99,7 @@ def _record(
     """Write the recording for the viewer."""
     from monitor.views.viewer import write_diagnosis  # loads rerun: not before there is something to draw
 
-    with writing(path):
+    with writing(path, ResultsError):
         write_diagnosis(path, diagnosis, found, bare_reference(structure), states)
 
 
@@ -322,10 +323,8 @@ def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out:
     head = (
         f"# {structure_path.name} with its own parameters fitted to {_names(logs.current)}, which it does not explain\n"
     )
-    try:
+    with writing(path, ArgumentError.of_file("--out")):
         path.write_text(head + text, encoding="utf-8")
-    except OSError as error:
-        raise ArgumentError("--out", f"{path}: cannot be written: {error.strerror}") from error
     return f"recalibrated model: {path}\n  {what}; diagnose again with it"
 
 
@@ -389,7 +388,7 @@ def _write(
 ) -> DiagnosisAnswer:
     """Write the requested files; return the diagnosis with the path of the extended model."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path and json_path != STDOUT else None)
-    try:
+    with writing(folder, ArgumentError.of_file("--out" if out else "--json")):
         if out:
             out.mkdir(parents=True, exist_ok=True)
         if found.explained.extended and folder:
@@ -401,8 +400,6 @@ def _write(
             text = dump_structure(extended, given, note=_EXTENDED)
             path.write_text(_provenance(found.explained, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
-    except OSError as error:
-        raise ArgumentError("--out" if out else "--json", f"{folder}: cannot be written: {error.strerror}") from error
     for path in filter(None, (json_path, out and out / "diagnosis.json")):
         write_json(path, diagnosis.model_dump(mode="json"))
     return diagnosis

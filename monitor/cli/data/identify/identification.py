@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from daq import AnyLog, LogError, Recording, read_attachments
+from daq.errors import writing
 from daq.log import as_logs
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import echo, progress
-from monitor.errors import ArgumentError
+from monitor.errors import ArgumentError, drawing
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
 from updater import StructureError, UpdaterError
@@ -84,10 +85,8 @@ def draw_window(path: Path, recording: Recording, found: Identification, estimat
     """Draw one window, with the modes of all."""
     from monitor.views.plots.mode_shapes import draw_modes  # matplotlib is loaded only if a picture is requested
 
-    try:
+    with drawing(path, "--picture"):
         draw_modes(path, recording, found, estimate)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
-        raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
 
 
 def animate_modes(
@@ -98,10 +97,8 @@ def animate_modes(
         raise ArgumentError("--animate", "expected a structure (--structure), or a site with [[sensor]] (--site)")
     from monitor.views.animation import write_animation  # matplotlib is loaded only if a picture is requested
 
-    try:
+    with writing(path, ArgumentError.of_file("--animate")):
         write_animation(path, estimate, on)
-    except OSError as error:
-        raise ArgumentError("--animate", f"{path}: cannot be written: {error.strerror or error}") from error
     echo(f"mode shapes: {path}")
 
 
@@ -133,10 +130,8 @@ def fill_folder(
         geometry=geometry,
         content=content,
     )
-    try:
+    with writing(folder, ArgumentError.of_file("--out")):
         written = write_folder(folder, results)
-    except OSError as error:
-        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror or error}") from error
     echo(f"{folder}: {', '.join(path.name for path in written)}")
 
 
@@ -231,14 +226,21 @@ def modes_of_structure(estimate: ModalEstimate, given: Attached, path: Path | No
     path : of a structure file
     """
     structure = load_structure_file(path) if path else given.structure
+    return paired_modes(estimate, structure, path or given.source)
+
+
+def paired_modes(
+    estimate: ModalEstimate, structure: "Structure | None", source: Path | str | None
+) -> "ModelModes | None":
+    """Return the modes of a structure paired with the measured ones; its source is named in errors."""
     if structure is None:
         return None
-    from updater.validation import model_modes
+    from updater.validation import model_modes  # slow to import
 
     try:
         return model_modes(estimate, structure)
     except UpdaterError as error:
-        raise StructureError(path or given.source, str(error)) from error
+        raise StructureError(source or "structure", str(error)) from error
 
 
 def sensor_positions(estimate: ModalEstimate, given: Attached, site: Path | None) -> "SensorGeometry | None":

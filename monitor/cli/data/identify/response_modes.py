@@ -10,21 +10,20 @@ from rich.markup import escape
 from rich.table import Table
 
 from daq import DataError, LogError
+from daq.errors import writing
 from daq.files import read_geometry
 from monitor.analysis.modal_table.responses import IdentifiedFile, identify_file
-from monitor.cli.data.identify.identification import animate_modes, load_structure_file
+from monitor.cli.data.identify.identification import animate_modes, load_structure_file, paired_modes
 from monitor.cli.data.identify.identification_output import LOW_MAC, mode_json
 from monitor.cli.options import DONE
 from monitor.cli.output import write_json
 from monitor.cli.terminal import console, echo, new_table, progress
-from monitor.errors import ArgumentError
+from monitor.errors import ArgumentError, drawing
 from monitor.text.quantities import aligned_numbers, counted
 from oma import ResponseIdentification, mpc, mpd
-from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC
 
 if TYPE_CHECKING:
-    from updater import Structure
     from updater.validation import ModelModes, ModelPartner
 
 _LEFT = 0.01  # amplitude at the end of a record from which modal masses are in doubt [-]
@@ -62,7 +61,7 @@ def identify_response_file(request: ResponseRequest) -> int:
     with progress("identifying"):
         identified = identify_file(path, structure.channels if structure else None, request.band, request.window)
     found = identified.modes
-    model = _model(found, structure, request.structure)
+    model = paired_modes(found.estimate, structure, request.structure)
     _say(path, identified, model)
     content = _as_json(path, identified, model, request.window)
     if request.json:
@@ -71,21 +70,15 @@ def identify_response_file(request: ResponseRequest) -> int:
         if request.animate:
             animate_modes(request.animate, found.estimate, model)
         if request.picture:
-            _draw(request.picture, found)
+            from monitor.views.plots.response_modes import (
+                draw_response_modes,  # matplotlib is loaded only for a picture
+            )
+
+            with drawing(request.picture, "--picture"):
+                draw_response_modes(request.picture, found)
         if request.out:
             _fill(request.out, path, identified, model, content)
     return DONE
-
-
-def _model(found: ResponseIdentification, structure: "Structure | None", path: Path | None) -> "ModelModes | None":
-    if structure is None or path is None:
-        return None
-    from updater.validation import model_modes  # slow to import
-
-    try:
-        return model_modes(found.estimate, structure)
-    except UpdaterError as error:
-        raise StructureError(path, str(error)) from error
 
 
 def _as_json(
@@ -204,15 +197,6 @@ def _table(title: str, found: ResponseIdentification, model: "ModelModes | None"
     return table
 
 
-def _draw(path: Path, found: ResponseIdentification) -> None:
-    from monitor.views.plots.response_modes import draw_response_modes  # matplotlib is loaded only for a picture
-
-    try:
-        draw_response_modes(path, found)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
-        raise ArgumentError("--picture", f"{path}: cannot be written: {error}".splitlines()[0]) from error
-
-
 def _fill(
     folder: Path, path: Path, identified: IdentifiedFile, model: "ModelModes | None", content: dict[str, Any]
 ) -> None:
@@ -224,8 +208,6 @@ def _fill(
     except DataError as error:
         raise LogError(path, str(error).removeprefix(f"{path}: ")) from error
     results = ResponseResults(identified=identified, model=model, geometry=geometry, content=content)
-    try:
+    with writing(folder, ArgumentError.of_file("--out")):
         written = write_response_folder(folder, results)
-    except OSError as error:
-        raise ArgumentError("--out", f"{folder}: cannot be written: {error.strerror or error}") from error
     echo(f"{folder}: {', '.join(one.name for one in written)}")
