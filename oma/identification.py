@@ -104,7 +104,7 @@ def identify(
         `DataSSI`, `CovarianceSSI`, ... with their options; DataSSI() unless given.
     band : (float, float), optional
         Frequencies in which modes are sought [Hz], up to 0.48 of the rate. Default: from 100 periods in the recording
-        to 0.48 of the rate, or to 0.40 where the spectrum shows an anti-alias filter (`oma.preparation.bandwidth`).
+        to 0.48 of the rate, or to 0.40 where the spectrum shows an anti-alias filter (`oma.preparation.pyramid`).
 
     Returns
     -------

@@ -91,8 +91,12 @@ def write_universal(
     from daq.files import header_set  # as pyuff
 
     numbers, motion = node_motion(estimate.channels, estimate.shape, places)
-    sets: list[dict[str, Any]] = [header_set("modes")] + ([_geometry(nodes)] if nodes else [])
-    sets += [_line(k, line) for k, line in enumerate(lines, 1)]
+    sets: list[dict[str, Any]] = [header_set("modes")]
+    if nodes:
+        x, y, z = np.array(list(nodes.values())).T.tolist()
+        sets.append({"type": 15, "node_nums": list(nodes), "x": x, "y": y, "z": z})
+    for k, line in enumerate(lines, 1):
+        sets.append({"type": 82, "trace_num": k, "nodes": np.array(line), "id": f"line {k}", "color": 0})
     masses = [float("nan")] * estimate.n_modes if modal_mass is None else modal_mass.tolist()
     sets += [_mode(estimate, k, numbers, motion[k], mass) for k, mass in enumerate(masses)]
     pyuff.UFF(str(path)).write_sets(sets, "overwrite")
@@ -118,15 +122,6 @@ def node_motion(
         directions: FloatArray = np.array([places[channels[k]].direction for k in here])
         motion[:, i] = shape[:, here] @ np.linalg.pinv(directions).T
     return numbers, motion
-
-
-def _geometry(nodes: Mapping[int, tuple[float, float, float]]) -> dict[str, Any]:
-    x, y, z = np.array(list(nodes.values())).T.tolist()
-    return {"type": 15, "node_nums": list(nodes), "x": x, "y": y, "z": z}
-
-
-def _line(number: int, line: Sequence[int]) -> dict[str, Any]:
-    return {"type": 82, "trace_num": number, "nodes": np.array(line), "id": f"line {number}", "color": 0}
 
 
 def _mode(estimate: ModalEstimate, k: int, numbers: Sequence[int], motion: ComplexArray, mass: float) -> dict[str, Any]:

@@ -51,5 +51,5 @@ def modalwatch(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave pictures empty, each of which takes a tenth of a second: for tests of other outputs."""
-    monkeypatch.setattr("monitor.views.report.figure.svg", lambda _: _EMPTY_PICTURE)
+    monkeypatch.setattr("monitor.views.report.svg.svg", lambda _: _EMPTY_PICTURE)
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda _, path, **__: Path(path).touch())

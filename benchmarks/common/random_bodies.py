@@ -14,7 +14,7 @@ from scipy.stats import beta
 
 from daq import FloatArray, IndexArray
 from updater import Body, MassChange, Model, Structure, build_model
-from updater.fe.body import body_mass
+from updater.fe.model import body_mass
 from updater.modal_data import COMMON_STD
 from updater.structure import Member
 

@@ -21,7 +21,7 @@ from monitor.results.convert import bare_reference
 from monitor.results.correlation import discrepancy_result
 from monitor.text.verdicts import diagnosis_text
 from monitor.views.report import comparison_figures as beside
-from monitor.views.report.evidence_figures import evidence_figure
+from monitor.views.report.fit_figures import evidence_figure
 from monitor.views.report.svg import styled
 from tests.measured.accelerometers import Rig
 from tests.support.updater.reference_frame import measure, t_frame, true_model

@@ -159,7 +159,6 @@ class Driver(Protocol):
         DriverError
             If it does not respond as its protocol requires.
         """
-        ...
 
     def read(self) -> Scans:
         """Wait for scans, at most a short time.
@@ -169,11 +168,9 @@ class Driver(Protocol):
         DeviceLost
             If the port is gone.
         """
-        ...
 
     def close(self) -> None:
         """Stop the device if it still listens, and free the port."""
-        ...
 
 
 def known_rate(rate: float, known: Collection[int], place: str | CanPlace) -> int:

@@ -54,7 +54,7 @@ class NiDaqmx:
         """Add the inputs to the task of their chassis."""
         self.close()
         with _errors(self._place, DriverError):
-            device = _device(self._place.inputs[0].partition("/")[0])
+            device: Any = import_module("nidaqmx.system").Device(self._place.inputs[0].partition("/")[0])
             group = _group(device)
             serial = int(device.serial_num)
             identity = DeviceIdentity(product=str(device.product_type), serial=f"{serial:X}" if serial else "")
@@ -250,10 +250,6 @@ def _add_inputs(task: Any, place: DaqmxAddress, constants: Any) -> None:  # noqa
         )
         if place.excitation:
             channel.ai_coupling = constants.Coupling.AC  # the voltage that the current needs is no signal
-
-
-def _device(name: str) -> Any:  # noqa: ANN401 - a device of nidaqmx
-    return import_module("nidaqmx.system").Device(name)
 
 
 def _group(device: Any) -> str:  # noqa: ANN401

@@ -3,18 +3,16 @@
 import math
 import os
 import termios
-import tty
-import weakref
 from abc import ABC, abstractmethod
 
-from daq.emulator.serving import PORT_BUFFER, FaultyLine, LineFaults, SampleSource, bytes_to_read
+from daq.emulator.serving import PORT_BUFFER, FaultyLine, LineFaults, Pty, SampleSource
 from daq.timing.host_clock import HostClock
 from daq.types import IntArray
 
 _SPEED = 5  # termios index of the output speed of the host
 
 
-class SerialEmulator(ABC):
+class SerialEmulator(Pty, ABC):
     """The device side of one serial line.
 
     It never waits for a reader: beyond the pty's own buffer it holds as much as the kernel would of a real port's
@@ -32,16 +30,11 @@ class SerialEmulator(ABC):
     def __init__(
         self, source: SampleSource, clock: HostClock, *, frame_size: int, clock_error: float, faults: LineFaults
     ) -> None:
+        super().__init__()
         self._source, self._clock = source, clock
         self._frame_size, self._clock_error = frame_size, clock_error
-        self._master, self._slave = os.openpty()
-        weakref.finalize(self, os.close, self._slave)  # keeps its number from the next pty, which a host may look for
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)  #: path to open on the host's side
-        self._unplugged = False
         self.line = FaultyLine(faults)  #: counts the damaged frames
-        self._pending = bytearray(self.line.babble())
+        self._pending += self.line.babble()
         self.sampling_since: int | None = None  #: time of the first scan [ns UTC], None while it is not sampling
         self._first_started: int | None = None
         self._delay = 0.0  # of the filter: scans are sent that much after the motion [s]
@@ -57,11 +50,6 @@ class SerialEmulator(ABC):
     @abstractmethod
     def encode(self, counts: IntArray, first: int) -> bytes:
         """Return the frames of scans (n, 3) from number `first` on."""
-
-    @property
-    def unread(self) -> int:
-        """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
-        return len(self._pending) + bytes_to_read(self._slave)
 
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
@@ -79,7 +67,8 @@ class SerialEmulator(ABC):
             self._sample(self.sampling_since)
         if not understood:
             self._pending = bytearray(self.line.noise(len(self._pending)))
-        self._drain()
+        if self._pending and self.line.hands_over():
+            self._drain()
 
     def say(self, data: bytes) -> None:
         """Send bytes after those already sent."""
@@ -141,10 +130,3 @@ class SerialEmulator(ABC):
                 frames = [self.encode(counts[k : k + 1], number + k) for k in range(start, stop)]
                 parts += [2 * frame if what == "repeated" else frame[: len(frame) // 2] for frame in frames]
         return b"".join(parts)
-
-    def _drain(self) -> None:
-        if self._pending and self.line.hands_over():
-            try:
-                del self._pending[: os.write(self._master, self._pending)]
-            except OSError:
-                return  # full: a real line would hold it too

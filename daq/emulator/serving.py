@@ -2,10 +2,13 @@
 
 import array
 import fcntl
+import os
 import termios
 import time
+import tty
+import weakref
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeVar
 
@@ -22,11 +25,9 @@ class SampleSource(Protocol):
 
     def start(self, time: int, rate: float) -> None:
         """Begin: scan k is taken at time + k / rate [ns UTC, Hz]."""
-        ...
 
     def read(self, index: int, n: int) -> IntArray:
         """Return scans index .. index + n - 1 as counts (n, 3); called in order, each scan once."""
-        ...
 
 
 Frame = tuple[int, bytes]  #: identifier and data
@@ -55,19 +56,15 @@ class EmulatedBusNode(Protocol):
     @property
     def synced(self) -> bool:
         """True if it samples on SYNC."""
-        ...
 
     def receive(self, can_id: int, data: bytes) -> list[Frame]:
         """Take a frame from the bus; return those that answer it."""
-        ...
 
     def beats(self) -> list[Frame]:
         """Return unprompted frames: a heartbeat that is due, emergencies."""
-        ...
 
     def syncs(self) -> Syncs:
         """Return the SYNC frames that it has to send by now."""
-        ...
 
     def scans(self, room: int, syncs: Syncs = NO_SYNCS) -> CanFrames:
         """Return the process data that are due, of as many scans as there is room for; the others are dropped.
@@ -77,11 +74,9 @@ class EmulatedBusNode(Protocol):
         room : scans
         syncs : SYNC frames received now
         """
-        ...
 
     def disturbed(self, frames: CanFrames) -> CanFrames:
         """Return the frames of a bus that arrive if this node has faults: some of its own may be lost."""
-        ...
 
 
 class EmulatedPort(Protocol):
@@ -92,15 +87,12 @@ class EmulatedPort(Protocol):
     @property
     def unread(self) -> int:
         """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
-        ...
 
     def serve(self) -> None:
         """Answer commands and send data that are due, without blocking. No effect once unplugged."""
-        ...
 
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
-        ...
 
 
 def bytes_to_read(descriptor: int) -> int:
@@ -128,6 +120,29 @@ def serve_all(ports: Sequence[EmulatedPort], turn: int) -> None:
     first = turn % len(ports)
     for port in (*ports[first:], *ports[:first]):
         port.serve()
+
+
+class Pty:
+    """The device side of a pseudo terminal: bytes wait until there is room for them."""
+
+    def __init__(self) -> None:
+        self._master, self._slave = os.openpty()
+        weakref.finalize(self, os.close, self._slave)  # keeps its number from the next pty, which a host may look for
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self.port = os.ttyname(self._slave)  #: path to open on the host's side
+        self._pending, self._unplugged = bytearray(), False
+
+    @property
+    def unread(self) -> int:
+        """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
+        return len(self._pending) + bytes_to_read(self._slave)
+
+    def _drain(self) -> None:
+        """Write what is pending, as far as there is room: a real line would hold the rest too."""
+        if self._pending:
+            with suppress(OSError):
+                del self._pending[: os.write(self._master, self._pending)]
 
 
 class SilentNode:

@@ -18,7 +18,6 @@ class HostClock(Protocol):
     @property
     def speed(self) -> float:
         """Seconds of data a second of wall time."""
-        ...
 
     def now(self, age: int = 0) -> int:
         """Return the time [ns UTC].
@@ -27,7 +26,6 @@ class HostClock(Protocol):
         ----------
         age : how long ago [ns of wall time]
         """
-        ...
 
 
 class SystemClock:

@@ -101,7 +101,8 @@ def explain(
             reference = reference_of(structure, before)
         else:
             devices = sorted(set(now.lateness.devices.values()))
-            filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else _all_fixed(structure)
+            fixed = structure.model_copy(update={"updating": Updating(fixed=("*",))})
+            filed = structure if _FILE_MAY_BE_OFF in allowed_causes(only, without) else fixed
             reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
     with _blamed_on("heldout"):
         unused = _event(reference, heldout, before) if heldout else None
@@ -138,10 +139,6 @@ def reference_of(structure: Structure, before: Observation) -> Reference:
         stated=before.stated,
         shaped=before.shaped,
     )
-
-
-def _all_fixed(structure: Structure) -> Structure:
-    return structure.model_copy(update={"updating": Updating(fixed=("*",))})
 
 
 @contextmanager

@@ -26,17 +26,14 @@ class TimedTemperature(Protocol):
     @property
     def start(self) -> int:
         """[ns UTC]."""
-        ...
 
     @property
     def end(self) -> int:
         """[ns UTC]."""
-        ...
 
     @property
     def temperature(self) -> float:
         """Mean over the devices [degC]."""
-        ...
 
 
 class SiteTemperature:

@@ -32,6 +32,7 @@ Json = Annotated[
         callback=_json,
     ),
 ]
+Pdf = Annotated[Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")]
 Force = Annotated[bool, Option("--force", help="Replace a file that exists.")]
 Person = Annotated[str, Option(metavar="NAME", help="Name of the person.")]
 Overrides = Annotated[
@@ -45,6 +46,13 @@ From = Annotated[
         metavar="TIME",
         help="Where to begin: seconds from the start of the log (90, 1h30m; -10m is from its end), or a time "
         "(2026-01-31T12:00:00Z; UTC unless it has a zone).",
+    ),
+]
+ExponentialWindow = Annotated[
+    float | None,
+    Option(
+        metavar="SECONDS",
+        help="Time constant of the exponential window of frequency responses: its damping is removed.",
     ),
 ]
 To = Annotated[str | None, Option("--to", metavar="TIME", help="End of the range (exclusive). Format as --from.")]

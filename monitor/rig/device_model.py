@@ -26,15 +26,12 @@ class Motion(Protocol):
     @property
     def rate(self) -> float:
         """Simulated samples a second [Hz]."""
-        ...
 
     def sample(self, time: int) -> float:
         """Return which simulated sample, whole and part, a time [ns UTC] is."""
-        ...
 
     def motion(self, first: int, last: int, device: int) -> FloatArray:
         """Return accelerations (last - first, 3) [m/s2] of a device, samples first .. last - 1."""
-        ...
 
 
 class DeviceSource:

@@ -65,7 +65,8 @@ def run_rig(
         clock = ScaledClock(speed=speed, origin_wall=now, origin=origin, shared=of_monitor)
 
         def start(places: Mapping[str, Place]) -> None:
-            found = _ready(clock, places)
+            at = {name: place if isinstance(place, str) else asdict(place) for name, place in places.items()}
+            found: dict[str, object] = {"clock": asdict(clock), "ports": at}
             _write(ports, found)
             ready(found)
 
@@ -98,11 +99,6 @@ def _points(scenario: Scenario) -> Iterator[tuple[str, Vector]]:
         yield f"device.{i}.at", device.at
     for i, event in enumerate(scenario.event):
         yield f"event.{i}.body.at", event.body.at
-
-
-def _ready(clock: ScaledClock, places: Mapping[str, Place]) -> dict[str, object]:
-    ports = {name: place if isinstance(place, str) else asdict(place) for name, place in places.items()}
-    return {"clock": asdict(clock), "ports": ports}
 
 
 def _write(path: Path, content: object) -> None:

@@ -35,12 +35,8 @@ def _belongs(one: Cause, other: Cause) -> bool:
     if one.cause in _CONNECTIONS and other.cause in _CONNECTIONS:
         return _place(one) is not None and _place(one) == _place(other)
     same = one.cause == other.cause and one.probability != other.probability and _near(one, other)
-    return same and one.parameters.keys() == other.parameters.keys() and all(map(_alike, *_values(one, other)))
-
-
-def _values(one: Cause, other: Cause) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
-    first, second = ([(c.parameters[k].value, c.parameters[k].std) for k in one.parameters] for c in (one, other))
-    return first, second
+    values = ([(c.parameters[k].value, c.parameters[k].std) for k in one.parameters] for c in (one, other))
+    return same and one.parameters.keys() == other.parameters.keys() and all(map(_alike, *values))
 
 
 def _alike(one: tuple[float, float], other: tuple[float, float]) -> bool:

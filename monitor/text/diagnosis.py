@@ -143,13 +143,9 @@ def smallest_changes_text(found: Sequence[SmallestChange]) -> str:
 def _smallest_text(found: SmallestChange) -> str:
     scale, unit = _SPOKEN_UNITS[found.unit]
     values = (found.value, found.value_at_most_places)
-    half, most = ("no size" if value is None else f"{_two_digits(scale * value)} {unit}" for value in values)
+    half, most = ("no size" if value is None else f"{float(f'{scale * value:.2g}'):g} {unit}" for value in values)
     over = "" if found.extent is None else f" over {found.extent:.2g} m"
     return f"{_SMALLEST.get(found.cause, plain(found.cause))} {half} ({most}){over}"
-
-
-def _two_digits(value: float) -> str:
-    return f"{float(f'{value:.2g}'):g}"
 
 
 def within_record_text(found: WithinRecord) -> str:

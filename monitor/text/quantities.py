@@ -54,6 +54,11 @@ def percent(ratio: float | None) -> float | None:
     return None if ratio is None else 100 * ratio
 
 
+def optional(value: float | None, form: str, none: str = "–") -> str:
+    """Return a number as text, a dash for none."""
+    return none if value is None else format(value, form)
+
+
 def mass_words(mass: float) -> str:
     """Return a mass in grams or kilograms, to two digits."""
     if mass >= 1:

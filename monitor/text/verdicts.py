@@ -4,10 +4,9 @@ from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import brief_text, change_text, mass_text
+from monitor.text.detection import standing_trend, unsure_now
 from monitor.text.modal_change import modal_change_headline
 from monitor.text.quantities import utc
-from monitor.text.trends import standing_trend
-from monitor.text.uncertainty import unsure_now
 from updater import Diagnosis
 
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass

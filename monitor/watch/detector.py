@@ -28,7 +28,7 @@ from monitor.detection import (
 )
 from monitor.results.windows import DetectableChange, DetectorFigure, Novelty, SingleMode, TrendResult
 from monitor.settings import Settings
-from monitor.text.trends import trend_result
+from monitor.text.detection import trend_result
 from updater import TrackedModes, stack_tracks
 
 MAX_OUT = 100  #: windows that a standing alarm is explained by: the newest, so that years of it fit into memory

@@ -28,8 +28,8 @@ from monitor.text.alarms import (
     undone_text,
     waiting_text,
 )
+from monitor.text.detection import trend_text
 from monitor.text.quantities import utc
-from monitor.text.trends import trend_text
 from monitor.watch.acceptance import MIN_WINDOWS, CannotAcceptError, accept_change, restore_hidden_modes, undo_last
 from monitor.watch.accepted_change import AcceptanceRequest
 from monitor.watch.answer import answer, sensors
@@ -191,7 +191,10 @@ class WindowEvaluator:
         if trending:
             yield self._trend(window.end, learned)
         yield from self._accept(window.end, learned)
-        yield from self._extras.found("the self-test", lambda: self._test(learned, window, over=over)) or ()
+        tested = self._extras.found(
+            "the self-test", lambda: tuple(self._tests.after(learned, self._alarm, window, over=over))
+        )
+        yield from tested or ()
         yield from (self._notice(window.end, "failed", text) for text in self._extras.failed())
         if calm and self._alarm.state == "normal":
             yield from self._restore_hidden_modes(window.end, learned, calm)
@@ -218,9 +221,6 @@ class WindowEvaluator:
     def _state(self, changed: Sequence[Window], learned: LearnedBaseline) -> PresentState | None:
         """Return the present state of the structure by the windows since the change; None if it cannot be found."""
         return self._extras.found("the look for further changes", lambda: present_state(changed, learned.devices))
-
-    def _test(self, learned: LearnedBaseline, window: Window, *, over: bool) -> tuple[Result, ...]:
-        return tuple(self._tests.after(learned, self._alarm, window, over=over))
 
     def _acknowledge(self, time: int, request: Acknowledged) -> Iterator[Result]:
         """Record the acknowledgement of the alarm."""

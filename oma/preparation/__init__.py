@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from oma.preparation.bandwidth import usable_share as usable_share
     from oma.preparation.conditioning import BoolArray as BoolArray
     from oma.preparation.conditioning import channel_faults as channel_faults
     from oma.preparation.conditioning import cleaned as cleaned
@@ -22,6 +21,7 @@ if TYPE_CHECKING:
     from oma.preparation.pyramid import HighPass as HighPass
     from oma.preparation.pyramid import Level as Level
     from oma.preparation.pyramid import levels as levels
+    from oma.preparation.pyramid import usable_share as usable_share
     from oma.preparation.quality import BlockQuality as BlockQuality
     from oma.preparation.quality import WindowQuality as WindowQuality
     from oma.preparation.quality import window_quality as window_quality

@@ -8,8 +8,7 @@ import numpy as np
 from daq import FloatArray
 from oma.errors import IdentificationError, InputError, TooFewModes
 from oma.mac import mac_matrix
-from oma.responses.coherence_weights import noise_levels
-from oma.responses.lines import Lines
+from oma.responses.lines import Lines, noise_levels
 from oma.responses.modal_mass import driving_points, modal_mass, unit_shape
 from oma.responses.residues import synthesis
 from oma.responses.resonance_fit import FittedMode, fitted_modes

@@ -20,7 +20,7 @@ PLAIN = {
     "daq/supervision.py",
     "daq/emulator/can/slcan.py",
     "monitor/service/servers/web/process.py",
-    "monitor/cli/demo/rig_process.py",
+    "monitor/cli/demo/demonstration.py",
     "monitor/outputs/notices/deadline.py",
 }
 

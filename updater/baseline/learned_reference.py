@@ -1,4 +1,10 @@
-"""A reference learnt from baseline windows: modes averaged, the model calibrated, then one-step updated."""
+"""A reference learnt from baseline windows, or made from the structure file alone.
+
+Modes of baseline windows are averaged, the model is calibrated, then one-step updated. A reference made from the file
+alone is for errors of the file against measured modes. If the file is far off - by more than 5 % in the median
+frequency - the model is moved first: its parameters are fitted to the measured frequencies, then to shapes too, with
+modes paired again, until they no longer change. The values of the file remain the prior.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,6 +20,7 @@ from updater.modal_data import (
     NO_DELAYS,
     DeviceDelays,
     ModalMean,
+    TrackedModes,
     learn_scatter,
     mean_modes,
     stack_tracks,
@@ -24,6 +31,7 @@ from updater.reference import (
     SAME_SHAPE,
     UNLIKE,
     Calibration,
+    NominalModel,
     Parameter,
     Reference,
     best_model,
@@ -32,7 +40,7 @@ from updater.reference import (
     match_nominal_modes,
     share_within,
 )
-from updater.structure import Body, ModelParameter, Structure, with_springs
+from updater.structure import Body, ModelParameter, Structure, nominal_parameters, with_springs
 
 _MIN_P = 1e-3  # p of data and prior below which the priors of the file's parameters are widened
 
@@ -172,3 +180,41 @@ def _mistakable(measured: ModalMean, tracks: IndexArray) -> npt.NDArray[np.bool_
     near = np.abs(measured.log_frequency[tracks, None] - measured.log_frequency[others]) < NEAR
     found = np.asarray((alike & near).any(1))
     return found if (~found).sum() >= 3 else np.zeros(len(tracks), bool)
+
+
+def nominal_reference(
+    structure: Structure,
+    windows: TrackedModes,
+    devices: Sequence[str] = (),
+    *,
+    n_modes: int = 30,
+    stated: bool = False,
+) -> Reference:
+    """Return a reference whose baseline is the model's own modes, at the channels of the measured ones.
+
+    Parameters
+    ----------
+    structure : as in the file; rigid feet and joints get springs that are stiff enough to have no effect. If it is far
+        off, the reference is of a recalibrated one, and `nominal` of this
+    windows : (n_windows, n_tracks) modes that the model is to be compared with
+    devices : that sampled the channels; the model has them in time, as well as devices are
+    n_modes : of the model to keep, at least
+    stated : whether the windows' standard deviations are taken at their word; else their scatter is learnt
+
+    Raises
+    ------
+    PairingError
+        If fewer than three measured modes have a partner in the model.
+    ValueError
+        With fewer than three windows, unless `stated`.
+    """
+    scatter = stated_scatter(windows) if stated else learn_scatter(windows)
+    measured = Measured(windows=windows, scatter=scatter, devices=devices, n_modes=n_modes, of_file=True)
+    there = model_reference(best_model(with_springs(structure)), structure, measured)
+    if not there.calibration.knobs or not is_far(there.calibration, measured.mean):
+        return there
+    found = recalibrated(structure, there, measured, far=True)
+    if found is None:  # where too little can be paired with a model it stays where it is
+        value = nominal_parameters(there.calibration.knobs)
+        return replace(there, nominal=NominalModel(reference=there, value=value, far=True))
+    return found.reference

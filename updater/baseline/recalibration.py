@@ -200,11 +200,10 @@ def model_reference(model: Model, structure: Structure, data: Measured) -> Refer
         frequency=modes.frequency,
         shape=modes.shape,
         windows=data.windows,
-        delays=_in_time(data.devices),
-    )
-
-
-def _in_time(devices: Sequence[str]) -> DeviceDelays:
-    return DeviceDelays(
-        seconds=dict.fromkeys(devices, 0.0), std=dict.fromkeys(devices, _DELAY_STD), wander=0.0, noise_factor=1.0
+        delays=DeviceDelays(
+            seconds=dict.fromkeys(data.devices, 0.0),
+            std=dict.fromkeys(data.devices, _DELAY_STD),
+            wander=0.0,
+            noise_factor=1.0,
+        ),
     )

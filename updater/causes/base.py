@@ -144,12 +144,12 @@ class Discrete:
         """There is nothing between the alternatives."""
         del log_density, theta
 
-    def where(self, fit: Fit[Cause]) -> Where | None:
+    def where(self, fit: Fit[Any]) -> Where | None:
         """Return none: it has no place of its own."""
         del fit
         return None
 
-    def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
+    def parameters(self, fit: Fit[Any]) -> dict[str, Quantity]:
         """There are none."""
         del fit
         return {}

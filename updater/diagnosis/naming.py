@@ -256,7 +256,8 @@ def modes_of(
     measured = [*_paired(data), *_extra(data.circumstances.extra)]
     if written is not None:
         measured = [_with_causes(mode, written, i) for i, mode in enumerate(measured)]
-    return tuple(sorted((*measured, *_missing(reference, event)), key=_place_of))
+    modes = (*measured, *_missing(reference, event))
+    return tuple(sorted(modes, key=lambda mode: mode.frequency.measured or mode.frequency.before or 0.0))
 
 
 def _with_causes(mode: ModeFit, written: ModelFit, row: int) -> ModeFit:
@@ -266,10 +267,6 @@ def _with_causes(mode: ModeFit, written: ModelFit, row: int) -> ModeFit:
         frequency=mode.frequency.model_copy(update={"after": frequency}),
         mac=mode.mac.model_copy(update={"after": mac if shaped else None}),
     )
-
-
-def _place_of(mode: ModeFit) -> float:
-    return mode.frequency.measured or mode.frequency.before or 0.0
 
 
 def _mode(

@@ -31,7 +31,8 @@ def relaxed_alone(search: EvidenceComparison, singles: list[Candidate]) -> tuple
 
 def relaxed_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
     """Relax a cause in the best combination that has it, or add it relaxed to another cause, if much likelier."""
-    for name in () if search.instead or not found else _relaxable(search):
+    considered = () if search.instead or not found else search.causes
+    for name in (name for name in considered if CATALOGUE[name].relaxed):
         relaxed = _relaxed(search, name)
         if name not in relaxed.causes:  # groups of external matrices have no other form
             continue
@@ -68,10 +69,6 @@ def is_relaxed_doubtful(weighing: EvidenceComparison, found: Candidate) -> bool:
 def is_hidden(found: Candidate) -> bool:
     """Return whether it has an oscillator with an unmeasured mode, which may absorb other effects."""
     return any(has_unobserved_mode(c.cause) for c in found.chosen)
-
-
-def _relaxable(search: EvidenceComparison) -> list[str]:
-    return [name for name in search.causes if CATALOGUE[name].relaxed]
 
 
 def _relaxed(search: EvidenceComparison, name: str) -> EvidenceComparison:

@@ -8,11 +8,10 @@ import scipy.linalg
 from scipy import sparse
 
 from daq import FloatArray, IntArray
-from updater.fe.body import body_mass
 from updater.fe.element import Element
 from updater.fe.external.model import external_model
 from updater.fe.mesh import Mesh
-from updater.fe.model import Model
+from updater.fe.model import Model, body_mass
 from updater.structure import AXES, Material, Member, Structure, Vector
 
 MassKind = Literal["lumped", "consistent"]

@@ -7,17 +7,16 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+import scipy.linalg
 from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import MechanismError, ModelError
-from updater.fe.body import body_mass
 from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
-from updater.fe.external.faces import Faces
-from updater.fe.external.mesh_error import mesh_error
+from updater.fe.external.faces import Faces, mesh_error
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
-from updater.structure import AXES, Axis, Joint, Structure, sensor_axes
+from updater.structure import AXES, Axis, Body, Joint, Structure, sensor_axes
 
 Spring = tuple[str, tuple[float, float, float], Axis]  #: member of a joint, none of a support's; place; axis
 
@@ -28,15 +27,12 @@ class Interpolation(Protocol):
     @property
     def length(self) -> float:
         """Length [m]."""
-        ...
 
     def axes(self, direction: FloatArray) -> FloatArray:
         """Return local axes (3, 3)."""
-        ...
 
     def displacement(self, xi: FloatArray) -> FloatArray:
         """Return N (n, 6, 12) at shares xi (n,) of the length."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -297,3 +293,12 @@ class Model:
             translations[self.dofs[:, axis], axis] = 1
         moved = translations[:-1]
         return float((moved * (self.mass @ moved)).sum(0).max())
+
+
+def body_mass(body: Body) -> FloatArray:
+    """Return the mass matrix (6, 6) of a rigid body about the point it is fixed to."""
+    x, y, z = body.offset
+    arm = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]], float)  # u_centre = u + arm @ rotation
+    rigid = np.block([[np.eye(3), arm], [np.zeros((3, 3)), np.eye(3)]])
+    own = scipy.linalg.block_diag(body.mass * np.eye(3), np.diag(body.inertia))
+    return np.asarray(rigid.T @ own @ rigid)

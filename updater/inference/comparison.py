@@ -172,12 +172,6 @@ class Comparison:
         extra = self.circumstances.extra
         return np.exp(extra.log_frequency) if extra else np.empty(0)
 
-    @property
-    def extra_frequency_std(self) -> FloatArray:
-        """Their standard deviations (n_extra,) [Hz]."""
-        extra = self.circumstances.extra
-        return self.extra_frequency * extra.log_frequency_std if extra else np.empty(0)
-
 
 def whiteners_of(variance: FloatArray) -> tuple[Whitener, Whitener]:
     """Return the whiteners of log frequencies of variances (n,), and of those with a change common to all."""

@@ -36,31 +36,25 @@ class Hypotheses(Protocol):
     @property
     def prior_std(self) -> FloatArray:
         """Standard deviations (n_parameters,)."""
-        ...
 
     @property
     def lower(self) -> FloatArray:
         """Least values (n_alternatives, n_parameters)."""
-        ...
 
     @property
     def start(self) -> FloatArray:
         """Start of the fit (n_alternatives, n_parameters)."""
-        ...
 
     @property
     def log_prior(self) -> FloatArray:
         """Log probability of each alternative (n_alternatives,), summing to one."""
-        ...
 
     @property
     def drifting(self) -> bool:
         """True if a drift common to all frequencies is allowed: not if the structure itself is unchanged."""
-        ...
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return the effect of the alternatives `rows` with parameters theta (len(rows), n_parameters)."""
-        ...
 
     def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
         """Return by how much a prior that is not Gaussian raises the log evidence of alternatives `rows`.
@@ -71,7 +65,6 @@ class Hypotheses(Protocol):
         covariance : (len(rows), n_parameters, n_parameters)
         rows : (len(rows),) alternatives
         """
-        ...
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
         """Return closer alternatives near the maximum of the posterior, started from fitted neighbours.
@@ -83,7 +76,6 @@ class Hypotheses(Protocol):
         log_density : (n_alternatives,) log evidence of each
         theta : (n_alternatives, n_parameters) the best of each
         """
-        ...
 
 
 @runtime_checkable
@@ -97,7 +89,6 @@ class LinearInCompliance(Protocol):
         ----------
         theta : (n, n_parameters)
         """
-        ...
 
 
 H = TypeVar("H", bound=Hypotheses)

@@ -70,7 +70,7 @@ def _sharpened(reference: Reference, event: ModalMean, found: Fit[AddedMass], er
     steps = 2 ** np.arange(int(np.log2(max(windows, 64))) + 1)
     steps = np.append(steps, windows) if windows not in steps else steps
     table = np.array([std(n) for n in np.sort(steps)])
-    least = std(np.inf)
+    least, sure = std(np.inf), replace(reference, baseline=_scaled(reference.baseline, 0.0))
     return AccuracyForecast(
         n=np.sort(steps),
         distance_std=table[:, 0],
@@ -79,7 +79,7 @@ def _sharpened(reference: Reference, event: ModalMean, found: Fit[AddedMass], er
         least_distance_std=float(least[0]),
         least_mass_std=float(least[1]),
         enough=_first(lambda n: bool(std(n)[0] ** 2 <= 2 * least[0] ** 2)),
-        limited_by=_limit(std(windows)[0], least[0], _std(_sure(reference), _scaled(event, 0.0), body, error)[0]),
+        limited_by=_limit(std(windows)[0], least[0], _std(sure, _scaled(event, 0.0), body, error)[0]),
     )
 
 
@@ -96,10 +96,6 @@ def _best(found: Fit[AddedMass]) -> Bodies:
 
 def _scaled(event: ModalMean, factor: float) -> ModalMean:
     return replace(event, log_frequency_std=factor * event.log_frequency_std, shape_std=factor * event.shape_std)
-
-
-def _sure(reference: Reference) -> Reference:
-    return replace(reference, baseline=_scaled(reference.baseline, 0.0))
 
 
 def _std(reference: Reference, event: ModalMean, body: Bodies, error: float) -> FloatArray:

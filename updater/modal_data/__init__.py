@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from updater.modal_data.conditions import Trend as Trend
     from updater.modal_data.conditions import tone_ratios as tone_ratios
     from updater.modal_data.conditions import trend_of as trend_of
+    from updater.modal_data.delay_removal import LOW_MPC as LOW_MPC
     from updater.modal_data.delay_removal import NOTHING_REMOVED as NOTHING_REMOVED
+    from updater.modal_data.delay_removal import Asynchrony as Asynchrony
     from updater.modal_data.delay_removal import SynchronizedWindows as SynchronizedWindows
+    from updater.modal_data.delay_removal import asynchrony as asynchrony
     from updater.modal_data.delay_removal import remove_device_delays as remove_device_delays
     from updater.modal_data.delay_removal import without_known as without_known
     from updater.modal_data.device_delays import NO_DELAYS as NO_DELAYS
@@ -47,9 +50,6 @@ if TYPE_CHECKING:
     from updater.modal_data.states.course import Course as Course
     from updater.modal_data.states.course import find_course as find_course
     from updater.modal_data.states.stationarity import is_steady as is_steady
-    from updater.modal_data.synchrony import LOW_MPC as LOW_MPC
-    from updater.modal_data.synchrony import Asynchrony as Asynchrony
-    from updater.modal_data.synchrony import asynchrony as asynchrony
     from updater.modal_data.tracked import COMMON_STD as COMMON_STD
     from updater.modal_data.tracked import ModalMean as ModalMean
     from updater.modal_data.tracked import TrackedModes as TrackedModes

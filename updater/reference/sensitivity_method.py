@@ -32,11 +32,9 @@ class Problem(Protocol):
 
     def residual(self, x: FloatArray) -> FloatArray:
         """Return whitened residuals (n_data,) at parameters (n,)."""
-        ...
 
     def slope(self, x: FloatArray) -> FloatArray:
         """Return their derivatives (n_data, n)."""
-        ...
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -47,7 +47,7 @@ from updater.structure.toml_file import load_structure as load_structure
 from updater.structure.toml_file import parse_structure as parse_structure
 from updater.structure.toml_file import portable_text as portable_text
 from updater.structure.toml_file import t_structure_toml as t_structure_toml
-from updater.structure.unit_check import odd_units as odd_units
+from updater.structure.validation import odd_units as odd_units
 from updater.structure.written_structure import is_negligible as is_negligible
 from updater.structure.written_structure import rounded as rounded
 from updater.structure.written_structure import simplified as simplified

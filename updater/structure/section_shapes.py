@@ -108,7 +108,8 @@ class Box(Shape):
         area = 2 * t * (b + h - 2 * t) - 4 * _CORNER * (outer**2 - inner**2)
         moment = [_rounded(across, along, outer) for across, along in ((b, h), (h, b))]
         moment = [m - _rounded(*sides, inner) for m, sides in zip(moment, (hole, hole[::-1]), strict=True)]
-        return _Constants(area, (moment[0], moment[1]), self._torsion(outer, inner), self._shear(), (b / 2, h / 2))
+        shear = _cowper_box(across=h - t, along=b - t), _cowper_box(across=b - t, along=h - t)
+        return _Constants(area, (moment[0], moment[1]), self._torsion(outer, inner), shear, (b / 2, h / 2))
 
     def _torsion(self, outer: float, inner: float) -> float:
         """Bredt's closed cell and the resistance of the wall itself, EN 10219-2 annex B."""
@@ -117,10 +118,6 @@ class Box(Shape):
         around = 2 * (b + h - 2 * t) - 8 * _CORNER * radius
         cell = (b - t) * (h - t) - 4 * _CORNER * radius**2
         return t**3 * around / 3 + 4 * cell**2 * t / around
-
-    def _shear(self) -> tuple[float, float]:
-        b, h = self.width - self.thickness, self.height - self.thickness
-        return _cowper_box(across=h, along=b), _cowper_box(across=b, along=h)
 
 
 class IBeam(Shape):

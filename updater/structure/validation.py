@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection
 from itertools import pairwise
@@ -21,6 +22,7 @@ MAX_ELEMENTS = 20_000  #: elements of a structure: some 120,000 degrees of freed
 MAX_SENSORS = 1000  #: covariances of all pairs of channels are held in memory
 _SHORTEST = 1e-3  # of its member's length, extent of a segment
 _ROUNDING = 1e-9  # of a factor that is 0
+_SLOWEST, _FASTEST = 100.0, 30_000.0  # m/s: rubber, and twice diamond
 
 
 def check_size(structure: Entries) -> None:
@@ -171,3 +173,29 @@ def _check_joint(joint: Joint, structure: Entries, passing: npt.NDArray[np.bool_
     held = any(np.linalg.norm(np.subtract(support.at, joint.at)) < ON_MEMBER for support in structure.support)
     if len(there) < 2 and not held:
         raise ValueError(f"joint of {joint.member}: no other member and no support is at {list(joint.at)}")
+
+
+def odd_units(structure: Entries) -> list[str]:
+    """Return a line for each material and section that no structure is built of.
+
+    A material is judged by the speed of waves along a bar, in which megapascals and g/cm3 show; a section by how far
+    from its axis it lies, over the largest extent of the structure, in which millimetres show.
+    """
+    ends = [point for member in structure.member for point in (member.start, member.end)]
+    extent = max(max(axis) - min(axis) for axis in zip(*ends, strict=True))
+    notes = []
+    for name, material in structure.material.items():
+        speed = math.sqrt(material.youngs_modulus / material.density)
+        if not _SLOWEST < speed < _FASTEST:
+            notes.append(
+                f"material {name}: waves would run through it at {speed:.2g} m/s (steel: 5200); "
+                "is youngs_modulus in Pa, density in kg/m3?"
+            )
+    for name, section in structure.section.items():
+        radius = math.sqrt(max(section.second_moment) / section.area)
+        if radius > extent:
+            notes.append(
+                f"section {name}: its radius of gyration is {radius:.3g} m, the whole structure {extent:.3g} m long; "
+                "is it in m, m2, m4?"
+            )
+    return notes

@@ -54,13 +54,11 @@ class RaspberryShake(SerialDriver[shake.ShakeDecoder, UdpPort]):
         end = time.monotonic() + _WAIT_SECONDS
         while not len(scans := self._decoder.feed(port.read()).time):
             if time.monotonic() > end:
-                raise ValueError(self._why())
+                found = ", ".join(sorted(self._decoder.channels)) or "none"
+                wanted = ", ".join(shake.CHANNELS)
+                raise ValueError(f"channels: expected {wanted} within {_WAIT_SECONDS:g} s, found {found}")
         self._last = int(self._numbers.numbers(scans)[-1])
         return DeviceIdentity(product=self.product)
-
-    def _why(self) -> str:
-        found = ", ".join(sorted(self._decoder.channels))
-        return f"channels: expected {', '.join(shake.CHANNELS)} within {_WAIT_SECONDS:g} s, found {found or 'none'}"
 
     def _decode(self, data: bytes) -> Scans:
         found = self._decoder.feed(data)

@@ -102,19 +102,15 @@ class BytePort(Protocol):
     @property
     def age(self) -> int:
         """Time since the last read's bytes were here [ns]."""
-        ...
 
     def read(self) -> bytes:
         """Return the received bytes; empty if nothing arrives within `READ_SECONDS`; DeviceLost if the port is gone."""
-        ...
 
     def discard_input(self) -> None:
         """Discard received bytes."""
-        ...
 
     def close(self) -> None:
         """Free the port."""
-        ...
 
 
 D = TypeVar("D", bound=Decoder)

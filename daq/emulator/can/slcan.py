@@ -3,12 +3,10 @@
 import os
 import select
 import threading
-import tty
-import weakref
 from collections.abc import Sequence
 
 from daq.emulator.can.sync import synced_frames
-from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame, bytes_to_read
+from daq.emulator.serving import NO_SYNCS, PORT_BUFFER, EmulatedBusNode, Frame, Pty
 from daq.protocol import slcan
 from daq.protocol.frames import can_frames, concatenate
 
@@ -20,7 +18,7 @@ _ANSWERS = {ord("V"): b"V1013\r", ord("N"): b"N0042\r", ord("F"): b"F00\r"}
 _SETTINGS = b"SsZXWMmAPYQ"
 
 
-class EmulatedSlcan:
+class EmulatedSlcan(Pty):
     """The device side of an adapter.
 
     Frames sent before the channel is open are lost, as on a bus without a receiver. The adapter never waits for a
@@ -34,22 +32,12 @@ class EmulatedSlcan:
     """
 
     def __init__(self, nodes: Sequence[EmulatedBusNode]) -> None:
+        super().__init__()
         self.nodes = nodes
-        self._master, self._slave = os.openpty()
-        weakref.finalize(self, os.close, self._slave)  # keeps its number from the next pty, which a host may look for
-        tty.setraw(self._slave)
-        os.set_blocking(self._master, False)
-        self.port = os.ttyname(self._slave)  #: path to open on the host's side
-        self._unplugged = self._open = False
-        self._commands, self._pending = bytearray(), bytearray()
+        self._open, self._commands = False, bytearray()
         self._changed = threading.Condition()  # guards the pending bytes
         self._pump = threading.Thread(target=self._hand_on, name=f"adapter {self.port}", daemon=True)
         self._pump.start()
-
-    @property
-    def unread(self) -> int:
-        """Number of bytes that the host's side has not read, as far as the terminal counts them: zero is certain."""
-        return len(self._pending) + bytes_to_read(self._slave)
 
     def close(self) -> None:
         """Unplug: the host's side reads an error from now on; once is enough."""
@@ -121,13 +109,6 @@ class EmulatedSlcan:
             for node in self.nodes:
                 arriving = node.disturbed(arriving)
             self._pending += slcan.encode(arriving)
-
-    def _drain(self) -> None:
-        if self._pending:
-            try:
-                del self._pending[: os.write(self._master, self._pending)]
-            except OSError:
-                return  # full: a real line would hold it too
 
     def _hand_on(self) -> None:
         """Drain between servings, in a thread of its own, until unplugged."""

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Literal
 
 from daq.errors import DataError
+from daq.files.columns.date_cells import numeric_date
 from daq.files.columns.headings import parted
-from daq.files.columns.month_names import numeric_date
 from daq.files.columns.time_column import TIME_UNITS
 from daq.files.columns.units import TEMPERATURES, parse_unit, plain
 from daq.files.tables.preamble import Line, stated_rate

@@ -4,8 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed
-from daq.files.columns.month_names import with_numeric_month
+from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed, with_numeric_month
 from daq.files.columns.time_column import TIME_UNITS
 
 Line = tuple[int, str]  # number, counted from 1, and text

@@ -6,13 +6,15 @@ from typing import Literal
 
 import numpy as np
 
-from monitor.analysis.states.drift import without_drift
+from daq import FloatArray, IndexArray
 from monitor.analysis.window import Window, synchronized_windows
+from oma import ModalEstimate
 from updater import stack_tracks
 from updater.modal_data import choose_tracks, find_course
 
 # probability at which windows of one state are divided by chance: an alarm may be active for a year of windows
 _FALSE_DIVISION = 1e-6
+_FEWEST = 4  # windows that show a mode, from which its drift is removed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -53,3 +55,50 @@ def present_state(windows: Sequence[Window], devices: Mapping[str, str]) -> Pres
     level = without_drift(estimates[last:], tracks[last:])
     present = (replace(window, synchronized=e) for window, e in zip(windows[last:], level, strict=True))
     return PresentState(windows=tuple(present), gradual=True)
+
+
+def without_drift(estimates: Sequence[ModalEstimate], tracks: Sequence[IndexArray]) -> tuple[ModalEstimate, ...]:
+    """Remove the lines in time from frequencies and shapes of windows, about the windows' mean time.
+
+    The residuals are enlarged for the slope that was fitted to them.
+
+    Parameters
+    ----------
+    estimates : of the windows
+    tracks : for each window (n_tracks,) indices into its modes, or -1
+    """
+    time = np.array([estimate.start for estimate in estimates], dtype=np.float64)
+    estimates = [replace(e, frequency=e.frequency.copy(), shape=e.shape.astype(np.complex128)) for e in estimates]
+    for track in range(len(tracks[0])):
+        seen = np.array([w for w, own in enumerate(tracks) if own[track] >= 0])
+        if len(seen) < _FEWEST:
+            continue
+        modes = [int(tracks[w][track]) for w in seen]
+        log_frequency = np.log([estimates[w].frequency[mode] for w, mode in zip(seen, modes, strict=True)])
+        level = _level(time[seen], log_frequency[:, None])[:, 0]
+        for w, mode, value in zip(seen, modes, level, strict=True):
+            estimates[w].frequency[mode] = np.exp(value)
+        _level_shapes([estimates[w] for w in seen], modes, time[seen])
+    return tuple(estimates)
+
+
+def _level_shapes(estimates: Sequence[ModalEstimate], modes: Sequence[int], time: FloatArray) -> None:
+    """Remove the lines in time from the shapes of one mode, in place; windows that lack channels keep theirs."""
+    channels = max((estimate.channels for estimate in estimates), key=len)
+    full = [k for k, estimate in enumerate(estimates) if estimate.channels == channels]
+    if len(full) < _FEWEST:
+        return
+    shape = np.array([estimates[k].shape[modes[k]] for k in full])
+    turn = shape @ shape[0].conj()
+    aligned = shape * (turn.conj() / np.maximum(np.abs(turn), 1e-300))[:, None]
+    level = _level(time[full], aligned)
+    for k, row in zip(full, level, strict=True):
+        estimates[k].shape[modes[k]] = row / np.linalg.norm(row)
+
+
+def _level(time: FloatArray, value: np.ndarray) -> np.ndarray:
+    """Return values (n, m) without their lines in time."""
+    n = len(time)
+    design = np.column_stack([np.ones(n), (time - time.mean()) / np.ptp(time)])
+    rest = value - design @ np.linalg.lstsq(design, value, rcond=None)[0]
+    return np.asarray(value.mean(0) + rest * np.sqrt((n - 1) / (n - 2)))

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from monitor.analysis.explanation import Explanation
 from monitor.analysis.observation import Observation
-from monitor.analysis.states.drift import without_drift
+from monitor.analysis.states.present_state import without_drift
 from monitor.analysis.states.stationarity import in_order_of_time
 from monitor.errors import StateError
 from monitor.results.comparison import ChangeRate, CoursePoint, WithinRecord

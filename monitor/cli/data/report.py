@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import From, To
+from monitor.cli.options import From, Pdf, To
 
 
 def report(
@@ -13,9 +13,7 @@ def report(
     out: Annotated[
         Path | None, Option("--out", "-o", metavar="PAGE.html", help="Page to write. Default: next to the log.")
     ] = None,
-    pdf: Annotated[
-        Path | None, Option(metavar="FILE", help="PDF to write too. Needs `pip install 'modalwatch[pdf]'`.")
-    ] = None,
+    pdf: Pdf = None,
     diagnosis: Annotated[
         Path | None, Option(metavar="FILE", help="JSON file of `diagnose`, to show instead of the log's own diagnosis.")
     ] = None,

@@ -14,10 +14,9 @@ from monitor.cli.terminal import console, echo, new_table, progress, warn
 from monitor.errors import StartError
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site
-from monitor.service.startup.disk_budget import disk_plan
-from monitor.service.startup.preflight import look_around
+from monitor.service.startup.preflight import disk_plan, look_around
 from monitor.settings import AXES, DeviceSettings, Settings
-from monitor.text.detectability import NO_THERMOMETER
+from monitor.text.detection import NO_THERMOMETER
 
 _DAY_HOURS = 24.0
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 from urllib.parse import quote
 
 from pydantic import SecretStr
@@ -29,6 +29,23 @@ class HistoryError(MonitorError):
     def __init__(self, url: str, message: str, *, unusable: bool = False) -> None:
         super().__init__(f"{url}: {message}")
         self.url, self.unusable = url, unusable
+
+
+class OpenDatabase:
+    """A database, open during a context."""
+
+    url: str  #: address without secrets
+    _engine: Engine
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the connections."""
+        self._engine.dispose()
+
+    def _error(self, error: Exception) -> HistoryError:
+        return HistoryError(self.url, error_message(error, self._engine.url))
 
 
 _CACHE_KB = 512  # of pages that a connection to SQLite keeps; by itself it takes 2 MB, in hours

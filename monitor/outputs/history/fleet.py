@@ -4,13 +4,13 @@ import json
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 from sqlalchemy import Row, Select, select, true
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import HistoryError, error_message, open_engine, shown_url
+from monitor.outputs.history.engines import HistoryError, OpenDatabase, open_engine, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.sites import SiteState, database_time
 
@@ -37,7 +37,7 @@ class FleetRow:
     alarm: LastAlarm | None
 
 
-class FleetReader:
+class FleetReader(OpenDatabase):
     """All sites of a PostgreSQL database, opened for questions; a server that was restarted is followed.
 
     Raises
@@ -59,14 +59,7 @@ class FleetReader:
             raise
         except SQLAlchemyError as error:
             self._engine.dispose()
-            raise HistoryError(self.url, error_message(error, self._engine.url)) from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close the connections."""
-        self._engine.dispose()
+            raise self._error(error) from error
 
     def sites(self) -> list[FleetRow]:
         """Return all sites, by name."""
@@ -86,7 +79,7 @@ class FleetReader:
             with self._engine.connect() as connection:
                 return list(connection.execute(query)), database_time(connection)
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, error_message(error, self._engine.url)) from error
+            raise self._error(error) from error
 
 
 def sites_query() -> Select[*tuple[Any, ...]]:

@@ -5,13 +5,13 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, TypeVar
 
 from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, literal, select, true
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import HistoryError, error_message, reading_engines, shown_url
+from monitor.outputs.history.engines import HistoryError, OpenDatabase, error_message, reading_engines, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.roll_ups import hour_of
 from monitor.outputs.history.sites import NO_SITE, find_site
@@ -105,7 +105,7 @@ class EventRow:
     json: str
 
 
-class Reader:
+class Reader(OpenDatabase):
     """The history of one site, opened for questions.
 
     Parameters
@@ -142,13 +142,6 @@ class Reader:
                 self._engine = engine
                 return
         raise HistoryError(self.url, error_message(refused, engine.url) if refused else "cannot be opened") from refused
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Let go of the database."""
-        self._engine.dispose()
 
     @property
     def is_known(self) -> bool:
@@ -252,7 +245,7 @@ class Reader:
             with self._engine.connect() as connection:
                 return list(connection.execute(query))
         except SQLAlchemyError as error:
-            raise HistoryError(self.url, error_message(error, self._engine.url)) from error
+            raise self._error(error) from error
 
 
 def _made(kind: Callable[..., T], rows: Sequence[Row[*tuple[Any, ...]]]) -> list[T]:

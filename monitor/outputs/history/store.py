@@ -6,7 +6,7 @@ import sqlite3
 from collections.abc import Iterable, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, cast
 
 from pydantic import ValidationError
 from sqlalchemy import Connection, ScalarSelect, Table, func, select, update
@@ -16,7 +16,7 @@ from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
 from daq import Event
 from monitor.outputs.history import schema
-from monitor.outputs.history.engines import HistoryError, error_message, file_of, open_engine, shown_url
+from monitor.outputs.history.engines import HistoryError, OpenDatabase, error_message, file_of, open_engine, shown_url
 from monitor.outputs.history.migrations import migrate
 from monitor.outputs.history.retention import forget_events, forget_windows, thin_diagnoses
 from monitor.outputs.history.roll_ups import roll_up
@@ -38,7 +38,7 @@ _NEVER = (
 )
 
 
-class HistoryStore:
+class HistoryStore(OpenDatabase):
     """The database, opened for writing.
 
     Parameters
@@ -70,13 +70,6 @@ class HistoryStore:
         except (SQLAlchemyError, OSError) as error:
             self._engine.dispose()
             raise self._error(error) from error
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Let go of the database."""
-        self._engine.dispose()
 
     def _error(self, error: Exception) -> HistoryError:
         return HistoryError(self.url, error_message(error, self._engine.url), unusable=is_damage(error))

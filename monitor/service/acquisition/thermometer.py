@@ -157,7 +157,9 @@ class MqttThermometer(Thermometer):
 
         def taken(_client: object, _data: object, message: "MQTTMessage") -> None:
             try:
-                self._put(self._clock.now(), _celsius(bytes(message.payload), self._settings.column), shown)
+                content: Any = parse_json(bytes(message.payload))
+                value = float(content[self._settings.column] if isinstance(content, dict) else content)
+                self._put(self._clock.now(), value, shown)
             except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError) as error:
                 self.problem = f"{shown}: expected a number, or an object with {self._settings.column!r}: {error}"
 
@@ -221,11 +223,6 @@ def _time(text: str) -> int:
     except ValueError:
         found = datetime.fromisoformat(text.strip())
         return round((found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp() * 1e9)
-
-
-def _celsius(payload: bytes, column: str) -> float:
-    content: Any = parse_json(payload)
-    return float(content[column] if isinstance(content, dict) else content)
 
 
 def _message(error: Exception) -> str:

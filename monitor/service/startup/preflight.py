@@ -15,13 +15,14 @@ from urllib.parse import urlsplit
 from monitor.outputs.history import HistoryError, Reader
 from monitor.service.acquisition.thermometer import last_reading
 from monitor.service.site import Site
-from monitor.settings import NotifySettings, TemperatureSettings
+from monitor.settings import NotifySettings, Settings, TemperatureSettings
 from monitor.settings.redaction import revealed, shown_address
 
 _SECONDS = 3.0  # to wait for a server
 _PORTS = {"http": 80, "https": 443, "mqtt": 1883, "mqtts": 8883}
 _NOT_SYNCHRONISED = 5  # return value of adjtimex(2): TIME_ERROR
 _AHEAD = 60.0  # s by which a file may be younger than now: the clocks of network drives
+BYTES_A_SCAN = 4.4, 9.2  # of three axes in a log: a sensor at rest, and 10 mg rms (`make bench-log-crash`)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,3 +128,32 @@ def _clock(logs: Path) -> str:
     if ctypes.CDLL(None).adjtimex(nothing_changed) == _NOT_SYNCHRONISED:
         return "not synchronised (NTP): times of alarms and of logs will drift"  # a warning only
     return "synchronised"
+
+
+def disk_plan(settings: Settings, free: float) -> str:
+    """Return a text on disk use per day, days until the disk is full, and the consequence.
+
+    Parameters
+    ----------
+    settings : of the site
+    free : room on the disk of the logs [bytes]
+    """
+    recorder = settings.recorder
+    least, most = (sum(device.rate for device in settings.device) * 86400 * b * 1e-9 for b in BYTES_A_SCAN)
+    takes = f"{_span(least, most)} GB per day"
+    room = free * 1e-9 - recorder.min_free_gb
+    if room <= 0:
+        return f"{takes}; less than recorder.min_free_gb = {recorder.min_free_gb:g} is free now"
+    allowed = min(room, recorder.keep_gb or room)
+    days = allowed / most, allowed / least
+    if recorder.keep_days and recorder.keep_days <= days[0]:
+        return f"{takes}; the last {recorder.keep_days:g} days are kept"
+    spared = recorder.min_free_gb > 0 or allowed < room
+    then = "the oldest files are deleted" if spared else "the disk is full"
+    return f"{takes}; room for {_span(*days)} days, then {then}"
+
+
+def _span(low: float, high: float) -> str:
+    """Return two figures as one where they print the same."""
+    texts = f"{low:.2g}" if low < 100 else f"{low:.0f}", f"{high:.2g}" if high < 100 else f"{high:.0f}"
+    return texts[0] if texts[0] == texts[1] else f"{texts[0]} to {texts[1]}"

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from daq import FloatArray
-from monitor.errors import ArgumentError
+from monitor.errors import drawing
 from monitor.outputs.history import TrendPoint
 from monitor.outputs.history.summary import Found
 from monitor.text.verdicts import accepted_text
@@ -31,10 +31,8 @@ def draw_history(path: Path, found: Found) -> None:
     """
     with styled():
         figure = _figure(found)
-        try:
+        with drawing(path, "--plot"):
             figure.savefig(path, dpi=150)
-        except (OSError, ValueError) as error:
-            raise ArgumentError("--plot", f"{path} cannot be written: {error}") from error
 
 
 def _figure(found: Found) -> Figure:

@@ -7,12 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from daq import Recording
+from daq import FloatArray, Recording
 from monitor.results.sensor_geometry import SensorGeometry
-from monitor.views.plots.deformed_shapes import plot_deformed_shapes
+from monitor.views.animation.drawing import Drawing, Motion
+from monitor.views.geometry import screen
 from monitor.views.plots.identification import (
+    LINE,
+    STABLE,
     complexity_figure,
     mac_figure,
     plot_spectrum,
@@ -30,6 +35,12 @@ _TRACKS = 12  # windows from which on identities can be followed
 _SAME = 1e-9  # m: places that are one
 
 Vector = tuple[float, float, float]
+_COLUMNS = 4
+_WIDTH = 3.6  # inches of a picture
+_ROOM = 0.06  # of the structure's size, around it
+_TRIAD = 0.12  # of its size: arrows of the directions
+_REST, _SUPPORT = "#c3cad3", "#2e7d32"
+_ARROW = {"arrowstyle": "->", "color": LINE, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -74,19 +85,14 @@ def _geometry(results: Results) -> tuple[dict[str, Place] | None, dict[int, Vect
     return None, None, []
 
 
-def _skeleton(results: Results) -> Skeleton | None:
-    return Skeleton.of_sensors(results.geometry) if results.geometry else None
-
-
 def _pictures(results: Results) -> dict[str, Callable[[], Figure]]:
     estimate, model = results.estimate, results.model
+    skeleton = Skeleton.of_sensors(results.geometry) if results.geometry else None
     pictures: dict[str, Callable[[], Figure]] = {
         "stabilization.png": lambda: plot_stabilization(results.found, results.recording, estimate),
         "singular_values.png": lambda: plot_spectrum(results.recording, results.found, estimate),
         "mac.png": lambda: mac_figure(estimate, model.near(estimate.frequency) if model else None),
-        "shapes.png": lambda: (
-            plot_deformed_shapes(estimate, model) if model else plot_shapes_on(estimate, _skeleton(results))
-        ),
+        "shapes.png": lambda: plot_deformed_shapes(estimate, model) if model else plot_shapes_on(estimate, skeleton),
         "complexity.png": lambda: complexity_figure(estimate),
     }
     if len(results.windows) >= _TRACKS:
@@ -121,3 +127,54 @@ def _nodes_along(start: Vector, end: Vector, number: Mapping[Vector, int]) -> li
 def _unit(direction: Vector) -> Vector:
     x, y, z = (np.array(direction) / np.linalg.norm(direction)).tolist()
     return x, y, z
+
+
+def plot_deformed_shapes(estimate: ModalEstimate, compared: ModelModes) -> Figure:
+    """Draw all measured shapes, expanded to the nodes of the model.
+
+    Parameters
+    ----------
+    estimate : measured modes
+    compared : modes of the model that were compared with them
+    """
+    drawing = Drawing(estimate, Motion.of_model(estimate, compared))
+    paper = np.column_stack(screen(drawing.towards))
+    rest = drawing.points @ paper
+    moved = [rest + extreme @ paper for extreme in map(_extreme, drawing.motion)]
+    every = np.concatenate([rest, *moved])
+    room = _ROOM * drawing.size
+    low, high = every.min(0) - [room + 1.4 * _TRIAD * drawing.size, room], every.max(0) + room
+    rows = -(-len(moved) // _COLUMNS)
+    columns = min(_COLUMNS, len(moved))
+    tall = float(np.clip(_WIDTH * (high - low)[1] / (high - low)[0], 1.5, 4.5))
+    figure = Figure(figsize=(_WIDTH * columns, (tall + 0.5) * rows), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    held = [support.at for support in compared.structure.support]
+    feet = np.array(held, float).reshape(-1, 3) @ paper
+    for axes in grid:
+        axes.set_axis_off()
+    for k, (axes, points) in enumerate(zip(grid, moved, strict=False)):
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        axes.set_aspect("equal")
+        axes.add_collection(LineCollection([rest[[a, b]] for a, b in drawing.spans], colors=_REST, linewidths=1.5))
+        axes.add_collection(LineCollection([points[[a, b]] for a, b in drawing.ribs], colors=STABLE, linewidths=0.8))
+        axes.add_collection(LineCollection([points[[a, b]] for a, b in drawing.spans], colors=STABLE, linewidths=2.0))
+        axes.plot(*points[drawing.sensors].T, "o", markersize=4, color=LINE)
+        axes.plot(*feet.T, "^", markersize=7, color=_SUPPORT)
+        axes.set_title(drawing.labels[k], fontsize=9)
+    _directions(grid[0], low + room + [0.3 * _TRIAD * drawing.size, 0.0], _TRIAD * drawing.size * paper)
+    return figure
+
+
+def _extreme(motion: FloatArray) -> FloatArray:
+    """Return complex motions (n, 3) at the phase of their largest component."""
+    largest = motion.ravel()[np.argmax(np.abs(motion))]
+    return np.real(motion * np.conj(largest) / max(abs(largest), 1e-300))
+
+
+def _directions(axes: Axes, origin: FloatArray, arms: FloatArray) -> None:
+    """Draw the directions of the global axes (3, 2) at a point (2,)."""
+    for name, arm in zip("xyz", arms, strict=True):
+        (x, y), (tip_x, tip_y), (text_x, text_y) = (origin + share * arm for share in (0.0, 1.0, 1.25))
+        axes.annotate("", (tip_x, tip_y), (x, y), arrowprops=_ARROW)
+        axes.text(text_x, text_y, name, fontsize=8, color=LINE, ha="center", va="center")

@@ -66,19 +66,25 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
     recording, found : a window and its identification: spectrum and poles
     estimate : the modes to mark, of this window or of many
     """
-    n = min(_SHAPES, estimate.n_modes)
-    figure = Figure(figsize=(14, 9), layout="constrained")
-    grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
-    diagram = figure.add_subplot(grid[0, :])
+    figure, diagram = figure_of_modes(estimate)
     highest = highest_shown(estimate)
     draw_poles(diagram, found.poles, highest)
     draw_spectrum_behind(diagram, recording, highest)
     mark_modes(diagram, estimate, found.harmonics, highest)
+    figure.savefig(path, dpi=110)
+
+
+def figure_of_modes(estimate: ModalEstimate) -> tuple[Figure, Axes]:
+    """Return a figure of the first shapes as bars, and the axes above them, for a diagram."""
+    n = min(_SHAPES, estimate.n_modes)
+    figure = Figure(figsize=(14, 9), layout="constrained")
+    grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
+    diagram = figure.add_subplot(grid[0, :])
     shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
     for k, axes in enumerate(shapes):
         axes.sharey(shapes[0])
-        draw_bars(axes, estimate, k)
-    figure.savefig(path, dpi=110)
+        _draw_bars(axes, estimate, k)
+    return figure, diagram
 
 
 def plot_shapes(estimate: ModalEstimate, structure: Structure | None = None) -> Figure:
@@ -107,12 +113,12 @@ def plot_shapes_on(estimate: ModalEstimate, skeleton: Skeleton | None) -> Figure
             _draw_arrows(axes, estimate, k, skeleton)
         else:
             bars = figure.add_subplot(rows, columns, k + 1)
-            draw_bars(bars, estimate, k)
+            _draw_bars(bars, estimate, k)
             bars.set_ylim(-highest, highest)
     return figure
 
 
-def draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
+def _draw_bars(axes: Axes, estimate: ModalEstimate, k: int) -> None:
     """Draw one shape as bars, with two standard deviations each way."""
     place = np.arange(len(estimate.channels))
     axes.bar(place, estimate.shape[k].real, yerr=2 * estimate.shape_std[k], color=STABLE, ecolor=LINE, capsize=2)

@@ -25,12 +25,11 @@ from monitor.views.plots.identification import (
     mark_modes,
 )
 from monitor.views.plots.identification_folder import structure_geometry
-from monitor.views.plots.mode_shapes import Skeleton, draw_bars, plot_shapes_on
+from monitor.views.plots.mode_shapes import Skeleton, figure_of_modes, plot_shapes_on
 from oma import ComplexArray, ResponseIdentification, places_by_name, write_universal
 from updater.validation import ModelModes
 
 _DPI = 110
-_SHAPES = 6  # modes whose shapes are drawn below the diagram
 _PANELS = 4  # responses that are drawn, those of the largest motion
 _TINY = 1e-30
 _ROOM = 6.0  # dB above and below
@@ -48,15 +47,8 @@ class ResponseResults:
 
 def draw_response_modes(path: Path, found: ResponseIdentification) -> None:
     """Write a picture: singular values of the responses, poles, shapes."""
-    estimate = found.estimate
-    n = min(_SHAPES, estimate.n_modes)
-    figure = Figure(figsize=(14, 9), layout="constrained")
-    grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
-    _draw_diagram(figure.add_subplot(grid[0, :]), found)
-    shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
-    for k, axes in enumerate(shapes):
-        axes.sharey(shapes[0])
-        draw_bars(axes, estimate, k)
+    figure, diagram = figure_of_modes(found.estimate)
+    _draw_diagram(diagram, found)
     figure.savefig(path, dpi=_DPI)
 
 
@@ -75,19 +67,14 @@ def write_response_folder(folder: Path, results: ResponseResults) -> list[Path]:
     found, model = results.identified.modes, results.model
     written = [folder / name for name in ("modes.json", "modes.unv", "responses.unv", "synthesis.unv")]
     written[0].write_text(json.dumps(results.content, indent=1), encoding="utf-8")
+    geometry: dict[str, Any] = {}
     if model:
-        places, nodes, lines = structure_geometry(model.structure, found.estimate)
-        write_universal(written[1], found.estimate, places, nodes, lines, modal_mass=found.modal_mass)
-    elif results.geometry:
-        write_universal(
-            written[1],
-            found.estimate,
-            nodes=results.geometry.nodes,
-            lines=results.geometry.lines,
-            modal_mass=found.modal_mass,
+        geometry = dict(
+            zip(("places", "nodes", "lines"), structure_geometry(model.structure, found.estimate), strict=True)
         )
-    else:
-        write_universal(written[1], found.estimate, modal_mass=found.modal_mass)
+    elif results.geometry:
+        geometry = {"nodes": results.geometry.nodes, "lines": results.geometry.lines}
+    write_universal(written[1], found.estimate, **geometry, modal_mass=found.modal_mass)
     measured = results.identified.responses
     write_responses(written[2], measured, header_set("accelerances as analysed"))
     write_responses(written[3], _synthesis(measured, found), header_set("accelerances of the modes"))

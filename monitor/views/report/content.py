@@ -29,21 +29,18 @@ from monitor.text.causes import (
     remainder_text,
     where_text,
 )
-from monitor.text.detectability import last_detectable
+from monitor.text.detection import last_detectable, standing_trend, unsure_ever, unsure_now
 from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
 from monitor.text.modal_change import modal_change_text
-from monitor.text.quantities import plain, share_text, utc
+from monitor.text.quantities import optional, plain, share_text, utc
 from monitor.text.sensors import health_rows
-from monitor.text.trends import standing_trend
-from monitor.text.uncertainty import unsure_ever, unsure_now
 from monitor.text.verdicts import accepted_text, diagnosis_text, headline, is_one_mass, last_state
 from monitor.views.report import fit_figures as fits
 from monitor.views.report import place_figures as places
 from monitor.views.report import time_figures as trends
 from monitor.views.report.comparison_content import measured_content
-from monitor.views.report.evidence_figures import evidence_figure
-from monitor.views.report.figure import Picture, optional, picture
-from monitor.views.report.shape_figure import shapes_figure
+from monitor.views.report.structure_figure import shapes_figure
+from monitor.views.report.svg import Picture, picture
 from monitor.views.run import Run
 from oma import mac_matrix
 from updater import Cause, Gain
@@ -312,7 +309,7 @@ def _diagnosis(
         "fits": picture(
             lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
         ),
-        "evidence": picture(lambda: evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
+        "evidence": picture(lambda: fits.evidence_figure(diagnosis), "Log evidence of every cause that was tried"),
         "measured": measured_content(found, reference, states) if found else None,
         "verdict": diagnosis.verdict,
         "text": diagnosis_text(diagnosis),

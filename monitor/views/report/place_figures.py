@@ -72,7 +72,8 @@ def increments_figure(reference: ReferenceResult, increments: MassIncrements) ->
     """Return the paper's picture: increments along the members, raw above, normalised below, a column a direction."""
     figure = new_figure(10.0, 5.6)
     frame, grid = Frame(reference), figure.subplots(2, 3)
-    rows = (("raw", np.array(increments.increment, float)), ("normalised", _numbers(increments.normalised)))
+    normalised = np.array([[np.nan if v is None else v for v in row] for row in increments.normalised], float)
+    rows = (("raw", np.array(increments.increment, float)), ("normalised", normalised))
     for (name, values), row in zip(rows, grid, strict=True):
         for column, (direction, axes) in enumerate(zip(_DIRECTIONS, row, strict=True)):
             seen = np.abs(values[np.isfinite(values[:, column]), column])
@@ -82,10 +83,6 @@ def increments_figure(reference: ReferenceResult, increments: MassIncrements) ->
             text = f"largest {1000 * seen.max():.1f} g per node" if len(seen) else "nothing known in this direction"
             axes.annotate(text, (0.5, -0.02), xycoords="axes fraction", ha="center", fontsize=7, color=SOFT)
     return figure
-
-
-def _numbers(rows: list[tuple[float | None, float | None, float | None]]) -> FloatArray:
-    return np.array([[np.nan if v is None else v for v in row] for row in rows], float)
 
 
 def _total(increments: MassIncrements, values: FloatArray, column: int, name: str) -> str:

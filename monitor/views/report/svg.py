@@ -2,14 +2,17 @@
 
 import base64
 import io
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+
+from monitor.optional import run_optional
 
 INK, SOFT, FAINT = "#1d2733", "#66707c", "#d8dde3"
 LIGHT = "#fefefe"  #: on dark parts of a picture, on a dark page as well: `data_uri` does not exchange it
@@ -102,3 +105,32 @@ def bare(axes: Axes) -> None:
     """Remove axes and grid, with one scale in both directions."""
     axes.set_axis_off()
     axes.set_aspect("equal")
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A figure of the page."""
+
+    svg: str
+    text: str  #: description, for readers who cannot see it
+
+    @property
+    def address(self) -> str:
+        """Address of the picture, inlined."""
+        return data_uri(self.svg)
+
+
+def picture(draw: Callable[[], Figure | None], text: str) -> Picture | None:
+    """Return a figure as a picture of the page; None for none, and where drawing it fails, which is logged.
+
+    Parameters
+    ----------
+    draw : makes the figure
+    text : description
+    """
+
+    def inlined() -> Picture | None:
+        figure = draw()
+        return None if figure is None else Picture(svg(figure), text)
+
+    return run_optional(f"picture ({text})", inlined)

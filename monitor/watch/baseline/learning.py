@@ -11,7 +11,7 @@ from monitor.analysis.window import Window
 from monitor.detection import effective_number
 from monitor.results.windows import LearningProgress
 from monitor.settings import Settings
-from monitor.text.detectability import NO_THERMOMETER
+from monitor.text.detection import NO_THERMOMETER
 from monitor.text.quantities import duration_text, utc
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.memory import Memory

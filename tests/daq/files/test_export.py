@@ -631,7 +631,6 @@ def test_matlab_7_3_file_without_its_package_or_damaged(tmp_path: Path, monkeypa
     with pytest.raises(DataError, match=r"data\.mat: holds no arrays: "):
         read_data(path)
     monkeypatch.setitem(sys.modules, "h5py", None)
-    monkeypatch.delitem(sys.modules, "daq.files.formats.mat73", raising=False)
     with pytest.raises(DataError, match=r"data\.mat: is a Matlab 7.3 file, which needs h5py: save it with -v7, or pip"):
         read_data(path)
 

@@ -9,7 +9,7 @@ import pytest
 
 from daq import DataError, DataOptions, read_data, read_measured
 from daq.files import Calibration, parse_sensitivity, parse_unit, read_calibration
-from daq.files.columns.month_names import month_of
+from daq.files.columns.date_cells import month_of
 from daq.files.tables.preamble import StatedStart, stated_start
 
 G = 9.80665

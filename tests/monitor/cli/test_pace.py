@@ -8,7 +8,7 @@ import pytest
 
 from daq import ScaledClock
 from daq.timing import SharedTime
-from monitor.cli.demo.rig_process import Pace
+from monitor.cli.demo.demonstration import Pace
 from monitor.results.windows import WindowResult
 from monitor.rig.player import _LeashedClock
 

@@ -8,7 +8,7 @@ import pytest
 
 from monitor.detection import DETECTORS, GUARD, DetectionSettings, detectable_change, judge, start
 from monitor.results.windows import AlarmResult, DetectableChange, WindowResult
-from monitor.text.detectability import NO_THERMOMETER, detectable_text
+from monitor.text.detection import NO_THERMOMETER, detectable_text
 from tests.support.monitor.played_windows import BASELINE, Played, judged, run, without_answers
 
 P, STD, DAY, SEED = 5, 3e-4, 144, 4

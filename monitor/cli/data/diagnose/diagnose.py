@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import From, Json, To
+from monitor.cli.options import ExponentialWindow, From, Json, Pdf, To
 
 _ReferenceTime = Annotated[
     str | None, Option(metavar="TIME", help="Range of the reference logs, like --from and --to.")
@@ -37,20 +37,12 @@ def diagnose(
     window: Annotated[
         float | None, Option(metavar="S", help="Length of a window [s]. Default: chosen from the first mode.", min=0.1)
     ] = None,
-    exponential_window: Annotated[
-        float | None,
-        Option(
-            metavar="SECONDS",
-            help="Time constant of the exponential window of frequency responses: its damping is removed.",
-        ),
-    ] = None,
+    exponential_window: ExponentialWindow = None,
     out: Annotated[
         Path | None,
         Option("--out", "-o", metavar="DIR", help="Folder for the report, the extended model and diagnosis.json."),
     ] = None,
-    pdf: Annotated[
-        Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")
-    ] = None,
+    pdf: Pdf = None,
     json: Json = None,
     only: Annotated[
         list[str] | None, Option(metavar="CAUSE", help="Cause to consider, no others (names above). Repeatable.")
@@ -93,8 +85,7 @@ def diagnose(
     """
     from monitor.analysis.selection import Selection
     from monitor.analysis.time_range import time_range
-    from monitor.cli.data.diagnose.bounds import bound_of
-    from monitor.cli.data.diagnose.diagnosis import Logs, diagnose_logs
+    from monitor.cli.data.diagnose.diagnosis import Logs, bound_of, diagnose_logs
     from monitor.errors import ArgumentError
     from monitor.text.quantities import cause_name
 

@@ -388,7 +388,7 @@ def _write(
 ) -> DiagnosisAnswer:
     """Write the requested files; return the diagnosis with the path of the extended model."""
     diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path and json_path != STDOUT else None)
-    with writing(folder, ArgumentError.of_file("--out" if out else "--json")):
+    with writing(folder or Path(), ArgumentError.of_file("--out" if out else "--json")):
         if out:
             out.mkdir(parents=True, exist_ok=True)
         if found.explained.extended and folder:
@@ -403,3 +403,22 @@ def _write(
     for path in filter(None, (json_path, out and out / "diagnosis.json")):
         write_json(path, diagnosis.model_dump(mode="json"))
     return diagnosis
+
+
+def bound_of(text: str) -> tuple[str, tuple[float, float]]:
+    """Return name and bounds of a parameter, written as `steel.E=200e9:215e9`.
+
+    Raises
+    ------
+    ArgumentError
+        If the text is not written like that.
+    """
+    name, _, limits = text.rpartition("=")
+    least, _, greatest = limits.partition(":")
+    try:
+        values = float(least), float(greatest)
+    except ValueError:
+        values = 1.0, 0.0
+    if not name or not 0 < values[0] < values[1]:
+        raise ArgumentError("--bound", f"expected NAME=MIN:MAX, such as steel.E=200e9:215e9, found {text!r}")
+    return name, values

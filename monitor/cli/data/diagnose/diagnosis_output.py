@@ -26,7 +26,7 @@ from monitor.text.causes import (
     probability_text,
 )
 from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
-from monitor.text.quantities import plain
+from monitor.text.quantities import optional, plain
 from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import verdict_text
 from updater import Cause, Gain, Structure
@@ -120,7 +120,7 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
     for mode in found.modes:
         mark = "" if mode.compared else f"{MARK} "
         cells = [mark + _hertz(mode, mode.simulated, "none"), _hertz(mode, mode.measured, "not found"), *_off(mode)]
-        cells += [_percent(mode, mode.off_percent_after), _or(mode.mac_after, ".4f")] * after
+        cells += [_percent(mode, mode.off_percent_after), optional(mode.mac_after, ".4f", "-")] * after
         table.add_row(*cells, style=None if mode.compared else "dim")
     return table
 
@@ -130,7 +130,7 @@ def _off(mode: ModeComparison) -> list[str]:
         return ["-", "-", "-"]
     sigmas = mode.off_percent / mode.std_percent
     style = ("[red]", "[/]") if abs(sigmas) > _FAR and mode.compared else ("", "")
-    return [_percent(mode, mode.off_percent), f"{style[0]}{sigmas:+.1f}{style[1]}", _or(mode.mac, ".4f")]
+    return [_percent(mode, mode.off_percent), f"{style[0]}{sigmas:+.1f}{style[1]}", optional(mode.mac, ".4f", "-")]
 
 
 def _hertz(mode: ModeComparison, value: float | None, missing: str) -> str:
@@ -142,10 +142,6 @@ def _hertz(mode: ModeComparison, value: float | None, missing: str) -> str:
 
 def _percent(mode: ModeComparison, value: float | None) -> str:
     return "-" if value is None else rounded_text(value, mode.std_percent or 0.0, sign=True)
-
-
-def _or(value: float | None, form: str, missing: str = "-") -> str:
-    return missing if value is None else format(value, form)
 
 
 def _gain(diagnosis: DiagnosisAnswer, std: Gain | None) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import ANIMATIONS, DONE, METHODS, From, Json, To, one_of
+from monitor.cli.options import ANIMATIONS, DONE, METHODS, ExponentialWindow, From, Json, To, one_of
 
 
 def identify(
@@ -47,13 +47,7 @@ def identify(
             help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
         ),
     ] = None,
-    exponential_window: Annotated[
-        float | None,
-        Option(
-            metavar="SECONDS",
-            help="Time constant of the exponential window of frequency responses: its damping is removed.",
-        ),
-    ] = None,
+    exponential_window: ExponentialWindow = None,
     start: From = None,
     stop: To = None,
     json: Json = None,

@@ -16,7 +16,7 @@ from monitor.cli.data.structure.structure_output import (
     plan_tables,
 )
 from monitor.cli.terminal import console, progress
-from monitor.errors import ArgumentError
+from monitor.errors import ArgumentError, drawing
 from monitor.views.plots.structure import draw_structure
 from oma.preparation import PASS
 from updater import ModelError, Record, Structure
@@ -101,10 +101,8 @@ def plan_for(sight: ModeVisibility, target: Target | None) -> Plan | None:
 
 def draw(sight: ModeVisibility, picture: Path, planned: Plan | None) -> None:
     """Draw the structure."""
-    try:
+    with drawing(picture, "--out"):
         draw_structure(sight, picture, planned)
-    except (OSError, ValueError) as error:  # matplotlib: ValueError for an unknown file name extension
-        raise ArgumentError("--out", f"{picture}: cannot be written: {error}".splitlines()[0]) from error
 
 
 def print_study(sight: ModeVisibility, planned: Plan | None, check: ChannelCheck | None) -> None:

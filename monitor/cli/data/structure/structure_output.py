@@ -153,17 +153,14 @@ def plan_tables(planned: Plan) -> Iterator[RenderableType]:
     parts = (f"{100 * share:g} % of the length" for share in _SHARES)
     table = new_table(right=("sensors", *parts), title="Record needed, by sensors")
     for sensors in (planned.more, planned.present, *planned.fewer):
-        table.add_row(str(len(sensors.channels)), *_needed(sensors))
+        needed = [sensors.seconds_for(share) for share in _SHARES]
+        cells = (duration_words(seconds) if np.isfinite(seconds) else "-" for seconds in needed)
+        table.add_row(str(len(sensors.channels)), *cells)
     yield table
     more = Sensor(channel="new", at=planned.more_at, direction=planned.more_along)
     yield Text(f"{len(planned.more.channels)} sensors: with an additional one at {_at(more)}")
     if planned.left_out:
         yield Text("fewer sensors: removed in this order " + ", ".join(planned.left_out))
-
-
-def _needed(sensors: SensorSet) -> list[str]:
-    found = [sensors.seconds_for(share) for share in _SHARES]
-    return [duration_words(seconds) if np.isfinite(seconds) else "-" for seconds in found]
 
 
 def as_json(sight: ModeVisibility, planned: Plan | None) -> dict[str, Any]:

@@ -13,11 +13,9 @@ from monitor.outputs.history import AlarmRow, EventRow, TrendPoint
 from monitor.results.site_status import SiteStatus
 from monitor.service.servers.web.source import Past, Source, problems, self_test_text
 from monitor.service.servers.web.svg import course_svg, structure_svg
-from monitor.text.detectability import detectable_text
+from monitor.text.detection import detectable_text, single_mode_text, trend_text, unsure_text
 from monitor.text.events import event_sentence
-from monitor.text.quantities import aligned, duration_text, last_value, percent, utc
-from monitor.text.trends import trend_text
-from monitor.text.uncertainty import single_mode_text, unsure_text
+from monitor.text.quantities import aligned, counted, duration_text, last_value, percent, utc
 
 _ENVIRONMENT = Environment(
     loader=PackageLoader("monitor.service.servers.web"), undefined=StrictUndefined, autoescape=True
@@ -91,19 +89,17 @@ def _left_out(status: SiteStatus | None, past: Past | None) -> str:
     """Return how many windows gave no result and why the last one did not; empty if all did."""
     parts = []
     if status and status.windows_left_out:
-        parts.append(f"{_windows(status.windows_left_out)} left out since the start, because the analysis was behind")
+        parts.append(
+            f"{counted(status.windows_left_out, 'window')} left out since the start, because the analysis was behind"
+        )
     bare = [window for window in past.windows if window.problem] if past else []
     if past and bare:
         last = bare[-1]
         parts.append(
-            f"{len(bare)} of the last {_windows(len(past.windows))} without modes, the last one at "
+            f"{len(bare)} of the last {counted(len(past.windows), 'window')} without modes, the last one at "
             f"{utc(last.end)}: {last.problem}"
         )
     return "; ".join(parts)
-
-
-def _windows(n: int) -> str:
-    return f"{n} window{'s' * (n != 1)}"
 
 
 def _unsure(status: SiteStatus) -> str:

@@ -7,7 +7,7 @@ import pytest
 
 from daq import Block, McapWriter
 from daq.drivers import EPSON_SCALE
-from monitor.service.startup.disk_budget import BYTES_A_SCAN, disk_plan
+from monitor.service.startup.preflight import BYTES_A_SCAN, disk_plan
 from monitor.settings import parse_settings
 
 SITE = """structure = "s.toml"

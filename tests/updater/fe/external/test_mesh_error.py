@@ -8,7 +8,7 @@ import pytest
 from tests.support.opensees import needs_opensees
 from tests.support.updater.plates import write_table
 from updater import build_model, load_structure
-from updater.fe.external.mesh_error import mesh_error
+from updater.fe.external.faces import mesh_error
 
 pytestmark = needs_opensees
 

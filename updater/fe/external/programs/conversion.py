@@ -1,21 +1,36 @@
 """Files of another finite element program as matrices with a DOF table, groups and faces."""
 
-from collections.abc import Mapping
+import re
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from scipy import sparse
+from scipy.io import hb_read
 
 from daq import FloatArray
 from updater.errors import StructureError
 from updater.fe.external.files import Matrices
-from updater.fe.external.programs.formats import read_labelled
 from updater.fe.external.programs.meshes import read_mesh
-from updater.fe.external.programs.numbers import LabelledMatrix
+from updater.fe.external.programs.nastran import is_dmig, read_dmig, read_output4
+from updater.fe.external.programs.numbers import (
+    MAX_ROWS,
+    LabelledMatrix,
+    Row,
+    checked_rows,
+    numbers,
+    read_text,
+    symmetric,
+)
 
 _FIXED = 1e30  # stiffness on the diagonal from which a DOF is fixed: Abaqus writes 1e36
 _MILLIMETRE = 1e-3  # m
+_ANSYS_AXES = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
+_SYMMETRIC_TYPE = re.compile(r"^(\s*R)S(A\s)", re.MULTILINE | re.IGNORECASE)
+_HB_FORMAT = re.compile(r"\(\s*(?:1P,?)?\s*\d+\s*[IEDFG]\s*\d+(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,3 +117,107 @@ def _scaled(matrix: sparse.csc_array, scale: FloatArray) -> sparse.csc_array:
     factor = sparse.diags_array(scale)
     scaled = sparse.csc_array(factor @ matrix @ factor)
     return sparse.csc_array((scaled + scaled.T) / 2)
+
+
+def read_labelled(
+    path: Path, rows: Path | None, nodes: Sequence[int], like: Path | None = None, initial: str = "K"
+) -> LabelledMatrix:
+    """Read a matrix in the format that its ending and content show.
+
+    Parameters
+    ----------
+    path : of the matrix
+    rows : file with the names of its rows. Default: the file of the same name that the program writes (.dof, .mapping)
+    nodes : numbers of all nodes, of which Nastran's matrices have six rows each
+    like : matrix whose names of rows are meant if it has no file of its own
+    initial : of the name of the matrix that is meant, in a file of Nastran that has several
+
+    Raises
+    ------
+    StructureError
+        Naming the file and what is wrong.
+    """
+    text = read_text(path)
+    lines = [line for line in text.splitlines() if line.strip()]
+    if not lines:
+        raise StructureError(path, "no matrix can be read: the file is empty")
+    if path.suffix.lower() == ".op4":
+        return read_output4(path, lines, nodes, initial)
+    if is_dmig(lines):
+        return read_dmig(path, lines, initial)
+    if len(lines) > 3 and re.match(r"\s*[RCP][SUHZR][AE]\s", lines[2], re.IGNORECASE):
+        return _harwell_boeing(path, text, lines, rows or _names(path, ".mapping", like))
+    data = [line for line in lines if not line.startswith("*")]
+    width = len(data[0].replace(",", " ").split()) if data else 0
+    if width == 5:
+        return _abaqus(path, data)
+    if width == 3:
+        return _calculix(path, data, rows or _names(path, ".dof", like))
+    raise StructureError(path, "expected a matrix of Abaqus, CalculiX, Ansys (HBMAT) or Nastran (.op4, DMIG)")
+
+
+def _names(path: Path, suffix: str, like: Path | None) -> Path:
+    own = path.with_suffix(suffix)
+    return own if like is None or own.exists() else like.with_suffix(suffix)
+
+
+def _calculix(path: Path, lines: Sequence[str], names: Path) -> LabelledMatrix:
+    """Read row, column and value per line; names are NODE.AXIS, one line per row."""
+    found: list[Row] = []
+    for line in read_text(names).split():
+        node, _, axis = line.partition(".")
+        if not (node.isdecimal() and axis.isdecimal()):
+            raise StructureError(names, f"expected NODE.AXIS, found {line!r:.40}")
+        found.append((int(node), int(axis) - 1))
+    rows = checked_rows(names, found)
+    table = numbers(path, lines, 3)
+    row, column = (table[:, :2].astype(np.int64) - 1).T
+    return LabelledMatrix(path, symmetric(path, row, column, table[:, 2], len(rows)), rows)
+
+
+def _abaqus(path: Path, lines: Sequence[str]) -> LabelledMatrix:
+    """Read node, axis, node, axis and value per line: FORMAT=MATRIX INPUT."""
+    table = numbers(path, lines, 5)
+    pairs = table[:, :4].astype(np.int64).reshape(-1, 2)
+    names, number = np.unique(pairs, axis=0, return_inverse=True)
+    rows = checked_rows(path, ((int(node), int(axis) - 1) for node, axis in names.tolist()))
+    row, column = number.reshape(-1, 2).T
+    return LabelledMatrix(path, symmetric(path, row, column, table[:, 4], len(rows)), rows)
+
+
+def _harwell_boeing(path: Path, text: str, lines: Sequence[str], names: Path) -> LabelledMatrix:
+    """Read an assembled matrix of Ansys' HBMAT and its mapping: equation, node and name of the axis per line."""
+    found: list[Row] = []
+    for line in read_text(names).splitlines():
+        words = line.split()
+        if len(words) >= 3 and words[0].isdecimal() and words[1].isdecimal():
+            if words[2].upper() not in _ANSYS_AXES:
+                raise StructureError(
+                    names, f"node {words[1]}: expected {', '.join(_ANSYS_AXES)}, found {words[2]!r:.20}"
+                )
+            if int(words[0]) != len(found) + 1:
+                raise StructureError(names, f"expected equation {len(found) + 1}, found {words[0]}")
+            found.append((int(words[1]), _ANSYS_AXES.index(words[2].upper())))
+    rows = checked_rows(names, found)
+    _check_header(path, lines)
+    try:
+        whole = _SYMMETRIC_TYPE.sub(r"\1U\2", text, count=1)  # scipy reads the same layout as unsymmetric only
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # a line that is too long
+            matrix = sparse.coo_array(hb_read(StringIO(whole)))
+    except (ValueError, TypeError, IndexError, OverflowError, OSError, AttributeError, Warning) as error:
+        raise StructureError(path, f"no Harwell-Boeing matrix can be read: {error}".splitlines()[0][:200]) from error
+    if not np.isrealobj(matrix.data) or not np.isfinite(matrix.data).all():
+        raise StructureError(path, "no Harwell-Boeing matrix can be read: expected finite real numbers")
+    row, column = (np.asarray(index, np.int64) for index in matrix.coords)
+    return LabelledMatrix(path, symmetric(path, row, column, np.asarray(matrix.data, float), len(rows)), rows)
+
+
+def _check_header(path: Path, lines: Sequence[str]) -> None:
+    """Refuse counts that the file cannot hold, which scipy's reader would allocate."""
+    words = lines[2].split()
+    counts = [int(word) for word in words[1:4] if word.isdecimal()]
+    if len(counts) < 3 or max(counts[:2]) > MAX_ROWS or counts[2] > sum(map(len, lines)):
+        raise StructureError(path, f"expected numbers of rows, columns and entries, found {lines[2].strip()!r:.60}")
+    if not all(_HB_FORMAT.match(form) for form in re.findall(r"\([^)]*\)", lines[3])[:3]):
+        raise StructureError(path, f"expected formats of numbers, found {lines[3].strip()!r:.60}")

@@ -9,7 +9,7 @@ import numpy as np
 
 from daq import IntArray
 from updater.errors import StructureError
-from updater.fe.external.programs.bulk_data import bulk_cards, nastran_number
+from updater.fe.external.programs.nastran import bulk_cards, nastran_number
 from updater.fe.external.programs.numbers import read_text
 
 Point = tuple[float, float, float]
