@@ -162,7 +162,7 @@ def test_diagnose_takes_both_states_from_one_log(
     def explain(*_: object, **__: object) -> None:
         raise StateError("current", "enough is known")
 
-    monkeypatch.setattr("monitor.cli.data.diagnose.diagnosis.observe", observe)
+    monkeypatch.setattr("monitor.cli.data.log_observation.observe", observe)
     monkeypatch.setattr("monitor.cli.data.diagnose.diagnosis.explain_record", explain)
     monkeypatch.setattr("monitor.analysis.selection.Selection.of_observation", lambda _, observation: observation)
     states = ("--from", "2m18s", "--reference", REPLAY, "--reference-to", "2m5s", "--window", 15)
