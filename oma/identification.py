@@ -137,20 +137,21 @@ def _identify_all(recording: Recording, method: Method, chosen: tuple[float, flo
     low, high = _band(recording, method, chosen)
     recorded = tuple(channel.name for channel in recording.channels)
     delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
-    clean = cleaned(recording)
-    recording = enough(clean)
+    clean, measured = cleaned(recording), recording.data
+    recording, faults = enough(clean), clean.faults
+    del clean  # its samples are held once
     if chosen is None:
         high = usable_share(recording.data) * recording.rate
     delays |= delays_of_clean(recording)
     if any(delays.values()):
-        recording = aligned(recording, delays)
+        recording = aligned(recording, delays, in_place=recording.data is not measured)
     names = [channel.name for channel in recording.channels]
     stream = IdentificationStream(names, recording.rate, (low, high), method, start=recording.start)
     for block in np.array_split(recording.data, method.n_blocks):
         stream.add(block)
     found = stream.identify(recording.data)
     alias_from = ALIAS_FREE * recording.rate if chosen is None else np.inf
-    return replace(found, delays=delays, recorded=recorded, faults=clean.faults, alias_from=alias_from)
+    return replace(found, delays=delays, recorded=recorded, faults=faults, alias_from=alias_from)
 
 
 class IdentificationStream:

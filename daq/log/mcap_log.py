@@ -257,7 +257,7 @@ def read_log(log: AnyLog, axes: AxesOfDevices | None = None) -> Iterator[Item]:
     ----------
     log : its path, all files of a run, or an excerpt
     axes : device -> axes that are used, which is faster: blocks of other devices are left out, counts of other axes
-        are 0. Default: all
+        are 0, axes behind the last used one are missing. Default: all
 
     Raises
     ------

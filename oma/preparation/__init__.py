@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from oma.preparation.conditioning import channel_faults as channel_faults
     from oma.preparation.conditioning import cleaned as cleaned
     from oma.preparation.conditioning import detrended as detrended
+    from oma.preparation.conditioning import detrended_pieces as detrended_pieces
     from oma.preparation.conditioning import enough as enough
     from oma.preparation.conditioning import usable as usable
     from oma.preparation.faults import ChannelFault as ChannelFault

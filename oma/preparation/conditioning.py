@@ -61,7 +61,7 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
         if share:
             text = f"clipped: {share:.1%} of the samples are at a limit, and replaced"
             faults.setdefault(name, ChannelFault(kind="clipped", text=text))
-    data, taken = without_spikes(data)
+    data, taken = without_spikes(data, in_place=data is not recording.data)
     for name, share in zip(names, taken.tolist(), strict=True):
         if share:
             text = f"spikes: {share:.2%} of the samples are taken out"
@@ -72,8 +72,12 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     is_complete &= not (clipped.any() or taken.any())
     lost = np.zeros(len(names)) if is_complete else np.isnan(data).mean(axis=0)
     if not is_complete:
-        data = data.copy() if data is recording.data else data
-        data[:, kept] = filled(data[:, kept])
+        in_place = data is not recording.data
+        if len(kept) == len(names):
+            data = filled(data, in_place=in_place)
+        else:
+            data = data if in_place else data.copy()
+            data[:, kept] = filled(data[:, kept], in_place=True)
     for i, fault in () if is_complete else _incomplete(data, kept, min_complete):
         kept.remove(i)
         faults[names[i]] = fault
@@ -151,18 +155,25 @@ def detrended(data: FloatArray) -> FloatArray:
     -------
     (n_samples, n_channels) array
     """
+    return next(detrended_pieces(data, max(len(data), 1)), data)
+
+
+def detrended_pieces(data: FloatArray, length: int) -> Iterator[FloatArray]:
+    """Yield the same in pieces of some samples: the mean and slope removed are those of the whole."""
     time = np.linspace(-1.0, 1.0, len(data))
     mean, slope = data.mean(axis=0), time @ data / max(float(time @ time), 1e-300)
-    if np.isfinite(mean).all() and np.isfinite(slope).all():  # mean and slope are independent of each other
-        result = np.empty_like(data)
-        for column, signal, level, rise in zip(result.T, data.T, mean.tolist(), slope.tolist(), strict=True):
-            np.multiply(time, -rise, out=column)
+    is_complete = np.isfinite(mean).all() and np.isfinite(slope).all()
+    if not is_complete:  # else mean and slope are independent of each other
+        for k, signal in enumerate(data.T):
+            valid = np.isfinite(signal)
+            basis = np.column_stack((np.ones(valid.sum()), time[valid]))
+            mean[k], slope[k] = np.linalg.lstsq(basis, signal[valid], rcond=None)[0]
+    for start in range(0, len(data), length):
+        some = slice(start, start + length)
+        piece = data[some] if is_complete else np.where(np.isfinite(data[some]), data[some], np.nan)
+        result = np.empty_like(piece)
+        for column, signal, level, rise in zip(result.T, piece.T, mean.tolist(), slope.tolist(), strict=True):
+            np.multiply(time[some], -rise, out=column)
             column += signal
             column -= level
-        return result
-    result = np.where(np.isfinite(data), data, np.nan)
-    for column in result.T:
-        valid = np.isfinite(column)
-        basis = np.column_stack((np.ones(valid.sum()), time[valid]))
-        column[valid] -= basis @ np.linalg.lstsq(basis, column[valid], rcond=None)[0]
-    return result
+        yield result

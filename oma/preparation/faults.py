@@ -66,13 +66,15 @@ class Limits(NamedTuple):
     lowest: FloatArray  #: the same of the lowest
 
 
-def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
+def without_spikes(data: FloatArray, *, in_place: bool = False) -> tuple[FloatArray, FloatArray]:
     """Take out samples that stick out of their channel while the other channels rest, neighbours included.
 
     Parameters
     ----------
     data : (n_samples, n_channels) array
         NaN where a sample is missing.
+    in_place : bool
+        Write into `data`, instead of a copy.
 
     Returns
     -------
@@ -84,11 +86,16 @@ def without_spikes(data: FloatArray) -> tuple[FloatArray, FloatArray]:
     jumps = _jumps(data)
     if jumps is None:
         return data, np.zeros(data.shape[1])
-    near = ndimage.maximum_filter1d(jumps.astype(np.int8), 2 * _REACH + 1, axis=0) > 0
+    # rows about the jumps alone, with so many between those of two jumps that these do not reach each other
+    rows = np.flatnonzero(ndimage.maximum_filter1d(jumps.any(axis=1), 4 * _REACH + 1))
+    jumps = jumps[rows]
+    near = ndimage.maximum_filter1d(jumps, 2 * _REACH + 1, axis=0)
     company = near.sum(axis=1, keepdims=True) - near
     alone = jumps & (company <= _COMPANY * (data.shape[1] - 1))
-    out = (ndimage.maximum_filter1d(alone.astype(np.int8), 2 * _REACH + 1, axis=0) > 0) & np.isfinite(data)
-    return np.where(out, np.nan, data), np.asarray(out.mean(axis=0))
+    out = ndimage.maximum_filter1d(alone, 2 * _REACH + 1, axis=0) & np.isfinite(data[rows])
+    result, (places, columns) = data if in_place else data.copy(), np.nonzero(out)
+    result[rows[places], columns] = np.nan
+    return result, np.asarray(out.sum(axis=0) / len(data))
 
 
 def _jumps(data: FloatArray) -> BoolArray | None:

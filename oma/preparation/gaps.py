@@ -60,7 +60,7 @@ def short_gaps(missing: BoolArray) -> BoolArray:
     return np.asarray(within[:, :-1].T)
 
 
-def filled(data: FloatArray) -> FloatArray:
+def filled(data: FloatArray, *, in_place: bool = False) -> FloatArray:
     """Fill short gaps; long ones stay.
 
     Of a long record, the autoregression is fitted to blocks that are spread evenly over it.
@@ -69,6 +69,8 @@ def filled(data: FloatArray) -> FloatArray:
     ----------
     data : (n_samples, n_channels) array
         NaN where a sample is missing.
+    in_place : bool
+        Write into `data`, instead of a copy.
 
     Returns
     -------
@@ -92,7 +94,7 @@ def filled(data: FloatArray) -> FloatArray:
     for _ in range(_PASSES):
         model = _fit(values, used & learnt[rows[ORDER:]])
         values[short] += _most_likely(model, values, short, used)
-    result = data.copy()
+    result = data if in_place else data.copy()
     result[lost] = (values * size + mean)[short]
     return result
 

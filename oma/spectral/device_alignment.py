@@ -17,7 +17,7 @@ import numpy as np
 from scipy import fft
 
 from daq import FloatArray, IndexArray, Recording
-from oma.preparation import PASS, BoolArray, bridged, detrended, usable
+from oma.preparation import PASS, BoolArray, bridged, detrended_pieces, usable
 from oma.spectral.spectra import SpectrumAccumulator
 from oma.types import ComplexArray
 
@@ -89,24 +89,26 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
     return zero | dict(zip(devices, late.tolist(), strict=True))
 
 
-def aligned(recording: Recording, delays: Mapping[str, float]) -> Recording:
+def aligned(recording: Recording, delays: Mapping[str, float], *, in_place: bool = False) -> Recording:
     """Return a recording without its devices' delays [s]; NaN where a shift leaves no sample.
 
     Parameters
     ----------
     recording : Recording
     delays : device -> how late it is
+    in_place : write into the data of the recording, instead of a copy
     """
-    data = recording.data.copy()
+    data = recording.data if in_place else recording.data.copy()
     for k, channel in enumerate(recording.channels):
         if delays[channel.device]:
-            data[:, k] = _advanced(recording.data[:, k], delays[channel.device] * recording.rate)
+            data[:, k] = _advanced(data[:, k], delays[channel.device] * recording.rate)
     return replace(recording, data=data)
 
 
 def _spectrum(data: FloatArray, n_fft: int) -> ComplexArray:
     """Return the spectral matrix up to the highest line used, (n_lines, n_channels, n_channels), in any unit."""
-    return SpectrumAccumulator(data.shape[1], 1.0, n_fft, (0.0, PASS), single=True).total(detrended(data))[0]
+    sums = SpectrumAccumulator(data.shape[1], 1.0, n_fft, (0.0, PASS), single=True)
+    return np.asarray(sum(sums.total(piece)[0] for piece in detrended_pieces(data, sums.at_once)))
 
 
 def _spread(data: FloatArray, n_fft: int) -> FloatArray | None:

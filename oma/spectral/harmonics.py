@@ -21,6 +21,7 @@ Brincker, R., Andersen, P., Møller, N. (2000). An indicator for separation of s
 output-only modal testing. Proceedings of IMAC XVIII.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,32 +102,36 @@ def classify(
     complete: BoolArray = np.all(np.isfinite(data), axis=1)
     if complete.mean() < _MIN_COMPLETE:
         return LineClasses(tone=tone, uncertain=uncertain, frequency=frequency)
-    lines = _transforms(data, estimate.shape.real, complete).T
     duration = len(data) / rate
+    tests: dict[int, LineTest] = {}
+    variations: list[list[float]] = []  # of each mode, over each of its bands
+    for i, lines in enumerate(_transforms(data, estimate.shape.real, complete)):
+        if estimate.damping[i] - 3 * estimate.damping_std[i] < _SUSPECT:
+            test = _line(lines, complete, duration, estimate, i, limits.min_damping)
+            tests |= {i: test} if test else {}
+        centre, widths = estimate.frequency[i] * duration, _half_widths(estimate.frequency[i], estimate.damping[i])
+        variations.append([_variation(lines, complete, centre, width * duration) for width in widths])
     law = np.array([uncertainty_law(f, _LIGHT, duration)[1] for f in estimate.frequency])
     undamped = suspected & (estimate.damping < _LIGHT - 3 * law)  # as no light mode's estimate would be
-    for i in np.flatnonzero(estimate.damping - 3 * estimate.damping_std < _SUSPECT):
-        test = _line(lines[:, i], complete, duration, estimate, int(i), limits.min_damping)
-        threshold = np.log(test.n_samples / _FALSE_TONE) if test else np.inf
-        if test and test.significance > threshold:
+    for i, test in tests.items():
+        threshold = np.log(test.n_samples / _FALSE_TONE)
+        if test.significance > threshold:
             tone[i] = undamped[i] or test.evidence > threshold
             uncertain[i] = not tone[i] and test.decay_evidence < _DECAY_EVIDENCE
             frequency[i] = (round(float(estimate.frequency[i]) * duration) + test.frequency) / duration
     multiple = _multiples(frequency, tone, duration) & uncertain
     tone, uncertain = tone | multiple, uncertain & ~multiple
-    steady = _steady(lines, complete, duration, estimate, tone)
+    steady = _steady(variations, duration, estimate, tone)
     return LineClasses(tone=tone | steady, uncertain=uncertain & ~steady, frequency=frequency)
 
 
-def _transforms(data: FloatArray, shapes: FloatArray, complete: BoolArray) -> ComplexArray:
-    """Return the transforms (n_shapes, n_lines) of the signals along shapes, gaps bridged."""
-    result = np.empty((len(shapes), len(data) // 2 + 1), np.complex128)
+def _transforms(data: FloatArray, shapes: FloatArray, complete: BoolArray) -> Iterator[ComplexArray]:
+    """Yield the transforms (n_lines,) of the signals along each shape, gaps bridged."""
     for start in range(0, len(shapes), _AT_ONCE):
         moved = shapes[start : start + _AT_ONCE] @ data.T
         if not complete.all():
             moved = bridged(moved.T, np.repeat(~complete[:, None], len(moved), axis=1)).T
-        result[start : start + _AT_ONCE] = fft.rfft(moved, axis=1)
-    return result
+        yield from fft.rfft(moved, axis=1, overwrite_x=True)
 
 
 def _line(
@@ -159,7 +164,7 @@ def _multiples(frequency: FloatArray, tone: BoolArray, duration: float) -> BoolA
 
 
 def _steady(
-    lines: ComplexArray, complete: BoolArray, duration: float, estimate: ModalEstimate, known: BoolArray
+    variations: Sequence[Sequence[float]], duration: float, estimate: ModalEstimate, known: BoolArray
 ) -> BoolArray:
     """Return which modes are too steady to be resonances under random forces (n_modes,).
 
@@ -170,9 +175,8 @@ def _steady(
         others = estimate.frequency[known | result]
         frequency, damping = float(estimate.frequency[i]), float(estimate.damping[i])
         result[i] = not known[i] and any(
-            _variation(lines[:, i], complete, frequency * duration, width * duration)
-            < steadiest(2 * np.pi * frequency * damping * duration)
-            for width in _half_widths(frequency, damping)
+            variation < steadiest(2 * np.pi * frequency * damping * duration)
+            for variation, width in zip(variations[i], _half_widths(frequency, damping), strict=True)
             if not np.any(np.abs(others - frequency) < width)
         )
     return result
@@ -192,5 +196,6 @@ def _variation(lines: ComplexArray, complete: BoolArray, centre: float, half_wid
     band = np.zeros(n, dtype=np.complex128)
     band[: last - first + 1] = lines[first : last + 1]
     power = np.abs(fft.ifft(band)) ** 2
-    there = np.interp(np.arange(n) / n, np.linspace(0, 1, len(complete)), complete) > 1 / 2
-    return float(np.var(power[there]) / np.mean(power[there]) ** 2)
+    if not complete.all():
+        power = power[np.interp(np.arange(n) / n, np.linspace(0, 1, len(complete)), complete) > 1 / 2]
+    return float(np.var(power) / np.mean(power) ** 2)

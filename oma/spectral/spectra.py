@@ -118,6 +118,7 @@ class SpectrumAccumulator:
         taper = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n_fft) / n_fft)
         self._whole = _autocorrelation(taper[None])[0]
         self._taper: npt.NDArray[np.floating[Any]] = taper.astype(np.float32 if single else np.float64)
+        self.at_once = max(_AT_ONCE // n_channels, _SEGMENTS_AT_ONCE // 2 * n_fft)  #: samples transformed at once
         self._before = np.empty((n_channels, 0))
         self._sums: deque[PackedArray] = deque()
         self._windows: deque[FloatArray] = deque()
@@ -141,9 +142,8 @@ class SpectrumAccumulator:
         n_channels = data.shape[1]
         total = np.zeros((self._lines.stop - self._lines.start, n_channels, n_channels), dtype=np.complex128)
         window = np.zeros(self.n_fft)
-        at_once = max(_AT_ONCE // n_channels, _SEGMENTS_AT_ONCE // 2 * self.n_fft)
-        for start in range(0, len(data), at_once):
-            values = np.concatenate((self._before, data[start : start + at_once].T), axis=1)
+        for start in range(0, len(data), self.at_once):
+            values = np.concatenate((self._before, data[start : start + self.at_once].T), axis=1)
             n_segments = max(values.shape[1] - self.n_fft + self._hop, 0) // self._hop
             if n_segments:
                 window += self._add_segments(values[:, : (n_segments - 1) * self._hop + self.n_fft], total)

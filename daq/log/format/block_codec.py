@@ -65,7 +65,8 @@ def decode_blocks(messages: Sequence[tuple[str, bytes]], axes: AxesOfDevices | N
     Parameters
     ----------
     messages : devices and their messages
-    axes : device -> axes that are used; counts of its other axes are 0. Default: all
+    axes : device -> axes that are used; counts of its other axes are 0, axes behind the last used one are
+        missing. Default: all
     """
     parsed = [AccelBlock.FromString(data) for _, data in messages]
     for message in parsed:

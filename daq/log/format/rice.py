@@ -134,7 +134,7 @@ class PackedBlocks:
     n_start: IndexArray  #: (n_blocks,) start values of each block
     n: IndexArray  #: (n_blocks,) samples of each axis of a block
     bits: Sequence[bytes]  #: bits of each block
-    used: BoolArray  #: (n_axes_of_all,) axes to be unpacked; samples of others are 0
+    used: BoolArray  #: (n_axes_of_all,) axes to be unpacked: others are 0, those behind the last used one are left out
 
 
 def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
@@ -151,8 +151,9 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
     rest, window = _rest(packed.bits, axes), _windows(packed.bits, int(axes.n_low.max()))
     counts = np.empty(len(packed.bits), np.object_)
     block = np.repeat(np.arange(len(packed.bits)), packed.n_axes)
+    kept = _up_to_last_used(packed)
     for length in np.unique(packed.n).tolist():
-        chosen = np.flatnonzero(axes.samples == length)
+        chosen = np.flatnonzero(kept & (axes.samples == length))
         table = np.zeros((len(chosen), length), np.uint32)
         place = np.flatnonzero(packed.used[chosen])
         place = place[np.argsort(-axes.order[chosen[place]], kind="stable")]
@@ -162,6 +163,14 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
         for begin, end in zip(edges, [*edges[1:], len(chosen)], strict=True):
             counts[block[chosen[begin]]] = table[begin:end].view(np.int32).T
     return counts.tolist()
+
+
+def _up_to_last_used(packed: PackedBlocks) -> BoolArray:
+    """Return which axes of all blocks are not behind the last used one of their block, the first one always."""
+    edge = _before(packed.n_axes)
+    number = np.arange(len(packed.order)) - np.repeat(edge, packed.n_axes)
+    last = np.maximum.reduceat(np.where(packed.used, number, 0), edge)
+    return np.asarray(number <= np.repeat(last, packed.n_axes))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

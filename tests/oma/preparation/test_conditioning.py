@@ -1,8 +1,9 @@
 import numpy as np
+import pytest
 
 from daq import Channel, FloatArray, Recording
 from oma import channel_faults
-from oma.preparation import detrended
+from oma.preparation import detrended, detrended_pieces
 
 
 def recording(data: FloatArray) -> Recording:
@@ -38,3 +39,12 @@ def test_mean_and_slope_are_removed_despite_gaps() -> None:
     data = (3.0 + 0.01 * np.arange(500.0))[:, None] * np.ones(2)
     data[100:300, 1] = np.nan
     assert np.nanmax(np.abs(detrended(data))) < 1e-12
+
+
+@pytest.mark.parametrize("share_missing", [0.0, 0.1])
+def test_pieces_are_detrended_by_the_line_of_the_whole(share_missing: float) -> None:
+    random = np.random.default_rng(1)
+    data = np.cumsum(random.standard_normal((1000, 3)), axis=0)
+    data[random.random(data.shape) < share_missing] = np.nan
+    pieces = np.concatenate(list(detrended_pieces(data, 300)))
+    np.testing.assert_array_equal(pieces, detrended(data))

@@ -89,6 +89,20 @@ def test_spike_is_removed_with_adjacent_samples() -> None:
     assert not np.isnan(np.delete(mended, 4, axis=1)).any()
 
 
+@pytest.mark.parametrize("between", range(4, 13))
+def test_spikes_near_each_other_and_at_the_ends_are_removed_each_with_its_neighbours(between: int) -> None:
+    data = window().data.copy()
+    spikes = {4: (1, 1000), 2: (1000 + between, len(data) - 2)}
+    for channel, places in spikes.items():
+        data[list(places), channel] += 50 * data[:, channel].std()
+    mended, taken = without_spikes(data.copy(), in_place=True)
+    expected = {c: sorted({i + k for i in spikes[c] for k in range(-2, 3)} & {*range(len(data))}) for c in spikes}
+    for channel, lost in expected.items():
+        assert np.flatnonzero(np.isnan(mended[:, channel])).tolist() == lost
+        assert taken[channel] == len(lost) / len(data)
+    assert not np.isnan(np.delete(mended, [2, 4], axis=1)).any()
+
+
 def test_channel_with_many_spikes_is_excluded() -> None:
     data = window().data.copy()
     data[::40, 4] += 50 * data[:, 4].std()  # with neighbours an eighth of the samples

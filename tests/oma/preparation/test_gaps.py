@@ -34,6 +34,14 @@ def test_long_gaps_are_not_filled() -> None:
     assert short_gaps(np.isnan(data)).sum() == ORDER
 
 
+def test_filling_in_place_needs_no_copy() -> None:
+    whole = SCENES["short"].record(2).data
+    data = np.where(np.random.default_rng(2).random(whole.shape) < 0.1, np.nan, whole)
+    expected = filled(data)
+    assert filled(data, in_place=True) is data
+    assert np.array_equal(data, expected)
+
+
 def test_short_recordings_are_not_changed() -> None:
     data = np.ones((20, 3))
     data[4, 1] = np.nan

@@ -15,6 +15,7 @@ from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError, drawing
+from monitor.service.processes import trim_memory
 from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
 from oma.windows import Windows, identify_windows
 from updater import StructureError, UpdaterError
@@ -48,7 +49,7 @@ class LogWindows:
 
     def __iter__(self) -> Iterator[Recording]:
         """Yield all windows; later ones than the first are read again at each iteration."""
-        windows = recordings_of(self._logs, self._window)
+        windows = _sparing(recordings_of(self._logs, self._window))
         start = None
         if self._first is None:
             first = next(windows, None)
@@ -61,6 +62,18 @@ class LogWindows:
             start = self._first.start
             yield self._first
         yield from filter(lambda recording: recording.start != start, windows)
+
+
+def _sparing(windows: Iterator[Recording]) -> Iterator[Recording]:
+    """Yield windows; before and after a large one, memory that was freed in pieces is given back."""
+    while recording := next(windows, None):
+        is_large = recording.data.nbytes > _KEPT_BYTES
+        if is_large:
+            trim_memory()  # of the blocks that it is made of
+        yield recording
+        del recording  # while the next one is made
+        if is_large:
+            trim_memory()  # of its analysis
 
 
 def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate) -> Asynchrony | None:
