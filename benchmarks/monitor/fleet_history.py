@@ -27,6 +27,7 @@ from sqlalchemy import create_engine
 from daq import Event
 from monitor.outputs.history import FleetReader, HistoryStore, Reader, SiteState, Span, Writer
 from monitor.outputs.history.schema import DAY
+from monitor.service.processes import spare_what_is_loaded
 from tests.support.monitor.fleet import Fleet, fill
 from tests.support.monitor.history import run_events
 from tests.support.postgres import Server, postgres_server
@@ -152,6 +153,7 @@ def main() -> None:
         print("| table | rows | MB | bytes per row |\n| --- | ---: | ---: | ---: |")
         for name, (count, size) in tables.items():
             print(f"| {name} | {count} | {size / 1e6:.1f} | {size / max(count, 1):.0f} |")
+        spare_what_is_loaded()  # as the server of the page does
         print("\n| query of one site [ms] | from disk, p50 | p95 | again, p50 | p95 |")
         print("| --- | ---: | ---: | ---: | ---: |")
         for span, days in SPANS.items():

@@ -129,8 +129,10 @@ def _set_pragmas(connection: Any, _record: object) -> None:  # noqa: ANN401 - sq
 
 
 def _wait_briefly(connection: Connection) -> None:
-    """Wait for short locks only, in this transaction."""
-    connection.exec_driver_sql(f"SET LOCAL lock_timeout = {round(1000 * _LOCK_SECONDS)}")
+    """Wait for short locks only, in this transaction; without one, in this session."""
+    is_session = connection.get_execution_options().get("isolation_level") == "AUTOCOMMIT"
+    scope = "SESSION" if is_session else "LOCAL"
+    connection.exec_driver_sql(f"SET {scope} lock_timeout = {round(1000 * _LOCK_SECONDS)}")
 
 
 def shown_url(url: str) -> str:

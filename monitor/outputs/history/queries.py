@@ -2,12 +2,12 @@
 
 import json
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from sqlalchemy import BigInteger, Column, Row, Select, Table, cast, func, literal, select, true
+from sqlalchemy import BigInteger, Column, Result, Row, Select, Table, cast, func, literal, select, true
 from sqlalchemy.exc import SQLAlchemyError
 
 from monitor.outputs.history import schema
@@ -19,6 +19,7 @@ from monitor.outputs.history.sites import NO_SITE, find_site
 T = TypeVar("T")
 Every = Literal["window", "hour", "day"]
 _NO_WRITING = "readonly database", "unable to open"  # messages of SQLite without write permission
+_PART = 256  # rows that are converted at a time
 _WINDOW_DAYS, _HOUR_DAYS = 2, 14  # longest spans with a trend per window, and per hour
 
 
@@ -130,6 +131,8 @@ class Reader(OpenDatabase):
                 with engine.begin() as connection:
                     migrate(connection, self.url)
                     self._site = find_site(connection, site, self.url)
+                # for all questions: a transaction for each would send four more messages to the server
+                self._connection = engine.connect().execution_options(isolation_level="AUTOCOMMIT")
             except HistoryError:
                 engine.dispose()
                 raise
@@ -142,6 +145,11 @@ class Reader(OpenDatabase):
                 self._engine = engine
                 return
         raise HistoryError(self.url, error_message(refused, engine.url) if refused else "cannot be opened") from refused
+
+    def __exit__(self, *reason: object) -> None:
+        """Close the connection."""
+        self._connection.close()
+        super().__exit__(*reason)
 
     @property
     def is_known(self) -> bool:
@@ -160,15 +168,14 @@ class Reader(OpenDatabase):
 
     def windows(self, span: Span, most: int = 1000) -> list[WindowRow]:
         """Return the last windows of a span, in the order of time."""
-        found = windows_query(self._site, span).limit(most)
-        return _made(WindowRow, self._rows(found))[::-1]
+        return self._objects(WindowRow, windows_query(self._site, span).limit(most))[::-1]
 
     def days(self, span: Span) -> list[DayRow]:
         """Return all windows of a span by the day."""
         table, (first, last) = schema.window_days, span.days
         own = select(*_columns(table)).where(table.c.site == self._site)
         found = own.where(table.c.day.between(first, last)).order_by(table.c.day)
-        return _made(DayRow, self._rows(found))
+        return self._objects(DayRow, found)
 
     def modes(self) -> list[int]:
         """Return the identities of all modes ever tracked."""
@@ -182,12 +189,12 @@ class Reader(OpenDatabase):
 
     def trend(self, mode: int, span: Span, every: Every | None = None) -> list[TrendPoint]:
         """Return a mode over a span of time; by default with the resolution of the span."""
-        return _made(TrendPoint, self._rows(_TREND_QUERIES[every or span.every](self._site, mode, span)))
+        return self._objects(TrendPoint, _TREND_QUERIES[every or span.every](self._site, mode, span))
 
     def trends(self, span: Span) -> dict[int, list[TrendPoint]]:
         """Return all modes over a span of time, as `trend` does each; those without a point are left out."""
         found: dict[int, list[TrendPoint]] = defaultdict(list)
-        for point in _made(TrendPoint, self._rows(_TREND_QUERIES[span.every](self._site, None, span))):
+        for point in self._objects(TrendPoint, _TREND_QUERIES[span.every](self._site, None, span)):
             found[point.mode].append(point)
         return dict(sorted(found.items()))
 
@@ -197,11 +204,11 @@ class Reader(OpenDatabase):
         open_still = table.c.cleared.is_(None) | (table.c.cleared >= span.start)
         own = select(*_columns(table)).where(table.c.site == self._site)
         found = own.where(table.c.raised <= span.end, open_still).order_by(table.c.raised)
-        return _made(AlarmRow, self._rows(found))
+        return self._objects(AlarmRow, found)
 
     def events(self, span: Span, most: int = 1000, topic: str | None = None) -> list[EventRow]:
         """Return the last events of a span, or of one kind, in the order of time."""
-        return _made(EventRow, self._rows(events_query(self._site, span, topic).limit(most)))[::-1]
+        return self._objects(EventRow, events_query(self._site, span, topic).limit(most))[::-1]
 
     def alarm_changes(self, span: Span, most: int) -> list[EventRow]:
         """Return the last reported changes of the alarm in a span as events, in the order of time."""
@@ -241,17 +248,26 @@ class Reader(OpenDatabase):
         return str(last[0][0]) if last else None
 
     def _rows(self, query: Select[*tuple[Any, ...]]) -> list[Row[*tuple[Any, ...]]]:
+        return self._read(query, lambda result: list(result.all()))
+
+    def _objects(self, kind: Callable[..., T], query: Select[*tuple[Any, ...]]) -> list[T]:
+        """Return an object for each row, whose columns are its fields.
+
+        Rows are let go of in parts: one garbage collection of the whole program takes longer than a query, and is due
+        after so many new objects that are held at once.
+        """
+
+        def made(result: Result[*tuple[Any, ...]]) -> list[T]:
+            names = tuple(result.keys())
+            return [kind(**dict(zip(names, row, strict=True))) for part in result.partitions(_PART) for row in part]
+
+        return self._read(query, made)
+
+    def _read(self, query: Select[*tuple[Any, ...]], taken: Callable[[Result[*tuple[Any, ...]]], T]) -> T:
         try:
-            with self._engine.connect() as connection:
-                return list(connection.execute(query))
+            return taken(self._connection.execute(query))
         except SQLAlchemyError as error:
             raise self._error(error) from error
-
-
-def _made(kind: Callable[..., T], rows: Sequence[Row[*tuple[Any, ...]]]) -> list[T]:
-    """Return an object for each row, whose columns are its fields."""
-    names = rows[0]._fields if rows else ()
-    return [kind(**dict(zip(names, row, strict=True))) for row in rows]
 
 
 def _columns(table: Table) -> list[Column[Any]]:

@@ -47,6 +47,8 @@ def fill(url: str, fleet: Fleet) -> None:
         "event_step": DAY // fleet.events_per_day,
         "site": "site",
         "level": "0.2 + 0.6 * random()",
+        # in the order in which monitors write them, the modes of a site together: each series depends on the last one
+        "rows": f"generate_series(1, {fleet.sites} + 0 * i) site, generate_series(1, {fleet.modes} + 0 * site) mode",
     } | fleet.__dict__
     with engine.begin() as connection:
         for statement in (_FILL + _states(fleet)).format(day=DAY, hour=HOUR, step=STEP, **numbers).split(";"):
@@ -66,16 +68,17 @@ INSERT INTO windows SELECT site, {now} - ({n} - i) * {step}, {now} - ({n} - i + 
   4 * ({level}), 4.0, NULL FROM generate_series(1, {n}) i, generate_series(1, {sites}) site;
 INSERT INTO modes SELECT site, mode, {now} - ({n} - i) * {step}, 3.0 * mode * (1 + 0.002 * sin(i / 100.0)), 0.001, 0.01,
   0.001, 0.2 * sin(i / 100.0), 0.05
-  FROM generate_series(1, {n}) i, generate_series(1, {sites}) site, generate_series(1, {modes}) mode;
+  FROM generate_series(1, {n}) i, {rows};
 ALTER TABLE modes ADD PRIMARY KEY (site, mode, "end");
 CREATE INDEX modes_by_time ON modes (site, "end");
 INSERT INTO window_days SELECT site, {today} - {days} + i, {per_day}, {per_day}, 0, {level}
   FROM generate_series(1, {days}) i, generate_series(1, {sites}) site;
 INSERT INTO mode_days SELECT site, mode, {today} - {days} + i, {per_day}, 3.0 * mode * (1 + 0.005 * sin(i / 58.0)),
   3.0 * mode * 0.99, 3.0 * mode * 1.01, 0.01, 0.5 * sin(i / 58.0)
-  FROM generate_series(1, {days}) i, generate_series(1, {sites}) site, generate_series(1, {modes}) mode;
+  FROM generate_series(1, {days}) i, {rows};
 INSERT INTO mode_hours SELECT site, mode, ("end" - 1) / {hour}, count(*), avg(frequency), min(frequency),
-  max(frequency), avg(damping), avg(shift_percent) FROM modes GROUP BY site, mode, ("end" - 1) / {hour};
+  max(frequency), avg(damping), avg(shift_percent) FROM modes GROUP BY site, mode, ("end" - 1) / {hour}
+  ORDER BY 3, 1, 2;
 INSERT INTO alarms SELECT site, {now} - 30 * i * {day} - 3600000000000, {now} - 30 * i * {day}, 3600.0, NULL,
   'ALARM: the structure has changed (not yet explained)', 0
   FROM generate_series(1, {days} / 30) i, generate_series(1, {sites}) site;

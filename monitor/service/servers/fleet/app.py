@@ -17,6 +17,7 @@ from daq.signals import STOP_SIGNALS, signal_event
 from monitor.errors import StartError
 from monitor.outputs.fleet_broker import FleetBroker, FleetBrokerError
 from monitor.outputs.history import STATE_SECONDS, FleetReader, FleetRow, HistoryError, Reader
+from monitor.service.processes import spare_what_is_loaded
 from monitor.service.servers import web
 from monitor.service.servers.fleet.overview import CONDITIONS, Wanted, overview
 from monitor.service.servers.fleet.pages import SPANS, failed_html, fleet_html, site_html, sites_html
@@ -153,6 +154,7 @@ def serve_fleet(settings: FleetSettings, folder: Path, ready: Callable[[str], No
             raise StartError(f"fleet: {settings.bind}:{settings.port}: {error}") from error
         app = make_fleet_app(source, token=token, open_to_look=local, token_place=settings.token_file)
         with listener:
+            spare_what_is_loaded()
             ready(page_url(settings.bind, listener.getsockname()[1]))
             manager = ServiceManager()
             manager.ready()
