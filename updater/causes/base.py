@@ -140,9 +140,10 @@ class Discrete:
         del covariance, rows
         return np.zeros(len(theta))
 
-    def refined(self, log_density: FloatArray, theta: FloatArray) -> None:
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
         """There is nothing between the alternatives."""
         del log_density, theta
+        return None
 
     def where(self, fit: Fit[Any]) -> Where | None:
         """Return none: it has no place of its own."""

@@ -24,6 +24,7 @@ SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a connection that has come loose
 _SOFTER = 10.0  # likewise of a bearing, of its own flexibility
 _GIVES = 1e-2  # and at least of c E I / L^3
+_LARGE = 2.0  # over the usual change: a Gaussian prior of that would be refused at 5 %
 _ORDERS = 1e-3, 10.0  # range of the order of a parameter, over that: hardly visible to a hinge
 
 
@@ -73,7 +74,19 @@ class Springs(Discrete):
         """Return the correction of the evidence for a change of any order: the same about all axes, as of one loss."""
         del rows
         least, most = np.multiply(_ORDERS, LOOSE)
-        return common_magnitude(theta, covariance, gaussian=LOOSE, least=least, most=most)
+        return common_magnitude(theta, covariance, gaussian=float(self.prior_std[0]), least=least, most=most)
+
+    def refined(self, log_density: FloatArray, theta: FloatArray) -> Self | None:
+        """Return the same with a prior of the order of the best change, if that is larger than usual.
+
+        The evidence has a prior of unknown order in any case. The usual Gaussian prior of the fit pulls a large change
+        towards zero, and its residual would be taken for one of the data.
+        """
+        best = int(np.argmax(log_density + self.log_prior))
+        order = float(np.sqrt(np.mean(theta[best, self.active[best]] ** 2)))
+        if order <= _LARGE * self.prior_std[0]:
+            return None
+        return replace(self, prior_std=np.full(3, min(order, _ORDERS[1] * LOOSE)), begun=theta)
 
     def where(self, fit: Fit[Cause]) -> Where:
         """Return the node."""
