@@ -13,6 +13,7 @@ from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
 from updater.inference.shape_covariance import (
     SHAPE_BIAS,
+    along_changed_modes,
     foreign_modes,
     mixed_by_change,
     nearer_modes,
@@ -69,7 +70,10 @@ def compare(
     expected = at_channels[:, reference.paired[tracks]].T
     by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
     foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error, typical_shift)
-    foreign = np.concatenate([foreign, by_noise], axis=1)
+    share = np.hypot(np.linalg.norm(foreign, axis=2), np.linalg.norm(by_noise, axis=2))
+    now = np.where(np.isfinite(event.shape), event.shape, base.shape)
+    altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
+    foreign = np.concatenate([foreign, by_noise, altered], axis=1)
     nearer = nearer_modes(reference, tracks, ratio, at_channels, base.damping)
     nearer = np.concatenate([nearer, by_noise], axis=1)
     sign = np.where((event.shape * base.shape).sum(1) < 0, -1, 1)[:, None]

@@ -11,7 +11,7 @@ from updater.reference import Reference
 SHAPE_BIAS = 6e-4  #: relative to a unit shape: error of identification beyond its noise, different after a change
 _MAX_TURNED = 0.5  # rad: largest rotation of close modes into each other by such an error
 _MIXED = 0.05  # rad: from about where on noise turns modes into each other most of all
-_MIN_GAP = 1e-6  # of squared frequencies
+_MIN_GAP = 1e-6  # of squared frequencies, and of shapes
 _MAX_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
@@ -105,6 +105,34 @@ def turned_by_noise(
         stated = np.nan_to_num((mean.shape_std**2).sum(1))[:, None]
         square += turn + stated * turn / (turn + _MIXED**2)
     return _towards(np.minimum(np.sqrt(square), _MAX_TURNED), paired, at_channels)
+
+
+def along_changed_modes(
+    share: FloatArray, paired: IndexArray, at_channels: FloatArray, base: FloatArray, shape: FloatArray
+) -> FloatArray:
+    """Return what errors along other modes have in addition where the change has altered those modes' shapes.
+
+    Modes that are close after the change mix with each other as they are then. Along the baseline's shapes alone, a
+    rotation of half a radian would leave the altered part of the other mode as if it were a residual.
+
+    Parameters
+    ----------
+    share : (n, n_modes) standard deviation of other modes' share in unit shapes
+    paired : (n,) model mode of each compared one
+    at_channels : (n_channels, n_modes)
+    base, shape : (n, n_channels) of the compared modes before and now, unit norm
+
+    Returns
+    -------
+    (n, n, n_channels)
+        Of each compared mode along each other one as it is now, less what lies along the baseline's.
+    """
+    now = turned_back(beside(shape[:, None], shape), shape, base).transpose(1, 0, 2)
+    before = beside(at_channels[:, paired].T, base[:, None])
+    length = np.linalg.norm(before, axis=2)
+    others = (length > _MIN_GAP * np.linalg.norm(at_channels[:, paired], axis=0)) & ~np.eye(len(paired), dtype=bool)
+    altered = beside(now, np.where(others[:, :, None], before, 1.0))
+    return np.asarray(np.where(others, share[:, paired], 0.0)[:, :, None] * altered)
 
 
 def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, base: FloatArray) -> FloatArray:

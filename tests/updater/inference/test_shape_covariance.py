@@ -13,7 +13,14 @@ from oma import ComplexArray
 from tests.support.updater.diagnosis_data import CHANNELS, TRACK, Change, learnt
 from updater import Body
 from updater.inference import beside
-from updater.inference.shape_covariance import mixed_by_change, own_phases, turned_back, turned_by_noise
+from updater.inference.shape_covariance import (
+    along_changed_modes,
+    mixed_by_change,
+    own_phases,
+    shape_whiteners,
+    turned_back,
+    turned_by_noise,
+)
 from updater.modal_data.device_delays import split_shape
 from updater.reference import Reference
 
@@ -81,6 +88,35 @@ def test_noise_mixes_close_modes() -> None:
     assert little[1] == pytest.approx(louder * np.sqrt(2) * 1e-4 / gap, rel=0.05)
     assert (little[2:] < 3e-4).all()
     assert share(0.3 * gap, 0.2)[0, 1] == pytest.approx(min(0.5, np.sqrt(2) * np.hypot(0.3, 0.2)) * louder, rel=0.05)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.3, 0.6])
+def test_modes_mix_along_their_changed_shapes(turned: float) -> None:
+    """A change alters one of two modes by 0.2 rad; then noise turns both, whose share has the deviation 0.5.
+
+    The residual of a right prediction is that rotation, sin(turned) / 0.5 deviations, along the other mode as it is
+    now. Its two parts count as independent: chi-square is at most twice as large. Without the altered part the
+    residual is also sin(0.2) sin(turned) over the channels' deviation, up to 56 here.
+    """
+    own, other, altered = np.eye(12)[[2, 7, 9]]
+    base, now = np.array([own, other]), np.array([own, np.cos(0.2) * other + np.sin(0.2) * altered])
+    cos, sin = np.cos(turned), np.sin(turned)
+    measured = np.array([[cos, sin], [-sin, cos]]) @ now
+    share, at_channels = 0.5 * (1 - np.eye(2)), 3.0 * base.T
+    foreign = share[:, :, None] * base
+    rest = turned_back(beside(measured, now), now, base)
+
+    def chi_square(errors: FloatArray) -> FloatArray:
+        whitener = shape_whiteners(np.full((2, 12), 2e-3**2), base, errors)
+        return np.asarray((np.einsum("ijk,ik->ij", whitener, rest) ** 2).sum(1))
+
+    extra = along_changed_modes(share, np.arange(2), at_channels, base, measured)
+    np.testing.assert_allclose((extra * base[:, None]).sum(-1), 0, atol=1e-12)
+    found = chi_square(np.concatenate([foreign, extra], axis=1))
+    print(found, chi_square(foreign))
+    assert (found < 2 * (sin / 0.5) ** 2 + 1e-3).all()
+    if turned:
+        assert chi_square(foreign).max() > 100
 
 
 def test_poor_reference_has_larger_model_error_factor() -> None:
