@@ -29,4 +29,5 @@ from updater.causes.sensors.delay import begin_at as begin_at
 from updater.causes.sensors.gain_polarity_swap import SensorGain as SensorGain
 from updater.causes.sensors.position import SensorPosition as SensorPosition
 from updater.causes.stiffness.connections import CONNECTIONS as CONNECTIONS
+from updater.causes.stiffness.connections import Springs as Springs
 from updater.causes.stiffness.local_stiffness import LocalStiffness as LocalStiffness

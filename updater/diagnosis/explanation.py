@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause
+from updater.causes import CATALOGUE, AddedMass, CommonFactor, LocalStiffness, SelectedCause, Springs
 from updater.diagnosis.case import Case, DiagnosisResult, RecalibratedModel
 from updater.diagnosis.combinations import common
 from updater.diagnosis.gain import Gained, WindowModes, compared_rows, fit_of_written, written_gain
@@ -218,11 +218,15 @@ def _strewn(best: Candidate) -> bool:
 def _worn(best: Candidate) -> bool:
     """Return whether stiffness has changed along most of several members: of two, or of one and of all together.
 
-    A factor on all frequencies that only the modes show may be one on all stiffness, whatever it is named.
+    A factor on all frequencies that only the modes show may be one on all stiffness, whatever it is named. With two
+    changes of stiffness at single places in addition, it is one way of many to describe sections that are thinner
+    throughout.
     """
+    changes = [p.hypotheses for p in best.parts]
     along = sum(isinstance(p.hypotheses, LocalStiffness) and p.hypotheses.along_most(p) for p in best.parts)
-    of_all = any(isinstance(p.hypotheses, CommonFactor) and not p.hypotheses.informed for p in best.parts)
-    return along + of_all > 1
+    of_all = any(isinstance(cause, CommonFactor) and not cause.informed for cause in changes)
+    at_places = sum(isinstance(cause, LocalStiffness | Springs) for cause in changes)
+    return along + of_all > 1 or (of_all and at_places > 1)
 
 
 def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement) -> DiagnosisResult:
