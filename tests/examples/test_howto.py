@@ -42,6 +42,8 @@ NOT_RUN = {
     "new external stiffness.matrix": "files of Ansys; see tests/updater/fe/external/test_programs.py",
     "new external kgg.op4": "files of Nastran; see tests/updater/fe/external/test_programs.py",
     "history postgresql": "a PostgreSQL server",
+    "report monitored.mcap": "days of measurements; see tests/monitor/views/report",
+    "view monitored.mcap": "days of measurements; see tests/monitor/views/report",
     "reanalyse s3": "object storage and a scheduler; see tests/monitor/archive/test_object_storage.py",
 }
 #: beginnings of commands that take seconds each
