@@ -1,7 +1,7 @@
 """Finite element model: stiffness and mass matrices, interpolation and loads at any point."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Protocol
@@ -72,6 +72,14 @@ class Model:
     def n_dofs(self) -> int:
         """Number of free DOFs."""
         return int(self.stiffness.shape[0])
+
+    @cached_property
+    def elements_of(self) -> Mapping[str, Sequence[int]]:
+        """Numbers of the elements of each member, by its name."""
+        found = defaultdict(list)
+        for i, name in enumerate(self.member_names):
+            found[name].append(i)
+        return found
 
     @cached_property
     def _readable(self) -> tuple[tuple[int, int, Interpolation], ...]:

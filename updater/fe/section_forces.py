@@ -56,7 +56,7 @@ def section_rigidity(model: Model, member: Member, at: FloatArray) -> FloatArray
 
 def _spans_at(model: Model, member: Member, at: FloatArray) -> Iterator[tuple[int, float, IndexArray]]:
     """Yield the elements with stations (n,) of a member: number, start [m], stations in it."""
-    own = sorted((_distance(model, member, i), i) for i, name in enumerate(model.member_names) if name == member.name)
+    own = sorted((_distance(model, member, i), i) for i in model.elements_of[member.name])
     starts = np.array([start for start, _ in own])
     which = np.clip(np.searchsorted(starts, at, side="right") - 1, 0, len(own) - 1)
     for k in np.unique(which):

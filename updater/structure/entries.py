@@ -140,6 +140,9 @@ class Member(Entry):
 
     def passes(self, point: Vector) -> bool:
         """Return whether a point [m] is on the member, to 0.1 mm."""
+        for here, start, end in zip(point, self.start, self.end, strict=True):
+            if here < min(start, end) - ON_MEMBER or here > max(start, end) + ON_MEMBER:
+                return False  # most members, found without arrays
         along = np.subtract(self.end, self.start) / self.length
         distance = float(np.clip(np.subtract(point, self.start) @ along, 0, self.length))
         return bool(np.linalg.norm(self.point(distance) - point) < ON_MEMBER)
