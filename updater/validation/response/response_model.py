@@ -167,7 +167,7 @@ class ResponseModel:
         by_shape = np.array([squares[quantity] @ own**2 for quantity, own in zip(quantities, error, strict=True)])
         lines = np.geomspace(_SKIRT[0] * self.band[0], min(_SKIRT[1] * self.band[1], self.rate / 2), _LINES)
         _, gain = scipy.signal.freqz_sos(self._band_pass(), lines, fs=self.rate)
-        late = np.array(list(self.reference.delays.astray().values()))
+        late = np.array([*self.reference.delays.astray().values()] or [0.0])  # [s]; none where no delays were learned
         by_time = np.mean(late**2) * _root_mean_square(np.diff(signals, axis=0) * self.rate) ** 2
         variance = level**2 * self._filter(outputs).variance(lines, np.abs(gain) ** 4) + by_shape + by_time
         axes = [point.axis if isinstance(point, Point) else 0 for point in points]

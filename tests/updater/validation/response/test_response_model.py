@@ -12,6 +12,7 @@ from daq import FloatArray
 from tests.support.snippets import code_blocks, run_cells
 from tests.support.updater.unmeasured_points import UnmeasuredPoints, unmeasured_points
 from updater import ModalDataError, ModelError
+from updater.modal_data import NO_DELAYS
 from updater.validation import Fibre, MotionQuantity, Point, ResponseEstimate, ResponseModel
 
 SEED = 5
@@ -69,6 +70,18 @@ def test_truth_is_within_the_deviations_of_other_specimens(which: str, seed: int
     print(f"seed {seed}")
     case = unmeasured_points(which, seed)
     assert_within_deviations(case, ResponseModel.learn(case.reference, case.record(40.0, seed)[0]), seed + 1000)
+
+
+def test_deviations_without_delays_of_devices_have_no_part_of_clocks(
+    frame: UnmeasuredPoints, learned: ResponseModel
+) -> None:
+    """A reference that was learned without delays has none, whose mean is not a number."""
+    recording, _ = frame.record(8.0, 7)
+    known = learned.estimate(recording, frame.points)
+    unknown = replace(learned, reference=replace(learned.reference, delays=NO_DELAYS))
+    found = unknown.estimate(recording, frame.points)
+    assert (found.std < known.std).all()
+    assert (found.std > 0).all()
 
 
 def test_deviations_follow_the_level_of_the_excitation(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
