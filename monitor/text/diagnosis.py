@@ -9,7 +9,7 @@ from daq.notebook import number_text
 from monitor.results.comparison import ChangeRate, DiagnosisAnswer, WithinRecord
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text
-from monitor.text.quantities import MIN_P, mass_words, plain, share_text, utc
+from monitor.text.quantities import MIN_P, mass_words, plain, share_text, two_digits, utc
 from updater import Body, Cause, DiagnosisResult
 from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation, SmallestChange
 from updater.quantities import SIGNIFICANT
@@ -57,7 +57,7 @@ def rejection_text(rejected: Rejected) -> str:
 def _ratio_text(log_ratio: float) -> str:
     if log_ratio > -np.log(MIN_P):
         return f"more than {1 / MIN_P:.0e}".replace("+", "")
-    return f"{float(f'{np.exp(log_ratio):.2g}'):g}" if log_ratio < np.log(1e4) else f"1e{log_ratio / np.log(10):.0f}"
+    return two_digits(float(np.exp(log_ratio))) if log_ratio < np.log(1e4) else f"1e{log_ratio / np.log(10):.0f}"
 
 
 def next_text(found: NextMeasurement) -> str:
@@ -143,7 +143,7 @@ def smallest_changes_text(found: Sequence[SmallestChange]) -> str:
 def _smallest_text(found: SmallestChange) -> str:
     scale, unit = _SPOKEN_UNITS[found.unit]
     values = (found.value, found.value_at_most_places)
-    half, most = ("no size" if value is None else f"{float(f'{scale * value:.2g}'):g} {unit}" for value in values)
+    half, most = ("no size" if value is None else f"{two_digits(scale * value)} {unit}" for value in values)
     over = "" if found.extent is None else f" over {found.extent:.2g} m"
     return f"{_SMALLEST.get(found.cause, plain(found.cause))} {half} ({most}){over}"
 

@@ -59,6 +59,11 @@ def optional(value: float | None, form: str, none: str = "–") -> str:
     return none if value is None else format(value, form)
 
 
+def two_digits(value: float) -> str:
+    """Return a number with two digits, without an exponent below a million."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
 def mass_words(mass: float) -> str:
     """Return a mass in grams or kilograms, to two digits."""
     if mass >= 1:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from daq.notebook import number_text, rounded_text
-from monitor.text.quantities import aligned_numbers, last_value, scatter
+from monitor.text.quantities import aligned_numbers, last_value, scatter, two_digits
 
 
 def test_numbers_with_deviations_have_their_points_in_one_column() -> None:
@@ -23,6 +23,11 @@ def test_numbers_with_deviations_have_their_points_in_one_column() -> None:
 def test_value_alone_has_the_digits_of_its_deviation(value: float, std: float, text: str) -> None:
     assert rounded_text(value, std, sign=True) == text
     assert number_text(value, std, sign=True).split(" ± ")[0] == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.0123, "0.012"), (3.0, "3"), (152.0, "150"), (9876.0, "9900")])
+def test_two_digits_have_no_exponent(value: float, text: str) -> None:
+    assert two_digits(value) == text
 
 
 def test_last_value_of_a_course_has_the_digits_of_its_deviation() -> None:

@@ -76,13 +76,16 @@ def estimate_response(request: Request, out: Path | None, json: Path | None) -> 
             raise LogError(", ".join(map(str, request.reference)), str(error)) from error
         logs = request.within.of_logs(as_logs(request.logs), echo)
         work.windows_of("logs", logs)
-        estimates = []
+        estimates, removed, problem = [], model.reference.delays.seconds, "there are no data"
         for recording in sensor_recordings(structure, logs, _WINDOW, ()):
             work.window(recording.start)
-            if estimate := _estimated(model, structure, recording, places):
-                estimates.append(estimate)
+            try:
+                estimates.append(model.estimate(without_delays(recording, removed, structure.delays), places))
+            except ModalDataError as error:
+                problem = str(error)
+                echo(f"{utc(recording.start)}: left out: {problem}")
         if not estimates:
-            raise LogError(", ".join(map(str, request.logs)), "is too short for the filter of the modes to settle")
+            raise LogError(", ".join(map(str, request.logs)), f"no window can be estimated: {problem}")
         work.stage("counting cycles")
         found = ResponseFound(
             band=model.band,
@@ -101,12 +104,15 @@ def estimate_response(request: Request, out: Path | None, json: Path | None) -> 
 
 
 def _point(structure: Structure, text: str) -> Point:
-    member, distance, axis, *rest = (*text.split(":"), "", "")[: max(3, text.count(":") + 1)]
     quantities: dict[str, MotionQuantity] = {name: name for name in get_args(MotionQuantity)}
-    quantity = quantities.get(rest[0] if rest else "acceleration")
-    if axis not in _AXES or quantity is None or len(rest) > 1:
+    parts = text.split(":")
+    if len(parts) == 3:
+        parts.append("acceleration")
+    if len(parts) != 4 or parts[2] not in _AXES or parts[3] not in quantities:
         raise ArgumentError("--at", f"expected MEMBER:DISTANCE:AXIS[:{'|'.join(quantities)}], found {text!r}")
-    return Point(at=_member_place(structure, "--at", member, distance), axis=_AXES.index(axis), quantity=quantity)
+    member, distance, axis, quantity = parts
+    at = _member_place(structure, "--at", member, distance)
+    return Point(at=at, axis="xyz".index(axis), quantity=quantities[quantity])
 
 
 def _section(structure: Structure, text: str) -> tuple[Fibre, ...]:
@@ -131,18 +137,6 @@ def _member_place(structure: Structure, option: str, member: str, distance: str)
     if not 0 <= along <= length:
         raise ArgumentError(option, f"{member}: expected a distance of 0 to {length:g} m, found {distance!r}")
     return vector(members[member].point(along))
-
-
-def _estimated(
-    model: ResponseModel, structure: Structure, recording: Recording, places: Sequence[Point | Fibre]
-) -> ResponseEstimate | None:
-    """Return the estimates of a window; None if it is too short for the filter to settle."""
-    removed = model.reference.delays.seconds
-    try:
-        return model.estimate(without_delays(recording, removed, structure.delays), places)
-    except ModalDataError as error:
-        echo(f"{utc(recording.start)}: left out: {error}")
-        return None
 
 
 def _motion(estimates: Sequence[ResponseEstimate], i: int) -> Motion:

@@ -7,7 +7,7 @@ from rich.console import Console
 from daq.notebook import number_text
 from monitor.cli.terminal import new_table
 from monitor.results.response import Motion, ResponseFound, SectionStress
-from monitor.text.quantities import aligned_numbers, duration_words
+from monitor.text.quantities import aligned_numbers, duration_words, two_digits
 
 _SHOWN = {"m/s2": ("m/s2", 1.0), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
 _LONGEST = 1e4  # years, beyond which no life is printed
@@ -19,7 +19,7 @@ def say_response(console: Console, found: ResponseFound) -> None:
     low, high = found.band
     console.print(
         f"vibration between {low:.3g} and {high:.3g} Hz, {duration_words(found.seconds)}, "
-        f"at {found.level:.2g} times the level of the reference",
+        f"at {two_digits(found.level)} times the level of the reference",
         soft_wrap=True,
     )
     if found.motions:
@@ -47,7 +47,7 @@ def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
             number_text(_MPA * own.rms.value, _MPA * own.rms.std),
             f"{_MPA * own.largest_range:.3g}",
             f"{own.cycles_per_hour:.0f}",
-            *(f"{years:.2g}" if years < _LONGEST else f"> {_LONGEST:.0f}" for years in own.life),
+            *(two_digits(years) if years < _LONGEST else f"> {_LONGEST:.0f}" for years in own.life),
         )
     console.print(table)
     console.print(

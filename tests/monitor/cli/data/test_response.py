@@ -147,6 +147,7 @@ def test_axes_that_were_recorded_but_not_analysed_are_within_the_deviations() ->
         ((), "--at, --stress: expected a place or a section, found none"),
         (("--at", "column:0.3"), "--at: expected MEMBER:DISTANCE:AXIS[:displacement|velocity|acceleration]"),
         (("--at", "column:0.3:x:speed"), "--at: expected MEMBER:DISTANCE:AXIS"),
+        (("--at", "column:0.3:x:velocity:x"), "--at: expected MEMBER:DISTANCE:AXIS"),
         (("--at", "mast:0.3:x"), "--at: no member is named 'mast'; there are column, crossbeam"),
         (("--stress", "column:2"), "--stress: column: expected a distance of 0 to 1.48 m, found '2'"),
         (("--stress", "column"), "--stress: column: expected a distance of 0 to 1.48 m, found ''"),
@@ -158,6 +159,18 @@ def test_invalid_requests_are_refused(
 ) -> None:
     paths = folder / "structure.toml", folder / "now.mcap", "--reference", folder / "before.mcap"
     assert_refused(modalwatch("response", *paths, *options), reported)
+
+
+def test_log_without_a_channel_of_the_reference_is_refused(
+    modalwatch: Commands, case: UnmeasuredPoints, folder: Path, tmp_path: Path
+) -> None:
+    now, _ = case.raw_record(10.0, 2)
+    write_recording(tmp_path / "less.mcap", replace(now, channels=now.channels[1:], data=now.data[:, 1:]))
+    paths = folder / "structure.toml", tmp_path / "less.mcap", "--reference", folder / "before.mcap"
+    done = modalwatch("response", *paths, "--at", "column:0.3:x")
+    missing = f"recording: channel {now.channels[0].name!r} of the reference is missing"
+    assert f"left out: {missing}" in done.out
+    assert_refused(done, f"less.mcap: no window can be estimated: {missing}")
 
 
 def test_section_without_an_edge_is_refused(modalwatch: Commands, folder: Path, tmp_path: Path) -> None:
