@@ -53,7 +53,7 @@ def search(path: str, _: int) -> PortAnswer | None:
 def _listen(port: BytePort, longest: float) -> tuple[list[bytes], float]:
     """Return the lines that arrive within some time, and their rate [Hz]: the slope of their number in time."""
     port.discard_input()
-    data, arrivals, counts = b"", [0.0], [0]
+    data, arrivals, counts = b"", list[float](), list[int]()
     end = time.monotonic() + longest
     while (now := time.monotonic()) < end:
         if part := port.read():
@@ -64,7 +64,7 @@ def _listen(port: BytePort, longest: float) -> tuple[list[bytes], float]:
                 data += part
             arrivals.append(time.monotonic())
             counts.append(data.count(b"\n"))
-    at, count = np.array(arrivals[1:]), np.array(counts[1:], np.float64)
+    at, count = np.array(arrivals, np.float64), np.array(counts, np.float64)
     off = at - at.mean() if len(at) else at
     square = float(off @ off)
     return data.split(b"\n")[1:-1] if data else [], float(off @ count) / square if square > 0 else 0.0
