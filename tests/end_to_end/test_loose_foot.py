@@ -179,7 +179,7 @@ PORTALS = {
     1.13: Portal(0.018, 0.015, 0.0015, 1.0, 1.175),
     1.63: Portal(0.015, 0.018, 0.0015, 0.8, 1.15),
 }
-#: of the first, one mode has a MAC of 0.85 with the true one
+#: without the record of the first portal in which a mode is identified with a MAC of 0.85 with the true one
 CASES = [(0.14, 3), *((apart, seed) for apart in PORTALS for seed in range(10) if (apart, seed) != (0.14, 3))]
 
 

@@ -28,7 +28,7 @@ _SAME = 0.5  # of log evidence: by how much fits that have come to rest at one p
 _LOG_ODDS_ROUGH = -3.0  # that a good model is wrong by as much as the search assumes
 _WORTH_JUDGING, _MAX_JUDGED = 15.0, 6  # of log evidence under the best of the search; how many
 _MAX_LEFT = 3.0  # times the residual of noise and a good model in frequencies: an explanation with more is refused
-_USUAL = 0.05  # unless noise and a good model's error alone leave as much in so large a share of cases
+_USUAL = 0.05  # probability of a residual of noise and a good model's error alone, which is not refused
 _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is none, measured in 32 draws of one body
 # of the assumed error of a model's own modes: half of its variance. Half a per cent of a gain and as much by a position
 # are 0.71 times the error of shapes
@@ -60,11 +60,11 @@ def fits(best: Candidate) -> bool:
 
 
 def within_noise(good: Comparison, best: Candidate) -> bool:
-    """Return whether the frequencies are left no farther off than several times noise and the error of a good model.
+    """Return whether the residual of the frequencies is at most several times that of noise and a good model's error.
 
     A poor reference permits larger residuals of a fit. They may be the reference's error, or another cause. Where the
-    parameters take nearly all freedom of the frequencies, hardly any residual is expected to first order. One that
-    noise leaves without any parameter is then no reason to refuse.
+    parameters take nearly all degrees of freedom of the frequencies, the expected residual is nearly zero. A residual
+    that noise alone exceeds in 5 % of cases is then no reason to refuse.
 
     Parameters
     ----------

@@ -85,9 +85,9 @@ def turned_by_noise(
     """Return how far noise turns modes into each other, with the baseline's windows and with the event's.
 
     A scatter s of a mode's frequency rotates it towards another by about s over their distance, its real and its
-    imaginary part alike: perturbed eigenvectors (Wilkinson, 1965, ch. 2). Between modes 1 % apart, as of a tower with
-    nearly equal sides, that is some tenths in a window. It is then all of the stated deviation of the shape's
-    components, more where the other mode is larger, and they are fully correlated.
+    imaginary part alike: perturbed eigenvectors (Wilkinson, 1965, ch. 2). Between modes 0.3 % apart, as of a tower with
+    nearly equal sides, that is 0.1 to 0.3 rad in a window of 50 s. It is then all of the stated deviation of the
+    shape's components, more where the other mode is larger, and they are fully correlated.
 
     Parameters
     ----------
@@ -110,10 +110,10 @@ def turned_by_noise(
 def along_changed_modes(
     share: FloatArray, paired: IndexArray, at_channels: FloatArray, base: FloatArray, shape: FloatArray
 ) -> FloatArray:
-    """Return what errors along other modes have in addition where the change has altered those modes' shapes.
+    """Return the additional errors along other modes whose shapes the change has altered.
 
-    Modes that are close after the change mix with each other as they are then. Along the baseline's shapes alone, a
-    rotation of half a radian would leave the altered part of the other mode as if it were a residual.
+    Modes that are close after the change mix along their present shapes. With errors along the baseline's shapes alone,
+    a rotation of half a radian would leave the altered part of the other mode in the residual.
 
     Parameters
     ----------

@@ -253,8 +253,8 @@ class Reader(OpenDatabase):
     def _objects(self, kind: Callable[..., T], query: Select[*tuple[Any, ...]]) -> list[T]:
         """Return an object for each row, whose columns are its fields.
 
-        Rows are let go of in parts: one garbage collection of the whole program takes longer than a query, and is due
-        after so many new objects that are held at once.
+        Rows are converted and released in parts. As many new objects as all rows together would start a garbage
+        collection of the whole program, which takes longer than a query.
         """
 
         def made(result: Result[*tuple[Any, ...]]) -> list[T]:

@@ -24,7 +24,7 @@ SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 LOOSE = 0.1  #: prior standard deviation of c E I / L, and of a parameter: a connection that has come loose
 _SOFTER = 10.0  # likewise of a bearing, of its own flexibility
 _GIVES = 1e-2  # and at least of c E I / L^3
-_LARGE = 2.0  # over the usual change: a Gaussian prior of that would be refused at 5 %
+_LARGE = 2.0  # times the prior standard deviation, which a Gaussian prior permits in 5 % of cases
 _ORDERS = 1e-3, 10.0  # range of the order of a parameter, over that: hardly visible to a hinge
 
 
@@ -80,7 +80,7 @@ class Springs(Discrete):
         """Return the same with a prior of the order of the best change, if that is larger than usual.
 
         The evidence has a prior of unknown order in any case. The usual Gaussian prior of the fit pulls a large change
-        towards zero, and its residual would be taken for one of the data.
+        towards zero, and leaves a residual in the frequencies and shapes.
         """
         best = int(np.argmax(log_density + self.log_prior))
         order = float(np.sqrt(np.mean(theta[best, self.active[best]] ** 2)))
