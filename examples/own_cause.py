@@ -10,14 +10,13 @@ from updater.causes import Discrete
 from updater.inference import Comparison, Effect, Fit, no_effect
 from updater.quantities import Quantity, Where
 
-POINTS = 21  # along a member, that stand for it
+POINTS = 21  # along a member, that represent it
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Ice(Discrete):
     """Alternatives are the members; the parameter is the ice's mass [kg]."""
 
-    comparison: Comparison
     structure: Structure
     carried: FloatArray  #: (n_members, n_modes, n_modes) modal mass of a kilogram along each member
     name: str = "ice"
@@ -47,7 +46,7 @@ class Ice(Discrete):
 
 
 def spread(structure: Structure, row: int) -> tuple[FloatArray, FloatArray]:
-    """Return points along a member and what share of it each stands for."""
+    """Return points along a member and their shares of its length."""
     member = structure.member[row]
     return member.point((np.arange(POINTS) + 0.5) * member.length / POINTS), np.full(POINTS, 1 / POINTS)
 
@@ -68,7 +67,7 @@ def propose_ice(reference: Reference, comparison: Comparison) -> Ice:
     return Ice(
         prior_std=np.array([0.05 * model.total_mass()]),
         lower=np.zeros((len(carried), 1)),
-        drifting=True,  # temperature may shift all frequencies a little beside it
+        drifting=True,  # temperature may shift all frequencies a little, too
         comparison=comparison,
         structure=structure,
         carried=np.array(carried),
