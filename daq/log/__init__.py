@@ -24,7 +24,7 @@ from daq.log.recordings import load_recordings as load_recordings
 from daq.log.recordings import read_channel_map as read_channel_map
 from daq.log.repair import LogState as LogState
 from daq.log.repair import has_end as has_end
-from daq.log.repair import mend_logs as mend_logs
+from daq.log.repair import repair_folder as repair_folder
 from daq.log.resilient_writer import ResilientWriter as ResilientWriter
 from daq.log.retention import DiskGuard as DiskGuard
 from daq.log.retention import Retention as Retention

@@ -375,10 +375,10 @@ def _schema(survey: _Survey, channel: Channel) -> tuple[str, str, bytes]:
     return (schema.name, schema.encoding, schema.data) if schema else SCHEMAS[channel.message_encoding]
 
 
-def mend_logs(folder: Path) -> Iterator[str]:
+def repair_folder(folder: Path) -> Iterator[str]:
     """Repair the unfinished logs of a folder; yield a text for each.
 
-    A log that is still being written, or is past mending, is left as it is.
+    A log that is still being written, or cannot be repaired, is left as it is.
     """
     for path in sorted(folder.glob("*.mcap")):
         try:
@@ -387,5 +387,5 @@ def mend_logs(folder: Path) -> Iterator[str]:
                 yield f"{path}: repaired, {state.n_messages} messages kept"
         except LogError as error:
             yield str(error)
-        except Exception as error:  # noqa: BLE001 - a file that somebody left there must not stop a start
+        except Exception as error:  # noqa: BLE001 - no file of the folder may prevent a start
             yield one_line(f"{path}: cannot be repaired: {type(error).__name__}: {error}")

@@ -41,7 +41,7 @@ def run(
     *,
     takers: Sequence[Callable[[Item], None]] = (),
     recalled: LoadedState = NOTHING,
-    mended: Sequence[str] = (),
+    repairs: Sequence[str] = (),
     reread: Callable[[], Site | None] = lambda: None,
 ) -> RunReport:
     """Watch until `stop` is set: readers and writer in threads, analysis in a process.
@@ -54,7 +54,7 @@ def run(
     live : shows the log, if given
     takers : called in the log's thread with all that is logged; they must not wait
     recalled : state of the run before, to be continued
-    mended : repairs of logs that earlier runs left without an end, as texts
+    repairs : repairs of logs that earlier runs left without an end, as texts
     reread : called at intervals for new settings; None if there are none
 
     Raises
@@ -63,7 +63,7 @@ def run(
         If a device does not answer or the log cannot be made.
     """
     manager = ServiceManager()
-    with SiteRun(site, on_result, live, takers, recalled, mended) as running:
+    with SiteRun(site, on_result, live, takers, recalled, repairs) as running:
         manager.ready()
         while not stop.is_set():
             if running.poll():

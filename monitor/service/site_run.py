@@ -45,7 +45,7 @@ class SiteRun:
     live : shows the log, if given
     takers : called in the log's thread with all that is logged
     recalled : state of the run before, to be continued
-    mended : repairs of logs that earlier runs left without an end, as texts
+    repairs : repairs of logs that earlier runs left without an end, as texts
     """
 
     def __init__(
@@ -55,11 +55,11 @@ class SiteRun:
         live: LiveView | None,
         takers: Sequence[Callable[[Item], None]],
         recalled: LoadedState,
-        mended: Sequence[str],
+        repairs: Sequence[str],
     ) -> None:
         self._site, self._takers = site, takers
         self._clock = site_clock(site.settings)
-        self._mended = mended
+        self._repairs = repairs
         self._inbox, self._outputs = Inbox(site.state), Outputs(site, live)
         settings = site.settings
         path, pace = site.state / FILE_NAME, pace_of(settings)
@@ -82,8 +82,8 @@ class SiteRun:
             with suppress(OSError):  # a state folder without write permission is reported elsewhere
                 inbox_of(self._site.state)
             stack.enter_context(self.logs)
-            if self._mended:
-                self.logs.report(UncleanEnd(why="; ".join(self._mended)))
+            if self._repairs:
+                self.logs.report(UncleanEnd(why="; ".join(self._repairs)))
             drivers = site_drivers(self._site.settings.device, self._clock.speed)
             self._devices.start(drivers, missing_is_lost=self.logs.learnt)
             self._undo = stack.pop_all()

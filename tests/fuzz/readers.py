@@ -25,7 +25,7 @@ from daq import Channel, Event, McapWriter, Recording, export_recording, write_r
 from daq.drivers import LineFormat
 from daq.drivers.serial.text_lines import ScanNumbers
 from daq.files import header_set, read_geometry
-from daq.log import mend_logs
+from daq.log import repair_folder
 from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
 from daq.protocol.text_line import TextDecoder
 from daq.timing.resampling import StampCount
@@ -372,7 +372,7 @@ def _log(path: Path, random: Random) -> int:
     if kind == 4:
         (folder / "logs").mkdir(exist_ok=True)
         shutil.copy(path, folder / "logs" / "a.mcap")
-        return _guarded(lambda _: print("\n".join(mend_logs(folder / "logs"))), path)
+        return _guarded(lambda _: print("\n".join(repair_folder(folder / "logs"))), path)
     if kind == 5:
         return command("report", path, "-o", folder / "report.html")
     if kind == 6:

@@ -7,7 +7,7 @@ from pathlib import Path
 from signal import SIGHUP
 from threading import Event
 
-from daq.log import mend_logs
+from daq.log import repair_folder
 from daq.signals import STOP_SIGNALS, signal_event
 from monitor.cli.options import DONE
 from monitor.cli.site.console_log import journal
@@ -32,8 +32,8 @@ def monitor_site(path: Path, given: Sequence[str], *, as_json: bool) -> int:
 
 
 def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_json: bool) -> int:
-    mended = list(mend_logs(site.folder / site.settings.recorder.folder))
-    for message in mended:
+    repairs = list(repair_folder(site.folder / site.settings.recorder.folder))
+    for message in repairs:
         echo(message)
     recalled = memory.NOTHING
     if (site.state / memory.MEMORY).exists():
@@ -54,7 +54,7 @@ def _watch(site: Site, stop: Event, reread: Callable[[], Site | None], *, as_jso
             live,
             takers=(lines.take,),
             recalled=recalled,
-            mended=mended,
+            repairs=repairs,
             reread=reread,
         )
     tell_live_end(live)

@@ -16,7 +16,7 @@ from daq import Channel, LogError, Recording, load_recordings, read_attachments,
 from daq.log import log_info
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.rice import pack
-from daq.log.repair import mend_logs
+from daq.log.repair import repair_folder
 
 MAGIC = b"\x89MCAP0\r\n"
 CHANNELS = (Channel(name="a", device="imu", axis=0),)
@@ -59,7 +59,7 @@ def test_crafted_chunk_is_refused_without_using_memory(tmp_path: Path, record: t
     assert log_info(path).state.lost_chunks == 1
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
     assert path.read_bytes() == content
-    assert len(list(mend_logs(tmp_path))) == 1
+    assert len(list(repair_folder(tmp_path))) == 1
 
 
 def written(path: Path, topic: str, data: bytes, *, log_time: int = 0, attachment: bytes | None = None) -> Path:
@@ -124,7 +124,7 @@ def test_attachment_not_in_utf_8_is_refused(tmp_path: Path) -> None:
 def test_invalid_files_in_log_folder_are_reported(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.mcap").write_bytes(content)
     (tmp_path / "b.mcap").mkdir()
-    assert all("mcap" in message for message in mend_logs(tmp_path))
+    assert all("mcap" in message for message in repair_folder(tmp_path))
 
 
 def test_log_with_pause_of_years_is_processed_quickly(tmp_path: Path) -> None:

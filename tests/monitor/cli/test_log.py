@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from daq import Block, Event, Flag, McapWriter, inspect_log, read_data
-from daq.log import RotatingWriter, Rotation, mend_logs
+from daq.log import RotatingWriter, Rotation, repair_folder
 from monitor.analysis.logs import log_channels, log_recordings
 from monitor.views.run import late_devices
 from tests.support.daq.blocks import START, make_block
@@ -71,7 +71,7 @@ def test_repair_fixes_a_cut_log_and_skips_an_intact_one(modalwatch: Commands, lo
 def test_startup_repairs_logs_of_a_killed_run(log: Path) -> None:
     (log.parent / "rest.mcap").write_bytes(b"")
     writer = McapWriter(log.parent / "open.mcap", {})
-    reported = list(mend_logs(log.parent))
+    reported = list(repair_folder(log.parent))
     writer.close()
     assert reported == [
         f"{log}: repaired, 6 messages kept",
@@ -79,7 +79,7 @@ def test_startup_repairs_logs_of_a_killed_run(log: Path) -> None:
         f"{log.parent}/rest.mcap: is not an MCAP log",
     ]
     assert inspect_log(log).whole
-    assert list(mend_logs(log.parent)) == reported[2:]
+    assert list(repair_folder(log.parent)) == reported[2:]
 
 
 def test_info_of_a_damaged_log_counts_intact_chunks(modalwatch: Commands, tmp_path: Path) -> None:

@@ -50,7 +50,7 @@ class Course:
         """Return the first window after a gradual change; None if the change is not known to have ended.
 
         From this window on, the slope of the share is consistent with zero, and clearly below half the mean rate until
-        then.
+        then. It is one of the last half: a slope is judged by no more windows than the rate. The longest end is chosen.
         """
         n, std = len(self.share), float(self.share_std[0])
         for first in range(n // 2, n - _FEWEST_AFTER + 1):

@@ -76,17 +76,20 @@ def modal_stress(reference: Reference, fibres: Sequence[Fibre]) -> tuple[FloatAr
     if fibres and structure.external is not None:
         raise ModelError("stresses need a model of members with sections; external matrices have none")
     n, square = len(reference.frequency), (2 * np.pi * reference.frequency) ** 2
+    forces: dict[tuple[str, float], FloatArray] = {}  # of each section, and at the stations along its member
     at, along = np.empty((len(fibres), n)), np.empty((len(fibres), n))
     for i, fibre in enumerate(fibres):
         number = _number(structure, fibre.member)
-        member = structure.member[number]
+        member, place = structure.member[number], (fibre.member, fibre.distance)
+        if place not in forces:
+            stations = np.r_[fibre.distance, _STATIONS * member.length]
+            weighted = modal_section_forces(reference, {number: stations})[number][:, _NORMAL, :n]
+            rigidity = section_rigidity(reference.model, member, stations)[:, _NORMAL]
+            forces[place] = weighted * np.sqrt(rigidity)[:, :, None] * square
         section = structure.section[member.section]
-        stations = np.r_[fibre.distance, _STATIONS * member.length]
-        weighted = modal_section_forces(reference, {number: stations})[number][:, :, :n]
-        forces = weighted * np.sqrt(section_rigidity(reference.model, member, stations))[:, :, None]
         moment_y, moment_z = section.second_moment
         lever = np.array([1 / section.area, fibre.z / moment_y, -fibre.y / moment_z])
-        stress = np.einsum("k,skn->sn", lever, forces[:, _NORMAL]) * square
+        stress = np.einsum("k,skn->sn", lever, forces[place])
         at[i], along[i] = stress[0], np.sqrt((stress**2).mean(0))
     return at, along
 

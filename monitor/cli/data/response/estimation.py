@@ -86,6 +86,7 @@ def estimate_response(request: Request, out: Path | None, json: Path | None) -> 
                 echo(f"{utc(recording.start)}: left out: {problem}")
         if not estimates:
             raise LogError(", ".join(map(str, request.logs)), f"no window can be estimated: {problem}")
+        joined = _joined(estimates) if out else None
         work.stage("counting cycles")
         found = ResponseFound(
             band=model.band,
@@ -95,8 +96,8 @@ def estimate_response(request: Request, out: Path | None, json: Path | None) -> 
             sections=[_section_stress(estimates, places.index(own[0]), own, request.category) for own in sections],
         )
     say_response(console, found)
-    if out:
-        export_recording(out, _joined(estimates))
+    if out and joined:
+        export_recording(out, joined)
         echo(f"written: {out}: {len(places)} signals in m, m/s, m/s2 and Pa")
     if json:
         write_json(json, found.model_dump(mode="json"))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from rich.console import Console
 
-from daq.notebook import number_text
+from daq.notebook import number_text, rounded_text
 from monitor.cli.terminal import new_table
 from monitor.results.response import Motion, ResponseFound, SectionStress
 from monitor.text.quantities import aligned_numbers, duration_words, two_digits
@@ -34,7 +34,7 @@ def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
     pairs = [(k * m.rms.value, k * m.rms.std) for m, (_, k) in zip(motions, scales, strict=True)]
     for motion, (unit, scale), rms in zip(motions, scales, aligned_numbers(pairs), strict=True):
         place = ", ".join(f"{value:.3f}" for value in motion.position)
-        table.add_row(place, f"{motion.quantity} {motion.axis}", unit, rms, f"{scale * motion.largest:.3g}")
+        table.add_row(place, f"{motion.quantity} {motion.axis}", unit, rms, rounded_text(scale * motion.largest, scale * motion.rms.std))
     console.print(table)
 
 
@@ -45,7 +45,7 @@ def _say_sections(console: Console, sections: Sequence[SectionStress]) -> None:
         table.add_row(
             f"{own.member} at {own.distance:g} m",
             number_text(_MPA * own.rms.value, _MPA * own.rms.std),
-            f"{_MPA * own.largest_range:.3g}",
+            rounded_text(_MPA * own.largest_range, _MPA * own.rms.std),
             f"{own.cycles_per_hour:.0f}",
             *(two_digits(years) if years < _LONGEST else f"> {_LONGEST:.0f}" for years in own.life),
         )
