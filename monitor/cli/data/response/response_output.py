@@ -34,7 +34,13 @@ def _say_motions(console: Console, motions: Sequence[Motion]) -> None:
     pairs = [(k * m.rms.value, k * m.rms.std) for m, (_, k) in zip(motions, scales, strict=True)]
     for motion, (unit, scale), rms in zip(motions, scales, aligned_numbers(pairs), strict=True):
         place = ", ".join(f"{value:.3f}" for value in motion.position)
-        table.add_row(place, f"{motion.quantity} {motion.axis}", unit, rms, rounded_text(scale * motion.largest, scale * motion.rms.std))
+        table.add_row(
+            place,
+            f"{motion.quantity} {motion.axis}",
+            unit,
+            rms,
+            rounded_text(scale * motion.largest, scale * motion.rms.std),
+        )
     console.print(table)
 
 
