@@ -7,24 +7,21 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.done
 	$(BIN)/modalwatch demo
 
-# Both parts at once: tests in real time wait more than they compute and have priority, the others use the rest of the
-# processors, the long files first. Modules are compiled once, whatever the environment says: these tests start some hundred
-# processes.
+# Tests in real time first, and alone: devices and hosts that wait for the processor lose samples. Then the others, the long
+# files first. Modules are compiled once, whatever the environment says: these tests start some hundred processes.
 test: $(VENV)/.done
-	@$(MAKE) --no-print-directory --jobs 2 --keep-going test-live test-computed
+	@$(MAKE) --no-print-directory --keep-going test-live test-computed
 
 test-%: export OPENBLAS_NUM_THREADS = 1
 test-%: export PYTHONDONTWRITEBYTECODE =
 
-# Only files with such tests are imported. The output is shown at the end, after that of the other part or within it.
+# Only files with such tests are imported.
 test-live: $(VENV)/.done
-	@mkdir -p build
-	@$(BIN)/python -m pytest -m "live and not thorough" --numprocesses 2 --dist loadgroup \
-		$$(grep -rlE 'mark\.live\b' tests --include='test_*.py') > build/test-live.log 2>&1; \
-		status=$$?; cat build/test-live.log; exit $$status
+	$(BIN)/python -m pytest -m "live and not thorough" --numprocesses 3 --dist loadgroup \
+		$$(grep -rlE 'mark\.live\b' tests --include='test_*.py')
 
 test-computed: $(VENV)/.done
-	nice -n 19 $(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "not live and not thorough" --numprocesses auto --dist loadfile --no-loadscope-reorder
 
 # More draws of what the tests cover: other seeds, other structures, pairs of causes.
 thorough: export OPENBLAS_NUM_THREADS = 1
