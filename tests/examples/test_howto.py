@@ -5,6 +5,7 @@ import shlex
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import can
@@ -287,7 +288,7 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "bus.log": bus,
     "bus.blf": bus,
     "imu.dbc": text((ROOT / "examples" / "imu.dbc").read_text(encoding="utf-8")),
-    "examples": lambda path: path.symlink_to(ROOT / "examples"),
+    "examples": partial(shutil.copytree, ROOT / "examples"),
     "modes.csv": modes,
     "history.sqlite": history,
     "strip.sti": calculix,
