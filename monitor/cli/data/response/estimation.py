@@ -113,7 +113,7 @@ def _point(structure: Structure, text: str) -> Point:
         raise ArgumentError("--at", f"expected MEMBER:DISTANCE:AXIS[:{'|'.join(quantities)}], found {text!r}")
     member, distance, axis, quantity = parts
     at = _member_place(structure, "--at", member, distance)
-    return Point(at=at, axis="xyz".index(axis), quantity=quantities[quantity])
+    return Point(at=at, axis=_AXES.index(axis), quantity=quantities[quantity])
 
 
 def _section(structure: Structure, text: str) -> tuple[Fibre, ...]:
