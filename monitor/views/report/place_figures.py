@@ -87,5 +87,5 @@ def increments_figure(reference: ReferenceResult, increments: MassIncrements) ->
 
 def _total(increments: MassIncrements, values: FloatArray, column: int, name: str) -> str:
     if name == "raw":
-        return f"total {1000 * np.nansum(values[:, column]):.0f} g"
-    return f"total {1000 * increments.totals[column]:.0f} ± {1000 * increments.totals_std[column]:.0f} g"
+        return f"total {1000 * np.nansum(values[:, column]):z.0f} g"
+    return f"total {1000 * increments.totals[column]:z.0f} ± {1000 * increments.totals_std[column]:.0f} g"
