@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 from daq.bounded_text import parse_json
 from monitor.detection.alarm import State
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.windows import (
     DetectableChange,
     LearningProgress,
@@ -115,6 +116,8 @@ class SiteStatus(_Status):
     windows_left_out: int = 0  #: since the start
     temperature: float | None = None  #: last reading of the site's thermometer; None if it has none [degC]
     latency: dict[str, float] = {}  #: of the last window and alarm, since their last sample [s of wall time]
+    residuals: ChannelResiduals | None = None  #: of the last block of signals; None before they are learned
+    residual_course: list[float] = []  #: largest deviation of each of the last blocks [-]
     self_test: SelfTestResult | None = None  #: last one of the present baseline
     identities: dict[str, dict[str, Any]] = {}  #: of devices, over restarts
     devices: dict[str, DeviceStatus] = {}

@@ -24,6 +24,7 @@ from daq.log import (
 )
 from daq.supervision import FAILURES, Backoff
 from monitor.errors import StartError
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import AnalysisFailed, AnalysisLagging, BaselineReset, Stopped
 from monitor.results.windows import Result, result_event
 from monitor.service.site import Site
@@ -158,6 +159,7 @@ class LogAndAnalysis:
     site : that is watched; another one may take its place
     clock : of the data
     on_result : called with everything that is found
+    on_residuals : called with the residuals of the channels, which are not logged
     hand_on : called in the log's thread with all that is logged
     lost : returns the lost devices, for each new log
     recalled : state of the run before, to be continued
@@ -168,11 +170,13 @@ class LogAndAnalysis:
         site: Site,
         clock: HostClock,
         on_result: Callable[[Result], None],
+        on_residuals: Callable[[ChannelResiduals], None],
         hand_on: Callable[[Item], None],
         lost: Callable[[], list[str]],
         recalled: LoadedState,
     ) -> None:
         self.site, self._clock, self._on_result, self._hand_on, self._lost = site, clock, on_result, hand_on, lost
+        self._on_residuals = on_residuals
         self._refused, self._kept = recalled.refused, recalled.text or ""  # present state to be continued
         self._memory = MemoryFile(site.state / MEMORY)
         self._analysis = new_analysis(site, clock, self._take, self._kept)
@@ -348,6 +352,9 @@ class LogAndAnalysis:
         if isinstance(result, SavedState):
             self._memory.expect(result.text)
             self._kept = result.text
+            return
+        if isinstance(result, ChannelResiduals):
+            self._on_residuals(result)
             return
         event = result_event(result)
         self._memory.after(event)

@@ -67,6 +67,10 @@ class Outputs:
         FAILURES.attempt("report", self._reporter.take, item)
         for sender in self._senders:
             FAILURES.attempt("notices", sender.put, item)
+        self.show(item)
+
+    def show(self, item: Item) -> None:
+        """Pass on an item that is not logged, for the live view alone; never blocks."""
         if self._live:
             FAILURES.attempt("viewer", self._live.show, item)
 

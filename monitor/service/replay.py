@@ -23,6 +23,7 @@ from daq import (
 from daq.events import DeviceFailed
 from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, files_of, read_channel_map
 from monitor.results.replay_comparison import ReplayComparison, compare_results
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult, event_result, result_event
 from monitor.service.site import Site
@@ -101,6 +102,8 @@ def replay(
             if isinstance(result, SavedState):
                 kept = result.text
                 continue
+            if isinstance(result, ChannelResiduals):
+                continue  # a replay has none
             found.append(result)
             on_result(result)
         feeding.result()

@@ -12,6 +12,7 @@ from daq import Item, SystemClock
 from daq.events import EventPayload
 from daq.supervision import FAILURES, error_text
 from monitor.errors import SettingsError
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import ClockChanged, Reloaded, ReloadRefused, UncleanEnd
 from monitor.results.site_status import FILE_NAME, Counters, PartProblems
 from monitor.results.windows import Result
@@ -65,7 +66,9 @@ class SiteRun:
         path, pace = site.state / FILE_NAME, pace_of(settings)
         self.status = MonitorStatus(path, _names(site), pace, self._clock, settings.device_of)
         #: the log that is written and the analysis that is fed, and all before them
-        self.logs = LogAndAnalysis(site, self._clock, on_result, self._take, lambda: self.status.lost, recalled)
+        self.logs = LogAndAnalysis(
+            site, self._clock, on_result, self._take_residuals, self._take, lambda: self.status.lost, recalled
+        )
         self._thermometer = ExitStack()
         self._reads: Thermometer | None = None
         self._devices = Devices(self._clock, self.logs.put)
@@ -218,6 +221,10 @@ class SiteRun:
         FAILURES.attempt("status", self.status.take, item)
         for taker in self._takers:
             FAILURES.attempt("journal", taker, item)
+
+    def _take_residuals(self, residuals: ChannelResiduals) -> None:
+        self.status.take_residuals(residuals)
+        self._outputs.show(residuals.event())
 
     @property
     def _problems(self) -> PartProblems:

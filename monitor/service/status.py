@@ -16,6 +16,7 @@ from daq import Block, Event, HostClock, Item
 from daq.events import DeviceFailed, DeviceOpened, DeviceRecovered, EventPayload, ScansMissing
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
 from monitor.detection.alarm import State
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import (
     AnalysisCaughtUp,
     AnalysisLagging,
@@ -81,6 +82,8 @@ class Overload:
 
 
 _EVERY = 1.0  # s
+_BLOCKS = 120  # of which the largest residual is kept
+_OUTDATED = 5.0  # s, or half a window: residuals of older blocks are not the present ones
 _RATE_LOOKS = 10  # that a rate is the mean over
 _LUMP = 2.0  # s that scans may take until they are logged: a device that is silent for longer has no rate of before
 
@@ -152,6 +155,9 @@ class MonitorStatus:
         self._novelty: Novelty | None = None  # of the last window that was evaluated
         self._blind, self._missing = BlindWindows(), MissingChannels()
         self._overload = Overload()
+        self._residuals: ChannelResiduals | None = None
+        self._residual_course: deque[float] = deque(maxlen=_BLOCKS)
+        self._residuals_at = -math.inf  # monotonic time at which they came [s]
         self._temperature: float | None = None  # of the site's thermometer [degC]
         self._learnt = False  # whether there is a reference
         self._learning: LearningProgress | None = None
@@ -177,6 +183,12 @@ class MonitorStatus:
                 self._learnt, self._learning = True, None
             else:
                 self._take_event(item)
+
+    def take_residuals(self, residuals: ChannelResiduals) -> None:
+        """Take the residuals of the last block."""
+        with self._lock:
+            self._residuals, self._residuals_at = residuals, time.monotonic()
+            self._residual_course.append(max(residuals.deviation.values()))
 
     def follow(self, devices: tuple[str, ...], pace: Pace, device_of: Mapping[str, str]) -> None:
         """Follow these devices from now on, whose first window begins now; the state of continued ones is kept."""
@@ -234,6 +246,8 @@ class MonitorStatus:
     def _content(self, problems: PartProblems, counters: Counters) -> SiteStatus:
         with self._lock:
             now = time.monotonic()
+            outdated = now - self._residuals_at > max(_OUTDATED, self._pace.window / 2)
+            residuals = None if outdated else self._residuals
             return SiteStatus(
                 time=time.time(),
                 started=self._started,
@@ -251,6 +265,8 @@ class MonitorStatus:
                 missing_channels=self._missing.texts,
                 overload=self._overload.problem,
                 windows_left_out=self._overload.total,
+                residuals=residuals,
+                residual_course=list(self._residual_course) if residuals else [],
                 temperature=self._temperature,
                 latency=dict(self._latency),
                 self_test=self._self_test if self._pace.tests else None,

@@ -9,6 +9,7 @@ from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import Result
 from monitor.service.processes import (
@@ -24,6 +25,7 @@ from monitor.service.processes import (
 
 if TYPE_CHECKING:
     from monitor.watch.pipeline import Pipeline
+    from monitor.watch.residuals import ResidualMonitor
 
 
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
@@ -39,7 +41,7 @@ class SavedState:
     text: str
 
 
-WorkerMessage = Result | SavedState
+WorkerMessage = Result | SavedState | ChannelResiduals
 
 
 class AnalysisError(RuntimeError):
@@ -55,7 +57,8 @@ class Worker:
     memory : text of the saved state to be continued; empty for none
     capacity : items that may wait before `feed` blocks; 0 = never blocks
     keep : whether the state for a restart is sent too, after each item with results
-    skipped : windows to leave out, by number, as in a log that is replayed; None: those of a backlog
+    skipped : windows to leave out, by number, as in a log that is replayed; None: those of a backlog, and the residuals
+        of channels are sent too
     """
 
     def __init__(
@@ -158,14 +161,18 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
     os.nice(5)  # acquisition comes first
     from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
 
-    pipeline = _pipeline(task)
+    pipeline, residuals = _pipeline(task), _residuals(task)
     for item in received(inbox):
         if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
             return
+        for state in residuals.push(item) if residuals else ():
+            outbox.put(state)
         reported = False
         for result in pipeline.push(item):
             outbox.put(result)
+            if residuals:
+                residuals.take(result)
             reported = True
         if reported and task.keep:
             outbox.put(SavedState(memory_text(pipeline.memory)))
@@ -185,3 +192,10 @@ def _pipeline(task: _Task) -> "Pipeline":
     live = Backlog(settings, lambda: int(task.newest.value))
     skip = live if task.skipped is None else as_logged(task.skipped)
     return Pipeline(attached_structure(task.structure), settings, known, skip)
+
+
+def _residuals(task: _Task) -> "ResidualMonitor | None":
+    from monitor.settings import parse_attached
+    from monitor.watch.residuals import ResidualMonitor
+
+    return ResidualMonitor(parse_attached(task.site)) if task.skipped is None else None

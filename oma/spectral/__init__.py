@@ -1,5 +1,6 @@
 """Spectra and correlations, and the resonances and tones in them."""
 
+from oma.spectral.channel_prediction import ChannelPrediction as ChannelPrediction
 from oma.spectral.correlation import CorrelationAccumulator as CorrelationAccumulator
 from oma.spectral.correlation import CorrelationSums as CorrelationSums
 from oma.spectral.correlation import covariance as covariance

@@ -5,11 +5,13 @@ import os
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 
 import rerun as rr
 
 from daq import Block, Item
 from monitor.analysis.temperature import TOPIC_TEMPERATURE
+from monitor.results.residuals import TOPIC_RESIDUALS, ChannelResiduals
 from monitor.results.run_results import RunResults, standing_answer
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult, event_result
 from monitor.settings import Settings, attached_structure, parse_attached
@@ -23,7 +25,7 @@ from monitor.views.viewer.modes.trends import draw_legend, draw_trends
 from monitor.views.viewer.posterior import draw_answers
 from monitor.views.viewer.primitives import APPLICATION, at
 from monitor.views.viewer.scene import draw_bare_structure, draw_place
-from monitor.views.viewer.signals.channels import draw_rms, draw_temperature
+from monitor.views.viewer.signals.channels import draw_residuals, draw_rms, draw_temperature
 from monitor.views.viewer.signals.traces import SignalStream
 from monitor.views.viewer.spectrum import draw_spectra
 from monitor.views.viewer.state_lanes import (
@@ -40,6 +42,7 @@ _SIGNALS_MB = 32  # a ring: the newest signals, for a viewer that comes late
 _BASELINES, _MIN_WINDOWS = 2.0, 12  # range of a live view's trends
 _KEPT_WINDOWS = 2  # with their spectra and profiles, which are large
 _KEPT_ALARMS = 50
+_RESIDUAL_BLOCKS = 60  # lengths of a block that are drawn
 _TEMPERATURE_SECONDS = 10.0  # between readings that are drawn
 
 
@@ -68,6 +71,9 @@ def serve(structure: str, site: str, items: Iterable[Item]) -> None:
                 continue
             if item.topic == TOPIC_TEMPERATURE:
                 results.add_temperature("site", item.time, float(item.payload["celsius"]))
+            if item.topic == TOPIC_RESIDUALS:
+                results.add_residuals(ChannelResiduals.model_validate(item.payload))
+                continue
             result = event_result(item)
             results.add(result)
             if isinstance(result, ReferenceResult):
@@ -140,6 +146,14 @@ class LiveResults:
             number = list(self._temperatures).index(name)
             draw_temperature(self._recording, name, number, [time], [celsius])
 
+    def add_residuals(self, residuals: ChannelResiduals) -> None:
+        """Draw the residuals of a block."""
+        draw_residuals(self._recording, residuals)
+        if not self._live.residuals:
+            self._live = replace(self._live, residuals=_RESIDUAL_BLOCKS * residuals.seconds)
+            if self._windows:
+                self._lay_out()
+
     def _results_of(self, windows: list[WindowResult]) -> RunResults:
         return RunResults(
             name=self._name,
@@ -201,6 +215,7 @@ class LiveResults:
             "diagnosis": last.diagnosis,
             "rms": last.rms,
             "temperatures": self._temperatures,
+            "residuals": self._live.residuals,
         }
         grown = self._shown | {name for name, value in has.items() if value} | {"window", *map(str, run_results.tracks)}
         if grown != self._shown:

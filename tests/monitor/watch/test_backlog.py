@@ -6,6 +6,7 @@ import pytest
 
 from daq import Item, McapWriter
 from monitor.outputs.notices.filter import NoticeFilter
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import Result, WindowResult, result_event
 from monitor.service.replay import replay
@@ -78,7 +79,7 @@ def test_replay_skips_the_same_windows_as_the_live_run(tmp_path: Path, monkeypat
             worker.feed(item)
         while True:
             results = list(worker.results(30.0))
-            found += [r for r in results if r is not None and not isinstance(r, SavedState)]
+            found += [r for r in results if r is not None and not isinstance(r, SavedState | ChannelResiduals)]
             if None in results:
                 break
     windows = [r for r in found if isinstance(r, WindowResult)]

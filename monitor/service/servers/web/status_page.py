@@ -21,6 +21,7 @@ _ENVIRONMENT = Environment(
     loader=PackageLoader("monitor.service.servers.web"), undefined=StrictUndefined, autoescape=True
 )
 _SILENT = 3.0  # s
+_RESIDUALS = 4  # channels that are listed
 _FIGURE_SPACE = "\u2007"  # as wide as a digit
 _NO_PAST = "the history is empty"
 _HEADLINE = {
@@ -61,6 +62,7 @@ def _content(source: Source) -> dict[str, Any]:
         "alarms": [alarm_content(alarm, past.reported) for alarm in reversed(past.alarms)] if past else [],
         "structure": _structure(past) if past else None,
         "novelty": novelty_content(_levels(past)) if past else None,
+        "residuals": _residuals(status) if status else None,
         "modes": modes_content(past.trends) if past else [],
         "devices": _devices(status) if status else [],
         "events": [event_content(event) for event in reversed(past.events)] if past else [],
@@ -170,6 +172,24 @@ def modes_content(trends: Mapping[int, Sequence[TrendPoint]]) -> list[dict[str, 
         | {name: figure.replace(" ", _FIGURE_SPACE) for name, figure in zip(columns, figures, strict=True)}
         for mode, course, figures in zip(shown, shifts, rows, strict=True)
     ]
+
+
+def _residuals(status: SiteStatus) -> dict[str, Any] | None:
+    """Return the largest residuals of channels against their prediction from the others; None if none are known."""
+    residuals = status.residuals
+    if residuals is None:
+        return None
+    largest = sorted(residuals.deviation, key=lambda channel: -residuals.deviation[channel])[:_RESIDUALS]
+    ratios = [f"{residuals.ratio[channel]:.2f}" for channel in largest]
+    deviations = [f"{residuals.deviation[channel]:+.1f}" for channel in largest]
+    return {
+        "over": bool(residuals.over),
+        "text": f"{deviations[0]} standard deviations",
+        "course": course_svg(status.residual_course, residuals.limit, 64.0),
+        "rows": list(zip(largest, ratios, deviations, strict=True)),
+        "block": f"{residuals.seconds:.3g}",
+        "limit": f"{residuals.limit:g}",
+    }
 
 
 def _devices(status: SiteStatus) -> list[dict[str, Any]]:

@@ -25,6 +25,7 @@ class Live:
 
     seconds: float  #: time shown by the trends [s]
     channels: tuple[str, ...]  #: channels whose signals are streamed
+    residuals: float = 0.0  #: time shown by the residuals of channels; 0 before there are any [s]
 
 
 def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
@@ -36,7 +37,7 @@ def layout(run_results: RunResults, live: Live | None = None) -> rrb.Blueprint:
     live : how a running monitor is followed; None for a run that has ended
     """
     trends = views.TrendViews(run_results, live.seconds if live else None)
-    tabs: list[rrb.Container] = [_overview(run_results, trends)]
+    tabs: list[rrb.Container] = [_overview(run_results, trends, live)]
     if run_results.reference and run_results.reference.has_shapes:
         shapes = views.mode_shapes if run_results.geometry else views.shape_bars
         tabs.append(shapes(run_results.reference))
@@ -72,10 +73,12 @@ def _beside(name: str, *parts: tuple[_Part, float]) -> rrb.Horizontal:
     return rrb.Horizontal(*[part for part, _ in parts], column_shares=[share for _, share in parts], name=name)
 
 
-def _overview(run_results: RunResults, trends: views.TrendViews) -> rrb.Horizontal:
+def _overview(run_results: RunResults, trends: views.TrendViews, live: Live | None) -> rrb.Horizontal:
     left = _structure(run_results, 4.4, aspect=1.25)
     left.append((views.card("Now", "/now"), 5.0))
     right: list[tuple[_Part, float]] = [(views.singular_values(), 4.2)] if run_results.spectra else []
+    if live and live.residuals:
+        right.append((views.residuals(live.residuals), 2.6))
     right.append((views.card("Events", "/event_list"), 4.0))
     return _beside("Overview", (_stack(*left), 3.3), (_trends(run_results, trends), 4.0), (_stack(*right), 4.2))
 

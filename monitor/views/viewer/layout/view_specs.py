@@ -206,6 +206,12 @@ class TrendViews:
         )
 
 
+def residuals(seconds: float) -> rrb.TimeSeriesView:
+    """Return the plot of the last residuals of channels against their prediction from the others."""
+    name = "Channels predicted from the others: residual [its standard deviation]; red: limit"
+    return _series(name, "/channels/residuals", following(seconds))
+
+
 def _span(start: int, end: int) -> rr.TimeRange:
     boundary = rrb.TimeRangeBoundary.absolute
     return rr.TimeRange(start=boundary(nanos=start), end=boundary(nanos=end))

@@ -6,8 +6,9 @@ import numpy as np
 import rerun as rr
 
 from daq import Recording
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.run_results import RunResults
-from monitor.views.palette import WARN, mode_colour
+from monitor.views.palette import ALARM, WARN, mode_colour
 from monitor.views.viewer.primitives import ends, line, times
 
 
@@ -33,6 +34,15 @@ def draw_temperature(
     colour = mode_colour(number) if number else WARN
     path = rr.new_entity_path(["channels", "temperature", name])
     line(recording, path, name, colour, times(at), values)
+
+
+def draw_residuals(recording: rr.RecordingStream, residuals: ChannelResiduals) -> None:
+    """Draw the residual of each channel against its prediction from the others, and the limit [standard deviations]."""
+    for number, (name, deviation) in enumerate(residuals.deviation.items(), 1):
+        path = rr.new_entity_path(["channels", "residuals", name])
+        line(recording, path, name, mode_colour(number), times([residuals.time]), [deviation])
+    path = rr.new_entity_path(["channels", "residuals", "limit"])
+    line(recording, path, "limit", ALARM, times([residuals.time]), [residuals.limit])
 
 
 def write_channels(recording: rr.RecordingStream, signals: Recording) -> None:

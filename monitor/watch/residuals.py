@@ -1,0 +1,143 @@
+"""Residuals of channels predicted from the others, block by block: a change is visible before its window is complete.
+
+Blocks of a twentieth of a window, half overlapping, are predicted by the spectral matrix of blocks of calm windows
+(`oma.spectral.ChannelPrediction`). The logarithm of the residual has a mean and a standard deviation over these
+blocks. The newest calm window is learned one window later: a change that begins at its end is not learned.
+Nothing here is logged or saved: after a start and after a new reference, it is learned again.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from daq import Assembler, Block, Event, FloatArray, Recording
+from monitor.results.residuals import ChannelResiduals
+from monitor.results.windows import ReferenceResult, Result, WindowResult
+from monitor.settings import Settings
+from oma.spectral import ChannelPrediction
+from oma.types import ComplexArray
+
+LIMIT = 6.0  #: standard deviations; the rate of false exceedances is in docs/validation/detection/residuals.md
+_BLOCKS = 20  # in a window, without overlap
+_LEAST_SAMPLES, _MOST_SAMPLES = 64, 2048  # of a block
+_MEMORY = 50.0  # windows
+_LEAST_LEVELS = 60  # blocks before a deviation is computed
+_MOST_CHANNELS = 32  # the cost rises with their square
+
+
+@dataclass(frozen=True, eq=False)
+class _Predicted:
+    """A block that is not learned yet."""
+
+    end: int  #: [ns UTC]
+    spectrum: ComplexArray  #: (n_lines, n_channels)
+    level: FloatArray | None  #: (n_channels,) logarithm of the rms residual over the learned one
+
+
+class _Levels:
+    """Mean and standard deviation of levels, with exponential memory."""
+
+    def __init__(self, n_channels: int, memory: float) -> None:
+        self._kept = 1 - 1 / memory
+        self.weight = 0.0
+        self._sum, self._square = np.zeros((2, n_channels))
+
+    def learn(self, level: FloatArray) -> None:
+        self.weight = self._kept * self.weight + 1
+        self._sum = self._kept * self._sum + level
+        self._square = self._kept * self._square + level**2
+
+    @property
+    def mean(self) -> FloatArray:
+        return np.asarray(self._sum / self.weight)
+
+    @property
+    def std(self) -> FloatArray:
+        return np.asarray(np.sqrt(np.maximum(self._square / self.weight - self.mean**2, np.finfo(float).tiny)))
+
+
+class ResidualMonitor:
+    """Predicts blocks as their signals arrive, and learns those of calm windows.
+
+    Parameters
+    ----------
+    settings : of the site; with fewer than three or more than 32 channels there are no residuals
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._channels = tuple(channel.name for channel in settings.channels)
+        names = list(dict.fromkeys(channel.device for channel in settings.channels))
+        self._devices = np.array([names.index(channel.device) for channel in settings.channels], np.intp)
+        rates = {device.name: device.rate for device in settings.device}
+        rate = min(rates.values())
+        wanted = settings.analysis.window_seconds / _BLOCKS * rate
+        self._n = round(min(max(wanted, _LEAST_SAMPLES), _MOST_SAMPLES))
+        self.seconds = self._n / rate  #: length of a block [s]
+        step = (self._n // 2) / rate
+        self._memory = _MEMORY * settings.analysis.window_seconds / step  # blocks
+        self._assembler = (
+            Assembler(settings.channels, rates, window_seconds=self.seconds, step_seconds=step)
+            if 2 < len(self._channels) <= _MOST_CHANNELS
+            else None
+        )
+        self._has_reference = False
+        self._begin()
+
+    def _begin(self) -> None:
+        """Forget what was learned."""
+        self._prediction = ChannelPrediction(self._n, self._devices, self._memory)
+        self._levels = _Levels(len(self._channels), self._memory)
+        self._waiting: list[_Predicted] = []  # blocks of the window that is not complete
+        self._held: list[_Predicted] = []  # of the last calm window
+
+    def push(self, item: Block | Event) -> Iterator[ChannelResiduals]:
+        """Process one item in the log's order; yield the residuals of the blocks that are complete."""
+        if self._assembler is None:
+            return
+        blocks = self._assembler.push(item) if isinstance(item, Block) else self._assembler.push_event(item)
+        for block in blocks:
+            if np.isfinite(block.data).all():
+                yield from self._predict(block)
+
+    def take(self, result: Result) -> None:
+        """Learn the blocks up to the last calm window but one, or discard those of a changed one."""
+        if isinstance(result, ReferenceResult):
+            if self._has_reference:
+                self._begin()
+            self._has_reference = True
+        elif isinstance(result, WindowResult):
+            inside = [block for block in self._waiting if block.end <= result.end]
+            self._waiting = self._waiting[len(inside) :]
+            calm = _is_calm(result)
+            if calm:
+                for block in self._held:
+                    self._learn(block)
+            self._held = inside if calm else []
+
+    def _predict(self, block: Recording) -> Iterator[ChannelResiduals]:
+        spectrum = self._prediction.spectrum(block.data)
+        found = self._prediction.residuals(spectrum)
+        level = None if found is None else np.log(np.maximum(found, np.finfo(float).tiny)) / 2
+        self._waiting.append(_Predicted(block.end, spectrum.astype(np.complex64), level))
+        if level is not None and self._levels.weight >= _LEAST_LEVELS:
+            off = level - self._levels.mean
+            yield ChannelResiduals(
+                time=block.end,
+                seconds=self.seconds,
+                ratio=dict(zip(self._channels, np.exp(off).tolist(), strict=True)),
+                deviation=dict(zip(self._channels, (off / self._levels.std).tolist(), strict=True)),
+                limit=LIMIT,
+            )
+
+    def _learn(self, block: _Predicted) -> None:
+        self._prediction.learn(block.spectrum)
+        if block.level is not None:
+            self._levels.learn(block.level)
+
+
+def _is_calm(window: WindowResult) -> bool:
+    """Return whether a window belongs to the baseline, or is consistent with it."""
+    if window.problem or window.phase == "alarm":
+        return False
+    return window.phase == "learning" or (window.novelty is not None and not window.novelty.level > 1)

@@ -1,0 +1,94 @@
+"""Residuals of channels predicted from the others, on signals of known spectral matrices."""
+
+import numpy as np
+import pytest
+
+from daq import FloatArray
+from oma.spectral import ChannelPrediction
+
+N = 256
+DEVICES = np.array([0, 0, 1, 1, 2])
+MEMORY = 1e9
+
+
+def mixed(random: np.random.Generator, mixing: FloatArray, n: int) -> FloatArray:
+    """Return n channels' samples (n, 5): white forces, mixed, and independent noise."""
+    return random.standard_normal((n, mixing.shape[1])) @ mixing.T + 0.1 * random.standard_normal((n, len(mixing)))
+
+
+def learned(random: np.random.Generator, mixing: FloatArray, n_blocks: int) -> ChannelPrediction:
+    prediction = ChannelPrediction(N, DEVICES, MEMORY)
+    for _ in range(n_blocks):
+        prediction.learn(prediction.spectrum(mixed(random, mixing, N)))
+    return prediction
+
+
+def found(prediction: ChannelPrediction, block: FloatArray) -> FloatArray:
+    residuals = prediction.residuals(prediction.spectrum(block))
+    assert residuals is not None
+    return residuals
+
+
+@pytest.mark.parametrize("n_blocks", [20, 400])
+def test_residual_of_other_blocks_is_one_for_any_number_of_learned_blocks(n_blocks: int) -> None:
+    """300 blocks of 100 lines give the mean within 0.006, the learned matrix within 0.1 / sqrt(n); delays take 0.02."""
+    random = np.random.default_rng(1)
+    mixing = random.standard_normal((5, 2))
+    prediction = learned(random, mixing, n_blocks)
+    # independent blocks, not overlapping ones: 38 / 36 as many as counted
+    n = prediction.n_blocks
+    counted = n**2 / ((n - 5) * (n - 4))
+    n = n_blocks
+    expected = n**2 / ((n - 5) * (n - 4)) / counted
+    levels = np.mean([found(prediction, mixed(random, mixing, N)) for _ in range(300)], axis=0)
+    assert levels == pytest.approx(expected, abs=0.02 + 3 / np.sqrt(100 * n_blocks))
+
+
+def test_nothing_is_predicted_before_three_blocks_per_channel() -> None:
+    random = np.random.default_rng(2)
+    mixing = random.standard_normal((5, 2))
+    block = mixed(random, mixing, N)
+    few, enough = learned(random, mixing, 15), learned(random, mixing, 16)
+    assert few.residuals(few.spectrum(block)) is None  # 36 / 38 of 15 are less than 15
+    assert found(enough, block).shape == (5,)
+
+
+def test_residual_grows_where_the_shapes_have_changed() -> None:
+    """The third channel moves by twice as much: its residual is its former motion, 0.1 of noise."""
+    random = np.random.default_rng(3)
+    mixing = random.standard_normal((5, 2))
+    prediction = learned(random, mixing, 200)
+    changed = mixing * np.array([1, 1, 2, 1, 1])[:, None]
+    before, after = (found(prediction, mixed(random, m, N)) for m in (mixing, changed))
+    assert before.max() < 1.5
+    assert after.argmax() == 2
+    assert after[2] > 10 * before[2]
+
+
+def test_delays_of_devices_are_no_residual() -> None:
+    """A third of a sample, smoothly: the phase at 0.4 of the rate turns by 0.8 rad."""
+    random = np.random.default_rng(4)
+    mixing = random.standard_normal((5, 2))
+    prediction = learned(random, mixing, 400)
+    line = np.fft.rfftfreq(N)[:, None]
+    delay = np.array([0.0, 0.0, 0.33, 0.33, -0.2])
+    block = mixed(random, mixing, N)
+    late = np.fft.irfft(np.fft.rfft(block, axis=0) * np.exp(-2j * np.pi * line * delay), N, axis=0)
+    one_clock = ChannelPrediction(N, np.zeros(5, np.intp), MEMORY)
+    for _ in range(400):
+        one_clock.learn(one_clock.spectrum(mixed(random, mixing, N)))
+    assert found(one_clock, late).max() > 5
+    # the taper sees other samples of the same motion
+    assert found(prediction, late) == pytest.approx(found(prediction, block), rel=0.15)
+
+
+def test_memory_forgets_old_blocks() -> None:
+    random = np.random.default_rng(5)
+    mixing = random.standard_normal((5, 2))
+    prediction = ChannelPrediction(N, DEVICES, memory=50)
+    for matrix in (mixing, -mixing[::-1]):
+        for _ in range(400):
+            prediction.learn(prediction.spectrum(mixed(random, matrix, N)))
+    # 2 x 50 blocks are as accurate as an exponential mean over 50
+    assert prediction.n_blocks == pytest.approx(99 * 36 / 38, rel=0.01)
+    assert found(prediction, mixed(random, -mixing[::-1], N)).max() < 1.6
