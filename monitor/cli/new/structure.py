@@ -28,7 +28,13 @@ def structure(
     ] = None,
     material: Annotated[str, one_of("--material", MATERIALS, "Material.")] = "steel",
     sensors: Annotated[
-        int, Option(metavar="N", help="Measured places of a member, at equal distances.", min=1, max=20)
+        int,
+        Option(
+            metavar="N",
+            help="Measured places of a member, at equal distances. Posts of storeys: one at each floor.",
+            min=1,
+            max=20,
+        ),
     ] = 2,
     sensors_at: Annotated[
         list[str] | None,

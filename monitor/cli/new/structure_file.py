@@ -245,7 +245,13 @@ def _storeys(size: Mapping[str, float]) -> _Frame:
     n, height, length = int(size.get("storeys", 1)), size["height"], size["length"]
     top = n * height
     posts = tuple(
-        _Member(name=f"{side} post", start=(x, 0, 0), end=(x, 0, top), directions="xy")
+        _Member(
+            name=f"{side} post",
+            start=(x, 0, 0),
+            end=(x, 0, top),
+            directions="xy",
+            places=_between_the_ends if n == 1 else lambda _: _up_to_the_end(n),  # at each floor
+        )
         for side, x in (("left", 0.0), ("right", length))
     )
     beams = tuple(

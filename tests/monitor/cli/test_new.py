@@ -19,7 +19,7 @@ PORTAL = ("portal", "--height", 2, "--length", 3, "--section", "box:0.06,0.04,0.
         ((*PORTAL, "--pinned", "--beam-section", "circle:0.02", "--sensors", 1), 3, 6),
         (("cantilever", "--height", 1.2, "--section", "rectangle:0.05,0.005", "--sensors", 3), 1, 6),
         (("beam", "--length", 4, "--section", "i:0.055,0.1,0.0041,0.0057", "--material", "concrete"), 1, 4),
-        (("storeys", "--storeys", 3, "--height", 0.5, "--length", 0.8, "--section", "tube:0.04,0.003"), 5, 20),
+        (("storeys", "--storeys", 3, "--height", 0.5, "--length", 0.8, "--section", "tube:0.04,0.003"), 5, 24),
         (("t-frame", "--height", 1.48, "--length", 0.8, "--section", "box:0.04,0.04,0.003"), 2, 8),
     ],
 )

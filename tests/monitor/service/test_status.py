@@ -10,6 +10,7 @@ import pytest
 
 from daq import Event, SystemClock
 from monitor.analysis.temperature import reading
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import AnalysisCaughtUp, DeviceReplaced, WindowsLeftOut
 from monitor.results.site_status import FILE_NAME
 from monitor.results.windows import WindowResult, event_result, result_event
@@ -41,6 +42,25 @@ def test_status_has_the_last_temperature_of_devices_and_site(tmp_path: Path) -> 
     found = json.loads((tmp_path / FILE_NAME).read_text())
     assert {name: device["temperature"] for name, device in found["devices"].items()} == {"left": 21.5, "right": None}
     assert found["temperature"] == -3.5
+
+
+def test_residuals_are_in_the_status_until_they_are_outdated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a window after the last block, they are no present state."""
+    wall, ages = [1e9], [0.0]
+    monkeypatch.setattr("monitor.service.status.time", FakeTime(wall, ages))
+    status = MonitorStatus(tmp_path / FILE_NAME, ("left",), Pace(step=60.0, window=60.0), SystemClock())
+    for time, deviations in ((1, {"a": 0.5, "b": 2.0}), (2, {"a": 7.0, "b": 1.0})):
+        status.take_residuals(
+            ChannelResiduals(time=time, seconds=3.0, ratio=dict.fromkeys("ab", 1.0), deviation=deviations, limit=6.0)
+        )
+    present = status.write(*WELL)
+    assert present is not None
+    assert present.residuals is not None
+    assert (present.residuals.over, present.residual_course) == ({"a": 7.0}, [2.0, 7.0])
+    ages[0] += 31.0
+    later = status.write(*WELL)
+    assert later is not None
+    assert (later.residuals, later.residual_course) == (None, [])
 
 
 def test_wall_clock_change_does_not_affect_ages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

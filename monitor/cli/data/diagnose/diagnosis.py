@@ -305,7 +305,7 @@ def _say_parameters(calibration: Calibration) -> None:
     if moved := [change for change in changes if change.significant]:
         console.print(changes_table(moved, "model parameters fitted to the reference logs"))
     if others := further_changes_text([change for change in changes if not change.significant]):
-        console.print(f"fitted to the reference logs, {others}", style="dim", markup=False, soft_wrap=True)
+        console.print(f"fitted to the reference logs, {others}", style="dim", markup=False)
 
 
 def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out: Path | None) -> str:

@@ -8,7 +8,7 @@ from monitor.outputs.history import AlarmRow, EventRow, HistoryError, Reader, Sp
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.site_status import FILE_NAME, DeviceStatus, SiteStatus, read_status
 from monitor.results.windows import ReferenceResult, SelfTestResult
-from monitor.text.quantities import utc
+from monitor.text.quantities import duration_text, utc
 
 _STALE_SECONDS = 10.0  # without a new status file
 _SILENT_SECONDS = 5.0  # without data of a device
@@ -87,12 +87,16 @@ def _newest(reader: Reader) -> list[EventRow]:
     return sorted(rows, key=lambda row: row.time)[-_EVENTS:]
 
 
-def problems(status: SiteStatus | None) -> list[str]:
-    """Return the problems of a monitor; empty for a healthy one."""
+def silence(status: SiteStatus | None) -> str:
+    """Return why there is no present state of a monitor; empty if there is one."""
     if status is None:
-        return ["no monitor has run here yet"]
-    if (age := time.time() - status.time) > _STALE_SECONDS:
-        return [f"no status of the monitor for {age:.0f} s"]
+        return "no monitor has run here yet"
+    age = time.time() - status.time
+    return f"no status of the monitor for {duration_text(age)}" if age > _STALE_SECONDS else ""
+
+
+def measurement_problems(status: SiteStatus) -> list[str]:
+    """Return the problems of a monitor that limit its present verdict."""
     found = [problem for name, device in status.devices.items() for problem in _device_problems(name, device)]
     if status.window_overdue:
         late, step = status.window_age, status.step_seconds
@@ -102,6 +106,14 @@ def problems(status: SiteStatus | None) -> list[str]:
     found += status.missing_channels
     if status.overload:
         found.append(status.overload)
+    return found
+
+
+def problems(status: SiteStatus | None) -> list[str]:
+    """Return the problems of a monitor; empty for a healthy one."""
+    if status is None or silence(status):
+        return [silence(status)]
+    found = measurement_problems(status)
     if status.counters.dropped:
         found.append(f"{status.counters.dropped} items did not reach the log")
     if status.self_test and not status.self_test.passed:

@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from monitor.outputs.history import AlarmRow, EventRow, TrendPoint
 from monitor.results.site_status import SiteStatus
-from monitor.service.servers.web.source import Past, Source, problems, self_test_text
+from monitor.service.servers.web.source import Past, Source, measurement_problems, problems, self_test_text, silence
 from monitor.service.servers.web.svg import course_svg, structure_svg
 from monitor.text.detection import detectable_text, single_mode_text, trend_text, unsure_text
 from monitor.text.events import event_sentence
@@ -47,15 +47,17 @@ def _content(source: Source) -> dict[str, Any]:
     standing = [alarm for alarm in past.alarms if alarm.cleared is None] if past else []
     state = status.state if status else "learning"  # the history may lag behind, or be down
     unsure = _unsure(status) if status and state == "normal" else ""
+    silent = silence(status)
+    degraded = bool(status and state == "normal" and measurement_problems(status))
     return {
         "name": source.name,
         "state": state,
-        "colour": "watch" if unsure else state,
-        "headline": _HEADLINE[state] + (" (estimated)" if unsure else ""),
+        "colour": "silent" if silent else "watch" if unsure or degraded else state,
+        "headline": _headline(state, silent=bool(silent), degraded=degraded, estimated=bool(unsure)),
         "unsure": unsure,
         "trend": trend_text(status.trend) if status and status.trend else "",
         "detectable": detectable_text(status.detectable) if status and status.detectable else "",
-        "learning": _learning(status) if status and state == "learning" else None,
+        "learning": _learning(status) if status and state == "learning" and not silent else None,
         "left_out": _left_out(status, past),
         "problems": problems(status) + ([] if past or (status and status.problems.history) else [_NO_PAST]),
         "alarm": alarm_content(standing[-1], past.reported) if past and standing else None,
@@ -70,6 +72,15 @@ def _content(source: Source) -> dict[str, Any]:
         "self_test": self_test_text(status.self_test) if status and status.self_test else None,
         "now": datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
     }
+
+
+def _headline(state: str, *, silent: bool, degraded: bool, estimated: bool) -> str:
+    """Return the verdict, and whether it is limited."""
+    if silent:
+        return "No present state" + (f"; the last one: {_HEADLINE[state]}" if state in ("alarm", "watch") else "")
+    return (
+        ("Degraded; the last window: " if degraded else "") + _HEADLINE[state] + (" (estimated)" if estimated else "")
+    )
 
 
 def _structure(past: Past) -> Markup | None:

@@ -130,11 +130,11 @@ def _over_time(run_results: RunResults, trends: views.TrendViews) -> rrb.Contain
     if not numbers:
         return rrb.Vertical(trends.series("Frequencies found while learning [Hz]", "/trend/found"))
     frequency = [
-        trends.series(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", values=frequency_span(run_results, n))
+        trends.small(f"Mode {n} [Hz], ± 2σ", f"/trend/frequency/mode_{n}", frequency_span(run_results, n))
         for n in numbers
     ]
     damping = [
-        trends.series(f"Mode {n}, damping [%], ± 2σ", f"/trend/damping/mode_{n}", values=damping_span(run_results, n))
+        trends.small(f"Mode {n}, damping [%], ± 2σ", f"/trend/damping/mode_{n}", damping_span(run_results, n))
         for n in numbers
     ]
     return rrb.Tabs(_grid(frequency, name="Natural frequencies"), _grid(damping, name="Damping"), active_tab=0)

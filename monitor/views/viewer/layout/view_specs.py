@@ -196,6 +196,11 @@ class TrendViews:
         """Return a plot of all that is under an entity, from the lowest to the highest of `values` if given."""
         return _series(name, origin, self._span, values=None if self._live else values)
 
+    def small(self, name: str, origin: str, values: tuple[float, float]) -> rrb.TimeSeriesView:
+        """Return a plot that is too low for more than one tick: its name states the range."""
+        low, high = values
+        return self.series(name if self._live else f"{name}, {low:.4g} to {high:.4g}", origin, values=values)
+
     def lanes(self) -> rrb.StateTimelineView:
         """Return the lanes of states."""
         return rrb.StateTimelineView(

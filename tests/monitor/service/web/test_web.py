@@ -18,6 +18,7 @@ import pytest
 from daq import Event, SystemClock
 from monitor.errors import StartError
 from monitor.outputs.history import HistoryStore
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.site_status import FILE_NAME
 from monitor.service.operator_commands import Inbox
 from monitor.service.servers.web import Source, alarm_reports, make_app, web_process
@@ -128,10 +129,38 @@ def test_each_health_problem_is_named(source: Source, fields: dict[str, Any], sa
     assert says in problem
 
 
+@pytest.mark.parametrize(
+    ("fields", "headline"),
+    [
+        ({"state": "normal"}, "Normal"),
+        ({"state": "normal", "counters": {"dropped": 3}}, "Normal"),
+        ({"state": "normal", "devices": {"left": {"lost": True, "silent": 9.0}}}, "Degraded; the last window: Normal"),
+        ({"state": "alarm", "time": time.time() - 60}, "No present state; the last one: ALARM"),
+    ],
+)
+def test_headline_is_limited_where_the_measurement_is(source: Source, fields: dict[str, Any], headline: str) -> None:
+    """A problem of another part, such as items that did not reach the log, leaves the verdict as it is."""
+    page = Client(changed(source, **fields)).get("/state").text
+    assert f'<p class="headline">{headline}' in page
+
+
+def test_residuals_are_on_the_page_as_a_state(source: Source) -> None:
+    residuals = ChannelResiduals(
+        time=1, seconds=2.0, ratio={"a": 1.02, "b": 2.5}, deviation={"a": 0.2, "b": 9.31}, limit=6.0
+    )
+    fields = {"state": "normal", "residuals": residuals.model_dump(), "residual_course": [0.5, 9.31]}
+    page = Client(changed(source, **fields)).get("/state").text
+    section = page.partition("<h2>Residuals")[2].partition("</section>")[0]
+    assert "+9.3 standard deviations" in section
+    assert section.index("<td>b</td>") < section.index("<td>a</td>")  # the largest first
+    assert "over the last 2 s" in section
+    assert '<p class="headline">Normal' in page  # no alarm
+
+
 def test_site_that_never_ran_has_a_page(tmp_path: Path) -> None:
     looked = Client(Source(name="new", state=tmp_path, url=sqlite_url(tmp_path)))
     assert looked.get("/healthz").json()["problems"] == ["no monitor has run here yet"]
-    assert "Learning the baseline" in looked.get("/").text
+    assert "No present state" in looked.get("/").text
     assert "modalwatch_healthy 0.0" in looked.get("/metrics").text
 
 

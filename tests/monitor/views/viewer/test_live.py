@@ -18,6 +18,7 @@ import rerun as rr
 
 from daq import Block, Event, Item
 from daq.drivers import EPSON_SCALE
+from monitor.results.residuals import ChannelResiduals
 from monitor.results.windows import result_event
 from monitor.service.servers.live_view import LiveView, live_urls, live_view
 from monitor.settings import Settings, parse_settings
@@ -202,6 +203,26 @@ def test_temperatures_are_drawn_on_after_the_clock_is_set_back(monkeypatch: pyte
     for second in (7200, 7205, 7211, 3600, 3603):
         live.add_temperature("site", second * 10**9, 20.0)
     assert drawn == [second * 10**9 for second in (7200, 7211, 3600)]
+
+
+def test_residuals_are_drawn_and_laid_out_from_the_first_block_on(tmp_path: Path) -> None:
+    recording = rr.RecordingStream("test")
+    recording.save(tmp_path / "live.rrd")
+    live = LiveResults(recording, "bridge", parse_settings(site_text(1)))
+    live.add(RUN["windows"][0])
+    for second in (10, 11):
+        live.add_residuals(
+            ChannelResiduals(
+                time=made.START + second * 10**9, seconds=2.0, ratio={"a": 1.5}, deviation={"a": second / 2}, limit=6.0
+            )
+        )
+    recording.disconnect()
+    rrd = Rrd(tmp_path / "live.rrd")
+    times, values = rrd.scalars("/channels/residuals/a")
+    assert (times - made.START).tolist() == [10 * 10**9, 11 * 10**9]
+    assert values.tolist() == [5.0, 5.5]
+    assert rrd.scalars("/channels/residuals/limit")[1].tolist() == [6.0, 6.0]
+    assert "/channels/residuals" in {view.origin for view in rrd.views}
 
 
 def test_port_in_use_is_reported_and_no_view_is_served() -> None:
