@@ -17,6 +17,7 @@ from monitor.service.site import Site, load_site
 from monitor.service.startup.preflight import disk_plan, look_around
 from monitor.settings import AXES, DeviceSettings, Settings
 from monitor.text.detection import NO_THERMOMETER
+from monitor.text.quantities import counted
 
 _DAY_HOURS = 24.0
 
@@ -77,15 +78,16 @@ def _say_plan(site: Site) -> None:
     echo(f"structure: {structure}")
     echo(f"channels:  {len(settings.channels)}, on {len(settings.device)} devices")
     console.print(f"windows:   {analysis.window_seconds:g} s, one every {settings.step_seconds:g} s")
-    echo(f"baseline:  {_baseline_text(settings)}")
-    acknowledged = ", once acknowledged" if settings.alarm.latched else ""
-    echo(
-        f"alarm:     {settings.alarm.false_alarms_per_year:g} false alarms per year, "
-        f"after {settings.alarm.hold_windows} windows over the limit; "
-        f"it ends after {settings.alarm.clear_windows} calm windows{acknowledged}"
+    console.print(f"baseline:  {_baseline_text(settings)}")
+    alarm = settings.alarm
+    acknowledged = ", once acknowledged" if alarm.latched else ""
+    console.print(
+        f"alarm:     {alarm.false_alarms_per_year:g} false alarm{'s' * (alarm.false_alarms_per_year != 1)} per year, "
+        f"after {counted(alarm.hold_windows, 'window')} over the limit; "
+        f"it ends after {counted(alarm.clear_windows, 'calm window')}{acknowledged}"
     )
     echo(f"log:       {folder}, {free / 1e9:.1f} GB free")
-    echo(f"disk:      {disk_plan(settings, free)}")
+    console.print(f"disk:      {disk_plan(settings, free)}")
 
 
 def _table(site: Site, found: dict[str, Probe | str]) -> Table:

@@ -40,7 +40,7 @@ def seconds_of(residuals: ChannelResiduals) -> float:
 
 @pytest.mark.parametrize("seed", [31, 32])
 def test_change_is_visible_within_two_seconds_and_nothing_before_it(seed: int) -> None:
-    """150 to 300 g of 12 kg, somewhere: a block of 1 s that is half changed shows it; the window has 20 s.
+    """150 to 300 g on 7.5 kg, somewhere: a block of 1 s that is half changed shows it; the window has 20 s.
 
     The rate of exceedances without a change is in docs/validation/detection/residuals.md: 70 s are quiet here.
     """

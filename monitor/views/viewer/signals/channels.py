@@ -9,7 +9,7 @@ from daq import Recording
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.run_results import RunResults
 from monitor.views.palette import ALARM, WARN, mode_colour
-from monitor.views.viewer.primitives import ends, line, times
+from monitor.views.viewer.primitives import ends, line, rule, times
 
 
 def draw_rms(recording: rr.RecordingStream, run_results: RunResults) -> None:
@@ -42,7 +42,8 @@ def draw_residuals(recording: rr.RecordingStream, residuals: ChannelResiduals) -
         path = rr.new_entity_path(["channels", "residuals", name])
         line(recording, path, name, mode_colour(number), times([residuals.time]), [deviation])
     path = rr.new_entity_path(["channels", "residuals", "limit"])
-    line(recording, path, "limit", ALARM, times([residuals.time]), [residuals.limit])
+    begin = residuals.time - round(residuals.seconds * 1e9)
+    rule(recording, path, "limit", ALARM, (begin, residuals.time), residuals.limit)
 
 
 def write_channels(recording: rr.RecordingStream, signals: Recording) -> None:

@@ -221,7 +221,7 @@ def test_residuals_are_drawn_and_laid_out_from_the_first_block_on(tmp_path: Path
     times, values = rrd.scalars("/channels/residuals/a")
     assert (times - made.START).tolist() == [10 * 10**9, 11 * 10**9]
     assert values.tolist() == [5.0, 5.5]
-    assert rrd.scalars("/channels/residuals/limit")[1].tolist() == [6.0, 6.0]
+    assert set(rrd.scalars("/channels/residuals/limit")[1].tolist()) == {6.0}
     assert "/channels/residuals" in {view.origin for view in rrd.views}
 
 
