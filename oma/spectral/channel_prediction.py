@@ -93,7 +93,7 @@ class ChannelPrediction:
         return self._inverse
 
     def _without_delays(self, spectrum: ComplexArray) -> ComplexArray:
-        """Return a spectrum without the delays of its devices, by Gauss-Newton steps; unchanged before enough is learned.
+        """Return a spectrum without the delays of its devices, by Gauss-Newton; unchanged before enough is learned.
 
         A delay common to all devices changes nothing, and is kept.
         """
