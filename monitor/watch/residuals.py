@@ -7,7 +7,6 @@ Nothing here is logged or saved: after a start and after a new reference, it is 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from monitor.results.residuals import ChannelResiduals
 from monitor.results.windows import ReferenceResult, Result, WindowResult
 from monitor.settings import Settings
 from oma.spectral import ChannelPrediction
-from oma.types import ComplexArray
 
 LIMIT = 6.0  #: standard deviations; the rate of false exceedances is in docs/validation/detection/residuals.md
 _BLOCKS = 20  # in a window, without overlap
@@ -26,27 +24,28 @@ _LEAST_LEVELS = 60  # blocks before a deviation is computed
 _MOST_CHANNELS = 32  # the cost rises with their square
 
 
-@dataclass(frozen=True, eq=False)
-class _Predicted:
-    """A block that is not learned yet."""
-
-    end: int  #: [ns UTC]
-    spectrum: ComplexArray  #: (n_lines, n_channels)
-    level: FloatArray | None  #: (n_channels,) logarithm of the rms residual over the learned one
-
-
 class _Levels:
-    """Mean and standard deviation of levels, with exponential memory."""
+    """Mean and standard deviation of levels, with exponential memory; the newest are held, as the spectra are."""
 
     def __init__(self, n_channels: int, memory: float) -> None:
         self._kept = 1 - 1 / memory
         self.weight = 0.0
         self._sum, self._square = np.zeros((2, n_channels))
+        self._held: list[FloatArray] = []
+        self._pending: list[FloatArray] = []
 
-    def learn(self, level: FloatArray) -> None:
-        self.weight = self._kept * self.weight + 1
-        self._sum = self._kept * self._sum + level
-        self._square = self._kept * self._square + level**2
+    def add(self, level: FloatArray) -> None:
+        self._pending.append(level)
+
+    def learn(self) -> None:
+        for level in self._held:
+            self.weight = self._kept * self.weight + 1
+            self._sum = self._kept * self._sum + level
+            self._square = self._kept * self._square + level**2
+        self._held, self._pending = self._pending, []
+
+    def discard(self) -> None:
+        self._held, self._pending = [], []
 
     @property
     def mean(self) -> FloatArray:
@@ -88,8 +87,6 @@ class ResidualMonitor:
         """Forget what was learned."""
         self._prediction = ChannelPrediction(self._n, self._devices, self._memory)
         self._levels = _Levels(len(self._channels), self._memory)
-        self._waiting: list[_Predicted] = []  # blocks of the window that is not complete
-        self._held: list[_Predicted] = []  # of the last calm window
 
     def push(self, item: Block | Event) -> Iterator[ChannelResiduals]:
         """Process one item in the log's order; yield the residuals of the blocks that are complete."""
@@ -101,26 +98,30 @@ class ResidualMonitor:
                 yield from self._predict(block)
 
     def take(self, result: Result) -> None:
-        """Learn the blocks up to the last calm window but one, or discard those of a changed one."""
+        """Learn the blocks of the last calm window but one, or discard those of a changed one and of the one before.
+
+        A window belongs to the blocks since the last one: it is complete within a block of its end.
+        """
         if isinstance(result, ReferenceResult):
             if self._has_reference:
                 self._begin()
             self._has_reference = True
         elif isinstance(result, WindowResult):
-            inside = [block for block in self._waiting if block.end <= result.end]
-            self._waiting = self._waiting[len(inside) :]
-            calm = _is_calm(result)
-            if calm:
-                for block in self._held:
-                    self._learn(block)
-            self._held = inside if calm else []
+            for part in (self._prediction, self._levels):
+                if _is_calm(result):
+                    part.learn()
+                else:
+                    part.discard()
 
     def _predict(self, block: Recording) -> Iterator[ChannelResiduals]:
         spectrum = self._prediction.spectrum(block.data)
         found = self._prediction.residuals(spectrum)
-        level = None if found is None else np.log(np.maximum(found, np.finfo(float).tiny)) / 2
-        self._waiting.append(_Predicted(block.end, spectrum.astype(np.complex64), level))
-        if level is not None and self._levels.weight >= _LEAST_LEVELS:
+        self._prediction.add(spectrum)
+        if found is None:
+            return
+        level = np.log(np.maximum(found, np.finfo(float).tiny)) / 2
+        self._levels.add(level)
+        if self._levels.weight >= _LEAST_LEVELS:
             off = level - self._levels.mean
             yield ChannelResiduals(
                 time=block.end,
@@ -129,11 +130,6 @@ class ResidualMonitor:
                 deviation=dict(zip(self._channels, (off / self._levels.std).tolist(), strict=True)),
                 limit=LIMIT,
             )
-
-    def _learn(self, block: _Predicted) -> None:
-        self._prediction.learn(block.spectrum)
-        if block.level is not None:
-            self._levels.learn(block.level)
 
 
 def _is_calm(window: WindowResult) -> bool:

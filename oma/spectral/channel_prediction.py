@@ -34,7 +34,7 @@ class ChannelPrediction:
     ----------
     n_samples : of a block
     devices : (n_channels,) number of each channel's device, from 0 on; at least two channels
-    memory : number of blocks of which the mean is exponential; fewer are averaged alike
+    memory : number of blocks over which older ones are forgotten
     """
 
     def __init__(self, n_samples: int, devices: IndexArray, memory: float) -> None:
@@ -43,7 +43,9 @@ class ChannelPrediction:
         self._member = (np.arange(devices.max() + 1)[:, None] == devices).astype(float)  # (n_devices, n_channels)
         angle: FloatArray = 2 * np.pi * np.arange(n_samples)[self._lines] / n_samples
         self._turn = 1j * angle[:, None]  # of the phase, by a delay of one sample
-        self._sum = np.zeros((len(angle), len(devices), len(devices)), complex)
+        #: sums of blocks (n_lines, n_channels, n_channels): learned ones, those of the next `learn`, newer ones
+        self._sum, self._held, self._pending = np.zeros((3, len(angle), len(devices), len(devices)), complex)
+        self._n_held = self._n_pending = 0
         self._memory = memory
         self._weight = self._weight_squares = 0.0
         self._inverse: ComplexArray | None = None
@@ -52,15 +54,36 @@ class ChannelPrediction:
         """Return the spectrum (n_lines, n_channels) of a block (n_samples, n_channels) without gaps."""
         return np.asarray(np.fft.rfft(self._taper * (block - block.mean(0)), axis=0)[self._lines])
 
-    def learn(self, spectrum: ComplexArray) -> None:
-        """Add the spectrum of a block (n_lines, n_channels)."""
+    def add(self, spectrum: ComplexArray) -> None:
+        """Add the spectrum of a block (n_lines, n_channels); the first ones, not predicted yet, are learned at once."""
         spectrum = self._without_delays(spectrum)
-        kept = 1 - 1 / self._memory
-        self._weight = kept * self._weight + 1
-        self._weight_squares = kept**2 * self._weight_squares + 1
-        self._sum *= kept
-        self._sum += spectrum[:, :, None] * spectrum[:, None, :].conj()
-        self._inverse = None
+        product = spectrum[:, :, None] * spectrum[:, None, :].conj()
+        if self._known:
+            self._pending += product
+            self._n_pending += 1
+        else:
+            self._sum += product
+            self._weight += 1
+            self._weight_squares += 1
+
+    def learn(self) -> None:
+        """Learn the blocks that were added before the last call of `learn`, and hold those added since."""
+        if self._n_held:
+            kept = (1 - 1 / self._memory) ** self._n_held
+            self._sum *= kept
+            self._sum += self._held
+            self._weight = kept * self._weight + self._n_held
+            self._weight_squares = kept**2 * self._weight_squares + self._n_held
+            self._inverse = None
+        self._held, self._pending = self._pending, self._held
+        self._n_held, self._n_pending = self._n_pending, 0
+        self._pending[:] = 0
+
+    def discard(self) -> None:
+        """Discard the blocks that are not learned yet."""
+        self._held[:] = 0
+        self._pending[:] = 0
+        self._n_held = self._n_pending = 0
 
     @property
     def n_blocks(self) -> float:
@@ -84,7 +107,7 @@ class ChannelPrediction:
 
     @property
     def _known(self) -> bool:
-        return self.n_blocks >= _LEAST_BLOCKS * self._sum.shape[1]
+        return bool(self.n_blocks >= _LEAST_BLOCKS * self._sum.shape[1])
 
     def _precision(self) -> ComplexArray:
         """Return the inverse (n_lines, n_channels, n_channels) of the spectral matrix."""

@@ -19,7 +19,14 @@ def mixed(random: np.random.Generator, mixing: FloatArray, n: int) -> FloatArray
 def learned(random: np.random.Generator, mixing: FloatArray, n_blocks: int) -> ChannelPrediction:
     prediction = ChannelPrediction(N, DEVICES, MEMORY)
     for _ in range(n_blocks):
-        prediction.learn(prediction.spectrum(mixed(random, mixing, N)))
+        prediction.add(prediction.spectrum(mixed(random, mixing, N)))
+    return all_learned(prediction)
+
+
+def all_learned(prediction: ChannelPrediction) -> ChannelPrediction:
+    """Learn the held blocks and the newer ones."""
+    prediction.learn()
+    prediction.learn()
     return prediction
 
 
@@ -76,19 +83,39 @@ def test_delays_of_devices_are_no_residual() -> None:
     late = np.fft.irfft(np.fft.rfft(block, axis=0) * np.exp(-2j * np.pi * line * delay), N, axis=0)
     one_clock = ChannelPrediction(N, np.zeros(5, np.intp), MEMORY)
     for _ in range(400):
-        one_clock.learn(one_clock.spectrum(mixed(random, mixing, N)))
-    assert found(one_clock, late).max() > 5
+        one_clock.add(one_clock.spectrum(mixed(random, mixing, N)))
+    assert found(all_learned(one_clock), late).max() > 5
     # the taper sees other samples of the same motion
     assert found(prediction, late) == pytest.approx(found(prediction, block), rel=0.15)
 
 
 def test_memory_forgets_old_blocks() -> None:
+    """Batches of 10 blocks, forgotten over 50."""
     random = np.random.default_rng(5)
     mixing = random.standard_normal((5, 2))
     prediction = ChannelPrediction(N, DEVICES, memory=50)
     for matrix in (mixing, -mixing[::-1]):
-        for _ in range(400):
-            prediction.learn(prediction.spectrum(mixed(random, matrix, N)))
-    # 2 x 50 blocks are as accurate as an exponential mean over 50
-    assert prediction.n_blocks == pytest.approx(99 * 36 / 38, rel=0.01)
+        for _ in range(40):
+            for _ in range(10):
+                prediction.add(prediction.spectrum(mixed(random, matrix, N)))
+            prediction.learn()
+    kept = (1 - 1 / 50) ** 10
+    weight, squares = 10 / (1 - kept), 10 / (1 - kept**2)
+    assert prediction.n_blocks == pytest.approx(36 / 38 * weight**2 / squares, rel=1e-6)
     assert found(prediction, mixed(random, -mixing[::-1], N)).max() < 1.6
+
+
+def test_discarded_blocks_are_not_learned() -> None:
+    random = np.random.default_rng(6)
+    mixing = random.standard_normal((5, 2))
+    prediction = learned(random, mixing, 100)
+    block = mixed(random, mixing, N)
+    before, n = found(prediction, block), prediction.n_blocks
+    for _ in range(2):  # held, and newer
+        prediction.add(prediction.spectrum(mixed(random, -mixing[::-1], N)))
+        prediction.learn()
+        prediction.add(prediction.spectrum(mixed(random, -mixing[::-1], N)))
+        prediction.discard()
+    prediction = all_learned(prediction)
+    assert prediction.n_blocks == n
+    np.testing.assert_array_equal(found(prediction, block), before)
