@@ -22,7 +22,8 @@ from oma.types import ComplexArray
 
 _TOP = 0.4  # of the rate: anti-aliasing filters pass up to there
 _FIRST_LINE = 3  # below it are offset and drift
-_LEAST_BLOCKS = 3  # per channel, before a prediction is made
+_LEAST_BLOCKS = 3  # per channel, before delays are fitted
+_ACCURATE_BLOCKS = 10  # per channel, before a residual is computed: it varies less from block to block then
 _STEPS = 2  # of the fit of the delays: phases turn by less than a radian
 _HALF_OVERLAP = 36 / 38  # independent blocks per block of half-overlapping Hann windows (Welch 1967)
 
@@ -95,7 +96,7 @@ class ChannelPrediction:
 
         For blocks of the learned distribution its expectation is 1, whatever the number of blocks.
         """
-        if not self._known:
+        if self.n_blocks < _ACCURATE_BLOCKS * spectrum.shape[1]:
             return None
         n_channels, n, inverse = spectrum.shape[1], self.n_blocks, self._precision()
         diagonal = np.einsum("lcc->lc", inverse).real

@@ -11,7 +11,7 @@ from monitor.watch.residuals import ResidualMonitor
 from tests.support.monitor.rig import ORIGIN, rig_blocks, rig_settings
 
 WINDOW, BASELINE = 20.0, 8  # s, windows
-CHANGE = 250.0  # s
+CHANGE = 270.0  # s
 
 
 def window(index: int, phase: str) -> WindowResult:
@@ -42,14 +42,14 @@ def seconds_of(residuals: ChannelResiduals) -> float:
 def test_change_is_visible_within_two_seconds_and_nothing_before_it(seed: int) -> None:
     """150 to 300 g on 7.5 kg, somewhere: a block of 1 s that is half changed shows it; the window has 20 s.
 
-    The rate of exceedances without a change is in docs/validation/detection/residuals.md: 70 s are quiet here.
+    The rate of exceedances without a change is in docs/validation/detection/residuals.md: a minute is quiet here.
     """
     print(f"seed {seed}")
     scenario = draw_t_frame("t_structure", seed, duration=300, between=(CHANGE, CHANGE))
-    found = played(ResidualMonitor(rig_settings(scenario, window=WINDOW, baseline_windows=BASELINE)), scenario, 275)
+    found = played(ResidualMonitor(rig_settings(scenario, window=WINDOW, baseline_windows=BASELINE)), scenario, 290)
     before = [r for r in found if seconds_of(r) < CHANGE]
     after = [r for r in found if seconds_of(r) > CHANGE + 2]
-    assert len(before) > 100
+    assert len(before) > 60
     assert not any(r.over for r in before)
     first = next(r for r in found if r.over)
     assert CHANGE < seconds_of(first) < CHANGE + 2
@@ -81,14 +81,14 @@ def test_gaps_give_no_residuals_and_no_failure() -> None:
     monitor = ResidualMonitor(rig_settings(scenario, window=WINDOW, baseline_windows=BASELINE))
     found: list[ChannelResiduals] = []
     index = 0
-    for block in rig_blocks(scenario, 180):
+    for block in rig_blocks(scenario, 225):
         late = (block.arrival_time - ORIGIN) * 1e-9
-        if isinstance(block, Block) and block.device == "beam_mid" and 170 < late < 173:
+        if isinstance(block, Block) and block.device == "beam_mid" and 210 < late < 213:
             continue
         found += monitor.push(block)
         if late > (index + 1) * WINDOW + 2:
             monitor.take(window(index, "learning"))
             index += 1
     times = np.array([seconds_of(r) for r in found])
-    assert not ((times > 170.2) & (times < 173)).any()
-    assert (times > 174).any()
+    assert not ((times > 210.2) & (times < 213)).any()
+    assert (times > 214).any()
