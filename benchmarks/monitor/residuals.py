@@ -3,7 +3,7 @@
 Rigs are drawn as in the demo, each with a clock, a gain and a delay of arrival of its own per device. Windows of 40 s
 before the change are of the baseline, those after it are changed.
 
-    python benchmarks/monitor/residuals.py [--changes 20] [--hours 2] [--seed 101]
+    python benchmarks/monitor/residuals.py [--changes 9] [--hours 1] [--seed 101]
 """
 
 import argparse
@@ -45,8 +45,8 @@ def deviations(scenario: Scenario, seconds: float, change: float) -> tuple[Float
 def main() -> None:
     """Print a line per rig with a change, and one of the quiet rig."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--changes", type=int, default=20)
-    parser.add_argument("--hours", type=float, default=2.0)
+    parser.add_argument("--changes", type=int, default=9)
+    parser.add_argument("--hours", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=101)
     a = parser.parse_args()
     print("| seed | mass g | visible after s | median deviation after | largest before | cost % of a core |")
