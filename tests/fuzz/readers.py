@@ -49,7 +49,7 @@ from tests.fuzz.mutations import (
     mutated_text,
 )
 from tests.support.daq.responses import COHERENCE, frequency_response
-from tests.support.nastran_files import dmig, sparse_output4
+from tests.support.nastran_files import binary_output4, dmig, sparse_output4
 from updater import Matrices, build_model, parse_structure, save_matrices
 
 _MODULES = (
@@ -537,8 +537,6 @@ def _program_files() -> dict[str, bytes]:
         ".frd": "    2C                             3\n"
         + "\n".join(f" -1{n + 1:10d}{x:12.5E}{0.0:12.5E}{0.0:12.5E}" for n, x in places)
         + "\n -3",
-        ".OP4": sparse_output4({"KGG": np.diag(np.arange(18) % 5.0), "MGG": np.eye(18)}, large=True),
-        ".oP4": sparse_output4({"MGG": np.eye(18), "KGG": np.diag(np.arange(18) % 5.0)}, large=False),
         ".pch": dmig({"KAAX": stiffness, "MAAX": np.eye(6)}, [(node, axis) for node in (2, 3) for axis in (1, 2, 3)]),
         ".op4": "\n".join([*dense, "      19       1       1", " 1.0000000000000000E+00"]),
     }
@@ -547,7 +545,18 @@ def _program_files() -> dict[str, bytes]:
 
 
 def _program_seeds() -> tuple[Seed, ...]:
-    return tuple(Seed(content=c, mutate=mutated_text, suffix=ending) for ending, c in _program_files().items())
+    both = {"MGG": np.eye(18), "KGG": np.diag(np.arange(18) % 5.0)}
+    sparse = [sparse_output4(both, large=large).encode() for large in (False, True)]
+    binary = [
+        binary_output4(both),
+        binary_output4(both, order=">", word=8, form="large"),
+        binary_output4(both, single=True, form="sparse"),
+    ]
+    return (
+        *(Seed(content=c, mutate=mutated_text, suffix=ending) for ending, c in _program_files().items()),
+        *(Seed(content=content, mutate=mutated_text, suffix=".op4") for content in sparse),
+        *(Seed(content=content, mutate=mutated_bytes, suffix=".op4") for content in binary),
+    )
 
 
 def _program(path: Path, random: Random) -> int:
@@ -558,8 +567,8 @@ def _program(path: Path, random: Random) -> int:
         if path.suffix != ending:
             files[ending].write_bytes(content)
     matrix = {".mapping": ".matrix", ".bdf": ".op4"}.get(path.suffix, path.suffix)
-    matrix = matrix if matrix in (".sti", ".mtx", ".op4", ".OP4", ".oP4", ".pch", ".matrix") else ".sti"
-    nodes = ".bdf" if matrix.lower() in (".op4", ".pch") else {".frd": ".frd"}.get(path.suffix, ".inp")
+    matrix = matrix if matrix in (".sti", ".mtx", ".op4", ".pch", ".matrix") else ".sti"
+    nodes = ".bdf" if matrix in (".op4", ".pch") else {".frd": ".frd"}.get(path.suffix, ".inp")
     names = {".matrix": ("--rows", files[".mapping"]), ".sti": ("--rows", files[".dof"])}.get(matrix, ())
     more = random.choice(
         ((), ("--group", f"a={files[matrix]}"), ("--doubled", f"a={files[matrix]}", "--file-unit", "mm"))

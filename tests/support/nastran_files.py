@@ -1,10 +1,10 @@
-"""Symmetric matrices as Nastran writes them: sparse OUTPUT4 files, DMIG entries of a punch file."""
+"""Symmetric matrices as Nastran writes them: sparse and binary OUTPUT4 files, DMIG entries of a punch file."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 
 _WORDS = 2  # of a number of double precision
 _STRING = 65536
@@ -60,3 +60,46 @@ def dmig(matrices: Mapping[str, FloatArray], rows: Sequence[tuple[int, int]]) ->
                 to, own = rows[row]
                 lines.append(f"*       {to:16d}{own:16d}{matrix[row, column]:16.9E}".replace("E", "D"))
     return "\n".join(lines) + "\n"
+
+
+def binary_output4(
+    matrices: Mapping[str, FloatArray], *, order: str = "<", word: int = 4, single: bool = False, form: str = "dense"
+) -> bytes:
+    """Return a binary file of matrices by their names, as Nastran's guide has its records.
+
+    Parameters
+    ----------
+    matrices : name -> (n, n), each with an entry
+    order : of the bytes: < or >
+    word : bytes of an integer, which any number has too if it is 8
+    single : whether numbers are of single precision
+    form : dense, sparse or large (BIGMAT)
+    """
+    integer = f"{order}i{word}"
+    number = f"{order}f{word if single else 8}"
+    records: list[bytes] = []
+    for name, matrix in matrices.items():
+        n = len(matrix)
+        head = np.array([n, -n if form == "large" else n, 6, 1 if single else 2], integer).tobytes()
+        records.append(head + name.encode().ljust(2 * word))
+        for column in range(n):
+            there = np.flatnonzero(matrix[:, column])
+            if not len(there):
+                continue
+            runs = np.split(there, np.flatnonzero(np.diff(there) > 1) + 1)
+            first = int(there[0]) + 1 if form == "dense" else 0
+            if form == "dense":
+                words = matrix[there[0] : there[-1] + 1, column].astype(number).tobytes()
+            else:
+                words = b"".join(_string(matrix[run, column].astype(number), run, integer, form) for run in runs)
+            records.append(np.array([column + 1, first, len(words) // word], integer).tobytes() + words)
+        records.append(np.array([n + 1, 1, 1], integer).tobytes() + np.array([1.0], number).tobytes())
+    marks = [np.array(len(record), f"{order}i4").tobytes() for record in records]
+    return b"".join(mark + record + mark for mark, record in zip(marks, records, strict=True))
+
+
+def _string(values: FloatArray, rows: IndexArray, integer: str, form: str) -> bytes:
+    """Return a string of a sparse column with the numbers at its beginning."""
+    words, first = values.nbytes // np.dtype(integer).itemsize + 1, int(rows[0]) + 1
+    head = [words, first] if form == "large" else [words * _STRING + first]
+    return np.array(head, integer).tobytes() + values.tobytes()

@@ -17,7 +17,7 @@ from tests.support.thorough import few_of
 _ROOT = Path(__file__).parents[3]
 READERS = (
     *("structure", "matrices", "site", "scenario", "modal-table", "csv", "table", "arrays", "formats", "universal"),
-    *("programs", "can-log", "dbc", "log", "state"),
+    *("programs", "can-log", "dbc", "lines", "log", "state"),
 )
 
 

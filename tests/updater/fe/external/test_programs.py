@@ -1,6 +1,7 @@
 """Matrices in the files of other programs: CalculiX, Abaqus, Ansys, Nastran and OpenSees."""
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from scipy.optimize import brentq
 from scipy.sparse.linalg import eigsh
 
 from daq import FloatArray
-from tests.support.nastran_files import dmig, sparse_output4
+from tests.support.nastran_files import binary_output4, dmig, sparse_output4
 from tests.support.opensees import needs_opensees, ops
 from tests.support.updater.frames import beam, clamped
 from updater import (
@@ -180,6 +181,148 @@ def test_sparse_output4_and_punch_files_have_the_matrices_of_dense_ones(tmp_path
         np.testing.assert_allclose(getattr(found, name).toarray(), exact.toarray(), rtol=1e-9, err_msg=name)
 
 
+def beam_of(path: Path, nodes: Path = HERE / "nastran" / "beam.bdf") -> Matrices:
+    """Return the matrices of one file with both."""
+    return read_program_files(ProgramFiles(stiffness=path, mass=path, nodes=nodes))
+
+
+@pytest.fixture(scope="module")
+def formatted() -> Matrices:
+    """The beam of pyNastran's formatted files."""
+    folder = HERE / "nastran"
+    return read_program_files(
+        ProgramFiles(stiffness=folder / "kgg.op4", mass=folder / "mgg.op4", nodes=folder / "beam.bdf")
+    )
+
+
+@pytest.mark.parametrize("name", ["dense", "sparse", "large"])
+def test_binary_output4_of_pyyeti_has_the_matrices_of_formatted_files(formatted: Matrices, name: str) -> None:
+    """The sparse file has its bytes in the order of the network."""
+    found = beam_of(HERE / "nastran" / f"{name}.op4")
+    np.testing.assert_array_equal(found.dofs, formatted.dofs)
+    for matrix in ("stiffness", "mass"):
+        np.testing.assert_array_equal(getattr(found, matrix).toarray(), getattr(formatted, matrix).toarray())
+
+
+@pytest.mark.parametrize("form", ["dense", "sparse", "large"])
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("word", [4, 8])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_output4_is_read_in_every_layout(
+    tmp_path: Path, formatted: Matrices, order: str, word: int, single: bool, form: str
+) -> None:
+    """Written by the records of the guide; with 64-bit integers single precision has 64 bits too."""
+    both = {"MGG": formatted.mass.toarray(), "KGG": formatted.stiffness.toarray()}
+    path = tmp_path / "beam.op4"
+    path.write_bytes(binary_output4(both, order=order, word=word, single=single, form=form))
+    found = beam_of(path)
+    for name, exact in (("stiffness", formatted.stiffness), ("mass", formatted.mass)):
+        rounding = 2.0**-24 if single and word == 4 else 0.0
+        np.testing.assert_allclose(getattr(found, name).toarray(), exact.toarray(), rtol=rounding, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda data: data[:-4], "expected a record, found another length at its end"),
+        (lambda data: data[:2000], "expected a record, found another length at its end"),
+        (lambda data: data[:32], "KGG: expected a column, found the end of the file"),
+        (lambda data: data[:16] + b"\x04" + data[17:], "expected a real matrix"),
+        (lambda data: data[:32] + b"\x08\0\0\0" + bytes(8) + b"\x08\0\0\0" + data[32:], "a record of 8 bytes"),
+        (lambda data: data + b"\x0c\0\0\0" + bytes(12) + b"\x0c\0\0\0", "expected the header of a matrix, found"),
+        (lambda data: data[:36] + b"\0\0\0\0" + data[40:], "column 0: the column is invalid"),
+        (lambda data: data[:40] + b"\xff\0\0\0" + data[44:], "column 1: the column is invalid"),
+    ],
+)
+def test_damaged_binary_output4_is_refused(
+    tmp_path: Path, formatted: Matrices, change: Callable[[bytes], bytes], message: str
+) -> None:
+    data = binary_output4({"KGG": formatted.stiffness.toarray()})
+    (tmp_path / "k.op4").write_bytes(change(data))
+    with pytest.raises(StructureError, match=message):
+        beam_of(tmp_path / "k.op4")
+
+
+@pytest.mark.parametrize("length", [b"\0\0\0\0", b"\x05\0\x02\0", b"\x01\0\x04\0"])
+def test_damaged_string_of_a_sparse_column_is_refused(tmp_path: Path, length: bytes) -> None:
+    """A string of no words, of one word, and of more than the record has."""
+    data = binary_output4({"KGG": np.eye(30)}, form="sparse")
+    (tmp_path / "k.op4").write_bytes(data[:48] + length + data[52:])
+    with pytest.raises(StructureError, match="column 1: the column is invalid"):
+        beam_of(tmp_path / "k.op4")
+
+
+SPRINGS = (3e4, 5e4)  # N/m, of two springs in a row from node 50 to the ground, a scalar point between them
+
+
+def _with_scalar_point(formatted: Matrices) -> tuple[FloatArray, FloatArray, list[tuple[int, int]]]:
+    """Return stiffness, mass and rows of the beam with scalar point 25, of which the row is after that of node 20."""
+    rows = [(int(node), int(axis)) for node, axis in BEAM]
+    at = rows.index((30, 1))
+    stiffness, mass = (
+        np.insert(np.insert(matrix.toarray(), at, 0.0, axis=0), at, 0.0, axis=1)
+        for matrix in (formatted.stiffness, formatted.mass)
+    )
+    rows.insert(at, (25, 0))
+    tip = rows.index((50, 3))
+    stiffness[np.ix_([tip, at], [tip, at])] += SPRINGS[0] * np.array([[1, -1], [-1, 1]])
+    stiffness[at, at] += SPRINGS[1]
+    return stiffness, mass, rows
+
+
+@pytest.mark.parametrize("form", ["binary", "formatted", "punch"])
+@pytest.mark.parametrize("card", ["SPOINT,25", "SPOINT,25,THRU,25"])
+def test_scalar_points_without_mass_are_condensed(tmp_path: Path, formatted: Matrices, form: str, card: str) -> None:
+    """Springs k and c in a row are k c / (k + c); rounding is relative to the largest stiffness."""
+    stiffness, mass, rows = _with_scalar_point(formatted)
+    both = {"KGG": stiffness, "MGG": mass}
+    path = tmp_path / ("beam.pch" if form == "punch" else "beam.op4")
+    if form == "binary":
+        path.write_bytes(binary_output4(both))
+    else:
+        path.write_text(dmig(both, rows) if form == "punch" else sparse_output4(both, large=False), encoding="utf-8")
+    nodes = tmp_path / "beam.bdf"
+    nodes.write_text((HERE / "nastran" / "beam.bdf").read_text(encoding="utf-8") + f"{card}\n", encoding="utf-8")
+    found = beam_of(path, nodes)
+    expected = formatted.stiffness.toarray()
+    tip = int(formatted.dofs[4, 2])
+    expected[tip, tip] += SPRINGS[0] * SPRINGS[1] / sum(SPRINGS)
+    np.testing.assert_array_equal(found.dofs, formatted.dofs)
+    np.testing.assert_allclose(found.stiffness.toarray(), expected, rtol=1e-9, atol=1e-15 * expected.max())
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [("mass", 1.0, "scalar point 25: expected none with mass"), ("stiffness", -8e4, "25: a motion needs no force")],
+)
+def test_scalar_points_that_cannot_be_condensed_are_refused(
+    tmp_path: Path, formatted: Matrices, place: str, value: float, message: str
+) -> None:
+    stiffness, mass, rows = _with_scalar_point(formatted)
+    at = rows.index((25, 0))
+    (mass if place == "mass" else stiffness)[at, at] += value
+    (tmp_path / "beam.op4").write_bytes(binary_output4({"KGG": stiffness, "MGG": mass}))
+    text = (HERE / "nastran" / "beam.bdf").read_text(encoding="utf-8")
+    (tmp_path / "beam.bdf").write_text(text + "SPOINT,25\n", encoding="utf-8")
+    with pytest.raises(StructureError, match=message):
+        beam_of(tmp_path / "beam.op4", tmp_path / "beam.bdf")
+
+
+def test_scalar_point_of_a_group_is_refused(tmp_path: Path, formatted: Matrices) -> None:
+    stiffness, mass, _ = _with_scalar_point(formatted)
+    (tmp_path / "beam.op4").write_bytes(binary_output4({"KGG": stiffness, "MGG": mass}))
+    text = (HERE / "nastran" / "beam.bdf").read_text(encoding="utf-8")
+    (tmp_path / "beam.bdf").write_text(text + "SPOINT,25\n", encoding="utf-8")
+    files = ProgramFiles(
+        stiffness=tmp_path / "beam.op4",
+        mass=tmp_path / "beam.op4",
+        nodes=tmp_path / "beam.bdf",
+        groups={"all": tmp_path / "beam.op4"},
+    )
+    with pytest.raises(StructureError, match="scalar point 25: expected none with group all"):
+        read_program_files(files)
+
+
 def test_dmig_entries_in_small_and_free_fields_are_read(tmp_path: Path) -> None:
     """Two entries per line, and numbers with no letter at their exponent."""
     (tmp_path / "k.bdf").write_text(
@@ -306,8 +449,10 @@ def test_invalid_files_are_refused_with_the_file_and_the_line(
             "expected a real matrix",
         ),
         (lambda text: text.replace("30      30", "24      24", 1), "expected 30 rows, six per node, found 24 x 24"),
-        (lambda text: text.replace("1P,3E23.16", "          "), "expected a formatted OUTPUT4 file"),
+        (lambda text: text.replace("1P,3E23.16", "          "), "column 1: expected numbers, found"),
         (lambda text: text[:400], "expected numbers"),
+        (lambda text: "Nastran\n" + text, "expected an OUTPUT4 file, found 'Nastran'"),
+        (lambda text: "", "no matrix can be read: the file is empty"),
     ],
 )
 def test_invalid_output4_files_are_refused(tmp_path: Path, change: object, message: str) -> None:

@@ -3,21 +3,23 @@
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import StringIO
 from pathlib import Path
 
 import numpy as np
 from scipy import sparse
 from scipy.io import hb_read
+from scipy.sparse.linalg import splu
 
 from daq import FloatArray
 from updater.errors import StructureError
 from updater.fe.external.files import Matrices
 from updater.fe.external.programs.meshes import read_mesh
-from updater.fe.external.programs.nastran import is_dmig, read_dmig, read_output4
+from updater.fe.external.programs.nastran import is_dmig, read_dmig
 from updater.fe.external.programs.numbers import (
     MAX_ROWS,
+    SCALAR,
     LabelledMatrix,
     Row,
     checked_rows,
@@ -25,6 +27,7 @@ from updater.fe.external.programs.numbers import (
     read_text,
     symmetric,
 )
+from updater.fe.external.programs.output4 import read_output4
 
 _FIXED = 1e30  # stiffness on the diagonal from which a DOF is fixed: Abaqus writes 1e36
 _MILLIMETRE = 1e-3  # m
@@ -49,7 +52,7 @@ class ProgramFiles:
 def read_program_files(files: ProgramFiles) -> Matrices:
     """Read the matrices of another program.
 
-    Rows of fixed DOFs, and rows without stiffness and mass, are left out.
+    Rows of fixed DOFs, and rows without stiffness and mass, are left out. Scalar points without mass are condensed.
 
     Raises
     ------
@@ -57,16 +60,21 @@ def read_program_files(files: ProgramFiles) -> Matrices:
         Naming the file and the node or row.
     """
     mesh = read_mesh(files.nodes)
-    known = sorted(mesh.nodes)
-    whole = read_labelled(files.stiffness, files.rows, known)
-    mass = _like(read_labelled(files.mass, files.rows, known, files.stiffness, initial="M"), whole)
+    known, points = sorted(mesh.nodes), mesh.rows()
+    whole = read_labelled(files.stiffness, files.rows, points)
+    mass = _like(read_labelled(files.mass, files.rows, points, files.stiffness, initial="M"), whole)
     parts = {**files.groups, **files.doubled}
-    read = {name: read_labelled(path, files.rows, known, files.stiffness) for name, path in parts.items()}
+    read = {name: read_labelled(path, files.rows, points, files.stiffness) for name, path in parts.items()}
     own = {name: _like(matrix, whole) for name, matrix in read.items()}
     own = {name: matrix - whole.matrix if name in files.doubled else matrix for name, matrix in own.items()}
+    both = next((node for node, axis in whole.rows if axis == SCALAR and node in mesh.nodes), None)
+    if both is not None:
+        raise StructureError(files.stiffness, f"node {both}: expected degrees of freedom 1 to 6, found 0")
+    whole = _without_scalar_points(whole, {"mass": mass, **{f"group {name}": part for name, part in own.items()}})
     diagonal, moved = whole.matrix.diagonal(), mass.diagonal()
     inside = np.array([node in mesh.nodes for node, _ in whole.rows])
-    used = (diagonal < _FIXED) & ((diagonal != 0) | (moved != 0))
+    scalar = np.array([axis == SCALAR for _, axis in whole.rows])
+    used = ~scalar & (diagonal < _FIXED) & ((diagonal != 0) | (moved != 0))
     lost = np.flatnonzero(used & ~inside)
     if len(lost):
         node = whole.rows[lost[0]][0]
@@ -91,6 +99,37 @@ def read_program_files(files: ProgramFiles) -> Matrices:
         groups={name: _scaled(part[kept][:, kept], scale) for name, part in own.items()},
         faces=mesh.faces(number),
     )
+
+
+def _without_scalar_points(whole: LabelledMatrix, others: Mapping[str, sparse.csc_array]) -> LabelledMatrix:
+    """Return the stiffness with scalar points condensed, which is exact because they have no mass.
+
+    Parameters
+    ----------
+    others : mass and groups by what they are, each (n, n)
+
+    Raises
+    ------
+    StructureError
+        If a scalar point has mass, is in a group, or can move without force.
+    """
+    scalar = np.array([axis == SCALAR for _, axis in whole.rows])
+    for what, matrix in others.items():
+        found = np.flatnonzero(scalar & (abs(matrix) @ np.ones(len(scalar)) > 0))
+        if len(found):
+            raise StructureError(whole.path, f"scalar point {whole.rows[found[0]][0]}: expected none with {what}")
+    inner = np.flatnonzero(scalar & (np.diff(whole.matrix.indptr) > 0) & (whole.matrix.diagonal() < _FIXED))
+    if not len(inner):
+        return whole
+    across = whole.matrix[inner]
+    near = np.flatnonzero(np.diff(across.indptr) > 0)
+    joined = across[:, near].toarray()
+    try:
+        part = joined.T @ splu(sparse.csc_array(across[:, inner])).solve(joined)
+    except RuntimeError as error:
+        raise StructureError(whole.path, f"scalar point {whole.rows[inner[0]][0]}: a motion needs no force") from error
+    onto = sparse.csc_array((np.ones(len(near)), (near, np.arange(len(near)))), shape=(len(scalar), len(near)))
+    return replace(whole, matrix=sparse.csc_array(whole.matrix - onto @ sparse.csc_array(part) @ onto.T))
 
 
 def _like(matrix: LabelledMatrix, whole: LabelledMatrix) -> sparse.csc_array:
@@ -120,7 +159,7 @@ def _scaled(matrix: sparse.csc_array, scale: FloatArray) -> sparse.csc_array:
 
 
 def read_labelled(
-    path: Path, rows: Path | None, nodes: Sequence[int], like: Path | None = None, initial: str = "K"
+    path: Path, rows: Path | None, points: Sequence[Row], like: Path | None = None, initial: str = "K"
 ) -> LabelledMatrix:
     """Read a matrix in the format that its ending and content show.
 
@@ -128,7 +167,7 @@ def read_labelled(
     ----------
     path : of the matrix
     rows : file with the names of its rows. Default: the file of the same name that the program writes (.dof, .mapping)
-    nodes : numbers of all nodes, of which Nastran's matrices have six rows each
+    points : rows of all points, in the order of Nastran's OUTPUT4 files
     like : matrix whose names of rows are meant if it has no file of its own
     initial : of the name of the matrix that is meant, in a file of Nastran that has several
 
@@ -137,12 +176,12 @@ def read_labelled(
     StructureError
         Naming the file and what is wrong.
     """
+    if path.suffix.lower() == ".op4":
+        return read_output4(path, points, initial)
     text = read_text(path)
     lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
         raise StructureError(path, "no matrix can be read: the file is empty")
-    if path.suffix.lower() == ".op4":
-        return read_output4(path, lines, nodes, initial)
     if is_dmig(lines):
         return read_dmig(path, lines, initial)
     if len(lines) > 3 and re.match(r"\s*[RCP][SUHZR][AE]\s", lines[2], re.IGNORECASE):

@@ -10,7 +10,7 @@ import numpy as np
 from daq import IntArray
 from updater.errors import StructureError
 from updater.fe.external.programs.nastran import bulk_cards, nastran_number
-from updater.fe.external.programs.numbers import read_text
+from updater.fe.external.programs.numbers import MAX_ROWS, SCALAR, Row, read_text
 
 Point = tuple[float, float, float]
 #: corners of the faces of solids, by the number of their corners
@@ -43,6 +43,12 @@ class FileMesh:
     nodes: dict[int, Point]  #: by number, in the file's unit of length
     shells: list[tuple[int, ...]] = field(default_factory=list)  #: corners of each triangle or quadrilateral
     solids: list[tuple[int, ...]] = field(default_factory=list)  #: corners of each solid
+    scalars: list[int] = field(default_factory=list)  #: numbers of the scalar points of Nastran
+
+    def rows(self) -> tuple[Row, ...]:
+        """Return the rows of all points by their numbers: six per node, one per scalar point."""
+        axes = dict.fromkeys(self.nodes, range(6)) | dict.fromkeys(self.scalars, range(SCALAR, SCALAR + 1))
+        return tuple((point, axis) for point in sorted(axes) for axis in axes[point])
 
     def faces(self, number: dict[int, int]) -> IntArray:
         """Return the corners (n_faces, 4) of shells and of the surface of solids, -1 as the last of a triangle.
@@ -148,7 +154,7 @@ def _add(found: FileMesh, kind: tuple[int, bool] | None, words: Sequence[str]) -
 
 
 def _nastran(lines: Sequence[str]) -> FileMesh:
-    """Read GRID cards and shells and solids: free fields, or fields of 8 or 16 columns."""
+    """Read GRID and SPOINT cards, shells and solids: free fields, or fields of 8 or 16 columns."""
     found = FileMesh({})
     for card in bulk_cards(lines):
         name = card[0]
@@ -157,9 +163,21 @@ def _nastran(lines: Sequence[str]) -> FileMesh:
             if not {words[2], words[6]} <= {"", "0"}:
                 raise ValueError(f"node {words[1]}: coordinate systems are not read, expected the basic one")
             found.nodes[int(words[1])] = _point([nastran_number(word) for word in words[3:6]])
+        elif name == "SPOINT":
+            found.scalars.extend(_scalar_points([word for word in card[1:] if word]))
         elif name in _NASTRAN:
             _add(found, _NASTRAN[name], card[3:])
     return found
+
+
+def _scalar_points(words: Sequence[str]) -> Sequence[int]:
+    """Return the numbers of a card: a list, or the first and the last one with THRU between."""
+    if len(words) == 3 and words[1].upper() == "THRU":
+        first, last = int(words[0]), int(words[2])
+        if not 0 <= last - first < MAX_ROWS:
+            raise ValueError(f"scalar points: expected up to {MAX_ROWS}, found {first} THRU {last}")
+        return range(first, last + 1)
+    return [int(word) for word in words]
 
 
 def _point(words: Sequence[str]) -> Point:

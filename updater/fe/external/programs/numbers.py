@@ -12,7 +12,8 @@ from daq import FloatArray
 from updater.errors import StructureError
 
 MAX_ROWS = 2_000_000
-Row = tuple[int, int]  #: node, and axis 0..5
+SCALAR = -1  #: axis of a scalar point, which has one row and no position
+Row = tuple[int, int]  #: node, and axis 0..5 or `SCALAR`
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +89,32 @@ def symmetric(
     return sparse.csc_array((value, (row, column)), shape=(n, n))
 
 
+def labelled(
+    path: Path,
+    name: str,
+    row: npt.ArrayLike,
+    column: npt.ArrayLike,
+    value: npt.ArrayLike,
+    rows: Sequence[Row],
+) -> LabelledMatrix:
+    """Return a symmetric matrix of entries (n_entries,) with its rows (n,).
+
+    Raises
+    ------
+    StructureError
+        Naming the matrix if it has no entries, or one that is not finite.
+    """
+    values = np.asarray(value, float)
+    if not len(values):
+        raise StructureError(path, f"no matrix can be read: {name} has no entries")
+    if not np.isfinite(values).all():
+        raise StructureError(path, f"{name}: an entry is not finite")
+    first, second = (np.asarray(index, np.int64) for index in (row, column))
+    return LabelledMatrix(path, symmetric(path, first, second, values, len(rows)), tuple(rows))
+
+
 def checked_rows(path: Path, rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Return the rows if each is there once and has one of six axes.
+    """Return the rows if each is there once and has one of six axes, or is a scalar point's.
 
     Raises
     ------
@@ -98,7 +123,7 @@ def checked_rows(path: Path, rows: Iterable[Row]) -> tuple[Row, ...]:
     """
     found: dict[Row, None] = {}
     for node, axis in rows:
-        if not 0 <= axis < 6:
+        if not SCALAR <= axis < 6:
             raise StructureError(path, f"node {node}: expected degrees of freedom 1 to 6, found {axis + 1}")
         if (node, axis) in found:
             raise StructureError(path, f"node {node}: degree of freedom {axis + 1} is there twice")
