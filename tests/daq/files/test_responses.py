@@ -9,7 +9,7 @@ import pyuff
 
 from daq import DataError, FloatArray
 from daq.files import FrequencyResponses, Header, header_set, read_header, read_responses, write_responses
-from tests.support.daq.responses import COHERENCE, frequency_response
+from tests.support.daq.responses import COHERENCE, MULTIPLE, frequency_response, write_sets
 
 LINE: FloatArray = np.linspace(0.5, 100.0, 200)
 VALUES = np.random.default_rng(58).standard_normal((200, 2, 2)) @ [1, 1j]
@@ -62,6 +62,23 @@ def test_coherences_are_those_of_their_responses(tmp_path: Path) -> None:
     np.testing.assert_allclose(found[:, 1, 0], coherence, atol=1e-5)
     assert np.isnan(found[:, 0, 0]).all()
     assert read_responses(universal(tmp_path / "none.uff", *sets[:2])).coherence is None
+
+
+def test_multiple_coherence_of_an_output_takes_the_place_of_those_of_its_responses(tmp_path: Path) -> None:
+    """With responses 3 and 4 and a multiple coherence of 0.8 the noise is 0.25 of 25: 9 of 15.25 and 16 of 22.25."""
+    ones, sets = np.ones(200), list[Any]()
+    for node in (1, 2):
+        sets += [response((3.0 + 0j) * ones, node, force=7), response(4j * ones, node, force=8)]
+        sets += [response(0.5 * ones, node, force=force, **COHERENCE) for force in (7, 8)]
+    sets.append(frequency_response(0.8 * ones, LINE, rsp_node=2, **MULTIPLE))
+    found = read_responses(write_sets(tmp_path / "frf.uff", sets)).coherence
+    assert found is not None
+    np.testing.assert_allclose(found[:, 0], 0.5)
+    np.testing.assert_allclose(found[:, 1], np.array([9 / 15.25, 16 / 22.25]) * ones[:, None], rtol=1e-6)
+    sets = [sets[0], frequency_response(0.8 * ones, LINE, rsp_node=1, **MULTIPLE)]
+    found = read_responses(write_sets(tmp_path / "one.uff", sets)).coherence
+    assert found is not None
+    np.testing.assert_allclose(found, 0.8, rtol=1e-6)
 
 
 def test_responses_are_read_as_written(tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def _matrix(path: Path, name: str) -> sparse.csc_array:
             check_archive(path)
             with np.load(path) as file:
                 data, indices, indptr = (file[f"{name}_{part}"] for part in _PARTS)
-            _check_indices(data, indices, indptr)
+            check_indices(data, indices, indptr)
             matrix = sparse.csc_array((data.astype(float), indices, indptr), shape=(len(indptr) - 1,) * 2)
         else:
             _check_stated(path)
@@ -199,7 +199,7 @@ def _matrix(path: Path, name: str) -> sparse.csc_array:
     return matrix
 
 
-def _check_indices(data: FloatArray, indices: IndexArray, indptr: IndexArray) -> None:
+def check_indices(data: FloatArray, indices: IndexArray, indptr: IndexArray) -> None:
     """Refuse columns and rows outside a matrix: scipy would follow them in memory."""
     n = len(indptr) - 1
     if not data.ndim == indices.ndim == indptr.ndim == 1 or not 0 < n <= _MAX_ROWS:

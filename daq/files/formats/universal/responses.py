@@ -1,4 +1,14 @@
-"""Frequency responses of universal files (dataset 58, function type 4) with their coherences (6): read and written."""
+"""Frequency responses of universal files (dataset 58, function type 4) with their coherences (6, 26): read and written.
+
+The multiple coherence g of an output is that with all forces at once. The noise of the response H_k to force k has the
+variance ``(1 - g) S (S_f^-1)_kk / n``, S the spectrum of the output, of which ``g S`` is the sum of ``|H_j|^2 S_jj``
+over independent forces. With forces of one level it is ``(1 - g) / g sum_j |H_j|^2 / n``. The coherence that force k
+alone would have with this noise is ``1 / (1 + (1 - g) / g sum_j |H_j|^2 / |H_k|^2)``.
+
+References
+----------
+Bendat, J. & Piersol, A. (2010). Random data. 4th edition, section 9.3: multiple input / single output estimates.
+"""
 
 import re
 from collections.abc import Sequence
@@ -15,7 +25,7 @@ from daq.files.columns.units import ACCELERATIONS
 from daq.files.formats.universal.datasets import SI_UNITS, Dataset, datasets, force_unit, length_unit, node_name
 from daq.types import FloatArray
 
-_RESPONSE, _COHERENCE = 4, 6  # function types
+_RESPONSE, _COHERENCE, _MULTIPLE = 4, 6, 26  # function types
 _TIMES_LAPLACE = {0: 0, 1: 0, 8: 2, 11: 1, 12: 0}  # data type of the motion -> factors s to an acceleration
 _FORCES = {0, 1, 9, 13}
 _ACCELERATION, _FORCE_TYPE, _FREQUENCY, _GRAVITY = 12, 13, 18, ("g", "gn")
@@ -90,21 +100,50 @@ def read_responses(path: Path, window: float | None = None) -> FrequencyResponse
 def _coherence(
     path: Path, sets: Sequence[tuple[int, Dataset]], found: FrequencyResponses, first: int
 ) -> FloatArray | None:
-    """Return the coherences (n_lines, n_outputs, n_inputs), NaN where the file has none; None if it has none at all."""
+    """Return the coherences (n_lines, n_outputs, n_inputs), NaN where the file has none; None if it has none at all.
+
+    The multiple coherence of an output is used, if the file has it: with several forces at once that of each response
+    is low for the other forces, not for noise.
+    """
     coherence = np.full(found.response.shape, np.nan)
+    multiple = np.full(found.response.shape[:2], np.nan)
     for number, one in sets:
-        if one["type"] != 58 or one["func_type"] != _COHERENCE:
+        if one["type"] != 58 or one["func_type"] not in (_COHERENCE, _MULTIPLE) or _output(one) not in found.outputs:
             continue
-        output, force = _output(one), _input(one)
-        if output not in found.outputs or force not in found.inputs:
-            continue
-        _check_lines(path, number, one, first, found.frequency)
-        values = np.asarray(one["data"])
-        outside = np.iscomplexobj(values) or not ((values > -_ROUNDING) & (values < 1 + _ROUNDING)).all()
-        if len(values) != len(found.frequency) or outside:
-            raise DataError(path, f"dataset {number}: expected {len(found.frequency)} coherences from 0 to 1")
-        coherence[:, found.outputs.index(output), found.inputs.index(force)] = np.clip(values, 0.0, 1.0)
+        output = found.outputs.index(_output(one))
+        if one["func_type"] == _MULTIPLE:
+            multiple[:, output] = _checked_coherence(path, number, one, first, found.frequency)
+        elif _input(one) in found.inputs:
+            values = _checked_coherence(path, number, one, first, found.frequency)
+            coherence[:, output, found.inputs.index(_input(one))] = values
+    known = np.isfinite(multiple).all(axis=0)
+    coherence[:, known] = _of_each_force(multiple[:, known], found.response[:, known])
     return None if np.isnan(coherence).all() else coherence
+
+
+def _checked_coherence(path: Path, number: int, series: Dataset, first: int, lines: FloatArray) -> FloatArray:
+    """Return the coherences (n_lines,) of a dataset with the lines of the first response."""
+    _check_lines(path, number, series, first, lines)
+    values = np.asarray(series["data"])
+    outside = np.iscomplexobj(values) or not ((values > -_ROUNDING) & (values < 1 + _ROUNDING)).all()
+    if len(values) != len(lines) or outside:
+        raise DataError(path, f"dataset {number}: expected {len(lines)} coherences from 0 to 1")
+    return np.asarray(np.clip(values, 0.0, 1.0))
+
+
+def _of_each_force(multiple: FloatArray, response: npt.NDArray[np.complex128]) -> FloatArray:
+    """Return the coherences (n_lines, n_outputs, n_inputs) that each force alone would have with the same noise.
+
+    Parameters
+    ----------
+    multiple : (n_lines, n_outputs) coherence with all forces
+    response : (n_lines, n_outputs, n_inputs)
+    """
+    power = np.abs(response) ** 2
+    own = multiple[:, :, None] * power
+    rest = (1 - multiple[:, :, None]) * power.sum(axis=2, keepdims=True)
+    total = own + rest
+    return np.asarray(np.divide(own, total, out=np.zeros(total.shape), where=total > 0))
 
 
 def write_responses(path: Path, responses: FrequencyResponses, header: Dataset) -> None:

@@ -144,6 +144,22 @@ def test_harwell_boeing_matrices_are_read_with_the_mapping_of_ansys(tmp_path: Pa
     np.testing.assert_allclose(frequencies(found, 4), model.modes(4).frequency, rtol=1e-5)
 
 
+@pytest.mark.parametrize(("old", "new"), [("  1  3", "  1 99"), (" 1 4 2", " 1 7 2")])
+def test_harwell_boeing_file_with_indices_outside_the_matrix_is_refused(tmp_path: Path, old: str, new: str) -> None:
+    """Places of columns and numbers of rows, which scipy would follow in memory."""
+    matrix = sparse.csc_array(np.diag([2.0] * 6) - np.diag([1.0] * 3, 3) - np.diag([1.0] * 3, -3))
+    hb_write(tmp_path / "k.matrix", matrix)
+    text = (tmp_path / "k.matrix").read_text(encoding="utf-8")
+    head = "\n".join(text.splitlines()[4:])
+    assert old in head, head
+    (tmp_path / "k.matrix").write_text(text.replace(old, new), encoding="utf-8")
+    names = [f"{i + 1} {1 + i // 3} {('UX', 'UY', 'UZ')[i % 3]}" for i in range(6)]
+    (tmp_path / "k.mapping").write_text("\n".join(names), encoding="utf-8")
+    (tmp_path / "nodes.lis").write_text("1 0 0 0\n2 1 0 0\n", encoding="utf-8")
+    with pytest.raises(StructureError, match=r"k\.matrix: no Harwell-Boeing matrix can be read: "):
+        beam_of(tmp_path / "k.matrix", tmp_path / "nodes.lis")
+
+
 def test_nastran_output4_of_pynastran_has_the_frequencies_of_the_cantilever() -> None:
     """Six rows per grid point and nothing held: the clamp is added as a support of the structure file would be."""
     folder = HERE / "nastran"

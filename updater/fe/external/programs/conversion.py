@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from daq import FloatArray
 from updater.errors import StructureError
-from updater.fe.external.files import Matrices
+from updater.fe.external.files import Matrices, check_indices
 from updater.fe.external.programs.meshes import read_mesh
 from updater.fe.external.programs.nastran import is_dmig, read_dmig
 from updater.fe.external.programs.numbers import (
@@ -243,7 +243,10 @@ def _harwell_boeing(path: Path, text: str, lines: Sequence[str], names: Path) ->
         whole = _SYMMETRIC_TYPE.sub(r"\1U\2", text, count=1)  # scipy reads the same layout as unsymmetric only
         with warnings.catch_warnings():
             warnings.simplefilter("error")  # a line that is too long
-            matrix = sparse.coo_array(hb_read(StringIO(whole)))
+            columns = hb_read(StringIO(whole))
+            places = (np.asarray(index, np.int64) for index in (columns.indices, columns.indptr))
+            check_indices(columns.data, *places)
+            matrix = sparse.coo_array(columns)
     except (ValueError, TypeError, IndexError, OverflowError, OSError, AttributeError, Warning) as error:
         raise StructureError(path, f"no Harwell-Boeing matrix can be read: {error}".splitlines()[0][:200]) from error
     if not np.isrealobj(matrix.data) or not np.isfinite(matrix.data).all():
