@@ -8,13 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from random import Random
 from typing import Any
+from zipfile import ZipFile
 
 import can
+import h5py
 import numpy as np
-import pyuff
 from asammdf import MDF, Signal
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from pymseed import MS3TraceList
@@ -29,6 +31,7 @@ from daq.log import repair_folder
 from daq.protocol.raspberry_shake import CHANNELS, ShakeDecoder, encode_packet
 from daq.protocol.text_line import TextDecoder
 from daq.timing.resampling import StampCount
+from monitor.analysis.modal_table.series import read_series
 from monitor.analysis.modal_table.table import read_table
 from monitor.cli.main import _run
 from monitor.cli.options import explain
@@ -48,7 +51,7 @@ from tests.fuzz.mutations import (
     mutated_mcap,
     mutated_text,
 )
-from tests.support.daq.responses import COHERENCE, frequency_response
+from tests.support.daq.responses import COHERENCE, MULTIPLE, frequency_response, write_sets
 from tests.support.nastran_files import binary_output4, dmig, sparse_output4
 from updater import Matrices, build_model, parse_structure, save_matrices
 
@@ -210,6 +213,26 @@ _TABLE = b"""frequency [Hz],damping [%],frequency_std,a,b,c,temperature,rms
 70.1,0.6,0.02,1.0,-0.9,0.01,20.5,0.01
 71.9,0.7,0.02,0.02,0.01,1.0,20.5,0.01
 """
+_SERIES = b"time [h],f1 [Hz],f1_std,damping_1 [%],shape_1_a,shape_1_b,f2 [Hz],temperature [degC]\n" + b"".join(
+    b"%d,%.4f,0.01,0.5,0.3,1.0,%s,%.1f\n" % (k, 11 + 0.01 * np.sin(k), b"" if k % 7 == 0 else b"70.12", 20 + k % 5)
+    for k in range(60)
+)
+_BODIES = b"""structure = "structure.toml"
+most = 1
+
+[[body]]
+name = "L1"
+mass = 0.005
+mass_std = 0.0005
+change = "removed"
+
+[[record]]
+name = "layout 1"
+at = [[0, 0, 0.5]]
+before = [5.735, 5.735, 41.22, 41.22]
+after = [5.81, 5.81, 41.3, 41.3]
+before_std = [0.01, 0.01, 0.04, 0.04]
+"""
 _CSV = b"date;time [s];a [mg];b [m/s2];temperature\n" + b"".join(
     b"31.01.2026;%.2f;%.3f;%.4f;20,5\n" % (k / 100, np.sin(0.7 * k), np.cos(0.3 * k)) for k in range(200)
 )
@@ -288,7 +311,13 @@ def _matrices(path: Path, _: Random) -> int:
     member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
     sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]
     names = [f"external.matrices = {str(path)!r}\n", "external.group.part = {}\n"]
-    if path.suffix == ".mtx":
+    if path.suffix == ".csv":
+        sound = path.with_name("sound.npz")
+        sound.write_bytes(_matrices_content())
+        kind = "faces" if path.read_bytes()[:1] == b"a" else "dofs"
+        names = [f"external.{name} = {str(sound)!r}\n" for name in ("stiffness", "mass", "dofs") if name != kind]
+        names.append(f"external.{kind} = {str(path)!r}\n")
+    elif path.suffix == ".mtx":
         names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass", "dofs")]
     structure = path.with_name("external.toml")
     structure.write_bytes("".join(names).encode() + member + sensors)
@@ -339,6 +368,14 @@ def _table(path: Path, random: Random) -> int:
 
 def _format(path: Path, random: Random) -> int:
     return _import(path, random, *(("--unit", "g") if path.suffix in (".mseed", ".wav") else ()))
+
+
+def _series(path: Path, _: Random) -> int:
+    return _guarded(read_series, path)
+
+
+def _bodies(path: Path, _: Random) -> int:
+    return command("bodies", path, "--json", path.with_name("found.json"))
 
 
 def _arrays(path: Path, random: Random) -> int:
@@ -430,19 +467,35 @@ def _scratch() -> Path:
     return folder
 
 
+def _zipped(content: bytes) -> bytes:
+    file = BytesIO()
+    with ZipFile(file, "w") as archive:
+        archive.writestr("data.txt", content)
+    return file.getvalue()
+
+
 def _table_seeds() -> tuple[Seed, ...]:
     packed = gzip.compress(_NUMBERS, mtime=0)
     return (
         *_texts(_LABVIEW, _DASYLAB, _NUMBERS),
         Seed(content=packed, mutate=mutated_bytes, suffix=".gz"),
+        Seed(content=_zipped(_NUMBERS), mutate=mutated_bytes, suffix=".zip"),
         Seed(content=_CALIBRATION, mutate=mutated_text, suffix=".toml"),
     )
+
+
+def _array() -> bytes:
+    file = BytesIO()
+    np.save(file, _recording().data[:300])
+    return file.getvalue()
 
 
 def _array_seeds() -> tuple[Seed, ...]:
     return (
         Seed(content=b"", mutate=crafted_npz),
         *(Seed(content=_exported(s), mutate=mutated_bytes, suffix=s) for s in (".npz", ".mat")),
+        Seed(content=_array(), mutate=mutated_bytes, suffix=".npy"),
+        Seed(content=_foreign(".mat"), mutate=mutated_bytes, suffix=".mat"),
     )
 
 
@@ -467,6 +520,12 @@ def _foreign(suffix: str) -> bytes:
             t = np.arange(300) / 100
             mdf.append([Signal(data[:, k], t, name=name, unit="g") for k, name in enumerate("abc")])
             mdf.save(path)
+    elif suffix == ".mat":  # version 7.3: HDF5 behind a text of 512 bytes
+        with h5py.File(path, "w", userblock_size=512) as file:
+            for name, values in (("rate", np.array([[100.0]])), *zip("abc", data.T[:, None], strict=True)):
+                file.create_dataset(name, data=values).attrs["MATLAB_class"] = np.bytes_("double")
+        content = path.read_bytes()
+        return b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + content[128:]
     else:
         return _exported(suffix)
     return path.read_bytes()
@@ -486,7 +545,8 @@ def _responses() -> bytes:
     for name, value in zip("abc", values, strict=True):
         sets.append(frequency_response(value, line, id1=name, ordinate_spec_data_type=8, **place))
         sets.append(frequency_response(np.full(160, 0.9), line, id1=name, **place | COHERENCE))
-    pyuff.UFF(str(path)).write_sets([header_set("a test"), _NODES, _TRACE, *sets], "overwrite")
+    sets.append(frequency_response(np.full(160, 0.8), line, id1="a", rsp_node=0, rsp_dir=0, **MULTIPLE))
+    write_sets(path, [header_set("a test"), _NODES, _TRACE, *sets])
     return path.read_bytes()
 
 
@@ -495,7 +555,8 @@ def _format_seeds() -> tuple[Seed, ...]:
     return tuple(Seed(content=_foreign(ending), mutate=mutated_bytes, suffix=ending) for ending in endings)
 
 
-def _matrix_seeds() -> tuple[Seed, ...]:
+@cache
+def _matrices_content() -> bytes:
     path = _scratch() / "matrices.npz"
     model = build_model(parse_structure(_FRAME.decode()), shear_flexible=True, mass="consistent")
     matrices = Matrices(
@@ -508,9 +569,17 @@ def _matrix_seeds() -> tuple[Seed, ...]:
     )
     save_matrices(path, matrices)
     mmwrite(_scratch() / "k.mtx", model.stiffness, symmetry="symmetric")
+    save_matrices(_scratch(), matrices)
+    return path.read_bytes()
+
+
+def _matrix_seeds() -> tuple[Seed, ...]:
+    content = _matrices_content()
+    tables = ((_scratch() / name).read_bytes() for name in ("dofs.csv", "faces.csv"))
     return (
-        Seed(content=path.read_bytes(), mutate=mutated_archive),
-        Seed(content=path.read_bytes(), mutate=mutated_bytes),
+        Seed(content=content, mutate=mutated_archive),
+        Seed(content=content, mutate=mutated_bytes),
+        *(Seed(content=table, mutate=mutated_text, suffix=".csv") for table in tables),
         Seed(content=(_scratch() / "k.mtx").read_bytes(), mutate=mutated_text, suffix=".mtx"),
     )
 
@@ -674,6 +743,8 @@ READERS = {
         read=_modal_table,
         beside={},
     ),
+    "series": Reader(suffix=".csv", seeds=lambda: _texts(_SERIES), read=_series, beside={}),
+    "bodies": Reader(suffix=".toml", seeds=lambda: _texts(_BODIES), read=_bodies, beside=_TOML),
     "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_import, beside={}),
     "table": Reader(suffix=".txt", seeds=_table_seeds, read=_table, beside={"data.csv": _NUMBERS_NAMED}),
     "arrays": Reader(suffix=".npz", seeds=_array_seeds, read=_arrays, beside=_TOML),

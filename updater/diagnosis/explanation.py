@@ -332,7 +332,9 @@ def _with_all_modes(case: Case, chosen: tuple[SelectedCause, ...]) -> tuple[tupl
     """Return causes as they agree with all modes that were measured, those included that the baseline lacks."""
 
     def refitted() -> tuple[tuple[SelectedCause, ...], Comparison]:
-        more = with_further_modes(case.data, case.event, case.measured.every, chosen)
+        more = with_further_modes(
+            case.data, case.reference.calibration.mesh_error, case.event, case.measured.every, chosen
+        )
         return (chosen if more is case.data else agreeing(more, chosen)), more
 
     if case.data.nominal is not None:  # the model was recalibrated to these very modes

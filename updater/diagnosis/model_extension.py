@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from daq import IndexArray
+from daq import FloatArray, IndexArray
 from oma import mac_matrix
 from updater.causes import (
     CATALOGUE,
@@ -118,13 +118,14 @@ def drift_beside(data: Comparison, chosen: Sequence[SelectedCause], factor: Caus
 
 
 def with_further_modes(
-    data: Comparison, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
+    data: Comparison, mesh_error: FloatArray, event: ModalMean, every: ModalMean, chosen: tuple[SelectedCause, ...]
 ) -> Comparison:
     """Return data with the measured modes that the baseline lacks and the model has, once causes act on it.
 
     Parameters
     ----------
     data : the event compared with the baseline
+    mesh_error : (n_modes,) relative error of the reference's frequencies by its mesh
     event : (n_tracks,) in the order of the baseline's tracks
     every : (n_modes,) all modes measured, in any order
     chosen : causes that are found
@@ -136,7 +137,8 @@ def with_further_modes(
     if not len(measured):
         return data
     log_ratio = others.log_frequency[measured] - np.log(data.frequency[modes])
-    return data.with_frequencies(modes, log_ratio, np.hypot(others.log_frequency_std[measured], FREQUENCY_STD))
+    std = np.hypot(others.log_frequency_std[measured], np.hypot(FREQUENCY_STD, mesh_error[modes]))
+    return data.with_frequencies(modes, log_ratio, std)
 
 
 def _answers(data: Comparison, chosen: tuple[SelectedCause, ...], others: ModalMean) -> tuple[IndexArray, IndexArray]:

@@ -13,7 +13,7 @@ from scipy import sparse
 from daq import FloatArray, IndexArray, IntArray
 from updater.errors import MechanismError, ModelError
 from updater.fe.eigen import Modes, NegativeMassError, lowest_modes
-from updater.fe.external.faces import Faces, mesh_error
+from updater.fe.external.faces import Faces
 from updater.fe.mechanism import free_motion
 from updater.fe.mesh import COINCIDENT, SpanIndex
 from updater.structure import AXES, Axis, Body, Joint, Structure, sensor_axes
@@ -109,7 +109,7 @@ class Model:
         """
         if self.faces is None:
             return np.zeros(shape.shape[1])
-        return mesh_error(self.faces.corners, self.dofs, shape)
+        return self.faces.mesh_error(self.dofs, shape)
 
     @cached_property
     def _solved(self) -> dict[int, Modes]:

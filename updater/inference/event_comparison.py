@@ -44,7 +44,7 @@ def compare(
     event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
     circumstances : further knowledge of the event
     model_error : error of the reference at any point, relative to a mode's typical displacement; a larger one gives a
-        coarser search that misses less
+        coarser search that misses less. The error of a mesh of faces adds to it
     typical_shift : relative shift of frequencies that the change would cause at a typical place, if it is known to be
         more than the mean of those measured: the error of the model is relative to it
 
@@ -62,14 +62,16 @@ def compare(
         raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
-    model_error = model_error * reference.model_error_factor
+    error = np.hypot(
+        model_error * reference.model_error_factor, reference.calibration.mesh_error[reference.paired[tracks]]
+    )
     overdispersion, scatter = reference.scatter.shape_overdispersion, _scatter_of_both(reference, base, event)
     late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency
     at_channels = reference.at_channels(channels)
     expected = at_channels[:, reference.paired[tracks]].T
     by_noise = turned_by_noise(reference, tracks, ratio, at_channels, (base, event))
-    foreign = foreign_modes(reference, tracks, ratio, at_channels, model_error, typical_shift)
+    foreign = foreign_modes(reference, tracks, ratio, at_channels, error, typical_shift)
     share = np.hypot(np.linalg.norm(foreign, axis=2), np.linalg.norm(by_noise, axis=2))
     now = np.where(np.isfinite(event.shape), event.shape, base.shape)
     altered = along_changed_modes(share, reference.paired[tracks], at_channels, base.shape, now)
@@ -81,7 +83,7 @@ def compare(
         channels=channels,
         tracks=tracks,
         paired=reference.paired[tracks],
-        **_frequencies_of(base, event, model_error, typical_shift),
+        **_frequencies_of(base, event, error, typical_shift),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
@@ -92,7 +94,9 @@ def compare(
         frequency=reference.frequency,
         n_stress=self_stress(reference.model).n,
         circumstances=circumstances,
-        new=new_shapes(circumstances.extra, channels, overdispersion, at_channels, reference.frequency, model_error),
+        new=new_shapes(
+            circumstances.extra, channels, overdispersion, at_channels, reference.frequency, float(error.max())
+        ),
     )
 
 
@@ -138,18 +142,18 @@ def _nominal_modes(
     return NominalModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
 
 
-def _frequencies_of(base: ModalMean, event: ModalMean, model_error: float, typical_shift: float) -> dict[str, Any]:
+def _frequencies_of(base: ModalMean, event: ModalMean, error: FloatArray, typical_shift: float) -> dict[str, Any]:
     """Return the data of log frequencies.
 
     Parameters
     ----------
     base, event : (n,) of the modes compared
-    model_error : of a mode's typical displacement
+    error : (n,) of the reference at any point, relative to a mode's typical displacement
     typical_shift : of the change at a typical place, at least the mean of those measured
     """
     ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
-    by_model = (2 * model_error) ** 2 * shift * max(shift.mean(), typical_shift)
+    by_model = (2 * error) ** 2 * shift * max(shift.mean(), typical_shift)
     wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
     variance = event.log_frequency_std**2 + base.log_frequency_std**2 + by_model + wider**2
     plain, drifting = whiteners_of(variance)

@@ -21,7 +21,7 @@ def foreign_modes(
     tracks: IndexArray,
     ratio: FloatArray,
     at_channels: FloatArray,
-    error: float,
+    error: FloatArray,
     typical_shift: float = 0.0,
 ) -> FloatArray:
     """Return how far a wrong displacement where something has changed brings other modes into compared shapes.
@@ -40,7 +40,7 @@ def foreign_modes(
     paired, shift = reference.paired[tracks], np.abs(ratio)
     shifts = np.full(len(reference.frequency), shift.mean())
     shifts[paired] = shift
-    coupling = 2 * error * np.sqrt(max(shift.mean(), typical_shift) * (shifts[paired, None] + shifts))
+    coupling = 2 * error[:, None] * np.sqrt(max(shift.mean(), typical_shift) * (shifts[paired, None] + shifts))
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
     return _towards(np.minimum(coupling * closeness, _MAX_TURNED), paired, at_channels)
 

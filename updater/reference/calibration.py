@@ -6,7 +6,7 @@ not distinguish it from stiffness.
 """
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -86,6 +86,11 @@ class Calibration:
     def fitted(self) -> bool:
         """True if anything was fitted."""
         return bool(self.parameters)
+
+    @cached_property
+    def mesh_error(self) -> FloatArray:
+        """Relative error of the frequencies of `modes` (n_modes,) by the mesh of faces."""
+        return self.model.mesh_error(self.modes.shape)
 
     def flexibility_std(self, connection: Support | Joint, axis: Axis) -> float:
         """Return how well a connection's flexibility is known [rad/(N m) or m/N]: 0 where it is the file's."""

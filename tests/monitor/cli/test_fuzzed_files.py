@@ -16,7 +16,20 @@ from tests.support.thorough import few_of
 
 _ROOT = Path(__file__).parents[3]
 READERS = (
-    *("structure", "matrices", "site", "scenario", "modal-table", "csv", "table", "arrays", "formats", "universal"),
+    *(
+        "structure",
+        "matrices",
+        "site",
+        "scenario",
+        "modal-table",
+        "series",
+        "bodies",
+        "csv",
+        "table",
+        "arrays",
+        "formats",
+        "universal",
+    ),
     *("programs", "can-log", "dbc", "lines", "log", "state"),
 )
 

@@ -33,31 +33,44 @@ def panel_of(x: float, y: float) -> str:
     return f"panel_{min(int(x / LENGTH * PANELS[0]), 2)}{min(int(y / WIDTH * PANELS[1]), 1)}"
 
 
+#: lines of a mesh that is coarse between the feet, at nodes of which they are: elements of up to 0.25 m
+COARSE = (np.array([0.0, 0.1, 0.2, 0.5, 0.75, 1.0, 1.2, 1.3, 1.5]), np.array([0.0, 0.1, 0.2, 0.4, 0.7, 0.8]))
+
+
 def write_table(
-    folder: Path, *, along: int = 15, across: int = 8, panels: float = 0.03, supports: bool = False
+    folder: Path,
+    *,
+    along: int = 15,
+    across: int = 8,
+    mesh: tuple[FloatArray, FloatArray] | None = None,
+    panels: float = 0.03,
+    supports: bool = False,
 ) -> Path:
     """Write the structure file and the matrices of a model of ShellMITC4 elements with groups of them.
 
     Parameters
     ----------
+    along, across : numbers of equal elements
+    mesh : lines of the mesh in x and in y, in place of equal elements
     panels : uncertainty of the panels' stiffness
     supports : whether the feet are springs of the structure file, in place of groups
     """
     ops.wipe()
     ops.model("basic", "-ndm", 3, "-ndf", 6)
     ops.section("ElasticMembranePlateSection", 1, MODULUS, POISSON, THICKNESS, DENSITY)
-    tag = np.arange(1, (along + 1) * (across + 1) + 1).reshape(along + 1, across + 1)
+    xs, ys = mesh or (np.linspace(0, LENGTH, along + 1), np.linspace(0, WIDTH, across + 1))
+    tag = np.arange(1, len(xs) * len(ys) + 1).reshape(len(xs), len(ys))
     for i, j in np.ndindex(tag.shape):
-        ops.node(int(tag[i, j]), LENGTH * i / along, WIDTH * j / across, 0.0)
+        ops.node(int(tag[i, j]), float(xs[i]), float(ys[j]), 0.0)
     groups: dict[str, list[int]] = {}
-    for element, (i, j) in enumerate(np.ndindex(along, across), start=1):
+    for element, (i, j) in enumerate(np.ndindex(len(xs) - 1, len(ys) - 1), start=1):
         corners = (tag[i, j], tag[i + 1, j], tag[i + 1, j + 1], tag[i, j + 1])
         ops.element("ShellMITC4", element, *map(int, corners), 1)
-        groups.setdefault(panel_of((i + 0.5) * LENGTH / along, (j + 0.5) * WIDTH / across), []).append(element)
+        groups.setdefault(panel_of(xs[i : i + 2].mean(), ys[j : j + 2].mean()), []).append(element)
     ops.uniaxialMaterial("Elastic", 1, FOOT)
     ops.uniaxialMaterial("Elastic", 2, 10 * FOOT)
     for number, (name, (x, y)) in enumerate(() if supports else FEET.items(), start=1):
-        node, ground = int(tag[round(x / LENGTH * along), round(y / WIDTH * across)]), 100_000 + number
+        node, ground = int(tag[np.abs(xs - x).argmin(), np.abs(ys - y).argmin()]), 100_000 + number
         ops.node(ground, x, y, 0.0)
         ops.fix(ground, 1, 1, 1, 1, 1, 1)
         ops.element("zeroLength", ground, ground, node, "-mat", 2, 2, 1, "-dir", 1, 2, 3)

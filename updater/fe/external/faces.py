@@ -95,6 +95,33 @@ class Faces:
             if place is not None:
                 yield place
 
+    def mesh_error(self, dofs: IntArray, shape: FloatArray) -> FloatArray:
+        """Return the relative error of frequencies that linear elements of this mesh cause, (n_modes,).
+
+        It is an estimate of its size, too large for elements of higher order. Faces count by their area.
+
+        Parameters
+        ----------
+        dofs : (n_nodes, 6) row of each node's DOF, -1 where there is none
+        shape : (n_dofs, n_modes)
+        """
+        moved = np.zeros((len(dofs), 3, shape.shape[1]))
+        for axis in range(3):
+            free = dofs[:, axis] >= 0
+            moved[free, axis] = shape[dofs[free, axis]]
+        last = np.where(self.corners[:, 3] >= 0, self.corners[:, 3], self.corners[:, 0])
+        around = np.column_stack([self.corners[:, :3], last])
+        diagonals = self.nodes[around[:, 2:]] - self.nodes[around[:, :2]]
+        area = np.linalg.norm(np.cross(diagonals[:, 0], diagonals[:, 1]), axis=1)
+        following = np.roll(around, -1, axis=1)
+        weight = area[:, None] * (around != following)
+        weight /= max(weight.sum(), _TINY)
+        along, size = np.zeros(shape.shape[1]), np.zeros(shape.shape[1])
+        for own, start, end in zip(weight.T, around.T, following.T, strict=True):
+            along += own @ np.sum((moved[start] - moved[end]) ** 2, axis=1)
+            size += own @ np.sum(moved[start] ** 2, axis=1)
+        return np.asarray(_PER_SQUARED_FREQUENCY / 2 * _DIRECTIONS * along / np.maximum(size, _TINY))
+
 
 @dataclass(frozen=True, eq=False)
 class _Place:
@@ -170,27 +197,3 @@ def _quadrilateral(flat: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatA
     if np.abs(local).max() > 1 + 2 * _INSIDE:
         return None
     return weight, np.asarray(np.linalg.solve(jacobian, slope.T).T, float)
-
-
-def mesh_error(corners: IntArray, dofs: IntArray, shape: FloatArray) -> FloatArray:
-    """Return the relative error of frequencies that linear elements of this mesh cause, (n_modes,).
-
-    It is an estimate of its size, too large for elements of higher order.
-
-    Parameters
-    ----------
-    corners : (n_faces, 4) nodes about each face; the last is -1 for a triangle
-    dofs : (n_nodes, 6) row of each node's DOF, -1 where there is none
-    shape : (n_dofs, n_modes)
-    """
-    moved = np.zeros((len(dofs), 3, shape.shape[1]))
-    for axis in range(3):
-        free = dofs[:, axis] >= 0
-        moved[free, axis] = shape[dofs[free, axis]]
-    closing = np.where(corners[:, 3] >= 0, corners[:, 3], corners[:, 0])
-    around = np.column_stack([corners[:, :3], closing])
-    first, second = around.ravel(), np.roll(around, -1, axis=1).ravel()
-    apart = first != second
-    along = np.sum((moved[first[apart]] - moved[second[apart]]) ** 2, axis=1).mean(axis=0)
-    size = np.sum(moved[np.unique(around)] ** 2, axis=1).mean(axis=0)
-    return np.asarray(_PER_SQUARED_FREQUENCY / 2 * _DIRECTIONS * along / np.maximum(size, _TINY))

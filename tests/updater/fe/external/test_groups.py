@@ -5,6 +5,7 @@ times as fine: thick and thin plates, other elements, another mesh.
 """
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,10 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from daq import FloatArray
 from tests.support.opensees import needs_opensees
 from tests.support.updater.frames import unmoved
-from tests.support.updater.plates import FEET, N_MODES, Table, windows, write_table
+from tests.support.updater.plates import COARSE, FEET, N_MODES, Table, windows, write_table
 from updater import (
     DiagnosisResult,
     Reference,
@@ -31,25 +33,25 @@ from updater.causes import CATALOGUE, JointHypothesis, SelectedCause, prediction
 from updater.causes.stiffness.group_stiffness import GroupStiffness
 from updater.fe import Matrices, read_matrices, save_matrices
 from updater.inference import compare
+from updater.quantities import Quantity
 from updater.reference import channel_rows
 
 pytestmark = needs_opensees
 
-#: truth; cause, place and parameter that are expected, with their largest error
-EFFECTS: dict[str, tuple[dict[str, Any], list[tuple[str, str, str, float, float]]]] = {
-    "panel": ({"factors": {"panel_10": 0.7}}, [("local_stiffness", "panel_10", "loss", 0.3, 0.03)]),
-    "loose foot": ({"factors": {"foot_ne": 0.5}}, [("local_stiffness", "foot_ne", "loss", 0.5, 0.03)]),
-    "looser foot": ({"factors": {"foot_ne": 0.3}}, [("local_stiffness", "foot_ne", "loss", 0.7, 0.03)]),
-    "mass": ({"mass": (0.9, 0.6, 0.15)}, [("added_mass", "y = 0.6", "mass", 0.15, 0.02)]),
+#: truth; cause, place and parameter that are expected
+EFFECTS: dict[str, tuple[dict[str, Any], list[tuple[str, str, str, float]]]] = {
+    "panel": ({"factors": {"panel_10": 0.7}}, [("local_stiffness", "panel_10", "loss", 0.3)]),
+    "panel at a corner": ({"factors": {"panel_01": 0.8}}, [("local_stiffness", "panel_01", "loss", 0.2)]),
+    "loose foot": ({"factors": {"foot_ne": 0.5}}, [("local_stiffness", "foot_ne", "loss", 0.5)]),
+    "looser foot": ({"factors": {"foot_ne": 0.3}}, [("local_stiffness", "foot_ne", "loss", 0.7)]),
+    "mass": ({"mass": (0.9, 0.6, 0.15)}, [("added_mass", "y = 0.6", "mass", 0.15)]),
     "panel and mass": (
         {"factors": {"panel_01": 0.7}, "mass": (1.15, 0.2, 0.3)},
-        [("added_mass", "y = 0.2", "mass", 0.3, 0.04), ("local_stiffness", "panel_01", "loss", 0.3, 0.03)],
+        [("added_mass", "y = 0.2", "mass", 0.3), ("local_stiffness", "panel_01", "loss", 0.3)],
     ),
     "nothing": ({}, []),
 }
 SEEDS = (1, 2, 3, 4)
-#: seeds of the four that are right (measured); the others are unexplained, none is named wrongly
-RIGHT = {"panel": 4, "loose foot": 3, "looser foot": 2, "mass": 4, "panel and mass": 4, "nothing": 4}
 
 
 @pytest.fixture(scope="module")
@@ -101,23 +103,25 @@ def _diagnosed(table: Path, effect: str, seed: int) -> tuple[Reference, Diagnosi
     return reference, diagnose(reference, reference.mean_of(stack_tracks(after, unmoved(4, N_MODES))))
 
 
-def _is_right(effect: str, found: DiagnosisResult) -> bool:
-    """Return whether the causes are those of an effect, at their places; parameters must be right then."""
-    expected = EFFECTS[effect][1]
-    named = {c.cause: c for c in found.diagnosis.causes}
-    if sorted(named) != sorted(name for name, *_ in expected):
-        return False
-    for name, place, key, value, error in expected:
-        where = named[name].where
-        assert where is not None
-        assert where.member == place
-        assert named[name].parameters[key].value == pytest.approx(value, abs=error)
-    return True
+def _named(found: DiagnosisResult) -> dict[tuple[str, str], dict[str, Quantity]]:
+    """Return the parameters by cause and place."""
+    return {(c.cause, (c.where and c.where.member) or ""): dict(c.parameters) for c in found.diagnosis.causes}
+
+
+def _errors(effect: str, found: DiagnosisResult) -> list[float] | None:
+    """Return the errors over their standard deviations; None if the causes or places are others than expected."""
+    expected, named = EFFECTS[effect][1], _named(found)
+    if sorted(named) != sorted((cause, place) for cause, place, *_ in expected):
+        return None
+    pairs = [(named[cause, place][key], value) for cause, place, key, value in expected]
+    return [(quantity.value - value) / quantity.std for quantity, value in pairs if quantity.std]
 
 
 def test_weak_panel_of_a_table_is_named_and_written(table: Path) -> None:
     reference, found = _diagnosed(table, "panel", 1)
-    assert _is_right("panel", found)
+    errors = _errors("panel", found)
+    assert errors is not None
+    assert abs(errors[0]) < 3
     assert found.extended is not None
     before, after = (s.external for s in (reference.structure, found.extended))
     assert before is not None
@@ -125,17 +129,36 @@ def test_weak_panel_of_a_table_is_named_and_written(table: Path) -> None:
     assert after.group["panel_10"].factor == pytest.approx(0.7 * before.group["panel_10"].factor, rel=0.03)
 
 
+def test_mesh_that_is_coarse_brings_in_no_further_cause(tmp_path: Path) -> None:
+    """Frequencies of this mesh are up to 13 % too high. A body of 75 g was named in addition when this was unknown."""
+    effect = "panel at a corner"
+    _, found = _diagnosed(write_table(tmp_path, mesh=COARSE), effect, 1)
+    errors = _errors(effect, found)
+    print(_named(found))
+    assert errors is not None
+    assert abs(errors[0]) < 3
+
+
 @pytest.mark.thorough
-@pytest.mark.timeout(1200)
-@pytest.mark.parametrize("effect", EFFECTS)
-def test_weak_panels_loose_feet_and_masses_of_a_table_are_named(table: Path, effect: str) -> None:
-    right = 0
-    for seed in SEEDS:
+@pytest.mark.timeout(2400)
+@pytest.mark.parametrize("mesh", [None, COARSE], ids=["15 x 8", "coarse"])
+def test_effects_are_named_or_refused_and_deviations_state_the_errors(
+    tmp_path: Path, mesh: tuple[FloatArray, FloatArray] | None
+) -> None:
+    """No effect is named as another one. Of 28 sizes of the finer mesh, 23 within two deviations has a chance of 0.4 %.
+
+    With the coarse mesh sizes have errors of the mesh, which are up to four deviations (measured).
+    """
+    table, size = write_table(tmp_path, mesh=mesh), list[float]()
+    for effect, seed in product(EFFECTS, SEEDS):
         found = _diagnosed(table, effect, seed)[1]
-        print(effect, seed, found.diagnosis.verdict, [(c.cause, c.where, c.parameters) for c in found.diagnosis.causes])
-        right += _is_right(effect, found)
-        assert _is_right(effect, found) or found.diagnosis.verdict == "unexplained"
-    assert right >= RIGHT[effect]
+        errors = _errors(effect, found)
+        print(effect, seed, found.diagnosis.verdict, _named(found), errors)
+        size += errors or []
+        assert errors is not None or (mesh is not None and found.diagnosis.verdict == "unexplained")
+    within = [sum(abs(error) < n for error in size) for n in (1, 2)]
+    print(f"{len(size)} sizes, {within[0]} within one deviation, {within[1]} within two")
+    assert mesh is not None or within[1] >= 0.8 * len(size)
 
 
 def test_feet_are_calibrated_from_half_their_stiffness(table: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 from tests.support.opensees import needs_opensees
 from tests.support.updater.plates import write_table
 from updater import build_model, load_structure
-from updater.fe.external.faces import mesh_error
+from updater.fe.external.faces import Faces
 
 pytestmark = needs_opensees
 
@@ -23,11 +23,26 @@ def test_wave_on_a_grid_has_the_square_of_elements_per_wavelength(*, triangles: 
     )
     halves = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     corners = np.column_stack([halves, np.full(len(halves), -1)]) if triangles else quads
+    nodes = h * np.array([(i, j, 0) for i, j in np.ndindex(n + 1, n + 1)])
     dofs = np.full((number.size, 6), -1, np.int32)
     dofs[:, 2] = np.arange(number.size)
     wave = np.cos(k * h * (np.arange(n + 1) + 0.5))[:, None] * np.ones(n + 1)
     expected = 4 * np.sin(k * h / 2) ** 2 / 24 * (4 / 3 if triangles else 1.0)
-    assert mesh_error(corners, dofs, wave.reshape(-1, 1))[0] == pytest.approx(expected, rel=0.05)
+    found = Faces(nodes, corners).mesh_error(dofs, wave.reshape(-1, 1))[0]
+    assert found == pytest.approx(expected, rel=0.05)
+
+
+def test_faces_count_by_their_area() -> None:
+    """A wave on elements of h on one half and of 2 h on the other has the mean square of both: 2.5 h^2."""
+    h, k = 0.05, 2 * np.pi / 1.2
+    x = np.concatenate([np.arange(0, 1.2, h), np.arange(1.2, 2.4 + h, 2 * h)])
+    nodes = np.array([(a, b, 0.0) for a in x for b in (0.0, 1.0)])
+    first = 2 * np.arange(len(x) - 1)
+    dofs = np.full((len(nodes), 6), -1, np.int32)
+    dofs[:, 2] = np.arange(len(nodes))
+    quads = np.column_stack([first, first + 2, first + 3, first + 1])
+    found = Faces(nodes, quads.astype(np.int32)).mesh_error(dofs, np.cos(k * nodes[:, :1]))[0]
+    assert found == pytest.approx(2.5 * (k * h) ** 2 / 24, rel=0.05)
 
 
 @pytest.mark.thorough
