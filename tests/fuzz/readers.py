@@ -229,8 +229,8 @@ change = "removed"
 [[record]]
 name = "layout 1"
 at = [[0, 0, 0.5]]
-before = [5.735, 5.735, 41.22, 41.22]
-after = [5.81, 5.81, 41.3, 41.3]
+before = [5.735, 5.736, 41.22, 41.23]
+after = [5.81, 5.811, 41.3, 41.31]
 before_std = [0.01, 0.01, 0.04, 0.04]
 """
 _CSV = b"date;time [s];a [mg];b [m/s2];temperature\n" + b"".join(
