@@ -57,9 +57,9 @@ class ParameterChange(PlainValue):
 
     name: str  #: name as listed by `modalwatch structure --parameters`, such as `steel.E` or `support 0.ry`
     quantity: str  #: such as `Young's modulus` or `rotational stiffness about y`
-    of: str  #: material, support or joint that it belongs to
-    position: Vector | None  #: position of the support, the joint or the weld [m]
-    unit: str  #: Pa, N m/rad, N/m, or - for a factor of stiffness
+    of: str  #: material, support, joint, section or body that it belongs to
+    position: Vector | None  #: position of the support, the joint, the weld or the body [m]
+    unit: str  #: Pa, N m/rad, N/m, kg, or - for a factor
     before: float | None  #: None for a connection that was rigid
     after: float
     std: float  #: standard deviation of `after`

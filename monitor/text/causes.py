@@ -209,7 +209,9 @@ def change_texts(change: ParameterChange, least: float | None = None) -> tuple[s
     open_above = change.unit.startswith("N") and change.std > _OPEN * change.after
     shown = bound if open_above else change.after
     size, prefix = next(pair for pair in _PREFIXES if abs(shown if least is None else least) >= pair[0])
-    scale, unit = (1.0, "") if change.unit == "-" else (1 / (size or 1.0), f" {prefix}{change.unit}")
+    scale, unit = 1 / (size or 1.0), f" {prefix}{change.unit}"
+    if change.unit in {"-", "kg"}:
+        scale, unit = 1.0, " kg" * (change.unit == "kg")
     before = "rigid" if change.before is None else number_text(scale * change.before, scale * change.before_std)
     if open_above:
         return before, f"over {scale * bound:.3g}{unit} (95 %)"

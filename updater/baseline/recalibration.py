@@ -90,7 +90,9 @@ def recalibrated(
     with suppress(PairingError, ModalDataError):  # the last model that enough modes can be paired with is kept
         start = start or calibrate(structure, modes)
         value, model = _parameters_of(start), start.model
-        value = np.append(value, np.zeros(len(knobs) - len(value)))  # sections, which a calibration has as in the file
+        value = np.append(
+            value, np.zeros(len(knobs) - len(value))
+        )  # sections and masses, in a calibration as in the file
         for number in range(_MAX_ROUNDS):
             if number:
                 model = best_model(apply_parameters(structure, list(knobs), value))
@@ -193,7 +195,7 @@ def model_reference(model: Model, structure: Structure, data: Measured) -> Refer
             nominal_mac=(own.shape[paired] * measured.shape[found[paired]]).sum(1) ** 2,
             parameters=(),
             reason="not_fitted",
-            knobs=tuple(model_parameters_of(structure, sections=data.of_file)),
+            knobs=tuple(model_parameters_of(structure, of_file=data.of_file)),
         ),
         baseline=own.only(paired),
         scatter=data.scatter,

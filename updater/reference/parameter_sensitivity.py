@@ -37,10 +37,10 @@ class ParameterSensitivity:
 def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatArray, list[ParameterSensitivity]]:
     """Return the model's frequencies (n_modes,) [Hz] and their sensitivity to every parameter that may be updated.
 
-    The change of omega^2 is b^T dK b for mass-normalised modes b (Fox & Kapoor 1968), with dK by a central difference
-    of the stiffness matrix. A rigid connection is given a flexibility so small that it changes no frequency.
+    The change of omega^2 is b^T (dK - omega^2 dM) b for mass-normalised modes b (Fox & Kapoor 1968), with dK and dM by
+    central differences of the matrices. A rigid connection has a flexibility so small that it changes no frequency.
     """
-    knobs = model_parameters_of(structure, sections=True)
+    knobs = model_parameters_of(structure, of_file=True)
     sprung = with_springs(structure)
     nominal = nominal_parameters(knobs)
     welds = np.array([knob.kind == "weld" for knob in knobs], bool)
@@ -50,10 +50,10 @@ def parameter_sensitivities(structure: Structure, n_modes: int) -> tuple[FloatAr
     found = []
     for i, knob in enumerate(knobs):
         h = _difference_step(knob, x[i])
-        upper, lower = (
-            best_model(apply_parameters(sprung, knobs, _moved(x, i, sign * h))).stiffness for sign in (1, -1)
-        )
-        slope = frequency_slope(modes.omega, modes.shape, ((upper - lower) / (2 * h)) @ modes.shape)
+        upper, lower = (best_model(apply_parameters(sprung, knobs, _moved(x, i, sign * h))) for sign in (1, -1))
+        by_stiffness = (upper.stiffness - lower.stiffness) @ modes.shape
+        by_mass = (upper.mass - lower.mass) @ modes.shape * modes.omega**2
+        slope = frequency_slope(modes.omega, modes.shape, (by_stiffness - by_mass) / (2 * h))
         moved = -knob.prior if knob.kind in _FACTORS else min(knob.prior, knob.upper)
         found.append(
             ParameterSensitivity(
@@ -77,7 +77,7 @@ def _nominal_value(structure: Structure, knob: ModelParameter) -> float:
 def _difference_step(knob: ModelParameter, value: float) -> float:
     if knob.kind == "weld":
         return _WELD_STEP
-    return _RELATIVE_STEP if knob.kind in _FACTORS else _RELATIVE_STEP * value
+    return _RELATIVE_STEP if knob.kind in _FACTORS or not value else _RELATIVE_STEP * value
 
 
 def _moved(x: FloatArray, i: int, by: float) -> FloatArray:

@@ -20,6 +20,7 @@ from updater.structure.parameters import TURNS as TURNS
 from updater.structure.parameters import ModelParameter as ModelParameter
 from updater.structure.parameters import all_knobs as all_knobs
 from updater.structure.parameters import apply_parameters as apply_parameters
+from updater.structure.parameters import bodies_of_one as bodies_of_one
 from updater.structure.parameters import check_updating as check_updating
 from updater.structure.parameters import connection_of as connection_of
 from updater.structure.parameters import flexibility_unit as flexibility_unit
@@ -30,6 +31,7 @@ from updater.structure.parameters import nominal_parameters as nominal_parameter
 from updater.structure.parameters import physical_slope as physical_slope
 from updater.structure.parameters import physical_unit as physical_unit
 from updater.structure.parameters import physical_value as physical_value
+from updater.structure.parameters import segments_of_one as segments_of_one
 from updater.structure.parameters import welded as welded
 from updater.structure.parameters import with_springs as with_springs
 from updater.structure.place_names import NamedPlaces as NamedPlaces

@@ -11,7 +11,7 @@ import numpy as np
 from daq import FloatArray
 from updater.errors import SelectionError
 from updater.structure.base import ON_MEMBER, Vector
-from updater.structure.entries import AXES, Axis, Group, Joint, Member, Segment, Support
+from updater.structure.entries import AXES, Axis, Body, Group, Joint, Member, Segment, Support
 from updater.structure.structure import Structure
 
 _STIFFNESS_PRIOR = 0.03  # of ln E
@@ -29,21 +29,30 @@ _OUTSIDE = 0.01  # relative distance outside its bounds that a file's value may 
 _PLACE_DIGITS = 6  # of a weld's place and extent in metres
 # of ln(I / A) and ln(J / A) of a section, beyond E: outer dimensions are within 1 % (EN 10219-2), and sharp instead of
 # rounded corners change I / A of a box by 1 to 3 %, J / A by 6 %
-_BENDING_PRIOR, _TWIST_PRIOR = 0.02, 0.04
-_SECTION_KEYS: Mapping[Axis, str] = {"rx": "J", "ry": "Iy", "rz": "Iz"}
+_AREA: Axis = "x"  # of a section's parameter that is its area
+_SECTION_KEYS: Mapping[Axis, str] = {_AREA: "A", "rx": "J", "ry": "Iy", "rz": "Iz"}
+# of ln A of a section, and relative to a body's mass: mills keep the mass of a length within 6 % (EN 10219-2), three
+# deviations; bodies are weighed without their screws and cables
+_MASS_PRIOR = 0.02
+_HOUSING_PRIOR = 3e-3  # of the members' mass: each sensor's housing with its cable, which files leave out
+_MIN_MASS = -0.5  # relative to the mass in the file
+_SECTION_PRIORS: Mapping[Axis, float] = {_AREA: _MASS_PRIOR, "rx": 0.04, "ry": 0.02, "rz": 0.02}
 _SECTION_DIGITS = 4  # of a factor on a section's stiffness: 5e-5 changes frequencies by less than 3e-5
 _TWISTS = 0.5  # cosine squared of the angle between a member and an axis, above which it twists rather than bends
 _START = 0.05  # times its standard deviation: start of nominally rigid or unwelded parameters
 TURNS = AXES[3:]
 _FACTOR = ".K"  # ending of the keys of factors on the stiffness of external matrices
+_MASSES = {"body", "housings"}  # kinds of parameters that are masses
 Meeting = tuple[str, Vector]  #: a member, and where it meets others
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelParameter:
-    """A parameter: ln of a stiffness, a connection's flexibility along or about one axis, or its weld.
+    """A parameter: ln of a stiffness, a connection's flexibility along or about one axis, its weld, or a mass.
 
     Stiffness is a material's, or a section's over its material's: in twist (axis rx), or bending about local axes.
+    A section's area (axis x), as by a thicker wall, is a factor on all its stiffness and its mass. A body's mass is
+    relative to that in the file, that of each sensor's housing is in kilograms.
 
     Flexibilities are c E I / L about an axis, c E I / L^3 along one, of the longest member. Members that meet overlap
     and are welded: near the joint they give less than their axes, drawn to a point, do. Of that flexibility a weld
@@ -53,9 +62,9 @@ class ModelParameter:
     name: str
     key: str  #: name of the parameter, such as `steel.E`, `support 0.ry`, `crossbeam.rz`, `crossbeam.weld`
     prior: float  #: standard deviation about the mean
-    kind: Literal["stiffness", "support", "joint", "weld", "section"]
-    target: str = ""  #: material, index of the support, member, or section
-    at: Vector = (0.0, 0.0, 0.0)  #: position of a joint or weld [m]
+    kind: Literal["stiffness", "support", "joint", "weld", "section", "body", "housings"]
+    target: str = ""  #: material, index of the support or body, member, or section
+    at: Vector = (0.0, 0.0, 0.0)  #: position of a joint, weld or body [m]
     axis: Axis = "x"
     mean: float = 0.0  #: expected value
     lower: float = -np.inf  #: least value
@@ -72,6 +81,11 @@ class ModelParameter:
         return self.kind == "stiffness" and self.key.endswith(_FACTOR) and bool(self.target)
 
     @property
+    def has_mass(self) -> bool:
+        """True if it is or has a mass."""
+        return self.kind in _MASSES or (self.kind == "section" and self.axis == _AREA)
+
+    @property
     def quantity(self) -> str:
         """Physical quantity of the parameter."""
         if self.kind == "stiffness":
@@ -79,26 +93,33 @@ class ModelParameter:
         if self.kind == "weld":
             return "stiffness factor of the joint zone"
         if self.kind == "section":
-            return "factor on twist" if self.axis == "rx" else f"factor on bending about local {self.axis[1]}"
+            named = {_AREA: "factor on area", "rx": "factor on twist"}
+            return named.get(self.axis) or f"factor on bending about local {self.axis[1]}"
+        if self.kind in _MASSES:
+            return "mass" if self.kind == "body" else "mass of the housing"
         if self.axis in TURNS:
             return f"rotational stiffness about {self.axis[1]}"
         return f"stiffness along {self.axis}"
 
     @property
     def of(self) -> str:
-        """Material, support or joint that it belongs to."""
+        """Material, support, joint, section or body that it belongs to."""
         if self.kind == "stiffness":
             return self.target or "matrices"
         if self.kind == "weld":
             return self.target
         if self.kind == "section":
             return f"section {self.target}"
+        if self.kind == "housings":
+            return "each sensor"
+        if self.kind == "body":
+            return f"body {self.target}"
         return f"support {self.target}" if self.kind == "support" else f"the joint of {self.target}"
 
     @property
     def position(self) -> Vector | None:
-        """Node that it belongs to [m]; None for a material or a section."""
-        return None if self.kind in {"stiffness", "section"} else self.at
+        """Node that it belongs to [m]; None for a material, a section or all sensors."""
+        return None if self.kind in {"stiffness", "section", "housings"} else self.at
 
     @property
     def start(self) -> float:
@@ -122,14 +143,14 @@ def is_rigid(knob: ModelParameter) -> bool:
     return knob.kind in {"support", "joint"} and not knob.mean
 
 
-def model_parameters_of(structure: Structure, *, sections: bool = False) -> list[ModelParameter]:
+def model_parameters_of(structure: Structure, *, of_file: bool = False) -> list[ModelParameter]:
     """Return the parameters that may be updated: `all_knobs` without those that the structure fixes, bounded.
 
     Parameters
     ----------
-    sections : whether to add those of sections, last
+    of_file : whether to add, last, those that only an error of the file changes: sections and masses
     """
-    every = [*all_knobs(structure), *(_of_sections(structure) if sections else ())]
+    every = [*all_knobs(structure), *(_of_the_file(structure) if of_file else ())]
     free = [k for k in every if not any(_matches(structure, k, p) for p in structure.updating.fixed)]
     return [_bounded(structure, knob) for knob in free]
 
@@ -142,7 +163,7 @@ def check_updating(structure: Structure) -> None:
     SelectionError
         Naming the parameter, and the ones that there are.
     """
-    knobs = [*all_knobs(structure), *_of_sections(structure)]
+    knobs = [*all_knobs(structure), *_of_the_file(structure)]
     for pattern in (*structure.updating.fixed, *structure.updating.bounds):
         if not any(_matches(structure, knob, pattern) for knob in knobs):
             known = ", ".join(knob.key for knob in knobs)
@@ -183,6 +204,10 @@ def physical_value(structure: Structure, knob: ModelParameter, value: float) -> 
         return 1 / (1 - value)
     if knob.kind == "section":
         return float(np.exp(value))
+    if knob.kind == "body":
+        return structure.body[int(knob.target)].mass * (1 + value)
+    if knob.kind == "housings":
+        return value
     return flexibility_unit(structure, knob.axis, knob.at) / value
 
 
@@ -191,6 +216,8 @@ def physical_slope(structure: Structure, knob: ModelParameter, value: float) -> 
     now = physical_value(structure, knob, value)
     if knob.kind in {"stiffness", "section"}:
         return now
+    if knob.kind in _MASSES:
+        return abs(structure.body[int(knob.target)].mass) if knob.kind == "body" else 1.0
     return now**2 if knob.kind == "weld" else now / value
 
 
@@ -202,15 +229,21 @@ def fitted_value(structure: Structure, knob: ModelParameter, value: float) -> fl
         return 1 - 1 / value
     if knob.kind == "section":
         return float(np.log(value))
+    if knob.kind == "body":
+        return value / structure.body[int(knob.target)].mass - 1
+    if knob.kind == "housings":
+        return value
     return flexibility_unit(structure, knob.axis, knob.at) / value
 
 
 def physical_unit(structure: Structure, knob: ModelParameter) -> str:
-    """Return the unit of a parameter: Pa, N m/rad, N/m, or - for a factor of stiffness."""
+    """Return the unit of a parameter: Pa, N m/rad, N/m, kg, or - for a factor."""
     if knob.kind == "stiffness":
         return "-" if structure.external is not None else "Pa"
     if knob.kind in {"weld", "section"}:
         return "-"
+    if knob.kind in _MASSES:
+        return "kg"
     return "N m/rad" if knob.axis in TURNS else "N/m"
 
 
@@ -259,19 +292,73 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
     return knobs
 
 
+def _of_the_file(structure: Structure) -> list[ModelParameter]:
+    """Return the parameters that only an error of the file changes."""
+    return [*_of_sections(structure), *_of_masses(structure)]
+
+
+def _of_masses(structure: Structure) -> list[ModelParameter]:
+    """Return the masses of bodies and of the sensors' housings; of external matrices only those of bodies.
+
+    Housings are of one kind and have one mass. Where the file has a body at a sensor, it is that.
+    """
+    knobs = [
+        ModelParameter(
+            name=f"mass of body {i}",
+            key=f"body {i}.mass",
+            prior=_MASS_PRIOR,
+            kind="body",
+            target=str(i),
+            at=body.at,
+            lower=_MIN_MASS,
+        )
+        for i, body in enumerate(structure.body)
+        if body.mass
+    ]
+    total = 0.0 if structure.external else sum(_mass_of(structure, member) for member in structure.member)
+    housings = ModelParameter(
+        name="mass of the housings", key="sensors.mass", prior=_HOUSING_PRIOR * total, kind="housings", lower=0.0
+    )
+    return [*knobs, housings] if total and bodies_of_one(structure, housings) else knobs
+
+
+def bodies_of_one(structure: Structure, knob: ModelParameter) -> tuple[Body, ...]:
+    """Return the bodies that one of a parameter adds to those of the file: housings where it has none."""
+    if knob.kind == "body":
+        return (structure.body[int(knob.target)],)
+    if knob.kind != "housings":
+        return ()
+    places = dict.fromkeys(sensor.at for sensor in structure.sensor)
+    alone = (at for at in places if not any(_same(at, body.at) for body in structure.body))
+    return tuple(Body(at=at, mass=1.0) for at in alone)
+
+
+def segments_of_one(structure: Structure, knob: ModelParameter) -> tuple[Segment, ...]:
+    """Return the mass that one of a section's area adds, as segments along whole members."""
+    if knob.kind != "section" or not knob.has_mass:
+        return ()
+    doubled = _section_segments(structure, {knob.target: {_AREA: 2.0}})
+    return tuple(Segment(member=s.member, at=s.at, extent=s.extent, mass=s.mass) for s in doubled)
+
+
+def _mass_of(structure: Structure, member: Member) -> float:
+    """Return the mass of a member's material [kg]."""
+    return structure.material[member.material].density * structure.section[member.section].area * member.length
+
+
 def _of_sections(structure: Structure) -> list[ModelParameter]:
     """Return the parameters of the sections that members have; none of external matrices."""
     return [
         ModelParameter(
             name=f"section {name} {axis}",
             key=f"{name}.{_SECTION_KEYS[axis]}",
-            prior=_TWIST_PRIOR if axis == "rx" else _BENDING_PRIOR,
+            prior=_SECTION_PRIORS[axis],
             kind="section",
             target=name,
             axis=axis,
         )
         for name in dict.fromkeys(member.section for member in structure.member)
-        for axis in TURNS
+        for axis in _SECTION_KEYS
         if structure.external is None
     ]
 
@@ -356,6 +443,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
     """Return the structure with the parameters `x` written into it."""
     material = dict(structure.material)
     supports, joints = list(structure.support), list(structure.joint)
+    bodies = list(structure.body)
     welds: list[Segment] = []
     factors: dict[str, dict[Axis, float]] = {}
     external = structure.external
@@ -370,6 +458,10 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             welds += weld_segments(structure, knob.at, value)
         elif knob.kind == "section":
             factors.setdefault(knob.target, {})[knob.axis] = round(float(np.exp(value)), _SECTION_DIGITS)
+        elif knob.kind == "body":
+            bodies[int(knob.target)] = bodies[int(knob.target)].times(1 + value)
+        elif knob.kind == "housings":
+            bodies += [body.times(value) for body in bodies_of_one(structure, knob)]
         elif knob.kind == "support":
             i, spring = int(knob.target), flexibility_unit(structure, knob.axis, knob.at) / value
             supports[i] = _sprung(supports[i], knob.axis, spring)
@@ -381,21 +473,29 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
             "material": material,
             "support": tuple(supports),
             "joint": tuple(joints),
+            "body": tuple(bodies),
             "segment": (*structure.segment, *_section_segments(structure, factors), *welds),
         }
     )
 
 
 def _section_segments(structure: Structure, factors: Mapping[str, Mapping[Axis, float]]) -> list[Segment]:
-    """Return segments along whole members with factors on the stiffness of their sections."""
+    """Return segments along whole members with factors on the stiffness and the area of their sections."""
     found = []
     for member in structure.member:
         if of := factors.get(member.section):
             x, y, z = member.point(member.length / 2).round(_PLACE_DIGITS).tolist()
-            bending = (of.get("ry", 1.0), of.get("rz", 1.0))
+            bending, area = (of.get("ry", 1.0), of.get("rz", 1.0)), of.get(_AREA, 1.0)
             found.append(
                 Segment(
-                    member=member.name, at=(x, y, z), extent=member.length, bending=bending, torsion=of.get("rx", 1.0)
+                    member=member.name,
+                    at=(x, y, z),
+                    extent=member.length,
+                    stiffness=area,
+                    bending=bending,
+                    torsion=of.get("rx", 1.0),
+                    shear_stiffness=area,
+                    mass=(area - 1) * _mass_of(structure, member),
                 )
             )
     return found

@@ -98,7 +98,7 @@ def test_sensitivities_match_recomputed_models() -> None:
     """Compared with models solved again with a hundredth of each step; 1 % of the largest, for second-order effects."""
     structure = parse_structure(FRAME)
     frequency, found = parameter_sensitivities(structure, 8)
-    knobs, sprung = model_parameters_of(structure, sections=True), with_springs(structure)
+    knobs, sprung = model_parameters_of(structure, of_file=True), with_springs(structure)
     assert [one.name for one in found] == [knob.key for knob in knobs]
     for i, (knob, one) in enumerate(zip(knobs, found, strict=True)):
         start, moved = nominal_parameters(knobs), nominal_parameters(knobs)

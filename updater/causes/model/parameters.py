@@ -1,11 +1,13 @@
-"""Parameters of the structure file that are slightly wrong: stiffness, supports, joints, welds, sections, all at once.
+"""Parameters of the structure file that are slightly wrong: stiffness, springs, welds, sections, masses, all at once.
 
 This cause applies to a structure file without a learned reference: otherwise the calibration has fitted these
 parameters. All parameters of a calibration have the same priors here. Each of them adds compliance of a material's
-members or of a spring, or reduces that of a joint's zone. Of external matrices, each of a group's stiffness, of all, or
-of a spring: the stiffness f f_i K_i of a group has the factor of all, so that its compliance is over both.
+members or of a spring, or reduces that of a joint's zone; masses of sections, bodies and housings add modal mass. Of
+external matrices, each of a group's stiffness, of all, or of a spring: the stiffness f f_i K_i of a group has the
+factor of all, so that its compliance is over both.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,18 +20,20 @@ from updater.causes.overall.common_factor import ground_compliance
 from updater.fe import Model, self_stress
 from updater.inference import Comparison, Effect, Fit, common_magnitude, no_effect
 from updater.quantities import ParameterChange, Quantity
-from updater.reference import Reference, spring_of
+from updater.reference import Reference, best_model, spring_of
 from updater.structure import (
     TURNS,
     ModelParameter,
     Structure,
     apply_parameters,
+    bodies_of_one,
     connection_of,
     flexibility_unit,
     is_negligible,
     physical_slope,
     physical_unit,
     physical_value,
+    segments_of_one,
     welded,
 )
 
@@ -52,6 +56,7 @@ class ModelParameters(Discrete):
     file_value: FloatArray  #: (n_knobs,) values of the file's model
     moved: FloatArray  #: (n_knobs,) values of the reference's model relative to those
     compliance: FloatArray  #: (n_knobs, n_modes + n_stress, same) that one of each adds to the reference's model
+    mass: FloatArray  #: (n_masses, n_modes, n_modes) modal mass that one of each with mass adds
     name: str = "model_parameters"
     place_free: bool = True
     advice: str = (
@@ -65,17 +70,20 @@ class ModelParameters(Discrete):
         return self.moved[None]
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
-        """Return compliances; that of a material goes with 1 / E."""
+        """Return compliances, that of a material goes with 1 / E, and modal masses."""
         theta = np.minimum(theta, self._upper)
         more = np.where(self._stiffness, np.expm1(self.moved - theta), theta - self.moved)
         change = np.tensordot(more * self._of_whole(theta), self.compliance, 1)
-        return replace(no_effect(len(rows), self.comparison), compliance=change)
+        heavier = np.where(self._stiffness, np.exp(theta) - np.exp(self.moved), theta - self.moved)[:, self._masses]
+        return replace(
+            no_effect(len(rows), self.comparison), compliance=change, mass=np.tensordot(heavier, self.mass, 1)
+        )
 
     def compliance_increments(self, theta: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Return all but a factor of external matrices: that of a material less the stiffer it is."""
+        """Return all but masses and a factor of external matrices: that of a material less the stiffer it is."""
         amount = np.where(self._stiffness, -np.exp(self.moved - theta), theta < self._upper) * self._of_whole(theta)
         every = enumerate(zip(self.compliance, amount.T, strict=True))
-        return {k: one for k, one in every if not self._whole[k]}
+        return {k: one for k, one in every if not self._whole[k] and not self._masses[k]}
 
     @property
     def _upper(self) -> FloatArray:
@@ -84,6 +92,11 @@ class ModelParameters(Discrete):
     @property
     def _stiffness(self) -> IndexArray:
         return np.array([knob.kind in {"stiffness", "section"} for knob in self.knobs])
+
+    @property
+    def _masses(self) -> BoolArray:
+        """Mask (n_knobs,) of parameters with mass."""
+        return np.array([knob.has_mass for knob in self.knobs])
 
     @property
     def _whole(self) -> BoolArray:
@@ -187,6 +200,7 @@ def propose_model_parameters(reference: Reference, comparison: Comparison) -> Mo
         file_value=file_value,
         moved=value - file_value,
         compliance=np.array([_compliance(reference, k, x, file.structure) for k, x in zip(knobs, value, strict=True)]),
+        mass=_masses(reference, knobs, file.structure),
     )
 
 
@@ -207,7 +221,7 @@ def _prior(knob: ModelParameter, wider: float, of_file: bool) -> float:
 
 def _file_value(model: Model, knob: ModelParameter) -> float:
     """Return the model's value of a parameter."""
-    if knob.kind in ("stiffness", "weld", "section"):
+    if knob.kind not in {"support", "joint"}:
         return 0.0
     return flexibility_unit(model.structure, knob.axis, knob.at) / spring_of(model, knob)[1]
 
@@ -222,6 +236,8 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
     """
     model = reference.model
     members = model.structure.member
+    if knob.kind in {"body", "housings"}:
+        return np.zeros(2 * (len(reference.frequency) + self_stress(model).n,))
     if knob.of_matrices:
         own = (2 * np.pi * reference.frequency) ** -2.0
         whole = np.diag(np.concatenate([own, np.ones(self_stress(model).n)]))
@@ -230,7 +246,8 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
         return group_compliance(reference)[knob.target]
     if knob.kind in {"stiffness", "section"}:
         of_section = knob.kind == "section"
-        borne = slice(3 + TURNS.index(knob.axis), 4 + TURNS.index(knob.axis)) if of_section else slice(None)
+        turns = knob.axis in TURNS and of_section
+        borne = slice(3 + TURNS.index(knob.axis), 4 + TURNS.index(knob.axis)) if turns else slice(None)
         parts = [
             _between(reference, m, np.linspace(0, member.length, member.elements + 1), borne)
             for m, member in enumerate(members)
@@ -244,6 +261,23 @@ def _compliance(reference: Reference, knob: ModelParameter, value: float, file: 
     row, _ = spring_of(model, knob)
     force = modal_spring_force(reference, connection_of(model.structure, knob), knob.axis, row)
     return np.outer(force, force) / flexibility_unit(file, knob.axis, knob.at)
+
+
+def _masses(reference: Reference, knobs: Sequence[ModelParameter], file: Structure) -> FloatArray:
+    """Return the modal mass (n_masses, n_modes, n_modes) that one of each parameter with mass adds.
+
+    Parameters
+    ----------
+    file : structure whose masses they are relative to
+    """
+    structure, n = reference.model.structure, len(reference.frequency)
+    found = []
+    for knob in (knob for knob in knobs if knob.has_mass):
+        body, segment = bodies_of_one(file, knob), segments_of_one(file, knob)
+        more = {"body": (*structure.body, *body), "segment": (*structure.segment, *segment)}
+        added = best_model(structure.model_copy(update=more)).mass - reference.model.mass
+        found.append(reference.shape.T @ (added @ reference.shape))
+    return np.array(found).reshape(-1, n, n)
 
 
 def _between(reference: Reference, member: int, edges: FloatArray, actions: slice) -> FloatArray:

@@ -18,8 +18,8 @@ _N_LISTED = 3  # modes that are named for each parameter; `--json` has all of th
 _NEGLIGIBLE = 5e-5  # relative change of a frequency that is not listed
 SENSITIVITY_NOTE = (
     "change: relative change of the frequency if the parameter moves from the file's value to the one in the third "
-    "column, by one prior standard deviation. J, Iy and Iz of sections are fitted only without reference logs. "
-    "To limit the updating: fixed and bounds under \\[updating] in the file."
+    "column, by one prior standard deviation. A, J, Iy and Iz of sections and masses are fitted only without reference "
+    "logs. To limit the updating: fixed and bounds under \\[updating] in the file."
 )
 
 
@@ -73,5 +73,6 @@ def with_unit(value: float, unit: str) -> str:
         return "rigid"
     if unit == "-":
         return f"x {value:.4g}"
-    scale, prefix = next(((s, p) for s, p in _PREFIXES if abs(value) >= s), _PREFIXES[-1])
+    prefixes = _PREFIXES[-1:] if unit == "kg" else _PREFIXES
+    scale, prefix = next(((s, p) for s, p in prefixes if abs(value) >= s), _PREFIXES[-1])
     return f"{value / scale:.4g} {prefix}{unit}"
