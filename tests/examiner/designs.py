@@ -1,5 +1,7 @@
 """Structures besides the T-frame: a portal, a bridge, a mast, a grid."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from tests.examiner.design import Design, Section
@@ -90,6 +92,10 @@ BRIDGE = Design(
     window=600.0,
     element=0.4,
 )
+
+_SLABS = tuple(Lump(bar="girder", s=s + 0.5, mass=150.0, offset=(0.0, 0.0, 0.35)) for s in range(12))
+#: the bridge with a deck of 1.8 t above its axis, which couples motion along the axis with bending
+GIRDER = replace(BRIDGE, name="girder", bodies=_SLABS, band=120.0)
 
 _DECK = _box(1.4, 0.9, 0.025)
 #: three spans, few sensors across; along its bearings it slides at nearly a frequency that it bends at across them

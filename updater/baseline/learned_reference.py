@@ -6,7 +6,7 @@ frequency - the model is moved first: its parameters are fitted to the measured 
 modes paired again, until they no longer change. The values of the file remain the prior.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +40,14 @@ from updater.reference import (
     match_nominal_modes,
     share_within,
 )
-from updater.structure import Body, ModelParameter, Structure, nominal_parameters, with_springs
+from updater.structure import (
+    Body,
+    ModelParameter,
+    Structure,
+    apply_parameters,
+    nominal_parameters,
+    with_springs,
+)
 
 _MIN_P = 1e-3  # p of data and prior below which the priors of the file's parameters are widened
 
@@ -109,7 +116,36 @@ def with_bodies_on(reference: Reference, bodies: Sequence[Body], *, shaped: bool
     bodies : that were there
     shaped : whether shapes were measured
     """
-    loaded = reference.calibration.nominal.with_bodies(bodies)
+    return _relearned(reference, reference.calibration.nominal.with_bodies(bodies), shaped=shaped)
+
+
+def with_springs_at(reference: Reference, springs: Mapping[str, float], *, shaped: bool) -> Reference | None:
+    """Return the reference with springs of given flexibilities, and all other parameters calibrated to the baseline.
+
+    None where other modes pair with it.
+
+    Parameters
+    ----------
+    reference : learnt from that baseline
+    springs : flexibility by the key of its parameter, in the unit of the parameter
+    shaped : whether shapes were measured
+    """
+    calibration = reference.calibration
+    knobs = [knob for knob in calibration.knobs if knob.key in springs]
+    written = apply_parameters(calibration.nominal, knobs, np.array([springs[knob.key] for knob in knobs]))
+    own = calibration.nominal.updating
+    held = own.model_copy(update={"fixed": (*own.fixed, *springs)})
+    found = _relearned(reference, written.model_copy(update={"updating": held}), shaped=shaped)
+    if found is None:
+        return None
+    structure, nominal = (
+        one.model_copy(update={"updating": own}) for one in (found.calibration.structure, found.calibration.nominal)
+    )
+    return replace(found, calibration=replace(found.calibration, structure=structure, nominal=nominal))
+
+
+def _relearned(reference: Reference, loaded: Structure, *, shaped: bool) -> Reference | None:
+    """Return the reference with another structure file, calibrated to the same baseline."""
     measured = Measured(windows=reference.windows, scatter=reference.scatter)
     try:
         found = calibrate(loaded, measured.mean)

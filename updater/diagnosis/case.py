@@ -31,7 +31,9 @@ class DiagnosisResult:
     gained: Gained | None = None  #: gain of it, with its deviation
     parts: tuple[Fit[Cause], ...] = ()  #: the fit of each cause of the best explanation
     nearer: RecalibratedModel | None = None  #: recalibrated model of a file that is far off, if nothing is explained
-    calibration: Calibration | None = None  #: calibration of `extended`, if not the reference's: with removed bodies on
+    #: calibration of `extended`, if not the reference's: with removed bodies on, or with springs as since the change
+    calibration: Calibration | None = None
+    springs: tuple[str, ...] = ()  #: names of the parameters that this calibration has as since the change
     removed: tuple[Body, ...] = ()  #: bodies taken off that the structure file lacks, as they were on it
 
     def __repr__(self) -> str:

@@ -33,7 +33,12 @@ from updater.diagnosis.naming import (
 )
 from updater.diagnosis.next_measurement import next_measurement, smallest_changes
 from updater.diagnosis.relaxation import relaxed_alone, relaxed_beside, unrelaxed_beside
-from updater.diagnosis.removed_bodies import is_lacked, removed_bodies, with_removed_bodies
+from updater.diagnosis.revised_reference import (
+    is_lacked,
+    removed_bodies,
+    with_removed_bodies,
+    with_unchanged_springs,
+)
 from updater.diagnosis.schema import Diagnosis, Failed, NextMeasurement, Separation, SmallestChange, Verdict
 from updater.diagnosis.search import (
     beside_the_file,
@@ -161,15 +166,18 @@ def _diagnosed(
                 case = replace(case, reference=learned, weighing=replace(case.weighing, reference=learned))
         case, found = judged(case, found, compare(case.reference, event, circumstances=circumstances))
 
-        def again(loaded: Reference) -> DiagnosisResult:
+        def again(bare: Calibration | None, revised: Reference) -> DiagnosisResult:
             given: dict[str, Any] = {"circumstances": circumstances, "only": only, "without": without}
-            return _diagnosed(loaded, measured, unused, reference.calibration, on_cause=on_cause, **given)
+            return _diagnosed(revised, measured, unused, bare, on_cause=on_cause, **given)
 
-        without_bodies = case.weighing.faults.attempt(
-            "removed bodies that the file lacks", partial(with_removed_bodies, case, found[0], again)
-        )
-        if without_bodies is not None:
-            return without_bodies
+        revisions = {
+            "removed bodies": partial(with_removed_bodies, case, found[0], partial(again, reference.calibration)),
+            "unchanged connections": partial(with_unchanged_springs, case, found[0], partial(again, None)),
+        }
+        for what, revision in revisions.items():
+            revised = case.weighing.faults.attempt(what, revision)
+            if revised is not None:
+                return revised
         found = found if within_noise(good, found[0]) else closer(case, found, good)
         leading, *rest = [merged(case.weighing, found[0]), *found[1:]]
         found = significant_only(case.weighing, [leading, *rest])

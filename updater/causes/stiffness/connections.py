@@ -137,6 +137,16 @@ class Springs(Discrete):
         stiffness = _stiffness(self.connections[row])[axis]
         return float(self.before_std[row, self.axes[row].index(axis)]) * stiffness**2
 
+    def flexibility(self, row: int, theta: FloatArray) -> dict[str, float]:
+        """Return the flexibility of the springs that an alternative changes, by the key and in the unit of each."""
+        connection = self.connections[row]
+        now = {axis: stiffness for _, axis, stiffness in self._now(connection, row, theta)}
+        return {
+            knob.key: flexibility_unit(self.structure, knob.axis, knob.at) / now[knob.axis]
+            for knob in all_knobs(self.structure)
+            if is_of(self.structure, connection, knob) and knob.axis in now
+        }
+
     def physical_std(self, fit: Fit[Cause]) -> dict[str, float]:
         """Return the standard deviations of the springs."""
         return {change.name: change.std for change in self.changes(fit)}

@@ -199,8 +199,8 @@ def diagnose_logs(
         _say_extended(diagnosis.extended_model, fitted=bool(found.reference.calibration.parameters))
         for line in _written_otherwise(found.explained, structure):
             echo(f"  {line}")
-        if found.explained.calibration is not None:
-            console.print(f"  {_LIFTED}", style="dim", soft_wrap=True)
+        for line in _calibrated_again(found.explained):
+            console.print(f"  {line}", style="dim", markup=False, soft_wrap=True)
     _say_parameters(found.explained.calibration or found.reference.calibration)
     if nearer:
         echo(nearer)
@@ -365,6 +365,14 @@ def _channels_of(paths: Sequence[Path]) -> list[str]:
     return list(dict.fromkeys(channel.name for log in as_logs(paths) for channel in log_channels(log)))
 
 
+def _calibrated_again(found: DiagnosisResult) -> list[str]:
+    """Return why an extended model is not of the reference's calibration."""
+    springs = (
+        f"{', '.join(found.springs)}: the same before and since, which reference and current logs together support"
+    )
+    return [_LIFTED] * bool(found.removed) + [springs] * bool(found.springs)
+
+
 def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str:
     """Return comments on the origin of an extended model."""
     since = f" since {_names(logs.reference)}" if logs.reference else ""
@@ -372,8 +380,7 @@ def _provenance(found: DiagnosisResult, structure_path: Path, logs: Logs) -> str
     for cause in listed_causes(found.diagnosis.causes):
         lines.append(f"{cause_text(cause)} (probability {probability_text(cause)})")
         lines += [f"  not written, but as compatible with the data: {text}" for text in alternative_texts(cause)]
-    if found.calibration is not None:
-        lines.append(_LIFTED)
+    lines += _calibrated_again(found)
     if logs.reference:
         lines.append("and what was fitted to the latter: the stiffness of materials, feet and joints")
     return "".join(f"# {line}\n" for line in lines)

@@ -1,7 +1,12 @@
-"""Removed bodies that the structure file lacks: they were on while the baseline was measured.
+"""Explanations by a revised reference, where the explanation of a change shows that the first one was wrong.
 
-The model was then calibrated to modes with the body and without its mass. The diagnosis is made once more with a model
-that has the body, until the mass that is taken off is the mass that it has.
+Removed bodies that the structure file lacks were on while the baseline was measured: the model was calibrated to modes
+with the body and without its mass. The diagnosis is made once more with a model that has the body, until the mass that
+is taken off is the mass that it has.
+
+The stiffness of a connection may have been calibrated to another error of the file, such as a body that it lacks. A
+change of it then corrects the calibration. The diagnosis is made once more with the stiffness after that change in the
+reference too, if that makes baseline and event together more probable.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,12 +15,13 @@ from operator import attrgetter
 
 import numpy as np
 
-from updater.baseline import with_bodies_on
-from updater.causes import AddedMass, SelectedCause
+from updater.baseline import with_bodies_on, with_springs_at
+from updater.causes import AddedMass, SelectedCause, Springs
 from updater.diagnosis.case import Case, DiagnosisResult
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import Candidate
 from updater.inference import compare
+from updater.quantities import FREQUENCY_STD
 from updater.reference import Calibration, Reference
 from updater.structure import Body, size
 
@@ -55,6 +61,54 @@ def with_removed_bodies(
             break
     found = diagnosed(loaded) if loaded else None
     return found if found and found.removed else None
+
+
+def with_unchanged_springs(
+    case: Case, best: Candidate, diagnosed: Callable[[Reference], DiagnosisResult]
+) -> DiagnosisResult | None:
+    """Return the explanation by a reference in which a connection is as after its change, which then is none.
+
+    None where no connection changed in addition to another cause, or where baseline and event together are more
+    probable with the change.
+
+    Parameters
+    ----------
+    best : the explanation by the first reference
+    diagnosed : explains the same event with another reference
+    """
+    reference = case.reference
+    if case.bare is not None or reference.nominal is not None or not reference.calibration.fitted:
+        return None
+    known = {knob.key for knob in reference.calibration.knobs}
+    most = best.log_evidence + case.data.log_det_of_shapes + _log_likelihood(reference)
+    revised, held = None, dict[str, float]()
+    for one in best.chosen if len(best.chosen) > 1 else ():
+        springs = one.cause.flexibility(one.row, one.theta) if isinstance(one.cause, Springs) else {}
+        other = None
+        if springs and springs.keys() <= known:
+            other = with_springs_at(reference, springs, shaped=bool(case.data.shaped.any()))
+        if other is None:
+            continue
+        data = compare(other, case.event, circumstances=case.data.circumstances)
+        several = Compositions(replace(case.weighing, reference=other, data=data))
+        fitted = several.coordinate_fit(tuple(c for c in best.chosen if c is not one))
+        log = -np.inf if fitted is None else fitted.log_evidence + data.log_det_of_shapes + _log_likelihood(other)
+        if log > most:
+            most, revised, held = log, other, springs
+    if revised is None:
+        return None
+    found = diagnosed(revised)
+    return replace(found, calibration=found.calibration or revised.calibration, springs=(*sorted(held), *found.springs))
+
+
+def _log_likelihood(reference: Reference) -> float:
+    """Return the log likelihood of the baseline's frequencies, but for a constant.
+
+    The error of the model is unknown: at least that of a good one, with a prior uniform in its logarithm above.
+    """
+    calibration = reference.calibration
+    off = np.log(calibration.modes.frequency[reference.paired]) - reference.baseline.log_frequency
+    return -0.5 * len(off) * float(np.log(np.mean(off**2) + FREQUENCY_STD**2))
 
 
 def removed_bodies(chosen: Sequence[SelectedCause]) -> list[tuple[SelectedCause, Body]]:
