@@ -62,12 +62,13 @@ class ParameterChange(PlainValue):
     unit: str  #: Pa, N m/rad, N/m, kg, or - for a factor
     before: float | None  #: None for a connection that was rigid
     after: float
-    std: float  #: standard deviation of `after`
+    std: float  #: standard deviation of `after`; 0 at a bound
     before_std: float = 0.0  #: standard deviation of `before`; 0 for a value of the file
     place: str = ""  #: name of the place, such as `foot of the right post`; empty where there is none
     member: str = ""  #: member that a rotational spring holds; empty if not known
     member_stiffness: float | None = None  #: of this member's end: 4 E I / L in bending, G J / L in twist [N m/rad]
     twists: bool = False  #: whether the spring holds this member against twist
+    at_bound: bool = False  #: whether `after` is a bound of the parameter, beyond which the data would move it
 
     @property
     def added_flexibility(self) -> tuple[float, float]:
@@ -88,8 +89,8 @@ class ParameterChange(PlainValue):
 
     @property
     def relative(self) -> tuple[float, float] | None:
-        """Relative change and its standard deviation; None for a connection that was rigid."""
-        if self.before is None or self.after == 0:
+        """Relative change and its standard deviation; None for a connection that was rigid, or a mass that was none."""
+        if not self.before or self.after == 0:
             return None
         before, after = 1 / self.before, 1 / self.after
         added, of_added = self.added_flexibility
@@ -97,11 +98,18 @@ class ParameterChange(PlainValue):
         return self.after / self.before - 1, std
 
     @property
+    def listed(self) -> bool:
+        """True if it is listed with its values: significant, or at a bound."""
+        return self.significant or self.at_bound
+
+    @property
     def significant(self) -> bool:
-        """True if it differs from `before` by more than two standard deviations.
+        """True if it differs from `before` by more than two standard deviations; not at a bound.
 
         The deviation of a connection's flexibility, which is 0 where it is rigid, is relatively that of its stiffness.
         """
+        if self.at_bound:
+            return False
         if self.before is None:
             return self.after > SIGNIFICANT * self.std
         return abs(self.after - self.before) > SIGNIFICANT * self.std

@@ -118,7 +118,7 @@ def _is_eccentric(name: str, quantity: Quantity) -> bool:
 
 def further_changes(cause: FittedCause) -> tuple[ParameterChange, ...]:
     """Return the parameters of the whole model that were changed too, each within two deviations of the file."""
-    return tuple(change for change in cause.changes if cause.where is None and not change.significant)
+    return tuple(change for change in cause.changes if cause.where is None and not change.listed)
 
 
 def further_changes_text(changes: Sequence[ParameterChange]) -> str:
@@ -154,7 +154,7 @@ def _changed_texts(cause: FittedCause) -> list[tuple[str, str]]:
 
     Springs whose stiffness before and after overlap are given by the flexibility added, which is determined better.
     """
-    changes = [change for change in cause.changes if change.significant or cause.where is not None]
+    changes = [change for change in cause.changes if change.listed or cause.where is not None]
     springs = [c for c in changes if c.unit.startswith("N")]
     added = any(change.overlaps for change in springs)
     largest = max((abs(change.added_flexibility[0]) for change in springs), default=0.0)
@@ -202,6 +202,8 @@ def _named_quantity(change: ParameterChange) -> str:
 def change_texts(change: ParameterChange, least: float | None = None) -> tuple[str, str]:
     """Return a parameter before and after, such as `rigid`, `60 ± 3 kN m/rad`; or `210`, `203.1 ± 0.4 GPa (-3.3 %)`.
 
+    A value at a bound has no deviation: `205 GPa (-2.4 %), at its bound`.
+
     The unit is that of `least`, the smallest of several values, if given. Of a stiffness that may be infinite, such as
     that of a locked bearing, whose flexibility is Gaussian, only a lower bound is known: `over 12.7 MN m/rad (95 %)`.
     """
@@ -217,7 +219,8 @@ def change_texts(change: ParameterChange, least: float | None = None) -> tuple[s
         return before, f"over {scale * bound:.3g}{unit} (95 %)"
     relative = change.relative
     percent = f" ({signed_text(100 * relative[0], 100 * relative[1])} %)" if relative else ""
-    return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}"
+    bounded = ", at its bound" * change.at_bound
+    return before, f"{number_text(scale * change.after, scale * change.std)}{unit}{percent}{bounded}"
 
 
 def signed_text(value: float, std: float) -> str:

@@ -127,6 +127,7 @@ class Calibration:
             after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
             std = after * parameter.std / value
             before = after * value / knob.mean if knob.mean else None
+        at_bound = parameter.at_bound and not (is_rigid(knob) and value < knob.upper)  # a rigid one may stay so
         return ParameterChange(
             name=knob.key,
             quantity=knob.quantity,
@@ -136,7 +137,8 @@ class Calibration:
             unit=physical_unit(self.structure, knob),
             before=before,
             after=after,
-            std=std,
+            std=0.0 if at_bound else std,
+            at_bound=at_bound,
         )
 
     def physical_std(self) -> dict[str, float]:

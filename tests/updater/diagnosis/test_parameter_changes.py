@@ -5,11 +5,12 @@ import pytest
 
 from daq.notebook import number_text
 from monitor.analysis.explanation import explain
-from monitor.text.causes import cause_text
+from monitor.text.causes import cause_text, change_texts
 from tests.examiner.cases import draw
 from tests.examiner.path import FRAME, after, stiffer
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import DiagnosisResult, build_model, diagnose, dump_structure, parse_structure, t_structure_toml
+from updater.causes import ModelParameters
 from updater.quantities import ParameterChange
 
 TOO_STIFF = 1.2
@@ -115,3 +116,23 @@ def test_loosened_foot_is_reported_with_values_before_and_after() -> None:
     end = 4 * structure.material[column.material].youngs_modulus * 9.3e-8 / column.length  # a square tube
     assert change.member == "column"
     assert change.member_stiffness == pytest.approx(end)
+
+
+def test_parameter_at_its_bound_is_listed_without_a_deviation() -> None:
+    """The file is 20 % too stiff, and the modulus may be 5 % lower at most: a deviation of this value means nothing."""
+    case = draw("built frame: nothing", 961)
+    least = 0.95 * TOO_STIFF * 210e9
+    structure = stiffer(FRAME, TOO_STIFF)
+    bounds = structure.updating.model_copy(update={"bounds": {"steel.E": (least, 1.1 * TOO_STIFF * 210e9)}})
+    structure = structure.model_copy(update={"updating": bounds})
+    measured = after(case, np.random.default_rng((case.seed, 6)))
+    data = explain(structure, None, measured, only=("model_parameters",)).explained
+    part = data.parts[0] if data.parts else None
+    print(data.diagnosis.verdict)
+    assert part is not None
+    cause = part.hypotheses
+    assert isinstance(cause, ModelParameters)
+    (modulus,) = (change for change in cause.changes(part) if change.name == "steel.E")
+    assert (modulus.at_bound, modulus.listed, modulus.significant, modulus.std) == (True, True, False, 0.0)
+    assert modulus.after == pytest.approx(least)
+    assert change_texts(modulus)[1] == "239.4 GPa (-5 %), at its bound"

@@ -133,7 +133,7 @@ class ModelParameters(Discrete):
         std, value = np.sqrt(np.diagonal(fit.covariance[0])), self.file_value + fit.theta[0]
         moved = [k for k in self._written(fit.theta[0]) if not is_negligible(self.knobs[k], float(value[k]))]
         found = [self._change(k, float(fit.theta[0, k]), float(std[k])) for k in moved]
-        return tuple(sorted(found, key=lambda change: not change.significant))
+        return tuple(sorted(found, key=lambda change: not change.listed))
 
     def deviations(self, fit: Fit[Cause]) -> float:
         """Return by how many standard deviations all parameters together differ from the file's.
@@ -154,8 +154,9 @@ class ModelParameters(Discrete):
         return {change.name: change.std for change in every}
 
     def _change(self, k: int, theta: float, std: float) -> ParameterChange:
-        knob, value = self.knobs[k], float(self.file_value[k] + theta)
+        knob, value = self.knobs[k], float(self.file_value[k] + min(theta, self._upper[k]))
         rigid = knob.kind in {"support", "joint"} and not knob.mean
+        at_bound = theta >= self._upper[k] or (theta <= self.lower[0, k] and not rigid)
         return ParameterChange(
             name=knob.key,
             quantity=knob.quantity,
@@ -164,12 +165,16 @@ class ModelParameters(Discrete):
             unit=physical_unit(self.nominal, knob),
             before=None if rigid else physical_value(self.nominal, knob, float(self.file_value[k])),
             after=physical_value(self.nominal, knob, value),
-            std=std * physical_slope(self.nominal, knob, value),
+            std=0.0 if at_bound else std * physical_slope(self.nominal, knob, value),
+            at_bound=at_bound,
         )
 
     def _written(self, theta: FloatArray) -> list[int]:
         """Return the parameters with an entry in the written model."""
-        return [k for k in range(len(self.knobs)) if self.knobs[k].mean or theta[k] > self.lower[0, k]]
+        relative = {"stiffness", "section", "body"}  # others have nothing at their least value
+        return [
+            k for k, knob in enumerate(self.knobs) if knob.mean or knob.kind in relative or theta[k] > self.lower[0, k]
+        ]
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the new values of all changed parameters; rigid connections and absent welds get no entry."""

@@ -302,9 +302,9 @@ def _written_otherwise(found: DiagnosisResult, given: Structure) -> list[str]:
 def _say_parameters(calibration: Calibration) -> None:
     """Print the model parameters that were fitted to the reference logs: changed ones with values, others by name."""
     changes = calibration.changes()
-    if moved := [change for change in changes if change.significant]:
+    if moved := [change for change in changes if change.listed]:
         console.print(changes_table(moved, "model parameters fitted to the reference logs"))
-    if others := further_changes_text([change for change in changes if not change.significant]):
+    if others := further_changes_text([change for change in changes if not change.listed]):
         console.print(f"fitted to the reference logs, {others}", style="dim", markup=False)
 
 
@@ -367,9 +367,7 @@ def _channels_of(paths: Sequence[Path]) -> list[str]:
 
 def _calibrated_again(found: DiagnosisResult) -> list[str]:
     """Return why an extended model is not of the reference's calibration."""
-    springs = (
-        f"{', '.join(found.springs)}: the same before and since, which reference and current logs together support"
-    )
+    springs = f"calibrated to reference and current logs together, as unchanged: {', '.join(found.springs)}"
     return [_LIFTED] * bool(found.removed) + [springs] * bool(found.springs)
 
 
