@@ -65,8 +65,7 @@ def sampled(signals: np.ndarray, drift: float) -> np.ndarray:
     """Return counts (n, 3) at the scans of a device whose clock is slow by `drift`."""
     margin = half_taps(1.0) + 2
     n = int((len(signals) - 2 * margin) / (1 + abs(drift)))
-    position = margin + np.arange(n, dtype=np.float64) * (1 + drift)
-    return np.asarray(np.round(interpolate(signals.astype(np.float64), position)), np.int32)
+    return np.asarray(np.round(interpolate(signals.astype(np.float64), margin, 1 + drift, n)), np.int32)
 
 
 def write(path: Path, data: np.ndarray, random: np.random.Generator, *, live: bool) -> None:

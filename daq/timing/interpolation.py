@@ -1,9 +1,10 @@
 """Band-limited signals between their scans: a windowed sinc.
 
-Its weights are a smooth function of the position between two scans. Samples at almost even spacing are computed in
-blocks: the weights of all samples of a block are polynomials of their deviations from even spacing, and a block is a
-product of matrices. Where a scan is missing, or positions are not even, each sample is computed by itself, with weights
-from a table that is linear between its phases. The two ways differ by 3e-7 of the signal, the error of the table.
+Its weights are a smooth function of the position between two scans. Samples are computed in blocks: the weights of all
+samples of a block are polynomials of their deviations from the spacing of the grid, and a block is a product of
+matrices. Where a scan is missing, or clocks differ by more than 200 ppm, each sample is computed by itself, with
+weights from a table that is linear between its phases. The two ways differ by 3e-7 of the signal, the error of the
+table.
 """
 
 import itertools
@@ -21,7 +22,8 @@ _CHUNK = 1 << 11  # samples at a time: their weights stay in the processor's cac
 _BLOCK = 16  # samples
 _CELLS = 16  # of the position of a block's first sample between two scans, each with polynomials of its own ...
 _TERMS = 5  # ... with so many terms: error (pi reach)^5 / 1920 = 6e-9, -164 dB
-_REACH = 0.5 / _CELLS + 200e-6 * _BLOCK / 2  # largest deviation [scans]: half a cell, 200 ppm
+_MAX_DRIFT = 200e-6  # largest deviation of the spacing [scans per sample]
+_REACH = 0.5 / _CELLS + _MAX_DRIFT * _BLOCK / 2  # largest deviation of a sample [scans]
 _BLOCKS = 256  # at a time: they stay in the processor's cache
 
 
@@ -30,70 +32,67 @@ def half_taps(ratio: float) -> int:
     return int(np.ceil(_HALF / ratio))
 
 
-def interpolate(scans: FloatArray, position: FloatArray, ratio: float = 1.0) -> FloatArray:
-    """Return a band-limited signal (n, n_axes) at fractional positions in its scans; NaN where one it needs is missing.
+def interpolate(scans: FloatArray, first: float, step: float, n: int, ratio: float = 1.0) -> FloatArray:
+    """Return a band-limited signal (n, n_axes) at even spacing in its scans; NaN where one that it needs is missing.
 
     Windowed sinc (Kaiser, beta 8.75) of 32 taps at the grid's rate, -80 dB below 0.4 of it.
 
     Parameters
     ----------
     scans : (n_scans, n_axes); at least `half_taps` on each side of every position
-    position : (n,) [scans]
+    first, step, n : position of the first sample and distance of the others [scans], and their number
     ratio : samples of the grid a scan, at most 1
     """
     columns = np.ascontiguousarray(scans.T)
-    out = np.empty((len(columns), len(position)))
-    n_blocks = len(position) // _BLOCK
-    even = _in_blocks(columns, position[: n_blocks * _BLOCK].reshape(n_blocks, _BLOCK), ratio, out)
-    rest = np.append(np.repeat(~even, _BLOCK), np.ones(len(position) - n_blocks * _BLOCK, np.bool_))
-    if rest.any():
-        out[:, rest] = _one_by_one(columns, position[rest], ratio)
+    out = np.empty((len(columns), n))
+    done = _in_blocks(columns, first, step, ratio, out)
+    rest = np.flatnonzero(np.append(np.repeat(~done, _BLOCK), np.ones(n % _BLOCK, np.bool_)))
+    if len(rest):
+        position = np.asarray(first + step * rest, np.float64)
+        out[:, rest] = _one_by_one(columns, position, ratio)
     return out.T
 
 
-def _in_blocks(columns: FloatArray, position: FloatArray, ratio: float, out: FloatArray) -> BoolArray:
-    """Write the blocks (n_blocks, _BLOCK) that are even and lack no scan; return which these are (n_blocks,)."""
-    even = np.zeros(len(position), np.bool_)
-    bank, half = _bank(ratio), half_taps(ratio)
+def _in_blocks(columns: FloatArray, first: float, step: float, ratio: float, out: FloatArray) -> BoolArray:
+    """Write the blocks that lack no scan; return which these are (n_blocks,)."""
+    n_blocks, drift = out.shape[1] // _BLOCK, step - 1 / ratio
+    bank, half, middle = _bank(ratio), half_taps(ratio), _middle(ratio)
     span, n_scans = bank.shape[2], columns.shape[1]
-    if not len(position) or n_scans < span:
-        return even
-    nominal = position[:, _BLOCK // 2] - _BLOCK // 2 / ratio  # of even spacing through the sample in the middle
+    if abs(drift) > _MAX_DRIFT or not n_blocks or n_scans < span:
+        return np.zeros(n_blocks, np.bool_)
+    drifts = drift * (np.arange(_BLOCK) - _BLOCK // 2)  # from the spacing of the grid, which fits at the middle
+    nominal = first + step * (_BLOCK * np.arange(n_blocks) + _BLOCK // 2) - _BLOCK // 2 / ratio
     base = np.floor(nominal)
     cell = np.minimum((_CELLS * (nominal - base)).astype(np.intp), _CELLS - 1)
-    middle = _middle(ratio)
-    off = position - base[:, None]
-    lowest = np.floor(off)
-    off -= middle[cell]
-    off /= _REACH
-    first = base.astype(np.intp) - half + 1
-    even = (np.maximum(off.max(1), -off.min(1)) <= 1) & (lowest == np.floor(middle)[cell]).all(1)
-    even &= (first >= 0) & (first + span <= n_scans)
+    off = nominal - base - middle[cell, 0]
+    fraction = middle - np.floor(middle) + drifts  # of samples whose block is in the middle of a cell
+    begin = base.astype(np.intp) - half + 1
+    done = (off >= -fraction.min(1)[cell]) & (off < 1 - fraction.max(1)[cell])  # samples between the same two scans
+    done &= (begin >= 0) & (begin + span <= n_scans)
     missing = np.isnan(columns.sum(0))
     if missing.any():
         before = np.append(0, np.cumsum(missing))
-        even[even] = before[first[even] + span] == before[first[even]]
+        done[done] = before[begin[done] + span] == before[begin[done]]
     windows = sliding_window_view(columns, span, axis=1)
-    blocks = out[:, : off.size].reshape(len(columns), *off.shape)
-    number = np.where(even, cell, -1)
-    edges = np.flatnonzero(np.diff(number, prepend=-2, append=-2)).tolist()
-    for begin, end in itertools.pairwise(edges):
-        for start in range(begin, end if even[begin] else begin, _BLOCKS):
-            some = slice(start, min(start + _BLOCKS, end))
-            scans = windows[:, first[some]]
-            terms = scans.reshape(-1, span) @ bank[cell[begin]]
-            terms = terms.reshape(_TERMS, *scans.shape[:2], _BLOCK)
+    blocks = out[:, : n_blocks * _BLOCK].reshape(len(columns), n_blocks, _BLOCK)
+    edges = np.flatnonzero(np.diff(np.where(done, cell, -1), prepend=-2, append=-2)).tolist()
+    for start, end in itertools.pairwise(edges):
+        for place in range(start, end if done[start] else start, _BLOCKS):
+            some = slice(place, min(place + _BLOCKS, end))
+            x = (off[some] + drifts[:, None, None]) / _REACH
+            scans = windows[:, begin[some]]
+            terms = (bank[cell[start]] @ scans.reshape(-1, span).T).reshape(_TERMS, _BLOCK, *scans.shape[:2])
             sums = terms[-1]
             for k in range(_TERMS - 2, -1, -1):  # Horner's scheme
-                sums *= off[some]
+                sums *= x
                 sums += terms[k]
-            blocks[:, some] = sums
-    return np.asarray(even)
+            blocks[:, some] = sums.transpose(1, 2, 0)
+    return np.asarray(done)
 
 
 @lru_cache
 def _bank(ratio: float) -> FloatArray:
-    """Return the weights of a block's scans for each term of each sample, (n_cells, _TERMS, span, _BLOCK).
+    """Return the weights of a block's scans for each term of each sample, (n_cells, _TERMS * _BLOCK, span).
 
     The span begins `half_taps` - 1 scans before the one at or before the block's first sample. The polynomials hold
     while each sample is between the same two scans as in the middle of the cell.
@@ -107,12 +106,12 @@ def _bank(ratio: float) -> FloatArray:
     tap = np.arange(1 - half, half + 1)
     weight = _kernel(fraction[:, None, None] + node[:, None] - tap, ratio)  # (n_fractions, n_nodes, n_taps)
     weight = np.einsum("kn,fnt->fkt", to_terms, weight)[same.reshape(centre.shape)]
-    bank = np.zeros((_CELLS, _TERMS, int(lowest.max()) + len(tap), _BLOCK))
+    bank = np.zeros((_CELLS, _TERMS, _BLOCK, int(lowest.max()) + len(tap)))
     for k in range(_BLOCK):
         for cell in range(_CELLS):
             begin = lowest[cell, k]
-            bank[cell, :, begin : begin + len(tap), k] = weight[cell, k]
-    return bank
+            bank[cell, :, k, begin : begin + len(tap)] = weight[cell, k]
+    return bank.reshape(_CELLS, _TERMS * _BLOCK, -1)
 
 
 def _middle(ratio: float) -> FloatArray:

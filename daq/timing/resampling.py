@@ -17,6 +17,7 @@ from daq.types import Block, BoolArray, Channel, Event, Flag, FloatArray, IndexA
 _LITTLE = 0.1  # of a window: where all devices are silent for longer, it is a pause between records
 _PIECE = 1 << 16  # samples at a time, which bounds the memory
 _SETTLE_SECONDS = 2.0  # s of arrivals before a clock is used; by then it errs by far less
+_SHORT = 1000  # scans of a block, below which numpy's calls take longer than its work
 _PAUSE_SCANS = 64  # before the scan that ends a pause: more than the kernel reaches
 
 NO_DELAYS: Mapping[str, float] = MappingProxyType({})  #: device -> delay [s]
@@ -50,7 +51,9 @@ class _Stretch:
         """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing; of some blocks."""
         out = np.empty((len(axes), last - first))
         blocks = [block for block in among or self.blocks if block.first_index < last and block.end_index > first]
-        if _are_alike(blocks, int(axes[-1])) and blocks[0].first_index <= first and blocks[-1].end_index >= last:
+        many = _SHORT * len(blocks) > last - first  # they are joined before they are scaled
+        whole = many and _are_alike(blocks, int(axes[-1]))
+        if whole and blocks[0].first_index <= first and blocks[-1].end_index >= last:
             begin = first - blocks[0].first_index
             counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
             return np.asarray(np.multiply(counts, blocks[0].scale, out=out).T)
@@ -75,17 +78,23 @@ class _Stretch:
         first, scan_rate = self.index_at(start)
         if ratio is None:
             return self.scans(round(first), round(first) + n, axes)
-        position: FloatArray = first + np.arange(n, dtype=float) * (scan_rate / rate)
-        low, high = int(np.floor(position[0])) - half_taps(ratio), int(position[-1]) + half_taps(ratio) + 2
+        step, half = scan_rate / rate, half_taps(ratio)
+
+        def needed(begin: int, m: int) -> tuple[int, int]:
+            """Return the first scan of m samples, and the one after their last."""
+            return math.floor(first + begin * step) - half, int(first + (begin + m - 1) * step) + half + 2
+
+        low, high = needed(0, n)
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
             return None
         blocks, out = list(self.blocks), np.empty((len(axes), n))
         ends = [block.end_index for block in blocks]
         for begin in range(0, n, _PIECE):
-            part = position[begin : begin + _PIECE]
-            low, high = int(np.floor(part[0])) - half_taps(ratio), int(part[-1]) + half_taps(ratio) + 2
+            m = min(_PIECE, n - begin)
+            low, high = needed(begin, m)
             some = blocks[max(bisect_left(ends, low) - 1, 0) : bisect_left(ends, high) + 2]
-            out[:, begin : begin + _PIECE] = interpolate(self.scans(low, high, axes, some), part - low, ratio).T
+            scans = self.scans(low, high, axes, some)
+            out[:, begin : begin + m] = interpolate(scans, first + begin * step - low, step, m, ratio).T
         return out.T
 
 
@@ -330,7 +339,8 @@ class Assembler:
         data, there = np.empty((len(self._channels), n)), np.zeros(n, np.bool_)
         for name, device in self._devices.items():
             signal = device.resampled(start, n)
-            there |= np.isfinite(signal).any(1)
+            for axis in signal.T:
+                there |= np.isfinite(axis)
             for column, channel in zip(data, self._channels, strict=True):
                 if channel.device == name:
                     column[:] = signal[:, np.searchsorted(device.axes, channel.axis)]
@@ -363,7 +373,7 @@ def _unused(there: BoolArray) -> int:
 
 def _mean(values: list[float]) -> float:
     """Return the mean of the known values, NaN if there are none: not every device has a thermometer."""
-    known = [value for value in values if np.isfinite(value)]
+    known = [value for value in values if math.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
 
 

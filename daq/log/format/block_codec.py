@@ -3,12 +3,13 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 
 import numpy as np
 
 from daq.log.format.accel_block_pb2 import AccelBlock
 from daq.log.format.rice import PackedBlocks, pack, unpack_blocks
-from daq.types import Block, BoolArray, Flag, IntArray
+from daq.types import Block, BoolArray, Flag, IndexArray, IntArray
 
 _LEAST_SCALE = float(np.finfo(float).tiny)
 _MAX_AXES = 10_000
@@ -74,8 +75,8 @@ def decode_blocks(messages: Sequence[tuple[str, bytes]], axes: AxesOfDevices | N
     filled = [message for message in parsed if message.n_scans]
     packed = _packed(filled)
     if axes is not None:
-        used = [axes.get(device, ()) for (device, _), message in zip(messages, parsed, strict=True) if message.n_scans]
-        packed = replace(packed, used=_are_used(packed, used))
+        devices = [device for (device, _), message in zip(messages, parsed, strict=True) if message.n_scans]
+        packed = replace(packed, used=_are_used(packed.n_axes, devices, axes))
     counts = iter(unpack_blocks(packed))
     return [
         _block(device, message, next(counts) if message.n_scans else np.zeros((0, message.n_axes), np.int32))
@@ -135,21 +136,17 @@ def _refuse(message: AccelBlock) -> None:
 
 
 def _packed(messages: Sequence[AccelBlock]) -> PackedBlocks:
-    n_axes, n_start = list[int](), list[int]()
-    coding, start = list[int](), list[int]()
-    for message in messages:
-        of_axes, first = message.coding, message.start
-        n_axes.append(len(of_axes))
-        if n_axes[-1] != message.n_axes or not of_axes:
-            raise ValueError(f"coding: expected {message.n_axes} axes, found {len(of_axes)}")
-        n_start.append(len(first))
-        coding += of_axes
-        start += first
-    code = np.array(coding, np.intp)
+    codings = [message.coding[:] for message in messages]  # lists: to take their values one by one is slow
+    starts = [message.start[:] for message in messages]
+    n_axes, n_start = list(map(len, codings)), list(map(len, starts))
+    for message, n in zip(messages, n_axes, strict=True):
+        if n != message.n_axes or not n:
+            raise ValueError(f"coding: expected {message.n_axes} axes, found {n}")
+    code = np.array(list(chain.from_iterable(codings)), np.intp)
     return PackedBlocks(
         order=code // _CODE,
         n_low=code % _CODE,
-        start=np.array(start, np.int64),
+        start=np.array(list(chain.from_iterable(starts)), np.int64),
         n_axes=np.array(n_axes, np.intp),
         n_start=np.array(n_start, np.intp),
         n=np.array([message.n_scans for message in messages], np.intp),
@@ -158,10 +155,8 @@ def _packed(messages: Sequence[AccelBlock]) -> PackedBlocks:
     )
 
 
-def _are_used(packed: PackedBlocks, used: Sequence[Collection[int]]) -> BoolArray:
-    """Return which axes of all blocks are among the used ones of their block (n_axes_of_all,)."""
-    axis = np.arange(len(packed.order)) - np.repeat(np.cumsum(packed.n_axes) - packed.n_axes, packed.n_axes)
-    table = np.zeros((len(used), int(packed.n_axes.max(initial=1))), np.bool_)
-    for row, some in zip(table, used, strict=True):
-        row[[each for each in some if each < len(row)]] = True
-    return np.asarray(table[np.repeat(np.arange(len(used)), packed.n_axes), axis])
+def _are_used(n_axes: IndexArray, devices: Sequence[str], axes: AxesOfDevices) -> BoolArray:
+    """Return which axes of all blocks are among the used ones of their device (n_axes_of_all,)."""
+    blocks = list(zip(devices, n_axes.tolist(), strict=True))
+    known = {(device, n): [axis in axes.get(device, ()) for axis in range(n)] for device, n in set(blocks)}
+    return np.array(list(chain.from_iterable(map(known.__getitem__, blocks))), np.bool_)

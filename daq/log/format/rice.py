@@ -149,20 +149,19 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
         return []
     axes = _Axes.of(packed)
     rest, window = _rest(packed.bits, axes), _windows(packed.bits, int(axes.n_low.max()))
-    counts = np.empty(len(packed.bits), np.object_)
-    block = np.repeat(np.arange(len(packed.bits)), packed.n_axes)
-    kept = _up_to_last_used(packed)
+    counts, kept = dict[int, IntArray](), _up_to_last_used(packed)
+    n_kept = np.add.reduceat(kept, _before(packed.n_axes), dtype=np.intp)
     for length in np.unique(packed.n).tolist():
         chosen = np.flatnonzero(kept & (axes.samples == length))
-        table = np.zeros((len(chosen), length), np.uint32)
+        table = np.zeros((len(chosen), length), np.int32)
         place = np.flatnonzero(packed.used[chosen])
         place = place[np.argsort(-axes.order[chosen[place]], kind="stable")]
         if len(place):
-            table[place] = _samples(window, rest, axes, chosen[place], length).T
-        edges = np.append(0, np.flatnonzero(np.diff(block[chosen])) + 1).tolist()
-        for begin, end in zip(edges, [*edges[1:], len(chosen)], strict=True):
-            counts[block[chosen[begin]]] = table[begin:end].view(np.int32).T
-    return counts.tolist()
+            table[place] = _samples(window, rest, axes, chosen[place], length).view(np.int32).T
+        blocks = np.flatnonzero(packed.n == length)
+        edges = itertools.pairwise([0, *np.cumsum(n_kept[blocks]).tolist()])
+        counts |= {block: table[begin:end].T for block, (begin, end) in zip(blocks.tolist(), edges, strict=True)}
+    return [counts[block] for block in range(len(packed.bits))]
 
 
 def _up_to_last_used(packed: PackedBlocks) -> BoolArray:
