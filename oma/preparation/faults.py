@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import fft, ndimage
+from scipy import fft
 
 from daq import FloatArray
 from oma.types import SAME_AS
@@ -87,15 +87,24 @@ def without_spikes(data: FloatArray, *, in_place: bool = False) -> tuple[FloatAr
     if jumps is None:
         return data, np.zeros(data.shape[1])
     # rows about the jumps alone, with so many between those of two jumps that these do not reach each other
-    rows = np.flatnonzero(ndimage.maximum_filter1d(jumps.any(axis=1), 4 * _REACH + 1))
+    rows = np.flatnonzero(_any_near(np.asarray(jumps.any(axis=1)), 2 * _REACH))
     jumps = jumps[rows]
-    near = ndimage.maximum_filter1d(jumps, 2 * _REACH + 1, axis=0)
+    near = _any_near(jumps, _REACH)
     company = near.sum(axis=1, keepdims=True) - near
     alone = jumps & (company <= _COMPANY * (data.shape[1] - 1))
-    out = ndimage.maximum_filter1d(alone, 2 * _REACH + 1, axis=0) & np.isfinite(data[rows])
+    out = _any_near(alone, _REACH) & np.isfinite(data[rows])
     result, (places, columns) = data if in_place else data.copy(), np.nonzero(out)
     result[rows[places], columns] = np.nan
     return result, np.asarray(out.sum(axis=0) / len(data))
+
+
+def _any_near(flags: BoolArray, reach: int) -> BoolArray:
+    """Return where a flag, or one of those up to `reach` before and behind it along the first axis, is true."""
+    near = flags.copy()
+    for k in range(1, reach + 1):
+        near[k:] |= flags[:-k]
+        near[:-k] |= flags[k:]
+    return near
 
 
 def _jumps(data: FloatArray) -> BoolArray | None:
