@@ -1,5 +1,6 @@
 """`modalwatch`: its entry point, and its exit codes."""
 
+import gc
 import os
 import sys
 from typing import Annotated
@@ -8,6 +9,8 @@ import typer
 
 from monitor.cli.commands import CommandGroup
 from monitor.cli.options import DONE, INTERRUPTED, explain
+
+_NEW_OBJECTS = 50_000  # before a garbage collection; of the default, 700, modules alone make a hundred times as many
 
 
 def _exit(code: int, **_options: bool) -> None:
@@ -51,6 +54,7 @@ def main() -> None:
     """Run the command line; every error becomes one line and an exit code."""
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # small matrices in parallel to a stream: more threads only take its time
+    gc.set_threshold(_NEW_OBJECTS)
     sys.exit(_run())
 
 

@@ -10,7 +10,8 @@ from pydantic import BaseModel, ConfigDict, PositiveFloat, ValidationError
 from daq import LogError
 from daq.bounded_text import parse_json
 from monitor.analysis.modal_table.csv import OWN, CsvTable, read_text
-from monitor.analysis.modal_table.responses import UNIVERSAL, identify_file
+from monitor.analysis.modal_table.responses import identify_file
+from monitor.analysis.modal_table.universal import is_universal
 from oma import ComplexArray
 from updater import Structure
 
@@ -147,7 +148,7 @@ def read_columns(path: Path, structure: Structure, window: float | None = None) 
     LogError
         Naming line and column of an invalid number, or the invalid column.
     """
-    if path.suffix.lower() in UNIVERSAL:
+    if is_universal(path):
         columns = _of_responses(path, structure, window)
         columns.check(path, structure)
         return columns

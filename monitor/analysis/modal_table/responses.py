@@ -10,13 +10,6 @@ from daq import DataError, LogError
 from daq.files import FrequencyResponses, Header, read_header, read_responses
 from oma import OmaError, ResponseIdentification, identify_responses_all, places_by_name
 
-UNIVERSAL = (".uff", ".unv")  #: endings of universal files
-
-
-def is_universal(path: Path) -> bool:
-    """Return whether a file is a universal one, by its name."""
-    return path.suffix.lower() in UNIVERSAL
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedFile:

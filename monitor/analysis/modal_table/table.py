@@ -14,7 +14,7 @@ from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, LogError
 from monitor.analysis.modal_table.columns import Columns, read_columns
-from monitor.analysis.modal_table.responses import UNIVERSAL
+from monitor.analysis.modal_table.universal import UNIVERSAL
 from monitor.analysis.observation import Observation
 from oma import ComplexArray, ModalEstimate, normalise
 from oma.windows import Windows

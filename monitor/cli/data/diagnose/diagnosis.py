@@ -11,8 +11,8 @@ from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
 from monitor.analysis.explanation import Explanation, explain
 from monitor.analysis.logs import log_channels
-from monitor.analysis.modal_table.responses import is_universal
 from monitor.analysis.modal_table.table import is_table
+from monitor.analysis.modal_table.universal import is_universal
 from monitor.analysis.observation import Observation, given_up
 from monitor.analysis.selection import Selection
 from monitor.analysis.states.record_course import explain_record

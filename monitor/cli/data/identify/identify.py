@@ -76,12 +76,11 @@ def identify(
     """
     import numpy as np
 
-    from monitor.analysis.modal_table.responses import is_universal
+    from monitor.analysis.modal_table.universal import is_universal
     from monitor.analysis.states.stationarity import frequency_change
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.identify import identification as work
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
-    from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file
     from monitor.cli.output import write_json
     from monitor.cli.terminal import progress
     from monitor.errors import ArgumentError
@@ -92,6 +91,8 @@ def identify(
     if animate and animate.suffix.lower() not in ANIMATIONS:
         raise ArgumentError("--animate", f"expected a name that ends with {' or '.join(ANIMATIONS)}, found {animate}")
     if any(map(is_universal, logs)):
+        from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file  # slow to import
+
         of_logs = {"--site": site, "--window": window, "--reference-sensor": reference, "--from": start, "--to": stop}
         request = ResponseRequest(
             paths=logs,
