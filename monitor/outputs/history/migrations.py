@@ -48,7 +48,13 @@ def _hours(connection: Connection) -> None:
     roll_up_hours(connection)
 
 
-STEPS: tuple[Callable[[Connection], None], ...] = (_days, _sites, _hours)  # from version 1 to 2, and so on
+def _index_of_hours(connection: Connection) -> None:
+    if connection.dialect.name == "postgresql":
+        schema.mode_hours_by_time.create(connection, checkfirst=True)  # the step before makes the present table
+
+
+# from version 1 to 2, and so on
+STEPS: tuple[Callable[[Connection], None], ...] = (_days, _sites, _hours, _index_of_hours)
 NEWEST = 1 + len(STEPS)
 
 

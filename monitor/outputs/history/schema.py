@@ -122,6 +122,14 @@ def _mode_figures(period: str) -> Table:
 
 mode_hours, mode_days = _mode_figures("hour"), _mode_figures("day")
 
+# With all columns: the rows of one hour of all sites are together in the table, those of one site in the index.
+mode_hours_by_time = Index(
+    "mode_hours_by_time",
+    mode_hours.c.site,
+    mode_hours.c.hour,
+    postgresql_include=[column.name for column in mode_hours.columns if column.name not in ("site", "hour")],
+).ddl_if(dialect="postgresql")  # a file holds one site
+
 window_days = _of_site(
     "window_days",
     Column("day", Integer, primary_key=True, autoincrement=False),

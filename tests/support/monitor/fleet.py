@@ -60,6 +60,7 @@ def fill(url: str, fleet: Fleet) -> None:
 _FILL = """
 ALTER TABLE modes DROP CONSTRAINT modes_pkey;
 DROP INDEX modes_by_time;
+DROP INDEX mode_hours_by_time;
 DELETE FROM sites;
 INSERT INTO sites (id, name) SELECT site, 'structure ' || lpad(site::text, 4, '0')
   FROM generate_series(1, {sites}) site;
@@ -79,6 +80,8 @@ INSERT INTO mode_days SELECT site, mode, {today} - {days} + i, {per_day}, 3.0 * 
 INSERT INTO mode_hours SELECT site, mode, ("end" - 1) / {hour}, count(*), avg(frequency), min(frequency),
   max(frequency), avg(damping), avg(shift_percent) FROM modes GROUP BY site, mode, ("end" - 1) / {hour}
   ORDER BY 3, 1, 2;
+CREATE INDEX mode_hours_by_time ON mode_hours (site, hour)
+  INCLUDE (mode, n, frequency, lowest, highest, damping, shift_percent);
 INSERT INTO alarms SELECT site, {now} - 30 * i * {day} - 3600000000000, {now} - 30 * i * {day}, 3600.0, NULL,
   'ALARM: the structure has changed (not yet explained)', 0
   FROM generate_series(1, {days} / 30) i, generate_series(1, {sites}) site;
