@@ -16,6 +16,7 @@ from oma.preparation import (
     BlockQuality,
     BoolArray,
     ChannelFault,
+    Cleaned,
     Decimator,
     HighPass,
     WindowQuality,
@@ -127,24 +128,48 @@ def identify_all(
     recording: Recording, method: Method | None = None, band: tuple[float, float] | None = None
 ) -> Identification:
     """Identify modes and keep the stabilization diagram; arguments and errors as for `identify`."""
+    _band(recording, method or DataSSI(), band)  # before the work
+    return identify_cleaned(recording, cleaned(recording), method, band)
+
+
+def identify_cleaned(
+    recording: Recording,
+    clean: Cleaned,
+    method: Method | None = None,
+    band: tuple[float, float] | None = None,
+    *,
+    overwrite: bool = False,
+) -> Identification:
+    """Identify modes in a recording that is cleaned already; else as `identify_all`.
+
+    Parameters
+    ----------
+    recording, clean : Recording, Cleaned
+        As measured, and the same cleaned.
+    method, band : as for `identify`
+    overwrite : bool
+        Write into the data of the recording, instead of a copy.
+    """
     try:
-        return _identify_all(recording, method or DataSSI(), band)
+        return _identify_all(recording, clean, method or DataSSI(), band, overwrite=overwrite)
     except np.linalg.LinAlgError as error:  # a ValueError, but no wrong argument
         raise NumericalFault(str(error)) from error
 
 
-def _identify_all(recording: Recording, method: Method, chosen: tuple[float, float] | None) -> Identification:
+def _identify_all(
+    recording: Recording, clean: Cleaned, method: Method, chosen: tuple[float, float] | None, *, overwrite: bool
+) -> Identification:
     low, high = _band(recording, method, chosen)
     recorded = tuple(channel.name for channel in recording.channels)
     delays = dict.fromkeys(sorted({channel.device for channel in recording.channels}), 0.0)
-    clean, measured = cleaned(recording), recording.data
+    measured = recording.data
     recording, faults = enough(clean), clean.faults
     del clean  # its samples are held once
     if chosen is None:
         high = usable_share(recording.data) * recording.rate
     delays |= delays_of_clean(recording)
     if any(delays.values()):
-        recording = aligned(recording, delays, in_place=recording.data is not measured)
+        recording = aligned(recording, delays, in_place=overwrite or recording.data is not measured)
     names = [channel.name for channel in recording.channels]
     stream = IdentificationStream(names, recording.rate, (low, high), method, start=recording.start)
     for block in np.array_split(recording.data, method.n_blocks):

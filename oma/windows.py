@@ -11,9 +11,9 @@ import numpy.typing as npt
 from daq import FloatArray, Recording
 from daq.notebook import notebook_extra
 from oma.errors import IdentificationError
-from oma.identification import identify_all
+from oma.identification import identify_cleaned
 from oma.methods import Method
-from oma.preparation import ChannelFault, WindowQuality, channel_faults
+from oma.preparation import ChannelFault, WindowQuality, cleaned
 from oma.types import ModalEstimate
 
 if TYPE_CHECKING:
@@ -77,6 +77,7 @@ def identify_windows(
     on_window: Callable[[Recording], None] = lambda _: None,
     *,
     uncertain: bool = False,
+    overwrite: bool = False,
 ) -> Windows:
     """Identify the modes of each window.
 
@@ -86,6 +87,7 @@ def identify_windows(
     method, band : as for `oma.identify`
     on_window : called before each window is analysed
     uncertain : keep modes that may be tones (`oma.Identification.may_be_tone`)
+    overwrite : write into the data of windows that are not read-only, instead of a copy
 
     Raises
     ------
@@ -109,13 +111,15 @@ def identify_windows(
         on_window(recording)
         spans.append((recording.start, recording.end, recording.rate))
         names |= dict.fromkeys(channel.name for channel in recording.channels)
+        own = overwrite and recording.data.flags.writeable
+        clean = cleaned(recording, overwrite=own)
         try:
-            found = identify_all(recording, method, band)
+            found = identify_cleaned(recording, clean, method, band, overwrite=own)
             found = found if uncertain else found.without_uncertain()
         except IdentificationError as error:
             problems.append(str(error))
-            faults.append(channel_faults(recording))
-            del recording
+            faults.append(clean.faults)
+            del recording, clean
             continue
         faults.append(found.faults)
         qualities.append(found.quality)
@@ -125,7 +129,7 @@ def identify_windows(
         moves.append(found.frequency_moves)
         doubtful.append(found.estimate.frequency[found.may_be_tone])
         tones.append(found.harmonics)
-        del recording  # while the next one is made
+        del recording, clean  # while the next one is made
     if not spans:
         raise IdentificationError("no window: the recording is too short")
     usual = _usual_faults(faults)

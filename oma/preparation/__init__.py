@@ -6,6 +6,7 @@ from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from oma.preparation.conditioning import BoolArray as BoolArray
+    from oma.preparation.conditioning import Cleaned as Cleaned
     from oma.preparation.conditioning import channel_faults as channel_faults
     from oma.preparation.conditioning import cleaned as cleaned
     from oma.preparation.conditioning import detrended as detrended

@@ -32,7 +32,7 @@ class Cleaned:
     faults: Mapping[str, ChannelFault]  #: faults of the channels left out, and of those repaired
 
 
-def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
+def cleaned(recording: Recording, min_complete: float = 0.5, *, overwrite: bool = False) -> Cleaned:
     """Leave out channels without a signal of the structure, repair the others, and report it.
 
     Only samples that all channels have are analysed, so that the channels with most gaps are given up until enough
@@ -44,6 +44,8 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     recording : Recording
     min_complete : float
         Smallest share of samples that the channels kept have in common [-].
+    overwrite : bool
+        Write into the data of the recording, instead of a copy.
 
     Returns
     -------
@@ -52,16 +54,19 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     """
     names = [channel.name for channel in recording.channels]
     is_complete = bool(np.isfinite(recording.data).all())
-    data = recording.data if is_complete else np.where(np.isfinite(recording.data), recording.data, np.nan)
+    data = recording.data
+    if not is_complete:
+        data = data if overwrite else data.copy()
+        data[~np.isfinite(data)] = np.nan
     limits = value_limits(data)
     faults = {names[column]: fault for column, fault in signal_faults(data, names, limits)}
     given_up = set(faults)
-    data, clipped = without_clipped(data, limits)
+    data, clipped = without_clipped(data, limits, in_place=overwrite or data is not recording.data)
     for name, share in zip(names, clipped.tolist(), strict=True):
         if share:
             text = f"clipped: {share:.1%} of the samples are at a limit, and replaced"
             faults.setdefault(name, ChannelFault(kind="clipped", text=text))
-    data, taken = without_spikes(data, in_place=data is not recording.data)
+    data, taken = without_spikes(data, in_place=overwrite or data is not recording.data)
     for name, share in zip(names, taken.tolist(), strict=True):
         if share:
             text = f"spikes: {share:.2%} of the samples are taken out"
@@ -72,7 +77,7 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
     is_complete &= not (clipped.any() or taken.any())
     lost = np.zeros(len(names)) if is_complete else np.isnan(data).mean(axis=0)
     if not is_complete:
-        in_place = data is not recording.data
+        in_place = overwrite or data is not recording.data
         if len(kept) == len(names):
             data = filled(data, in_place=in_place)
         else:
@@ -88,9 +93,20 @@ def cleaned(recording: Recording, min_complete: float = 0.5) -> Cleaned:
             faults.setdefault(names[i], ChannelFault(kind="gaps", text=text))
     channels = tuple(recording.channels[i] for i in kept)
     return Cleaned(
-        recording=replace(recording, channels=channels, data=data if len(kept) == len(names) else data[:, kept]),
+        recording=replace(recording, channels=channels, data=_columns(data, kept, overwrite=overwrite)),
         faults={name: faults[name] for name in names if name in faults},
     )
+
+
+def _columns(data: FloatArray, kept: Sequence[int], *, overwrite: bool) -> FloatArray:
+    """Return some columns, in ascending order; to overwrite, they are moved to the front."""
+    if len(kept) == data.shape[1]:
+        return data
+    if not overwrite:
+        return data[:, kept]
+    for place, column in enumerate(kept):
+        data[:, place] = data[:, column]
+    return data[:, : len(kept)]
 
 
 def _incomplete(data: FloatArray, columns: Sequence[int], min_complete: float) -> Iterator[tuple[int, ChannelFault]]:

@@ -159,7 +159,7 @@ def _off_neighbours(padded: FloatArray, out: FloatArray) -> float:
     return most
 
 
-def without_clipped(data: FloatArray, limits: Limits) -> tuple[FloatArray, FloatArray]:
+def without_clipped(data: FloatArray, limits: Limits, *, in_place: bool = False) -> tuple[FloatArray, FloatArray]:
     """Remove the samples at the limits of channels that are clipped a little.
 
     Parameters
@@ -167,6 +167,8 @@ def without_clipped(data: FloatArray, limits: Limits) -> tuple[FloatArray, Float
     data : (n_samples, n_channels) array
         NaN where a sample is missing.
     limits : of these data
+    in_place : bool
+        Write into `data`, instead of a copy.
 
     Returns
     -------
@@ -180,7 +182,7 @@ def without_clipped(data: FloatArray, limits: Limits) -> tuple[FloatArray, Float
     for column in np.flatnonzero((highest + lowest > _MIN_CLIPPED) & (highest + lowest <= MAX_CLIPPED)).tolist():
         signal = data[:, column]
         out = (signal == top[column]) & (highest[column] > 0) | (signal == bottom[column]) & (lowest[column] > 0)
-        result = data.copy() if result is data else result
+        result = data.copy() if result is data and not in_place else result
         result[out, column], removed[column] = np.nan, out.mean()
     return result, removed
 

@@ -53,7 +53,9 @@ class LogWindows:
         start = None
         if self._first is None:
             first = next(windows, None)
-            self._first = first if first and first.data.nbytes <= _KEPT_BYTES else None
+            if first and first.data.nbytes <= _KEPT_BYTES:
+                first.data.flags.writeable = False
+                self._first = first
             if first:
                 start = first.start
                 yield first
@@ -188,7 +190,9 @@ def identified(
     try:
         with progress("identifying") as work:
             work.windows_of("identifying", logs)
-            windows = identify_windows(recordings, method, band, lambda one: work.window(one.start), uncertain=True)
+            windows = identify_windows(
+                recordings, method, band, lambda one: work.window(one.start), uncertain=True, overwrite=True
+            )
         if not windows.estimates:
             raise LogError(named, windows.problems[0])
         return windows, fuse(windows.estimates)
