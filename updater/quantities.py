@@ -11,6 +11,7 @@ Vector = tuple[float, float, float]
 
 ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its member's axis is reported
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
+BREATHES = 1e-3  #: p value below which a place opens and closes
 FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
 
 
@@ -50,6 +51,19 @@ class Where(PlainValue):
     region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
     channels: tuple[str, ...] = ()
     name: str = ""  #: of the place, such as `foot of the right post`; empty where there is none
+
+
+class Breathing(PlainValue):
+    """How far a crack or a connection closes: it is softer under one sign of the moment than under the other."""
+
+    share: Quantity  #: of the flexibility added on average that is absent while it is closed [-]
+    open_time: Quantity | None  #: share of the time in which it is open; None if it does not open and close [-]
+    p_value: float  #: probability of as large a nonlinear part of a linear structure
+
+    @property
+    def significant(self) -> bool:
+        """True if it opens and closes."""
+        return self.p_value < BREATHES
 
 
 class ParameterChange(PlainValue):

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+from daq import Recording
 from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
 from monitor.analysis.states.stationarity import of_one_state
@@ -11,6 +12,7 @@ from monitor.errors import State, StateError
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.text.diagnosis import diagnosis_answer
 from updater import (
+    Cause,
     Circumstances,
     DiagnosisResult,
     ModalDataError,
@@ -25,7 +27,7 @@ from updater import (
 )
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
 from updater.structure import Updating
-from updater.validation import SensorHealth, with_acting
+from updater.validation import SensorHealth, breathing, with_acting
 
 _FILE_MAY_BE_OFF = "model_parameters"
 
@@ -119,6 +121,8 @@ def explain(
             only=only,
             without=without,
         )
+    if before and now.sample:
+        explained = _with_breathing(explained, event.modes, now.sample, before.sample)
     return Explanation(
         explained=explained,
         sought=reference,
@@ -127,6 +131,23 @@ def explain(
         circumstances=event.circumstances,
         diagnosis=diagnosis_answer(explained, steps),
     )
+
+
+def _with_breathing(
+    found: DiagnosisResult, event: ModalMean, sample: Recording, before: Recording | None
+) -> DiagnosisResult:
+    """Return a diagnosis whose losses of stiffness state how far they close, from the signals of a window."""
+
+    def of(cause: Cause) -> Cause:
+        where = cause.where.position if cause.where else None
+        for part in found.parts:
+            own = part.hypotheses.where(part)
+            if part.hypotheses.name == cause.cause and (own.position if own else None) == where:
+                return cause.model_copy(update={"breathing": breathing(event, part, sample, before)})
+        return cause
+
+    causes = tuple(map(of, found.diagnosis.causes))
+    return replace(found, diagnosis=found.diagnosis.model_copy(update={"causes": causes}))
 
 
 def reference_of(structure: Structure, before: Observation) -> Reference:

@@ -24,6 +24,7 @@ _PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (0.0, ""))  # of forces and sti
 _FINE_PREFIXES = ((1e-1, 1.0, ""), (1e-4, 1e3, "m"), (1e-7, 1e6, "µ"), (0.0, 1e9, "n"))  # of flexibilities per kN
 _OPEN = 0.5  # standard deviation of a stiffness over itself: from there on it may be infinite
 _BOUND = 1.645  # standard deviations of a one-sided bound of 95 %
+_CONSTANT = 0.3  # upper bound of the share of a flexibility that closes, below which it is stated not to
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
@@ -262,6 +263,21 @@ def alternative_texts(cause: Cause) -> list[str]:
     """
     fitted = {other.cause: other for other in cause.alternatives}
     return [cause_text(fitted[name]) if name in fitted else plain(name) for name in cause.cannot_be_told_from]
+
+
+def breathing_text(cause: FittedCause) -> str:
+    """Return whether a loss of stiffness opens and closes; empty where that is not known."""
+    found = cause.breathing if isinstance(cause, Cause) else None
+    if found is None:
+        return ""
+    share = number_text(100 * found.share.value, 100 * found.share.std)
+    if found.open_time and found.significant:
+        open_time = number_text(100 * found.open_time.value, 100 * found.open_time.std)
+        absent = f"{share} % of the added flexibility is absent while it is closed"
+        return f"it opens and closes: open {open_time} % of the time; {absent}"
+    if found.share.value + _BOUND * found.share.std < _CONSTANT:
+        return f"it does not open and close: {share} % of the added flexibility is absent under one sign of the load"
+    return ""
 
 
 def probability_text(cause: Cause) -> str:

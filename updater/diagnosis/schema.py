@@ -3,7 +3,7 @@
 from typing import Literal
 
 from daq.notebook import html_table, number_text
-from updater.quantities import ParameterChange, PlainValue, Quantity, Vector, Where
+from updater.quantities import Breathing, ParameterChange, PlainValue, Quantity, Vector, Where
 
 Verdict = Literal["nothing_to_explain", "explained", "ambiguous", "unexplained"]
 Reason = Literal["poor_fit", "uniform_shift", "no_change_fits_as_well", "worse_model_only", "less_probable"]
@@ -32,6 +32,7 @@ class Cause(FittedCause):
     probability: float  #: probability that it, or one of `cannot_be_told_from`, is true
     cannot_be_told_from: tuple[str, ...] = ()
     alternatives: tuple[Alternative, ...] = ()  #: those of `cannot_be_told_from` that were fitted
+    breathing: Breathing | None = None  #: of a loss of stiffness; None where signals were not tested
 
 
 class Rejected(PlainValue):

@@ -71,7 +71,7 @@ def virtual_sensing(
     channels = tuple(c.name for c in recording.channels if c.name in simulated.channels and c.name in measured.channels)
     if len(channels) < 3:
         raise ModalDataError(f"channels to predict from each other: expected at least 3, found {len(channels)}")
-    first, data = _gapless(recording, channels)
+    first, data = gapless_part(recording, channels)
     lines: FloatArray = np.fft.rfftfreq(len(data), 1 / recording.rate).astype(np.float64)
     measured = known(measured.at(channels))
     modes, paired = _modes(simulated.at(channels), measured)
@@ -103,7 +103,7 @@ def virtual_sensing(
     )
 
 
-def _gapless(recording: Recording, channels: tuple[str, ...]) -> tuple[int, FloatArray]:
+def gapless_part(recording: Recording, channels: tuple[str, ...]) -> tuple[int, FloatArray]:
     """Return the first sample and the data (n_samples, n_channels) of the longest stretch without a gap, cut."""
     names = [c.name for c in recording.channels]
     data = recording.data[:, [names.index(c) for c in channels]]

@@ -16,6 +16,7 @@ from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import MassAnswer, MassIncrements, ModeChange, ReferenceResult, WindowResult
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
+    breathing_text,
     failed_text,
     fit_text,
     further_changes,
@@ -347,7 +348,7 @@ def _cause_rows(cause: Cause, diagnosis: DiagnosisAnswer) -> list[dict[str, Any]
                 "probability": probability_text(cause),
                 "where": where_text(one.where) or ("–" if name in fitted else "not fitted"),
                 "parameters": parameter_texts(one),
-                "further": further_changes_text(further_changes(one)),
+                "further": further_changes_text(further_changes(one)) or breathing_text(one),
                 "check": check if check not in diagnosis.next_measurement else "",
             }
         )

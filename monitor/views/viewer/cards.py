@@ -9,6 +9,7 @@ from monitor.results.windows import AlarmResult, MassAnswer, ModeResult, Referen
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import (
     alternative_texts,
+    breathing_text,
     cause_text,
     failed_text,
     fit_text,
@@ -139,6 +140,7 @@ def diagnosis_card(diagnosis: DiagnosisAnswer) -> str:
     for cause in listed_causes(diagnosis.causes):
         others = "".join(f"\n\nor **{text}**" for text in alternative_texts(cause))
         parts.append(f"**{cause_text(cause)}** (probability {probability_text(cause)}){others}")
+        parts += filter(None, [breathing_text(cause)])
     if diagnosis.gain:
         error = diagnosis.gain.frequency_error_percent
         where = "data not used" if diagnosis.gain.heldout else "the same data"

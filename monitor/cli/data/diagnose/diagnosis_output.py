@@ -15,6 +15,7 @@ from monitor.text.causes import (
     MARK,
     NOT_COMPARED,
     alternative_texts,
+    breathing_text,
     calibration_text,
     cause_text,
     failed_text,
@@ -101,8 +102,9 @@ def _cause_lines(cause: Cause, *, checks: bool, known: str) -> Iterator[str]:
     for name, text in zip((cause.cause, *cause.cannot_be_told_from), (cause_text(cause), *others), strict=True):
         first = name == cause.cause
         yield f"  {'' if first else 'or '}[bold]{escape(text)}[/]{probability if first else ''}"
-        if first and (further := further_changes_text(further_changes(cause))):
-            yield f"    {escape(further)}"
+        for further in (further_changes_text(further_changes(cause)), breathing_text(cause)):
+            if first and further:
+                yield f"    {escape(further)}"
         check = advice.get(name, "")
         if checks and check and check not in known:
             yield f"    [dim]check:[/] {escape(check)}"

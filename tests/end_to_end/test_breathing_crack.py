@@ -1,0 +1,56 @@
+"""A crack that opens and closes is told from one that stays open, by the signals of one window.
+
+The program sees the accelerations alone. The file has another modulus and density, and elements of another kind.
+"""
+
+import pytest
+
+from monitor.analysis.explanation import explain
+from monitor.analysis.observation import observe
+from monitor.text.causes import breathing_text
+from tests.support.portals.cracked_portal import Crack, Force, records
+from tests.support.portals.tube_portal import Portal
+from tests.support.thorough import few_of
+from updater.quantities import Breathing
+
+PORTAL = Portal(0.015, 0.018, 0.0015, 0.9, 1.175)
+BREATHING = [(Crack(12 / 32, 0.03), 1), (Crack(24 / 32, 0.035, 0.0175), 2), (Crack(12 / 32, 0.04, threshold=0.4), 3)]
+OPEN = Crack(12 / 32, 0.02, 0.02)
+FORCES: tuple[Force, ...] = ("white", "blows")
+
+
+def found_in(crack: Crack, seed: int, kind: Force = "white") -> Breathing:
+    """Return how far the crack of a diagnosis closes."""
+    before, _ = records(PORTAL, crack.healthy, seed, kind)
+    after, _ = records(PORTAL, crack, seed + 1000, kind)
+    answer = explain(PORTAL.file(), observe(before), observe(after)).diagnosis
+    print(crack, seed, answer)
+    assert answer.verdict == "explained"
+    (cause,) = answer.causes
+    assert cause.cause == "local_stiffness"
+    assert cause.where
+    assert cause.where.position
+    assert abs(cause.where.position[2] - crack.place * PORTAL.height) < 0.03
+    print(cause.breathing, breathing_text(cause))
+    assert cause.breathing
+    return cause.breathing
+
+
+@pytest.mark.parametrize(("crack", "seed"), few_of([(c, s + 10 * k) for k in range(5) for c, s in BREATHING], 2))
+def test_crack_that_opens_and_closes(crack: Crack, seed: int) -> None:
+    """The share that closes and the time in which it is open, within three stated deviations."""
+    found = found_in(crack, seed)
+    _, open_time = records(PORTAL, crack, seed + 1000)
+    print(f"truth: {crack.share(open_time):.3f}, open {open_time:.3f}")
+    assert found.significant
+    assert found.open_time
+    assert abs(found.share.value - crack.share(open_time)) < 3 * found.share.std
+    assert abs(found.open_time.value - open_time) < 3 * found.open_time.std
+
+
+@pytest.mark.parametrize(("seed", "kind"), few_of([(s, kind) for s in range(10) for kind in FORCES], 1))
+def test_crack_that_stays_open(seed: int, kind: Force) -> None:
+    """No closing is stated, for forces from one side neither."""
+    found = found_in(OPEN, 100 + seed, kind)
+    assert not found.significant
+    assert found.share.value < 3 * found.share.std

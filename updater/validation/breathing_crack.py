@@ -1,0 +1,414 @@
+"""Opening and closing of a crack or a gaping connection, from the signals of a window.
+
+Modes show the flexibility that a crack adds on average. If it is open under a moment m above m0 and closed below, its
+rotation is c max(m - m0, 0): on average P c m, with P the share of the time in which it is open, and a nonlinear part,
+which is not correlated with m or with any force on a linear structure. That part, as a modal force, is followed through
+the modes to the sensors, and fitted to their signals by generalised least squares. Its size over that of the mean
+flexibility is 1 for a crack that closes completely, and 0 for one that is always open.
+
+The moment is known as far as measured modes show it. The remaining part r is random, so that the mean nonlinear
+rotation for a known part s is that of E max(s + r - m0, 0); its standard deviation is a parameter, as is m0.
+
+References
+----------
+Chondros, T. G., Dimarogonas, A. D. & Yao, J. (2001). Vibration of a beam with a breathing crack. J. Sound and Vibration
+239(1), 57-67.
+Price, R. (1958). A useful theorem for nonlinear devices having Gaussian inputs. IRE Trans. Information Theory 4(2),
+69-72 (the mean flexibility is P c).
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy  # its parts at their first use
+import scipy.fft
+import scipy.signal
+import scipy.special
+import scipy.stats
+
+from daq import FloatArray, IndexArray, Recording
+from oma.spectral import spectral_matrix
+from updater.causes import Cause, LocalStiffness, Springs
+from updater.errors import ModalDataError
+from updater.inference import Comparison, Effect, Fit, no_effect, reanalyse
+from updater.modal_data import ModalMean
+from updater.quantities import BREATHES, Breathing, Quantity
+from updater.validation.response.modal_system import ComplexArray, ModalSystem
+from updater.validation.virtual_sensors import gapless_part
+
+_MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band
+_NYQUIST = 0.45  # of the rate: highest frequency of a mode in the system
+_USUAL_DAMPING = 0.005  # damping ratio where none was measured
+_FINER = 4  # samples of the moment per sample: the nonlinear rotation has harmonics
+_EDGE = 0.1  # of a record that is faded in and out, each
+_BLOCKS = 16  # of a record, whose scatter gives the standard deviation
+_SEGMENTS, _LOOKS = 24, 3  # of half a record for its spectral matrix, at least: in all, and per channel
+_FEWEST_CHANNELS = 3
+_AT_ONCE = 2000  # lines whose matrices are in memory
+_APART = 0.015  # of the longest member: distance of places that are tried
+_TRIED, _MAX_PLACES = 2000, 12  # alternatives, the most probable first, and places
+_PROBABLE = 10.0  # of log density: a less probable place is left out
+_ONE_ACTION = 0.1  # share of the largest action's flexibility from which another one is tested
+_LEAST = 1e-9  # of the power at a line, added to every channel
+_NOISE = 0.25  # quantile of the eigenvalues of the spectral matrix that is taken for noise
+_RANGE = 1.2  # of frequency, each way, within which forces are white
+_THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
+_UNKNOWN = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.5)  # standard deviation of r over that of s
+
+
+def breathing(
+    event: ModalMean, part: Fit[Cause], recording: Recording, before: Recording | None = None
+) -> Breathing | None:
+    """Return how far a loss of stiffness closes; None for other causes, a short record or too few channels.
+
+    The probable places of the loss are tried, because the nonlinear part of the signals shows the place too. Forces
+    that are not symmetric, such as blows from one side, have a nonlinear part in a linear structure. It is measured
+    before the loss, and subtracted.
+
+    Parameters
+    ----------
+    event : (n_tracks,) modes of the window
+    part : fit of the cause
+    recording : signals of the window, the delays of devices removed; of the longest stretch without a gap the last 2^16
+        samples
+    before : likewise, of a window without the loss
+    """
+    cause = part.hypotheses
+    if not isinstance(cause, LocalStiffness | Springs):
+        return None
+    comparison, damping = cause.comparison, event.damping[cause.comparison.tracks]
+    places = _places(cause, part)
+    effects = [cause.effect(part.theta[[row]], np.array([row])) for row in places]
+    states = [_ModalState.of(comparison, effect, damping, comparison.log_ratio) for effect in effects]
+    window = _Window.of(states[0], comparison, recording)
+    if window is None:
+        return None
+    motion = window.modal_motion(states[0])
+    prior = part.log_density + cause.log_prior
+    tests = [
+        _ActionTest(window, state, motion, action, float(prior[row]))
+        for row, effect, state in zip(places, effects, states, strict=True)
+        for action in _actions(comparison, effect)
+    ]
+    if not tests:
+        return None  # stiffness was gained
+    best = max(tests, key=lambda test: test.log_density)
+    usual = None
+    if before is not None:
+        undisturbed = _ModalState.of(comparison, no_effect(1, comparison), damping, np.zeros(len(damping)))
+        if (earlier := _Window.of(undisturbed, comparison, before)) is not None:
+            usual = _ActionTest(earlier, undisturbed, earlier.modal_motion(undisturbed), best.action)
+    bias, p_value = best.against(usual)
+    return _mean(tests, bias, min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
+
+
+def _places(cause: LocalStiffness | Springs, part: Fit[Any]) -> list[int]:
+    """Return the best alternative at each probable place, the best of all first."""
+    if isinstance(cause, Springs):
+        return [part.best]
+    density, points = part.log_density + cause.log_prior, cause.points(part)
+    apart = _APART * max(member.length for member in cause.reference.structure.member)
+    found = [part.best]
+    for row in np.argsort(-density)[:_TRIED]:
+        if density[row] < density[part.best] - _PROBABLE or len(found) == _MAX_PLACES:
+            break
+        if np.linalg.norm(points[found] - points[row], axis=1).min() > apart:
+            found.append(int(row))
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Action:
+    """Action at a place, such as a bending moment, scaled so that its square is its part of the added flexibility."""
+
+    value: FloatArray  #: (n_modes,) of the reference's modes over omega^2
+    relief: float  #: flexibility before self-stress has shifted the load, over that after [-]
+
+
+def _actions(comparison: Comparison, effect: Effect) -> list[_Action]:
+    """Return the actions that make up an added flexibility: at one place it is the sum of their squares."""
+    paired, n = comparison.paired, len(comparison.frequency)
+    omega = 2 * np.pi * comparison.frequency[paired]
+    added = effect.flexibility[0]
+    value, vector = np.linalg.eigh(omega[:, None] * added[np.ix_(paired, paired)] * omega)
+    found = []
+    for k in np.flatnonzero(value > _ONE_ACTION * np.abs(value).max()):
+        across = omega * vector[:, k]
+        alone = float(across @ effect.compliance[0, :n, :n][np.ix_(paired, paired)] @ across)
+        found.append(_Action(added[:, paired] @ across / np.sqrt(value[k]), alone / float(value[k])))
+    return found
+
+
+def _mean(tests: "Sequence[_ActionTest]", bias: float, p_value: float, std: float) -> Breathing:
+    """Return the mean over places, thresholds and unknown parts of the moment; if not significant, of places alone.
+
+    Parameters
+    ----------
+    bias : size without a loss
+    p_value : of all places
+    std : of the mean flexibility, relative [-]
+    """
+    closes = p_value < BREATHES
+    grid = list(itertools.product(_THRESHOLDS, _UNKNOWN)) if closes else [(0.0, 0.0)]
+    most = max(test.log_density for test in tests)
+    kept = [test for test in tests if test.log_density > most - _PROBABLE]
+    log, share, variance, often = np.array([test.fitted(bias, *values) for test in kept for values in grid]).T
+    weight = np.exp(log - log.max())
+    weight /= weight.sum()
+    mean, open_time = float(weight @ share), float(weight @ often)
+    spread = float(weight @ (variance + (share - mean) ** 2)) + (std * mean) ** 2
+    resolved = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1) * scipy.stats.norm.pdf(0.0)
+    of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12) ** 0.5
+    return Breathing(
+        share=Quantity(value=mean, std=spread**0.5, unit="-"),
+        open_time=Quantity(value=open_time, std=of_time, unit="-") if closes else None,
+        p_value=p_value,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _ModalState:
+    """Modes of the structure in one state, with frequencies and damping as measured."""
+
+    system: ModalSystem
+    vector: FloatArray  #: (n_modes, n_modes) in the reference's modes
+    band: tuple[float, float]  #: about the measured modes [Hz]
+
+    @classmethod
+    def of(cls, comparison: Comparison, effect: Effect, damping: FloatArray, log_ratio: FloatArray) -> "_ModalState":
+        """Return the state with an effect.
+
+        Parameters
+        ----------
+        damping : (n,) of the compared modes, NaN where it is not known [-]
+        log_ratio : (n,) of their frequencies to the reference's
+        """
+        changed = reanalyse(comparison, effect)
+        pick = changed.pick[0]
+        measured = comparison.frequency[comparison.paired] * np.exp(log_ratio)
+        frequency = changed.value[0] ** -0.5 / (2 * np.pi)
+        frequency[pick] = measured
+        known = np.isfinite(damping) & (damping > 0)
+        of_all = np.full(len(frequency), np.median(damping[known]) if known.any() else _USUAL_DAMPING)
+        of_all[pick[known]] = damping[known]
+        band = float(_MARGIN[0] * measured.min()), float(_MARGIN[1] * measured.max())
+        return cls(ModalSystem(frequency=frequency, damping=of_all), changed.vector[0], band)
+
+    def of_displacements(self, action: FloatArray) -> FloatArray:
+        """Return an action (n_modes,) of the reference's modes over omega^2 for unit displacements of these modes."""
+        return np.asarray(self.system.omega**2 * (action @ self.vector))
+
+
+class _Window:
+    """Signals of a window, whitened.
+
+    A spectral matrix that is estimated from the signals that it whitens takes part of them for noise. Therefore, each
+    half of the window is whitened by the spectral matrix of the other half.
+    """
+
+    def __init__(self, band: tuple[float, float], at_channels: FloatArray, data: FloatArray, rate: float) -> None:
+        self.rate, self.n = rate, len(data)
+        self._data, self._at_channels = data, at_channels
+        self._limits = band[0], min(band[1], _NYQUIST * rate)
+        lines: FloatArray = np.fft.rfftfreq(self.n, 1 / rate).astype(np.float64)
+        self._band = np.flatnonzero((self._limits[0] <= lines) & (lines <= self._limits[1]))
+        self._lines = lines[self._band]
+        halves = np.array_split(np.arange(self.n), 2)
+        self._fades = [self._faded(half) for half in halves]
+        self._inverses = [self._inverse_spectrum(data[half]) for half in halves[::-1]]
+        #: (n_lines, n_channels) product with faded and whitened predictions of signals
+        self._target = np.zeros((len(self._lines), data.shape[1]), complex)
+        for fade, inverse in zip(self._fades, self._inverses, strict=True):
+            whitened = (inverse @ self._spectrum(fade[:, None] * data)[:, :, None])[:, :, 0]
+            self._target += self._spectrum(fade[:, None] * self._signal(whitened))
+
+    @classmethod
+    def of(cls, state: _ModalState, comparison: Comparison, recording: Recording) -> "_Window | None":
+        """Return a window; None if it is too short or has too few of the channels."""
+        names = {c.name for c in recording.channels}
+        known = [k for k, channel in enumerate(comparison.channels) if channel in names]
+        if len(known) < _FEWEST_CHANNELS:
+            return None
+        try:
+            _, data = gapless_part(recording, tuple(comparison.channels[k] for k in known))
+        except ModalDataError:
+            return None
+        if len(data) < _BLOCKS * _SEGMENTS * len(known) or state.band[0] > _NYQUIST * recording.rate:
+            return None
+        return cls(state.band, comparison.at_channels[known], data - data.mean(0), recording.rate)
+
+    def modal_motion(self, state: _ModalState) -> ComplexArray:
+        """Return the motion (n_lines, n_modes) in the reference's modes, times omega^2 of the modes of the state.
+
+        That of the modes in the band. Forces are white on all modes alike, and noise is alike in all sensors, both
+        within a range of frequencies.
+        """
+        segment, spectrum = self._segment(self.n), self._spectrum(self._data)
+        eigenvalues = np.linalg.eigvalsh(spectral_matrix(self._data, self.rate, segment))
+        noise = (0.5 * self.n * self.rate * np.quantile(eigenvalues, _NOISE, axis=1))[self._nearest(segment)]
+        system, shape = state.system, self._at_channels @ state.vector
+        inside = (self._limits[0] < system.frequency) & (system.frequency < self._limits[1])
+        gain = (np.abs(system.accelerance(self._lines)) ** 2) @ (shape**2).sum(0)
+        power = np.maximum((np.abs(spectrum) ** 2).sum(1) - len(shape) * noise, 0.0)
+        force = self._near(power) / self._near(gain)
+        found = []
+        for part in np.array_split(np.arange(len(self._lines)), 1 + len(self._lines) // _AT_ONCE):
+            accelerance = system.accelerance(self._lines[part])
+            response = accelerance[:, None, :] * shape
+            covariance = force[part, None, None] * response @ response.conj().swapaxes(1, 2)
+            covariance += noise[part, None, None] * np.eye(len(shape))
+            weighted = np.linalg.solve(covariance, spectrum[part, :, None])[:, :, 0]
+            forces = force[part, None] * (response.conj() * weighted[:, :, None]).sum(1)
+            displacement = -forces * accelerance / (2 * np.pi * self._lines[part, None]) ** 2
+            found.append((displacement * system.omega**2)[:, inside] @ state.vector[:, inside].T)
+        return np.concatenate(found)
+
+    def fine(self, spectrum: ComplexArray) -> FloatArray:
+        """Return a signal (n_fine,), with `_FINER` samples per sample."""
+        whole = np.zeros(_FINER * self.n // 2 + 1, complex)
+        whole[self._band] = _FINER * spectrum
+        return np.asarray(scipy.fft.irfft(whole, _FINER * self.n))
+
+    def rotation(self, fine: FloatArray) -> ComplexArray:
+        """Return the spectrum (n_lines,) of a rotation (n_fine,)."""
+        return np.asarray(scipy.fft.rfft(fine)[self._band] / _FINER)
+
+    def response(self, state: _ModalState, action: FloatArray) -> tuple[ComplexArray, FloatArray]:
+        """Return what a rotation is multiplied by to be fitted to the signals.
+
+        Parameters
+        ----------
+        state : modes that a rotation moves
+        action : (n_modes,) for unit displacements of these modes
+
+        Returns
+        -------
+        (n_lines,) product of its signals with the measured ones, conjugated; (2, n_lines) root of that with themselves,
+        by halves
+        """
+        shape = self._at_channels @ state.vector
+        signals = (state.system.accelerance(self._lines) * action) @ shape.T
+        own = [np.einsum("lc,lcd,ld->l", signals.conj(), inverse, signals).real for inverse in self._inverses]
+        return (signals.conj() * self._target).sum(1), np.sqrt(np.maximum(own, 0.0))
+
+    def products(self, one: ComplexArray, other: ComplexArray) -> FloatArray:
+        """Return the sums (n_blocks,) over blocks of time of the product of two signals."""
+        return self._sums(self._signal(one) * self._signal(other))
+
+    def squares(self, spectra: ComplexArray) -> FloatArray:
+        """Return the sums (n_blocks,) over blocks of time of squares of faded signals, each half's own (2, n_lines)."""
+        halves = zip(self._fades, spectra, strict=True)
+        return self._sums(np.sum([(fade * self._signal(spectrum)) ** 2 for fade, spectrum in halves], axis=0))
+
+    @staticmethod
+    def _sums(signal: FloatArray) -> FloatArray:
+        return np.array([part.sum() for part in np.array_split(signal, _BLOCKS)])
+
+    def _faded(self, half: IndexArray) -> FloatArray:
+        """Return a window (n_samples,) of some samples that is faded in and out."""
+        found = np.zeros(self.n)
+        found[half] = scipy.signal.windows.tukey(len(half), 2 * _EDGE)
+        return found
+
+    def _segment(self, n_samples: int) -> int:
+        """Return the length of the segments of a spectral matrix of some samples."""
+        return 1 << int(np.log2(n_samples / max(_SEGMENTS, _LOOKS * len(self._at_channels))))
+
+    def _inverse_spectrum(self, data: FloatArray) -> ComplexArray:
+        """Return the inverse (n_lines, n_channels, n_channels) of the spectral matrix of some samples."""
+        segment = self._segment(len(data))
+        matrices = spectral_matrix(data, self.rate, segment)
+        least = _LEAST * np.trace(matrices, axis1=1, axis2=2).real  # of channels that are copies of each other
+        inverse = np.linalg.inv(matrices + least[:, None, None] * np.eye(data.shape[1]))
+        return np.asarray(inverse[self._nearest(segment)])
+
+    def _nearest(self, segment: int) -> IndexArray:
+        """Return the nearest line (n_lines,) of the spectral matrix of segments."""
+        nearest = np.rint(self._lines * segment / self.rate).astype(int)
+        return np.asarray(np.minimum(nearest, segment // 2), np.intp)
+
+    def _near(self, power: FloatArray) -> FloatArray:
+        """Return sums (n_lines,) over the lines near each."""
+        total = np.concatenate([[0.0], np.cumsum(power)])
+        first, last = (np.searchsorted(self._lines, self._lines * limit) for limit in (1 / _RANGE, _RANGE))
+        return np.asarray(total[last] - total[first])
+
+    def _spectrum(self, data: FloatArray) -> ComplexArray:
+        return np.asarray(scipy.fft.rfft(data, axis=0)[self._band])
+
+    def _signal(self, spectrum: ComplexArray) -> FloatArray:
+        whole = np.zeros((self.n // 2 + 1, *spectrum.shape[1:]), complex)
+        whole[self._band] = spectrum
+        return np.asarray(scipy.fft.irfft(whole, self.n, axis=0))
+
+
+class _ActionTest:
+    """Nonlinear part of the rotation by one action at a place.
+
+    Parameters
+    ----------
+    window : signals
+    state : modes that a rotation moves
+    motion : (n_lines, n_modes) of the window
+    action : at the place
+    prior : log density of the place
+    """
+
+    def __init__(
+        self, window: _Window, state: _ModalState, motion: ComplexArray, action: _Action, prior: float = 0.0
+    ) -> None:
+        self.action, self._window, self._prior = action, window, prior
+        self._moment = window.fine(motion @ action.value)
+        self._product, self._own = window.response(state, state.of_displacements(action.value))
+        along, weight = self._fit(0.0, 0.0)
+        self._size = float(along.sum() / weight.sum())
+        scatter = float(((along - self._size * weight) ** 2).sum()) * _BLOCKS / (_BLOCKS - 1)
+        self._spread = scatter / float(weight.sum())  # variance of the product over the expected one
+        self._variance = scatter / float(weight.sum()) ** 2
+        #: of the place and of a nonlinear part that opens at no moment
+        self.log_density = prior + 0.5 * self._size**2 / self._variance
+
+    def against(self, usual: "_ActionTest | None") -> tuple[float, float]:
+        """Return the size without a loss, and the p value of as large a difference of the size from it."""
+        bias, variance = (usual._size, usual._variance) if usual else (0.0, 0.0)
+        score = abs(self._size - bias) / np.sqrt(self._variance + variance)
+        return bias, float(2 * scipy.stats.t.sf(score, _BLOCKS - 1))
+
+    def fitted(self, bias: float, threshold: float, unknown: float) -> tuple[float, float, float, float]:
+        """Return the log density, the share of the mean flexibility and its variance, and the time when open.
+
+        Parameters
+        ----------
+        bias : size without a loss
+        threshold, unknown : as for a rotation
+        """
+        side = 1.0 if self._size >= bias else -1.0  # it opens under a positive moment, or under a negative one
+        along, weight = (float(part.sum()) for part in self._fit(threshold, unknown, side))
+        open_time = float(scipy.stats.norm.sf(threshold))
+        scale = open_time * self.action.relief
+        log = self._prior + 0.5 * along**2 / (self._spread * weight)
+        return log, side * scale * (along / weight - bias), scale**2 * self._spread / weight, open_time
+
+    def _fit(self, threshold: float, unknown: float, side: float = 1.0) -> tuple[FloatArray, FloatArray]:
+        """Return the products (n_blocks,) of the expected signals with the measured ones, and with themselves.
+
+        Parameters
+        ----------
+        threshold : moment at which it opens, over the standard deviation of the whole moment [-]
+        unknown : standard deviation of the unknown part of the moment, over that of the known part [-]
+        side : 1 if it opens under a positive moment, -1 under a negative one
+        """
+        moment = side * self._moment
+        std = float(moment.std())
+        above = moment - threshold * std * np.hypot(1.0, unknown)
+        if unknown:
+            score = above / (unknown * std)
+            rotation = above * scipy.special.ndtr(score) + unknown * std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)
+        else:
+            rotation = np.maximum(above, 0.0)
+        # the part in proportion to the moment belongs to the mean flexibility
+        lines = self._window.rotation(rotation - (rotation @ moment) / (moment @ moment) * moment)
+        return self._window.products(lines, self._product), self._window.squares(lines * self._own)
