@@ -5,10 +5,12 @@ import os
 import queue
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
 from daq import Block, Event, Item
+from monitor.optional import run_optional
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import Result
@@ -166,8 +168,13 @@ def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | N
         if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
             return
-        for state in residuals.push(item) if residuals else ():
-            outbox.put(state)
+        if residuals:
+            states: list[ChannelResiduals] | None = run_optional(
+                "residuals of channels", partial(list, residuals.push(item))
+            )
+            residuals = residuals if states is not None else None  # none until the next start
+            for state in states or ():
+                outbox.put(state)
         reported = False
         for result in pipeline.push(item):
             outbox.put(result)

@@ -22,6 +22,9 @@ _LEAST_SAMPLES, _MOST_SAMPLES = 64, 2048  # of a block
 _MEMORY = 50.0  # windows
 _LEAST_LEVELS = 60  # blocks before a deviation is computed
 _MOST_CHANNELS = 32  # the cost rises with their square
+_LEAST_RESIDUAL = 1e-12  # mean square over the learned one, as the least power of the prediction: of a constant channel
+# of a level: lower than that of noise at all 0.4 * 2048 lines of the longest block, 0.5 / sqrt(819) = 0.017
+_LEAST_STD = 0.01
 
 
 class _Levels:
@@ -53,7 +56,7 @@ class _Levels:
 
     @property
     def std(self) -> FloatArray:
-        return np.asarray(np.sqrt(np.maximum(self._square / self.weight - self.mean**2, np.finfo(float).tiny)))
+        return np.asarray(np.sqrt(np.maximum(self._square / self.weight - self.mean**2, _LEAST_STD**2)))
 
 
 class ResidualMonitor:
@@ -87,6 +90,7 @@ class ResidualMonitor:
         """Forget what was learned."""
         self._prediction = ChannelPrediction(self._n, self._devices, self._memory)
         self._levels = _Levels(len(self._channels), self._memory)
+        self._calm_before = False
 
     def push(self, item: Block | Event) -> Iterator[ChannelResiduals]:
         """Process one item in the log's order; yield the residuals of the blocks that are complete."""
@@ -100,6 +104,7 @@ class ResidualMonitor:
     def take(self, result: Result) -> None:
         """Learn the blocks of the last calm window but one, or discard those of a changed one and of the one before.
 
+        Before the first calm window, as after a start during an alarm, everything is discarded.
         A window belongs to the blocks since the last one: it is complete within a block of its end.
         """
         if isinstance(result, ReferenceResult):
@@ -107,11 +112,15 @@ class ResidualMonitor:
                 self._begin()
             self._has_reference = True
         elif isinstance(result, WindowResult):
+            calm = _is_calm(result)
+            if not calm and not self._calm_before:
+                self._begin()
             for part in (self._prediction, self._levels):
-                if _is_calm(result):
+                if calm:
                     part.learn()
                 else:
                     part.discard()
+            self._calm_before |= calm
 
     def _predict(self, block: Recording) -> Iterator[ChannelResiduals]:
         spectrum = self._prediction.spectrum(block.data)
@@ -119,7 +128,7 @@ class ResidualMonitor:
         self._prediction.add(spectrum)
         if found is None:
             return
-        level = np.log(np.maximum(found, np.finfo(float).tiny)) / 2
+        level = np.log(np.maximum(found, _LEAST_RESIDUAL)) / 2
         self._levels.add(level)
         if self._levels.weight >= _LEAST_LEVELS:
             off = level - self._levels.mean

@@ -25,6 +25,7 @@ _FIRST_LINE = 3  # below it are offset and drift
 _LEAST_BLOCKS = 3  # per channel, before delays are fitted
 _ACCURATE_BLOCKS = 10  # per channel, before a residual is computed: it varies less from block to block then
 _STEPS = 2  # of the fit of the delays: phases turn by less than a radian
+_LEAST_POWER = 1e-30  # at a line, (m/s2)^2: far below the rounding of any sensor
 _HALF_OVERLAP = 36 / 38  # independent blocks per block of half-overlapping Hann windows (Welch 1967)
 
 
@@ -128,13 +129,14 @@ class ChannelPrediction:
             slope = self._turn * spectrum
             pull = (slope.conj() * np.einsum("lcd,ld->lc", inverse, spectrum)).sum(0).real
             curvature = np.einsum("lc,lcd,ld->cd", slope.conj(), inverse, slope, optimize=True).real
-            step = np.linalg.solve(self._member @ curvature @ self._member.T, self._member @ pull)
+            normal = self._member @ curvature @ self._member.T
+            step = np.linalg.lstsq(normal, self._member @ pull)[0]  # 0 for a device without a signal
             spectrum = spectrum * np.exp(-self._turn * (step @ self._member))
         return spectrum
 
     @property
     def _floor(self) -> ComplexArray:
-        """Least power: channels that are copies of each other leave no residual."""
+        """Least power: channels that are copies of each other, or constant, leave no residual."""
         power = np.einsum("lcc->lc", self._sum).real / self._weight
         unit = np.eye(power.shape[1])
-        return np.asarray(unit * np.maximum(1e-12 * power.sum(1), np.finfo(float).tiny)[:, None, None], complex)
+        return np.asarray(unit * np.maximum(1e-12 * power.sum(1), _LEAST_POWER)[:, None, None], complex)

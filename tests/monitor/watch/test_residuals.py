@@ -1,5 +1,8 @@
 """Residuals of channels predicted from the others, on the signals of a virtual rig with clocks of its own."""
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,3 +95,58 @@ def test_gaps_give_no_residuals_and_no_failure() -> None:
     times = np.array([seconds_of(r) for r in found])
     assert not ((times > 210.2) & (times < 213)).any()
     assert (times > 214).any()
+
+
+def silenced(scenario: Scenario, axes: list[int], between: tuple[float, float], seconds: float) -> Iterator[Block]:
+    """Yield the blocks of a rig; some axes of a device send zeros for a while."""
+    begin, end = (ORIGIN + round(second * 1e9) for second in between)
+    for block in rig_blocks(scenario, seconds):
+        if block.device == "beam_mid" and begin < block.arrival_time < end:
+            counts = block.counts.copy()
+            counts[:, axes] = 0
+            yield replace(block, counts=counts)
+        else:
+            yield block
+
+
+@pytest.mark.parametrize("axes", [[0, 1, 2], [0]])
+@pytest.mark.parametrize("between", [(210.0, 215.0), (0.0, 300.0), (0.0, 215.0)])
+def test_device_that_sends_zeros_is_a_residual_of_its_own_alone(axes: list[int], between: tuple[float, float]) -> None:
+    """Zeros for a while, for ever, or until the device is repaired; a constant channel deviates by nothing."""
+    scenario = draw_t_frame("t_structure", 34, duration=300, between=None)
+    monitor = ResidualMonitor(rig_settings(scenario, window=WINDOW, baseline_windows=BASELINE))
+    found: list[ChannelResiduals] = []
+    index = 0
+    for block in silenced(scenario, axes, between, 230):
+        found += monitor.push(block)
+        if block.arrival_time > ORIGIN + round(((index + 1) * WINDOW + 2) * 1e9):
+            monitor.take(window(index, "learning"))
+            index += 1
+    assert all(np.isfinite([*r.deviation.values(), *r.ratio.values()]).all() for r in found)
+    during = [r for r in found if between[0] + 2 < seconds_of(r) < between[1]]
+    after = [r for r in found if seconds_of(r) > between[1] + 2]
+    assert len(during) > 5
+    if between[0]:
+        assert all(r.over for r in during)  # the others are predicted from its zeros
+        assert not any(r.over for r in after)
+    else:
+        assert not any(r.over for r in during)
+        assert all(next(iter(r.over)) == "beam_mid_x" for r in after if len(axes) == 1)
+        assert all("beam_mid_x" in r.over for r in after)
+
+
+def test_start_during_an_alarm_learns_nothing_of_it() -> None:
+    """After three windows of an alarm, learning takes as long as after a start then."""
+    scenario = draw_t_frame("t_structure", 35, duration=300, between=None)
+    settings = rig_settings(scenario, window=WINDOW, baseline_windows=BASELINE)
+    first = {}
+    for alarms in (0, 3):
+        monitor, index = ResidualMonitor(settings), 0
+        for block in rig_blocks(scenario, 290):
+            if found := list(monitor.push(block)):
+                first[alarms] = seconds_of(found[0])
+                break
+            if block.arrival_time > ORIGIN + round(((index + 1) * WINDOW + 2) * 1e9):
+                monitor.take(window(index, "alarm" if index < alarms else "learning"))
+                index += 1
+    assert first[3] == pytest.approx(first[0] + 3 * WINDOW, abs=WINDOW / 2)

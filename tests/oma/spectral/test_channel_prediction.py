@@ -119,3 +119,26 @@ def test_discarded_blocks_are_not_learned() -> None:
     prediction = all_learned(prediction)
     assert prediction.n_blocks == n
     np.testing.assert_array_equal(found(prediction, block), before)
+
+
+@pytest.mark.parametrize("silent", [[2, 3], [2], [0, 1, 2, 3, 4]])
+def test_channels_without_a_signal_are_no_failure(silent: list[int]) -> None:
+    """A device sends zeros, one of its axes does, or all do: in the learned blocks, in a later one, in both."""
+    random = np.random.default_rng(7)
+    mixing = random.standard_normal((5, 2))
+    dead = mixing.copy()
+    dead[silent] = 0
+
+    def block(matrix: FloatArray) -> FloatArray:
+        return np.where(matrix.any(1), mixed(random, matrix, N), 0.0)
+
+    for before, after in ((dead, dead), (dead, mixing), (mixing, dead)):
+        prediction = ChannelPrediction(N, DEVICES, MEMORY)
+        for _ in range(100):
+            prediction.add(prediction.spectrum(block(before)))
+        levels = found(all_learned(prediction), block(after))
+        assert np.isfinite(levels).all()
+        if after is dead and before is dead:
+            assert (levels[silent] == 0).all()
+        elif after is mixing:
+            assert (levels[silent] > 1e6).all()

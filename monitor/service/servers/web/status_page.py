@@ -191,7 +191,7 @@ def _residuals(status: SiteStatus) -> dict[str, Any] | None:
     if residuals is None:
         return None
     largest = sorted(residuals.deviation, key=lambda channel: -residuals.deviation[channel])[:_RESIDUALS]
-    ratios = [f"{residuals.ratio[channel]:.2f}" for channel in largest]
+    ratios = [f"{residuals.ratio[channel]:#.3g}" for channel in largest]
     deviations = [f"{residuals.deviation[channel]:+.1f}" for channel in largest]
     return {
         "over": bool(residuals.over),
