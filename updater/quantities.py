@@ -54,7 +54,7 @@ class Where(PlainValue):
 
 
 class Breathing(PlainValue):
-    """How far a crack or a connection closes: it is softer under one sign of the moment than under the other."""
+    """Closing of a crack or a connection that is softer under one sign of the moment than under the other."""
 
     share: Quantity  #: of the flexibility added on average that is absent while it is closed [-]
     open_time: Quantity | None  #: share of the time in which it is open; None if it does not open and close [-]

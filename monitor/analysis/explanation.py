@@ -3,12 +3,14 @@
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 
 from daq import Recording
 from monitor.analysis.event import Event, event_of
 from monitor.analysis.observation import Observation
 from monitor.analysis.states.stationarity import of_one_state
 from monitor.errors import State, StateError
+from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer
 from monitor.text.diagnosis import diagnosis_answer
 from updater import (
@@ -143,7 +145,10 @@ def _with_breathing(
         for part in found.parts:
             own = part.hypotheses.where(part)
             if part.hypotheses.name == cause.cause and (own.position if own else None) == where:
-                return cause.model_copy(update={"breathing": breathing(event, part, sample, before)})
+                closing = run_optional(
+                    "the test whether it opens and closes", partial(breathing, event, part, sample, before)
+                )
+                return cause.model_copy(update={"breathing": closing})
         return cause
 
     causes = tuple(map(of, found.diagnosis.causes))

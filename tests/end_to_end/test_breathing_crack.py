@@ -1,7 +1,9 @@
-"""A crack that opens and closes is told from one that stays open, by the signals of one window.
+"""A crack that opens and closes, and one that stays open, distinguished by the signals of one window.
 
 The program sees the accelerations alone. The file has another modulus and density, and elements of another kind.
 """
+
+from dataclasses import replace
 
 import pytest
 
@@ -12,6 +14,7 @@ from tests.support.portals.cracked_portal import Crack, Force, records
 from tests.support.portals.tube_portal import Portal
 from tests.support.thorough import few_of
 from updater.quantities import Breathing
+from updater.validation import breathing
 
 PORTAL = Portal(0.015, 0.018, 0.0015, 0.9, 1.175)
 BREATHING = [(Crack(12 / 32, 0.03), 1), (Crack(24 / 32, 0.035, 0.0175), 2), (Crack(12 / 32, 0.04, threshold=0.4), 3)]
@@ -54,3 +57,21 @@ def test_crack_that_stays_open(seed: int, kind: Force) -> None:
     found = found_in(OPEN, 100 + seed, kind)
     assert not found.significant
     assert found.share.value < 3 * found.share.std
+
+
+def test_deviation_contains_that_of_the_reference_logs() -> None:
+    """The size without a loss is subtracted: its variance adds. A constant channel gives no answer."""
+    before, now = (observe(records(PORTAL, crack, seed)[0]) for crack, seed in ((OPEN.healthy, 100), (OPEN, 1100)))
+    found = explain(PORTAL.file(), before, now, only=["local_stiffness"])
+    (part,) = found.explained.parts
+    assert now.sample
+    assert before.sample
+    alone = breathing(found.event, part, now.sample)
+    both = breathing(found.event, part, now.sample, before.sample)
+    print(alone, both)
+    assert alone
+    assert both
+    assert both.share.std > alone.share.std
+    data = now.sample.data.copy()
+    data[:, 0] = 0.1
+    assert breathing(found.event, part, replace(now.sample, data=data)) is None

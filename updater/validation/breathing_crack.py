@@ -79,7 +79,8 @@ def breathing(
     cause = part.hypotheses
     if not isinstance(cause, LocalStiffness | Springs):
         return None
-    comparison, damping = cause.comparison, event.damping[cause.comparison.tracks]
+    comparison = cause.comparison
+    damping = np.where(comparison.tracks < 0, np.nan, event.damping[comparison.tracks])  # not of modes without a track
     places = _places(cause, part)
     effects = [cause.effect(part.theta[[row]], np.array([row])) for row in places]
     states = [_ModalState.of(comparison, effect, damping, comparison.log_ratio) for effect in effects]
@@ -101,8 +102,8 @@ def breathing(
         undisturbed = _ModalState.of(comparison, no_effect(1, comparison), damping, np.zeros(len(damping)))
         if (earlier := _Window.of(undisturbed, comparison, before)) is not None:
             usual = _ActionTest(earlier, undisturbed, earlier.modal_motion(undisturbed), best.action)
-    bias, p_value = best.against(usual)
-    return _mean(tests, bias, min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
+    bias, of_bias, p_value = best.against(usual)
+    return _mean(tests, (bias, of_bias), min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
 
 
 def _places(cause: LocalStiffness | Springs, part: Fit[Any]) -> list[int]:
@@ -142,12 +143,12 @@ def _actions(comparison: Comparison, effect: Effect) -> list[_Action]:
     return found
 
 
-def _mean(tests: "Sequence[_ActionTest]", bias: float, p_value: float, std: float) -> Breathing:
+def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: float, std: float) -> Breathing:
     """Return the mean over places, thresholds and unknown parts of the moment; if not significant, of places alone.
 
     Parameters
     ----------
-    bias : size without a loss
+    bias : size without a loss, and its variance
     p_value : of all places
     std : of the mean flexibility, relative [-]
     """
@@ -155,7 +156,7 @@ def _mean(tests: "Sequence[_ActionTest]", bias: float, p_value: float, std: floa
     grid = list(itertools.product(_THRESHOLDS, _UNKNOWN)) if closes else [(0.0, 0.0)]
     most = max(test.log_density for test in tests)
     kept = [test for test in tests if test.log_density > most - _PROBABLE]
-    log, share, variance, often = np.array([test.fitted(bias, *values) for test in kept for values in grid]).T
+    log, share, variance, often = np.array([test.fitted(*bias, *values) for test in kept for values in grid]).T
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     mean, open_time = float(weight @ share), float(weight @ often)
@@ -221,13 +222,13 @@ class _Window:
         self._inverses = [self._inverse_spectrum(data[half]) for half in halves[::-1]]
         #: (n_lines, n_channels) product with faded and whitened predictions of signals
         self._target = np.zeros((len(self._lines), data.shape[1]), complex)
-        for fade, inverse in zip(self._fades, self._inverses, strict=True):
-            whitened = (inverse @ self._spectrum(fade[:, None] * data)[:, :, None])[:, :, 0]
+        for half, fade in enumerate(self._fades):
+            whitened = self._whitened(half, self._spectrum(fade[:, None] * data))
             self._target += self._spectrum(fade[:, None] * self._signal(whitened))
 
     @classmethod
     def of(cls, state: _ModalState, comparison: Comparison, recording: Recording) -> "_Window | None":
-        """Return a window; None if it is too short or has too few of the channels."""
+        """Return a window; None if it is too short, has too few of the channels, or one of them is constant."""
         names = {c.name for c in recording.channels}
         known = [k for k, channel in enumerate(comparison.channels) if channel in names]
         if len(known) < _FEWEST_CHANNELS:
@@ -237,6 +238,8 @@ class _Window:
         except ModalDataError:
             return None
         if len(data) < _BLOCKS * _SEGMENTS * len(known) or state.band[0] > _NYQUIST * recording.rate:
+            return None
+        if (np.ptp(data, axis=0) == 0).any():
             return None
         return cls(state.band, comparison.at_channels[known], data - data.mean(0), recording.rate)
 
@@ -255,7 +258,7 @@ class _Window:
         power = np.maximum((np.abs(spectrum) ** 2).sum(1) - len(shape) * noise, 0.0)
         force = self._near(power) / self._near(gain)
         found = []
-        for part in np.array_split(np.arange(len(self._lines)), 1 + len(self._lines) // _AT_ONCE):
+        for part in self._parts():
             accelerance = system.accelerance(self._lines[part])
             response = accelerance[:, None, :] * shape
             covariance = force[part, None, None] * response @ response.conj().swapaxes(1, 2)
@@ -291,7 +294,7 @@ class _Window:
         """
         shape = self._at_channels @ state.vector
         signals = (state.system.accelerance(self._lines) * action) @ shape.T
-        own = [np.einsum("lc,lcd,ld->l", signals.conj(), inverse, signals).real for inverse in self._inverses]
+        own = [(signals.conj() * self._whitened(half, signals)).sum(1).real for half in range(len(self._fades))]
         return (signals.conj() * self._target).sum(1), np.sqrt(np.maximum(own, 0.0))
 
     def products(self, one: ComplexArray, other: ComplexArray) -> FloatArray:
@@ -317,13 +320,22 @@ class _Window:
         """Return the length of the segments of a spectral matrix of some samples."""
         return 1 << int(np.log2(n_samples / max(_SEGMENTS, _LOOKS * len(self._at_channels))))
 
-    def _inverse_spectrum(self, data: FloatArray) -> ComplexArray:
-        """Return the inverse (n_lines, n_channels, n_channels) of the spectral matrix of some samples."""
+    def _parts(self) -> list[IndexArray]:
+        """Return the lines in parts whose matrices are in memory at once."""
+        return np.array_split(np.arange(len(self._lines)), 1 + len(self._lines) // _AT_ONCE)
+
+    def _whitened(self, half: int, spectrum: ComplexArray) -> ComplexArray:
+        """Return the product (n_lines, n_channels) of a spectrum with the inverse spectral matrix of the other half."""
+        inverse, nearest = self._inverses[half]
+        return np.concatenate([(inverse[nearest[part]] @ spectrum[part, :, None])[:, :, 0] for part in self._parts()])
+
+    def _inverse_spectrum(self, data: FloatArray) -> tuple[ComplexArray, IndexArray]:
+        """Return the inverse of the spectral matrix of some samples at its own lines, and the nearest to each line."""
         segment = self._segment(len(data))
         matrices = spectral_matrix(data, self.rate, segment)
         least = _LEAST * np.trace(matrices, axis1=1, axis2=2).real  # of channels that are copies of each other
         inverse = np.linalg.inv(matrices + least[:, None, None] * np.eye(data.shape[1]))
-        return np.asarray(inverse[self._nearest(segment)])
+        return np.asarray(inverse), self._nearest(segment)
 
     def _nearest(self, segment: int) -> IndexArray:
         """Return the nearest line (n_lines,) of the spectral matrix of segments."""
@@ -371,18 +383,20 @@ class _ActionTest:
         #: of the place and of a nonlinear part that opens at no moment
         self.log_density = prior + 0.5 * self._size**2 / self._variance
 
-    def against(self, usual: "_ActionTest | None") -> tuple[float, float]:
-        """Return the size without a loss, and the p value of as large a difference of the size from it."""
+    def against(self, usual: "_ActionTest | None") -> tuple[float, float, float]:
+        """Return the size without a loss, its variance, and the p value of as large a difference from it."""
         bias, variance = (usual._size, usual._variance) if usual else (0.0, 0.0)
         score = abs(self._size - bias) / np.sqrt(self._variance + variance)
-        return bias, float(2 * scipy.stats.t.sf(score, _BLOCKS - 1))
+        return bias, variance, float(2 * scipy.stats.t.sf(score, _BLOCKS - 1))
 
-    def fitted(self, bias: float, threshold: float, unknown: float) -> tuple[float, float, float, float]:
+    def fitted(
+        self, bias: float, of_bias: float, threshold: float, unknown: float
+    ) -> tuple[float, float, float, float]:
         """Return the log density, the share of the mean flexibility and its variance, and the time when open.
 
         Parameters
         ----------
-        bias : size without a loss
+        bias, of_bias : size without a loss, and its variance
         threshold, unknown : as for a rotation
         """
         side = 1.0 if self._size >= bias else -1.0  # it opens under a positive moment, or under a negative one
@@ -390,7 +404,7 @@ class _ActionTest:
         open_time = float(scipy.stats.norm.sf(threshold))
         scale = open_time * self.action.relief
         log = self._prior + 0.5 * along**2 / (self._spread * weight)
-        return log, side * scale * (along / weight - bias), scale**2 * self._spread / weight, open_time
+        return log, side * scale * (along / weight - bias), scale**2 * (self._spread / weight + of_bias), open_time
 
     def _fit(self, threshold: float, unknown: float, side: float = 1.0) -> tuple[FloatArray, FloatArray]:
         """Return the products (n_blocks,) of the expected signals with the measured ones, and with themselves.
