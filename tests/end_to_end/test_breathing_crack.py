@@ -75,3 +75,9 @@ def test_deviation_contains_that_of_the_reference_logs() -> None:
     data = now.sample.data.copy()
     data[:, 0] = 0.1
     assert breathing(found.event, part, replace(now.sample, data=data)) is None
+
+
+def test_crack_in_one_plane_is_named_although_an_oscillator_would_fit() -> None:
+    """The same loss about both axes fits badly, and a hidden oscillator well: the loss about one axis is tried."""
+    found = found_in(Crack(12 / 32, 0.0155, 0.0155), 1)
+    assert not found.significant

@@ -16,11 +16,15 @@ _RIVAL = 60.0  # of log evidence below the best of the plain form: its relaxed o
 
 
 def relaxed_alone(search: EvidenceComparison, singles: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
-    """Replace the likeliest cause that has a relaxed form by it, if that is much likelier."""
+    """Replace the likeliest cause that has a relaxed form by it, if that is much likelier.
+
+    It is not tried where another cause fits well, unless that may absorb what the relaxed form explains.
+    """
     plain = next((c for c in singles if CATALOGUE[c.names[0]].relaxed), None)
     if plain is None or search.nothing.p_value >= WELL:
         return search, singles
-    if singles[0].p_value >= WELL and plain.log_evidence < singles[0].log_evidence - _RIVAL:
+    rival = next((c for c in singles if not is_hidden(c)), plain)
+    if rival.p_value >= WELL and plain.log_evidence < rival.log_evidence - _RIVAL:
         return search, singles
     relaxed = _relaxed(search, plain.names[0])
     found = next(iter(relaxed.singles(plain.names)), None)
