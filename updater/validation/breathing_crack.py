@@ -146,6 +146,10 @@ def _actions(comparison: Comparison, effect: Effect) -> list[_Action]:
 def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: float, std: float) -> Breathing:
     """Return the mean over places, thresholds and unknown parts of the moment; if not significant, of places alone.
 
+
+def _mean(tests: "Sequence[_ActionTest]", bias: float, p_value: float, std: float) -> Breathing:
+    """Return the mean over places, unknown parts of the moment and, if it is significant, thresholds.
+
     Parameters
     ----------
     bias : size without a loss, and its variance
@@ -153,7 +157,7 @@ def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: fl
     std : of the mean flexibility, relative [-]
     """
     closes = p_value < BREATHES
-    grid = list(itertools.product(_THRESHOLDS, _UNKNOWN)) if closes else [(0.0, 0.0)]
+    grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), _UNKNOWN))
     most = max(test.log_density for test in tests)
     kept = [test for test in tests if test.log_density > most - _PROBABLE]
     log, share, variance, often = np.array([test.fitted(*bias, *values) for test in kept for values in grid]).T

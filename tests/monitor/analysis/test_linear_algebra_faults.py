@@ -24,6 +24,7 @@ _READERS = {
     "updater/fe/external/programs/meshes.py",
     "updater/fe/external/programs/nastran.py",
     "updater/fe/external/programs/numbers.py",
+    "updater/fe/external/programs/output4.py",
     "updater/fe/external/tables.py",
     "oma/tracking/track_state.py",
     "monitor/analysis/modal_table/csv.py",
