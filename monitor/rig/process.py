@@ -91,6 +91,14 @@ def load_rig_structure(path: Path, scenario: Scenario) -> Structure:
     for key, at in _points(scenario):
         if not any(passes(member, at) for member in structure.member):
             raise SettingsError(path, f"{key}: expected a point on a member of {structure.name}, found {list(at)}")
+    length = {member.name: member.length for member in structure.member}
+    for i, event in enumerate(scenario.event):
+        if event.crack and not event.crack.distance < length.get(event.crack.member, 0.0):
+            raise SettingsError(
+                path,
+                f"event.{i}.crack: expected a distance on a member ({', '.join(length)}), "
+                f"found {event.crack.distance:g} m on {event.crack.member!r}",
+            )
     return structure
 
 
@@ -98,7 +106,8 @@ def _points(scenario: Scenario) -> Iterator[tuple[str, Vector]]:
     for i, device in enumerate(scenario.device):
         yield f"device.{i}.at", device.at
     for i, event in enumerate(scenario.event):
-        yield f"event.{i}.body.at", event.body.at
+        if event.body:
+            yield f"event.{i}.body.at", event.body.at
 
 
 def _write(path: Path, content: object) -> None:

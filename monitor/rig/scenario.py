@@ -44,12 +44,31 @@ class Truth(Table):
     """places where ambient forces act, in both cross directions"""
 
 
-class RigEvent(Table):
-    """A body that is clamped on."""
+class RigCrack(Table):
+    """A crack of a member that opens under a positive moment, and closes under a negative one."""
 
-    kind: Literal["add_body"] = "add_body"
+    member: str
+    distance: Annotated[float, Field(gt=0)]  #: from the member's start [m]
+    axis: Literal["y", "z"]  #: local axis that the moment acts about
+    flexibility: Annotated[float, Field(gt=0)]  #: rotation per moment while it is open, over 1 / (E I) [m]
+    closed: NotNegative = 0.0  #: the same while it is closed [m]
+
+
+class RigEvent(Table):
+    """A body that is clamped on, or a crack."""
+
+    kind: Literal["add_body", "crack"] = "add_body"
     at: Annotated[float, Field(ge=2)]  #: [s] after the last device began to sample; the rig computes ahead of this
-    body: Body
+    body: Body | None = None  #: of `add_body`
+    crack: RigCrack | None = None  #: of `crack`; a later one takes the place of an earlier one
+
+    @model_validator(mode="after")
+    def _is_of_its_kind(self) -> Self:
+        wanted = "body" if self.kind == "add_body" else "crack"
+        given = [name for name in ("body", "crack") if getattr(self, name) is not None]
+        if given != [wanted]:
+            raise ValueError(f"expected {wanted} for kind {self.kind!r}, found {' and '.join(given) or 'none'}")
+        return self
 
 
 class Scenario(Table):

@@ -5,14 +5,14 @@ exactly at their sample. Deviations are relative, so that any frame of straight 
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from daq import FloatArray
-from monitor.rig.scenario import Scenario, Vector
-from updater import Body, Model, ModelError, Structure, build_model
-from updater.fe import Ambient, AmbientResponse
+from monitor.rig.scenario import RigEvent, Scenario, Vector
+from updater import Model, ModelError, Structure, build_model
+from updater.fe import Ambient, AmbientResponse, Crack
 from updater.structure import Joint, Member, Support
 
 OVERSAMPLING = 4  #: simulated samples a scan at the scenario's rate
@@ -95,20 +95,24 @@ class World:
         self._true = true_structure(structure, scenario)
         self.rate = OVERSAMPLING * scenario.rate  #: simulated samples a second [Hz]
         self._events = sorted(scenario.event, key=lambda event: event.at)
-        self._models = [self._model([event.body for event in self._events[:n]]) for n in range(len(self._events) + 1)]
+        self._states = [self._state(self._events[:n]) for n in range(len(self._events) + 1)]
         self._response = self._stationary_response()
         self._size = round(_CHUNK * self.rate)
         self._chunks: deque[FloatArray] = deque(maxlen=round(_KEPT / _CHUNK))
         self._n_simulated = 0
-        self._changes: list[int] = []  # samples at which the next models take over
+        self._changes: list[int] = []  # samples at which the next states begin
         self._origin: int | None = None
 
-    def _model(self, bodies: list[Body]) -> Model:
-        return build_model(self._true.with_bodies(bodies), shear_flexible=True, mass="consistent")
+    def _state(self, events: Sequence[RigEvent]) -> tuple[Model, Crack | None]:
+        """Return the structure after some events."""
+        bodies = [event.body for event in events if event.body]
+        model = build_model(self._true.with_bodies(bodies), shear_flexible=True, mass="consistent")
+        cracks = [event.crack for event in events if event.crack]
+        return model, Crack(**cracks[-1].model_dump()) if cracks else None
 
     def _stationary_response(self) -> AmbientResponse:
         """Return the response once it swings as it always has."""
-        model, damping = self._models[0], np.array(self._scenario.truth.damping)
+        (model, _), damping = self._states[0], np.array(self._scenario.truth.damping)
         read = np.concatenate([model.read(np.array(device.at))[:3] for device in self._scenario.device])
         seed = int(np.random.SeedSequence((self._scenario.seed, 2)).generate_state(1)[0])
         response = AmbientResponse(model, read, damping, self._ambient(), rate=self.rate, seed=seed)
@@ -189,7 +193,7 @@ class World:
             at = self._changes.pop(0)
             yield self._response.step(at - self._n_simulated) if at > self._n_simulated else self._nothing
             self._n_simulated = at
-            self._response.change(self._models[-1 - len(self._changes)])
+            self._response.change(*self._states[-1 - len(self._changes)])
         yield self._response.step(end - self._n_simulated)
         self._n_simulated = end
 

@@ -7,15 +7,28 @@ from dataclasses import replace
 
 import pytest
 
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pytest
+from scipy.signal import firwin, upfirdn
+
+from daq import Channel, Recording
 from monitor.analysis.explanation import explain
 from monitor.analysis.observation import observe
+from monitor.rig import RigDevice, World, load_scenario, shipped_scenarios
+from monitor.rig.world import OVERSAMPLING
 from monitor.text.causes import breathing_text
 from tests.support.portals.cracked_portal import Crack, Force, records
 from tests.support.portals.tube_portal import Portal
 from tests.support.thorough import few_of
+from updater import Structure, parse_structure, t_structure_toml
 from updater.quantities import Breathing
 from updater.validation import breathing
 
+WINDOWS, SECONDS = 4, 40  # of the virtual rig
+START = 1_767_225_600_000_000_000
 PORTAL = Portal(0.015, 0.018, 0.0015, 0.9, 1.175)
 BREATHING = [(Crack(12 / 32, 0.03), 1), (Crack(24 / 32, 0.035, 0.0175), 2), (Crack(12 / 32, 0.04, threshold=0.4), 3)]
 OPEN = Crack(12 / 32, 0.02, 0.02)
@@ -75,6 +88,58 @@ def test_deviation_contains_that_of_the_reference_logs() -> None:
     data = now.sample.data.copy()
     data[:, 0] = 0.1
     assert breathing(found.event, part, replace(now.sample, data=data)) is None
+
+
+def test_crack_of_the_virtual_rig_opens_and_closes() -> None:
+    """The shipped scenario: the column cracks 0.3 m above the foot, with 0 and 40 mm of flexibility."""
+    scenario = load_scenario(shipped_scenarios()["breathing-crack"])
+    event = scenario.event[0].model_copy(update={"at": WINDOWS * SECONDS})
+    world = World(parse_structure(t_structure_toml()), scenario.model_copy(update={"event": (event,)}))
+    world.sample(START)
+    (cracked,) = world.begin(START)
+    structure = parse_structure(t_structure_toml())
+    before = observe(windows(world, structure, scenario.device, START))
+    after = observe(windows(world, structure, scenario.device, cracked))
+    (cause,) = explain(structure, before, after).diagnosis.causes
+    print(cause)
+    assert cause.cause == "local_stiffness"
+    assert cause.where
+    assert cause.where.position
+    assert cause.where.position[2] == pytest.approx(0.3, abs=0.05)
+    assert cause.breathing
+    assert cause.breathing.significant
+    assert abs(cause.breathing.share.value - 1) < 3 * cause.breathing.share.std
+
+
+def windows(world: World, structure: Structure, devices: Sequence[RigDevice], start: int) -> Iterator[Recording]:
+    """Yield windows of the structure's sensors from a time on, filtered and at a quarter of the simulated rate."""
+    taps = firwin(32 * OVERSAMPLING + 1, 0.88 / OVERSAMPLING, window=("kaiser", 9.0))
+    number = {device.at: k for k, device in enumerate(devices)}
+    axes = [int(np.argmax(np.abs(sensor.direction))) for sensor in structure.sensor]
+    for k in range(WINDOWS):
+        first = round(world.sample(start + k * SECONDS * 10**9))
+        seconds = range(first, first + round(SECONDS * world.rate), round(world.rate))
+        fine = np.concatenate(
+            [
+                np.column_stack(
+                    [
+                        world.motion(at, at + round(world.rate), number[sensor.at])[:, axis]
+                        for sensor, axis in zip(structure.sensor, axes, strict=True)
+                    ]
+                )
+                for at in seconds
+            ]
+        )
+        yield Recording(
+            channels=tuple(
+                Channel(name=sensor.channel, device="rig", axis="xyz"[axis])
+                for sensor, axis in zip(structure.sensor, axes, strict=True)
+            ),
+            data=upfirdn(taps, fine, down=OVERSAMPLING, axis=0)[16:-16],
+            rate=world.rate / OVERSAMPLING,
+            start=start + k * SECONDS * 10**9,
+            temperature=np.nan,
+        )
 
 
 def test_crack_in_one_plane_is_named_although_an_oscillator_would_fit() -> None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from updater.fe.redundants import self_stress as self_stress
     from updater.fe.response import Ambient as Ambient
     from updater.fe.response import AmbientResponse as AmbientResponse
+    from updater.fe.response import Crack as Crack
     from updater.fe.rotations import Hinges as Hinges
     from updater.fe.rotations import flexibility as flexibility
     from updater.fe.rotations import hinges_of as hinges_of

@@ -55,6 +55,7 @@ _ONE_ACTION = 0.1  # share of the largest action's flexibility from which anothe
 _LEAST = 1e-9  # of the power at a line, added to every channel
 _NOISE = 0.25  # quantile of the eigenvalues of the spectral matrix that is taken for noise
 _RANGE = 1.2  # of frequency, each way, within which forces are white
+_MODEL_STD = 0.1  # of a share, relative: moments that are not Gaussian, errors of shapes (simulated cracks, docs)
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
 _UNKNOWN = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.5)  # standard deviation of r over that of s
 
@@ -164,7 +165,7 @@ def _mean(tests: "Sequence[_ActionTest]", bias: float, p_value: float, std: floa
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     mean, open_time = float(weight @ share), float(weight @ often)
-    spread = float(weight @ (variance + (share - mean) ** 2)) + (std * mean) ** 2
+    spread = float(weight @ (variance + (share - mean) ** 2)) + (std**2 + _MODEL_STD**2) * mean**2
     resolved = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1) * scipy.stats.norm.pdf(0.0)
     of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12) ** 0.5
     return Breathing(

@@ -75,5 +75,9 @@ def _devices(scenario: Scenario, found: dict[str, object]) -> Table:
 
 
 def _event_text(event: RigEvent) -> str:
+    if event.crack:
+        crack = event.crack
+        return f"the {crack.member} cracks {crack.distance:g} m from its start; it opens about local {crack.axis}"
+    assert event.body
     at = ", ".join(f"{x:g}" for x in event.body.at)
     return f"a body of {1000 * event.body.mass:.0f} g is added at ({at}) m"

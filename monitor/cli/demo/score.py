@@ -27,15 +27,16 @@ def reveal(
     windows = [r for r in found if isinstance(r, WindowResult)]
     answers = [w.answer for w in windows if w.answer]
     alarms = [r for r in found if isinstance(r, AlarmResult) and r.state == "alarm"]
-    event = scenario.event[0]
+    body = scenario.event[0].body
+    assert body
     false_alarm = bool(alarms) and alarms[0].time < rig["events"][0]
     answer = answers[-1] if answers else None
-    distance = float(np.linalg.norm(np.subtract(answer.position, event.body.at))) if answer else None
-    error = answer.mass / event.body.mass - 1 if answer else None
-    right = answer is not None and _is_right(answer, event.body) and not false_alarm
+    distance = float(np.linalg.norm(np.subtract(answer.position, body.at))) if answer else None
+    error = answer.mass / body.mass - 1 if answer else None
+    right = answer is not None and _is_right(answer, body) and not false_alarm
     summary = {
         "seed": scenario.seed,
-        "truth": {"position": event.body.at, "mass": event.body.mass, "time": rig["events"][0]},
+        "truth": {"position": body.at, "mass": body.mass, "time": rig["events"][0]},
         "answer": answer.model_dump(mode="json", exclude={"profile"}) if answer else None,
         "distance": distance,
         "mass_error": error,

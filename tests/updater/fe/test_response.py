@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.signal import welch
 
 from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.frames import ALL, beam, clamped
 from updater import Model, Structure, build_model
-from updater.fe import Ambient, AmbientResponse
+from updater.fe import Ambient, AmbientResponse, Crack
 from updater.structure import Support
 
 TIP = (1.0, 0.0, 0.0)
@@ -96,3 +97,50 @@ def test_response_after_a_model_change_has_the_new_resonance() -> None:
     axial = np.sqrt(1.5 / 3.0) / 4  # of the changed rod; of the old one 1/4 Hz
     low = frequency < 0.4
     assert frequency[low][np.argmax(power[low])] == pytest.approx(axial, rel=0.05)
+
+
+def test_crack_that_is_as_soft_closed_as_open_is_a_softer_structure() -> None:
+    """The frequencies are those of a hinge with the same flexibility between two members."""
+    flexibility, at, rate, n = 0.06, 0.4, 0.4, 200_000
+    one = beam(length=1.0, elements=20, support=clamped(), second_moment=(1e-4, 2e-4), torsion_constant=1e-4)
+    model, damping = build_model(one, mass="consistent"), np.full(8, 0.002)
+    ambient = Ambient(points=(TIP,), axes=(2,), density=DENSITY)
+    response = AmbientResponse(model, model.read(np.array(TIP))[2:3], damping, ambient, rate=rate, seed=5)
+    member = one.member[0].name
+    response.change(model, Crack(member=member, distance=at, axis="y", flexibility=flexibility, closed=flexibility))
+    acceleration = response.step(n)[:, 0]
+    frequency, power = welch(acceleration, rate, nperseg=1 << 16)
+    hinged = _hinged_cantilever(flexibility, at)
+    healthy = _hinged_cantilever(0.0, at)
+    for softer, before in zip(hinged, healthy, strict=True):
+        near = np.abs(frequency / before - 1) < 0.2
+        peak = frequency[near][np.argmax(power[near])]
+        # a record of T determines a frequency to sqrt(zeta / (2 pi f T)) of it; a line is 0.1 % of the first, a peak two
+        noise = np.sqrt(0.002 / (2 * np.pi * before * n / rate))
+        assert peak == pytest.approx(softer, rel=4 * noise + 0.002)
+        assert abs(softer / before - 1) > 0.01
+
+
+def _hinged_cantilever(flexibility: float, at: float) -> FloatArray:
+    """Return two frequencies of a cantilever with a rotational spring, from the beam equation in two parts [Hz].
+
+    Rigidity E I of 1e-4, unit length and unit mass per length.
+    """
+
+    def determinant(beta: float) -> float:
+        # the clamped part: A (cosh - cos) + B (sinh - sin); beyond the spring with jump (sin + sinh) / (2 beta) added
+        def parts(x: float) -> FloatArray:
+            c, s, ch, sh = np.cos(beta * x), np.sin(beta * x), np.cosh(beta * x), np.sinh(beta * x)
+            moment, shear = beta**2 * np.array([ch + c, sh + s]), beta**3 * np.array([sh - s, ch + c])
+            return np.array([moment, shear])
+
+        jump = flexibility * parts(at)[0]
+        rest = beta * (1.0 - at)
+        moment = beta / 2 * (np.sinh(rest) - np.sin(rest))
+        shear = beta**2 / 2 * (np.cosh(rest) - np.cos(rest))
+        return float(np.linalg.det(parts(1.0) + np.outer([moment, shear], jump)))
+
+    betas = np.linspace(1.0, 6.0, 2001)
+    values = np.array([determinant(b) for b in betas])
+    roots = [brentq(determinant, betas[k], betas[k + 1]) for k in np.flatnonzero(values[1:] * values[:-1] < 0)[:2]]
+    return np.array(roots) ** 2 * np.sqrt(1e-4) / (2 * np.pi)
