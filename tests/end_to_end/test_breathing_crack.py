@@ -132,7 +132,7 @@ def windows(world: World, structure: Structure, devices: Sequence[RigDevice], st
         )
         yield Recording(
             channels=tuple(
-                Channel(name=sensor.channel, device="rig", axis="xyz"[axis])
+                Channel(name=sensor.channel, device="rig", axis=axis)
                 for sensor, axis in zip(structure.sensor, axes, strict=True)
             ),
             data=upfirdn(taps, fine, down=OVERSAMPLING, axis=0)[16:-16],

@@ -24,6 +24,7 @@ def hidden(tmp_path: Path, seed: int, *, added: bool) -> tuple[Path, np.ndarray,
     before = (BASELINE + 1) * WINDOW
     scenario = draw_t_frame("t_structure", seed, duration=0, between=(before, before + 5), rate=RATE)
     body = scenario.event[0].body
+    assert body
     scenario = scenario if added else scenario.model_copy(update={"event": ()})
     log = tmp_path / "log.mcap"
     write_log(log, scenario, before + (AFTER + 1) * WINDOW, SITE)

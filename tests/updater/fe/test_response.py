@@ -115,7 +115,7 @@ def test_crack_that_is_as_soft_closed_as_open_is_a_softer_structure() -> None:
     for softer, before in zip(hinged, healthy, strict=True):
         near = np.abs(frequency / before - 1) < 0.2
         peak = frequency[near][np.argmax(power[near])]
-        # a record of T determines a frequency to sqrt(zeta / (2 pi f T)) of it; a line is 0.1 % of the first, a peak two
+        # a record of T determines a frequency to sqrt(zeta / (2 pi f T)) of it; a line is 0.1 % of the first
         noise = np.sqrt(0.002 / (2 * np.pi * before * n / rate))
         assert peak == pytest.approx(softer, rel=4 * noise + 0.002)
         assert abs(softer / before - 1) > 0.01
