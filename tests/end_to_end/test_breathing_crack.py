@@ -3,12 +3,8 @@
 The program sees the accelerations alone. The file has another modulus and density, and elements of another kind.
 """
 
-from dataclasses import replace
-
-import pytest
-
-
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest

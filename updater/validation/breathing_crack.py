@@ -145,10 +145,6 @@ def _actions(comparison: Comparison, effect: Effect) -> list[_Action]:
 
 
 def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: float, std: float) -> Breathing:
-    """Return the mean over places, thresholds and unknown parts of the moment; if not significant, of places alone.
-
-
-def _mean(tests: "Sequence[_ActionTest]", bias: float, p_value: float, std: float) -> Breathing:
     """Return the mean over places, unknown parts of the moment and, if it is significant, thresholds.
 
     Parameters
