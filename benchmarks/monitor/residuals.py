@@ -53,11 +53,13 @@ def main() -> None:
     print("|---" * 6 + "|", flush=True)
     for seed in range(a.seed, a.seed + a.changes):
         scenario = draw_t_frame("t_structure", seed, duration=0, between=(_CHANGE, _CHANGE))
+        body = scenario.event[0].body
+        assert body
         at, deviation, cost = deviations(scenario, _CHANGE + _AFTER, _CHANGE)
         largest = deviation.max(1)
         over = at[(largest > LIMIT) & (at > _CHANGE)]
         print(
-            f"| {seed} | {1000 * scenario.event[0].body.mass:.0f} | {over[0] - _CHANGE if len(over) else np.nan:.1f} "
+            f"| {seed} | {1000 * body.mass:.0f} | {over[0] - _CHANGE if len(over) else np.nan:.1f} "
             f"| {np.median(largest[at > _CHANGE + 2]):.1f} | {largest[at < _CHANGE].max():.1f} | {100 * cost:.2f} |",
             flush=True,
         )

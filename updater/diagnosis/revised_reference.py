@@ -79,13 +79,13 @@ def with_unchanged_springs(
     reference = case.reference
     if case.bare is not None or reference.nominal is not None or not reference.calibration.fitted:
         return None
-    known = {knob.key for knob in reference.calibration.knobs}
+    known = {knob.key: knob for knob in reference.calibration.knobs}
     most = best.log_evidence + case.data.log_det_of_shapes + _log_likelihood(reference)
     revised, held = None, dict[str, float]()
     for one in best.chosen if len(best.chosen) > 1 else ():
         springs = one.cause.flexibility(one.row, one.theta) if isinstance(one.cause, Springs) else {}
         other = None
-        if springs and springs.keys() <= known:
+        if springs and all(k in known and known[k].lower <= value <= known[k].upper for k, value in springs.items()):
             other = with_springs_at(reference, springs, shaped=bool(case.data.shaped.any()))
         if other is None:
             continue

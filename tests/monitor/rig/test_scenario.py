@@ -28,6 +28,12 @@ def scenarios() -> list[Scenario]:
     return drawn(200)
 
 
+def added(scenarios: list[Scenario]) -> list[Body]:
+    """Return the body of the event of each scenario."""
+    bodies = [scenario.event[0].body for scenario in scenarios]
+    return [body for body in bodies if body]
+
+
 def test_drawn_parameters_cover_their_ranges(scenarios: list[Scenario]) -> None:
     within([s.truth.stiffness_factor for s in scenarios], 0.98, 1.02)
     within([s.truth.density_factor for s in scenarios], 0.99, 1.01)
@@ -36,13 +42,14 @@ def test_drawn_parameters_cover_their_ranges(scenarios: list[Scenario]) -> None:
     within([d for s in scenarios for d in s.truth.damping], 0.002, 0.01)
     within([d.clock_error for s in scenarios for d in s.device], -20e-6, 20e-6)
     within([s.event[0].at for s in scenarios], *BETWEEN)
-    within([s.event[0].body.mass for s in scenarios], 0.150, 0.300)
-    within([float(np.linalg.norm(s.event[0].body.offset)) for s in scenarios], 0.01, 0.02)
+    bodies = added(scenarios)
+    within([body.mass for body in bodies], 0.150, 0.300)
+    within([float(np.linalg.norm(body.offset)) for body in bodies], 0.01, 0.02)
     assert {len(s.truth.damping) for s in scenarios} == {24}
 
 
 def test_bodies_are_spread_over_crossbeam_and_upper_column(scenarios: list[Scenario]) -> None:
-    places = np.array([s.event[0].body.at for s in scenarios])
+    places = np.array([body.at for body in added(scenarios)])
     on_beam = places[:, 2] == 1.48
     np.testing.assert_array_equal(places[:, 1], 0)
     np.testing.assert_array_equal(places[~on_beam, 0], 0)
@@ -53,8 +60,7 @@ def test_bodies_are_spread_over_crossbeam_and_upper_column(scenarios: list[Scena
 
 
 def test_offsets_are_transverse_and_inertia_is_physical(scenarios: list[Scenario]) -> None:
-    for scenario in scenarios:
-        body = scenario.event[0].body
+    for body in added(scenarios):
         along = 0 if body.at[2] == 1.48 else 2
         assert body.offset[along] == pytest.approx(0, abs=1e-15)
         a, b, c = sorted(body.inertia)
@@ -64,7 +70,7 @@ def test_offsets_are_transverse_and_inertia_is_physical(scenarios: list[Scenario
 
 def test_scenario_is_determined_by_its_seed(scenarios: list[Scenario]) -> None:
     assert drawn(3) == scenarios[:3]
-    assert len({s.event[0].body.at for s in scenarios}) == 200
+    assert len({body.at for body in added(scenarios)}) == 200
 
 
 def test_scenario_without_interval_has_no_event() -> None:
@@ -111,13 +117,14 @@ def test_minimal_scenario_file_is_loaded(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("at = 5", 'at = 5\nkind = "crack"', r"event\.0: .*expected crack for kind 'crack', found body"),
         ("seed = 1", "", "seed: Field required"),
         ("seed = 1", "seed = -1", "seed: .*, found -1"),
         ("seed = 1", "seed = 1\nsped = 2", "sped: Extra inputs.*, found 2"),
         ("duration = 10", "duration = nan", "duration: .*expected a number from .*, found nan"),
         ("at = [0, 0, 1.48]", "at = [0, 0]", r"device\.0\.at\.2: Field required"),
         ("at = 5", "at = 0.5", r"event\.0\.at: .*, found 0\.5"),
-        ("at = 5", 'at = 5\nkind = "earthquake"', r"event\.0\.kind: .*'add_body', found 'earthquake'"),
+        ("at = 5", 'at = 5\nkind = "earthquake"', r"event\.0\.kind: .*'add_body' or 'crack', found 'earthquake'"),
         ("[[event]]", '[[device]]\nname = "top"\nat = [0, 0, 1]\n[[event]]', "the name 'top' is given twice"),
         ("[[event]]", "[truth]\ndamping = [0.01]\n[[event]]", r"truth\.damping: .*at least 8"),
         ("seed = 1", "seed = ", "Invalid value .*line 3"),
@@ -160,4 +167,4 @@ def test_shipped_scenarios_are_those_of_the_command_and_can_be_played() -> None:
     for path in shipped_scenarios().values():
         scenario = load_scenario(path)
         assert load_rig_structure(path, scenario).sensor
-    assert [len(load_scenario(shipped_scenarios()[name]).event) for name in SCENARIOS] == [1, 0, 2]
+    assert [len(load_scenario(shipped_scenarios()[name]).event) for name in SCENARIOS] == [1, 1, 0, 2]

@@ -143,4 +143,4 @@ def _hinged_cantilever(flexibility: float, at: float) -> FloatArray:
     betas = np.linspace(1.0, 6.0, 2001)
     values = np.array([determinant(b) for b in betas])
     roots = [brentq(determinant, betas[k], betas[k + 1]) for k in np.flatnonzero(values[1:] * values[:-1] < 0)[:2]]
-    return np.array(roots) ** 2 * np.sqrt(1e-4) / (2 * np.pi)
+    return np.asarray(np.square(roots) * np.sqrt(1e-4) / (2 * np.pi))
