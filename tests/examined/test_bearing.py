@@ -92,7 +92,7 @@ def test_bearing_that_is_calibrated_to_a_missing_body_is_not_named(seed: int) ->
 @pytest.mark.thorough
 @pytest.mark.parametrize("seed", few_of([1, 2, 3]))
 def test_two_softened_bearings_are_both_named(seed: int) -> None:
-    """What the reference supports is not taken for an error of it: each is named within 10 %."""
+    """Changes that the reference supports are not taken for its errors: each is named within 10 %."""
     named = _springs_named(seed, (0.4, 0.4))
     assert named.keys() == {"support 0.z", "support 1.z"}
     assert all(abs(stated / true - 1) < 0.1 for stated, true, _ in named.values())

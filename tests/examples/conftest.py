@@ -1,11 +1,12 @@
 """Windows of the recorded log, which several examples identify: once in a process."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from daq import Recording
-from oma import Identification, Method
+from oma import Identification
 from oma.identification import identify_cleaned
 from oma.preparation import Cleaned
 
@@ -14,17 +15,10 @@ from oma.preparation import Cleaned
 def _identified_once() -> Iterator[None]:
     known: dict[tuple[object, ...], Identification] = {}
 
-    def identified(
-        recording: Recording,
-        clean: Cleaned,
-        method: Method | None = None,
-        band: tuple[float, float] | None = None,
-        *,
-        overwrite: bool = False,
-    ) -> Identification:
-        key = (recording.data.tobytes(), recording.start, recording.rate, repr(method), band)
+    def identified(recording: Recording, clean: Cleaned, *chosen: Any, **how: Any) -> Identification:
+        key = (recording.data.tobytes(), recording.start, recording.rate, repr(chosen))
         if key not in known:
-            known[key] = identify_cleaned(recording, clean, method, band, overwrite=overwrite)
+            known[key] = identify_cleaned(recording, clean, *chosen, **how)
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:

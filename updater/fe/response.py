@@ -4,15 +4,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 import scipy  # its parts at their first use
 
 from daq import FloatArray
+from oma import ComplexArray
 from updater.fe.eigen import Modes
 from updater.fe.model import Model
 from updater.fe.section_forces import weighted_actions
-
-ComplexArray = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True, kw_only=True)

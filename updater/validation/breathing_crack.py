@@ -30,18 +30,16 @@ import scipy.special
 import scipy.stats
 
 from daq import FloatArray, IndexArray, Recording
+from oma import ComplexArray
 from oma.spectral import spectral_matrix
 from updater.causes import Cause, LocalStiffness, Springs
 from updater.errors import ModalDataError
 from updater.inference import Comparison, Effect, Fit, no_effect, reanalyse
 from updater.modal_data import ModalMean
 from updater.quantities import BREATHES, Breathing, Quantity
-from updater.validation.response.modal_system import ComplexArray, ModalSystem
+from updater.validation.response.modal_system import NYQUIST, ModalSystem, band_about, damping_of_all
 from updater.validation.virtual_sensors import gapless_part
 
-_MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band
-_NYQUIST = 0.45  # of the rate: highest frequency of a mode in the system
-_USUAL_DAMPING = 0.005  # damping ratio where none was measured
 _FINER = 4  # samples of the moment per sample: the nonlinear rotation has harmonics
 _EDGE = 0.1  # of a record that is faded in and out, each
 _BLOCKS = 16  # of a record, whose scatter gives the standard deviation
@@ -193,11 +191,8 @@ class _ModalState:
         measured = comparison.frequency[comparison.paired] * np.exp(log_ratio)
         frequency = changed.value[0] ** -0.5 / (2 * np.pi)
         frequency[pick] = measured
-        known = np.isfinite(damping) & (damping > 0)
-        of_all = np.full(len(frequency), np.median(damping[known]) if known.any() else _USUAL_DAMPING)
-        of_all[pick[known]] = damping[known]
-        band = float(_MARGIN[0] * measured.min()), float(_MARGIN[1] * measured.max())
-        return cls(ModalSystem(frequency=frequency, damping=of_all), changed.vector[0], band)
+        system = ModalSystem(frequency=frequency, damping=damping_of_all(damping, pick, len(frequency)))
+        return cls(system, changed.vector[0], band_about(measured))
 
     def of_displacements(self, action: FloatArray) -> FloatArray:
         """Return an action (n_modes,) of the reference's modes over omega^2 for unit displacements of these modes."""
@@ -214,7 +209,7 @@ class _Window:
     def __init__(self, band: tuple[float, float], at_channels: FloatArray, data: FloatArray, rate: float) -> None:
         self.rate, self.n = rate, len(data)
         self._data, self._at_channels = data, at_channels
-        self._limits = band[0], min(band[1], _NYQUIST * rate)
+        self._limits = band[0], min(band[1], NYQUIST * rate)
         lines: FloatArray = np.fft.rfftfreq(self.n, 1 / rate).astype(np.float64)
         self._band = np.flatnonzero((self._limits[0] <= lines) & (lines <= self._limits[1]))
         self._lines = lines[self._band]
@@ -238,7 +233,7 @@ class _Window:
             _, data = gapless_part(recording, tuple(comparison.channels[k] for k in known))
         except ModalDataError:
             return None
-        if len(data) < _BLOCKS * _SEGMENTS * len(known) or state.band[0] > _NYQUIST * recording.rate:
+        if len(data) < _BLOCKS * _SEGMENTS * len(known) or state.band[0] > NYQUIST * recording.rate:
             return None
         if (np.ptp(data, axis=0) == 0).any():
             return None

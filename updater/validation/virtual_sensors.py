@@ -19,14 +19,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from daq import FloatArray, IndexArray, Recording
+from oma import ComplexArray
 from updater.errors import ModalDataError
 from updater.modal_data import ModalMean, match_modes
 from updater.validation.modal_correlation import known
 
-ComplexArray = npt.NDArray[np.complex128]
 _MAX = 1 << 16  # samples that are looked at
 _BELL = 1.5  # half-power bandwidths each way of a resonance that are looked at: farther off other modes speak
 _LINES = 2  # a channel, each way of a resonance at least: from fewer no spectral matrix is known

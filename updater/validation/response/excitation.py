@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from daq import FloatArray, IndexArray
+from oma import ComplexArray
 from oma.spectral import spectral_matrix
-from updater.validation.response.modal_system import ComplexArray, ModalSystem
+from updater.validation.response.modal_system import ModalSystem
 
 _ITERATIONS = 60
 _LEAST_NOISE = 1e-9  # of a sensor's mean density

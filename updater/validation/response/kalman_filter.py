@@ -16,8 +16,9 @@ import numpy as np
 import scipy  # its parts at their first use
 
 from daq import FloatArray
+from oma import ComplexArray
 from updater.validation.response.excitation import Excitation
-from updater.validation.response.modal_system import ComplexArray, ModalSystem
+from updater.validation.response.modal_system import ModalSystem
 
 _SETTLED = 1e-3  # of a transient
 

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
+from oma import ComplexArray
 
-ComplexArray = npt.NDArray[np.complex128]
+NYQUIST = 0.45  #: of the rate: highest frequency of a mode in the system
+_MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band
+_USUAL_DAMPING = 0.005  # damping ratio where none was measured
 MotionQuantity = Literal["displacement", "velocity", "acceleration"]
 
 
@@ -65,3 +67,22 @@ class ModalSystem:
         """
         ratio = lines[:, None] / self.frequency
         return np.asarray(-(ratio**2) / (1 - ratio**2 + 2j * self.damping * ratio))
+
+
+def band_about(measured: FloatArray) -> tuple[float, float]:
+    """Return the band [Hz] about measured frequencies (n,) [Hz]."""
+    return float(_MARGIN[0] * measured.min()), float(_MARGIN[1] * measured.max())
+
+
+def damping_of_all(measured: FloatArray, modes: IndexArray, n_modes: int) -> FloatArray:
+    """Return the damping (n_modes,) of all modes, the median of the measured ones where it was not measured [-].
+
+    Parameters
+    ----------
+    measured : (n,) NaN or 0 where it is not known [-]
+    modes : (n,) their numbers
+    """
+    known = np.isfinite(measured) & (measured > 0)
+    damping = np.full(n_modes, np.median(measured[known]) if known.any() else _USUAL_DAMPING)
+    damping[modes[known]] = measured[known]
+    return damping

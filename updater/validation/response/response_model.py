@@ -11,17 +11,20 @@ from updater.errors import ModalDataError
 from updater.reference import Reference, channel_rows, first_stage
 from updater.validation.response.excitation import Excitation, estimate_excitation, spectral_matrices
 from updater.validation.response.kalman_filter import ModalKalmanFilter, Outputs
-from updater.validation.response.modal_system import ModalSystem, MotionQuantity
+from updater.validation.response.modal_system import (
+    NYQUIST,
+    ModalSystem,
+    MotionQuantity,
+    band_about,
+    damping_of_all,
+)
 from updater.validation.response.section_stress import Fibre, modal_stress
 from updater.validation.virtual_sensors import gapless_stretches
 
 _AXES = ("x", "y", "z")
-_MARGIN = (0.6, 1.15)  # times the lowest and the highest measured frequency: the band
-_NYQUIST = 0.45  # of the rate: highest frequency of a mode in the system
 _ORDER = 4  # of the band-pass filter
 _SKIRT = (0.3, 2.0)  # times the limits of the band: range in which the filter passes anything
 _LINES = 4000  # of the integral of an error spectrum
-_USUAL_DAMPING = 0.005  # damping ratio where none was measured
 _PERIODS = 3  # of the lowest frequency, in which the band-pass filter settles
 _LEAST_PERIODS = 40  # periods of the lowest frequency of the band that a record has at least
 _LEAST_DEVICES = 3  # from which the error of shapes without a sensor is estimated
@@ -92,13 +95,14 @@ class ResponseModel:
         if len(devices) < _LEAST_DEVICES:
             raise ModalDataError(f"devices: expected at least {_LEAST_DEVICES}, found {len(devices)}")
         measured = np.exp(reference.baseline.log_frequency)
-        band = float(_MARGIN[0] * measured.min()), float(_MARGIN[1] * measured.max())
-        if band[1] > _NYQUIST * recording.rate:
+        band = band_about(measured)
+        if band[1] > NYQUIST * recording.rate:
             raise ModalDataError(
-                f"recording: expected a rate of at least {band[1] / _NYQUIST:.4g} Hz, found {recording.rate:g} Hz"
+                f"recording: expected a rate of at least {band[1] / NYQUIST:.4g} Hz, found {recording.rate:g} Hz"
             )
-        modes = np.flatnonzero(reference.frequency < _NYQUIST * recording.rate)
-        system = ModalSystem(frequency=reference.frequency[modes], damping=_damping(reference)[modes])
+        modes = np.flatnonzero(reference.frequency < NYQUIST * recording.rate)
+        damping = damping_of_all(reference.baseline.damping, reference.paired, len(reference.frequency))
+        system = ModalSystem(frequency=reference.frequency[modes], damping=damping[modes])
         shape = reference.at_channels(channels)[:, modes]
         start, stop = max(gapless_stretches(data), key=lambda part: part[1] - part[0], default=(0, 0))
         if stop - start < _LEAST_PERIODS * recording.rate / band[0]:
@@ -246,15 +250,6 @@ def _signals(recording: Recording, channels: tuple[str, ...]) -> tuple[FloatArra
         raise ModalDataError(f"recording: channel {missing[0]!r} of the reference is missing")
     chosen = [present[name] for name in channels]
     return recording.data[:, chosen], {recording.channels[i].device for i in chosen}
-
-
-def _damping(reference: Reference) -> FloatArray:
-    """Return the damping (n_modes,) of the reference's modes, the median of the measured ones elsewhere [-]."""
-    measured = reference.baseline.damping
-    known = np.isfinite(measured) & (measured > 0)
-    damping = np.full(len(reference.frequency), np.median(measured[known]) if known.any() else _USUAL_DAMPING)
-    damping[reference.paired[known]] = measured[known]
-    return damping
 
 
 def _root_mean_square(data: FloatArray) -> FloatArray:
