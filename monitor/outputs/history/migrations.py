@@ -53,8 +53,13 @@ def _index_of_hours(connection: Connection) -> None:
         schema.mode_hours_by_time.create(connection, checkfirst=True)  # the step before makes the present table
 
 
+def _index_of_days(connection: Connection) -> None:
+    if connection.dialect.name == "postgresql":
+        schema.mode_days_by_time.create(connection, checkfirst=True)
+
+
 # from version 1 to 2, and so on
-STEPS: tuple[Callable[[Connection], None], ...] = (_days, _sites, _hours, _index_of_hours)
+STEPS: tuple[Callable[[Connection], None], ...] = (_days, _sites, _hours, _index_of_hours, _index_of_days)
 NEWEST = 1 + len(STEPS)
 
 

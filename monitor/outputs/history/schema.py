@@ -122,13 +122,18 @@ def _mode_figures(period: str) -> Table:
 
 mode_hours, mode_days = _mode_figures("hour"), _mode_figures("day")
 
-# With all columns: the rows of one hour of all sites are together in the table, those of one site in the index.
-mode_hours_by_time = Index(
-    "mode_hours_by_time",
-    mode_hours.c.site,
-    mode_hours.c.hour,
-    postgresql_include=[column.name for column in mode_hours.columns if column.name not in ("site", "hour")],
-).ddl_if(dialect="postgresql")  # a file holds one site
+
+def _by_time(figures: Table, period: str) -> Index:
+    """Return an index with all columns.
+
+    The rows of one hour or day of all sites are together in the table, those of one site in the index.
+    """
+    included = [column.name for column in figures.columns if column.name not in ("site", period)]
+    index = Index(f"{figures.name}_by_time", figures.c.site, figures.c[period], postgresql_include=included)
+    return index.ddl_if(dialect="postgresql")  # a file holds one site
+
+
+mode_hours_by_time, mode_days_by_time = _by_time(mode_hours, "hour"), _by_time(mode_days, "day")
 
 window_days = _of_site(
     "window_days",

@@ -61,6 +61,7 @@ _FILL = """
 ALTER TABLE modes DROP CONSTRAINT modes_pkey;
 DROP INDEX modes_by_time;
 DROP INDEX mode_hours_by_time;
+DROP INDEX mode_days_by_time;
 DELETE FROM sites;
 INSERT INTO sites (id, name) SELECT site, 'structure ' || lpad(site::text, 4, '0')
   FROM generate_series(1, {sites}) site;
@@ -77,6 +78,8 @@ INSERT INTO window_days SELECT site, {today} - {days} + i, {per_day}, {per_day},
 INSERT INTO mode_days SELECT site, mode, {today} - {days} + i, {per_day}, 3.0 * mode * (1 + 0.005 * sin(i / 58.0)),
   3.0 * mode * 0.99, 3.0 * mode * 1.01, 0.01, 0.5 * sin(i / 58.0)
   FROM generate_series(1, {days}) i, {rows};
+CREATE INDEX mode_days_by_time ON mode_days (site, day)
+  INCLUDE (mode, n, frequency, lowest, highest, damping, shift_percent);
 INSERT INTO mode_hours SELECT site, mode, ("end" - 1) / {hour}, count(*), avg(frequency), min(frequency),
   max(frequency), avg(damping), avg(shift_percent) FROM modes GROUP BY site, mode, ("end" - 1) / {hour}
   ORDER BY 3, 1, 2;

@@ -2,13 +2,13 @@
 
 import hashlib
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import create_engine, text
+from sqlalchemy import Select, create_engine, text
 
 from daq import Event
 from monitor.outputs.history import (
@@ -24,7 +24,7 @@ from monitor.outputs.history import (
     sites,
 )
 from monitor.outputs.history.migrations import NEWEST
-from monitor.outputs.history.queries import hourly_trend_query
+from monitor.outputs.history.queries import daily_trend_query, hourly_trend_query
 from tests.support.monitor.fleet import Fleet, fill
 from tests.support.monitor.history import HOUR, START, make_old, run_events, write_years
 from tests.support.monitor.notices import until
@@ -165,24 +165,29 @@ def test_older_database_is_migrated_by_the_first_of_its_writers(database: str) -
 @pytest.mark.live
 @NEEDED
 @pytest.mark.parametrize("new", [True, False])
-def test_all_modes_per_hour_are_read_from_an_index_alone(database: str, *, new: bool) -> None:
+@pytest.mark.parametrize(
+    ("figures", "query_of"), [("mode_hours", hourly_trend_query), ("mode_days", daily_trend_query)]
+)
+def test_all_modes_are_read_from_an_index_alone(
+    database: str, figures: str, query_of: Callable[[int, int | None, Span], Select[Any]], *, new: bool
+) -> None:
     """In the table, rows of a site are on as many pages as there are hours; a database without the index gets it."""
     days = 14
     fill(database, Fleet(sites=4, days=days, keep_days=days))
     engine = create_engine(database.replace("postgresql:", "postgresql+psycopg:"), isolation_level="AUTOCOMMIT")
     with engine.connect() as connection:
         if not new:
-            connection.exec_driver_sql("DROP INDEX mode_hours_by_time")
-            connection.exec_driver_sql(f"UPDATE schema_version SET version = {NEWEST - 1}")
+            connection.exec_driver_sql(f"DROP INDEX {figures}_by_time")
+            connection.exec_driver_sql(f"UPDATE schema_version SET version = {NEWEST - 2}")
         with Reader(database, "structure 0002"):
             pass  # it migrates
-        connection.exec_driver_sql("VACUUM ANALYZE mode_hours")
+        connection.exec_driver_sql(f"VACUUM ANALYZE {figures}")
         now = time.time_ns()
-        query = hourly_trend_query(2, None, Span(start=now - days * schema.DAY, end=now))
+        query = query_of(2, None, Span(start=now - days * schema.DAY, end=now))
         text = str(query.compile(dialect=engine.dialect, compile_kwargs={"literal_binds": True}))
         plan = "\n".join(row[0] for row in connection.exec_driver_sql(f"EXPLAIN (ANALYZE, BUFFERS) {text}"))
     engine.dispose()
-    assert "Index Only Scan using mode_hours_by_time" in plan, plan
+    assert f"Index Only Scan using {figures}_by_time" in plan, plan
     assert "Heap Fetches: 0" in plan, plan
 
 
