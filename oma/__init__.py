@@ -33,8 +33,10 @@ if TYPE_CHECKING:
     from oma.responses import ResponseIdentification as ResponseIdentification
     from oma.responses import identify_responses as identify_responses
     from oma.responses import identify_responses_all as identify_responses_all
+    from oma.spectral import AmplitudeDependence as AmplitudeDependence
     from oma.spectral import Resonance as Resonance
     from oma.spectral import aligned as aligned
+    from oma.spectral import dependence_on_amplitude as dependence_on_amplitude
     from oma.spectral import device_delays as device_delays
     from oma.spectral import fit_resonance as fit_resonance
     from oma.spectral import singular_values as singular_values

@@ -1,5 +1,7 @@
 """Spectra and correlations, and the resonances and tones in them."""
 
+from oma.spectral.amplitude_dependence import AmplitudeDependence as AmplitudeDependence
+from oma.spectral.amplitude_dependence import dependence_on_amplitude as dependence_on_amplitude
 from oma.spectral.channel_prediction import ChannelPrediction as ChannelPrediction
 from oma.spectral.correlation import CorrelationAccumulator as CorrelationAccumulator
 from oma.spectral.correlation import CorrelationSums as CorrelationSums

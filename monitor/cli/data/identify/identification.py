@@ -16,7 +16,17 @@ from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError, drawing
 from monitor.service.processes import trim_memory
-from oma import Identification, IdentificationError, Method, ModalEstimate, OmaError, identify_all, mpc
+from oma import (
+    AmplitudeDependence,
+    Identification,
+    IdentificationError,
+    Method,
+    ModalEstimate,
+    OmaError,
+    dependence_on_amplitude,
+    identify_all,
+    mpc,
+)
 from oma.windows import Windows, identify_windows
 from updater import StructureError, UpdaterError
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes, asynchrony, fuse, merge_setups
@@ -84,6 +94,16 @@ def channel_delays(recordings: Iterable[Recording], windows: Windows, estimate: 
         return None
     first = next(r for r in recordings if r.start == windows.estimates[0].start)
     return asynchrony(first, estimate)
+
+
+def amplitude_dependences(
+    recordings: Iterable[Recording], windows: Windows, estimate: ModalEstimate
+) -> list[AmplitudeDependence | None]:
+    """Return the dependence of each mode on its amplitude, pooled over the windows that gave modes."""
+    starts = {window.start for window in windows.estimates}
+    found = [dependence_on_amplitude(one, estimate) for one in recordings if one.start in starts]
+    kept = [[one for one in of_mode if one] for of_mode in zip(*found, strict=True)]
+    return [AmplitudeDependence.pooled(of_mode) if of_mode else None for of_mode in kept]
 
 
 def first_window(

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from daq import AnyLog
 from monitor.analysis.states.stationarity import FrequencyChange
+from monitor.cli.data.identify.amplitude_output import dependence_json
 from monitor.cli.terminal import console, new_table
 from monitor.text.quantities import aligned_numbers
 from oma import ModalEstimate, mpc, mpd
@@ -19,6 +20,7 @@ from oma.windows import Windows, are_near
 from updater.modal_data import LOW_MPC, Asynchrony, FusedModes
 
 if TYPE_CHECKING:
+    from oma import AmplitudeDependence
     from updater.validation import ModelPartner
 
 _SAME_SHAPE = 0.9  # MAC above which a mode is the model's, whatever its frequency [-]
@@ -36,6 +38,8 @@ class Findings:
     nearest: "Mapping[int, ModelPartner]"  #: for modes without a partner: the model's most similar mode
     asynchrony: Asynchrony | None  #: delays between the channels, if the shapes show any
     change: FrequencyChange | None  #: change of the structure within the records, if the frequencies show any
+    #: (n_modes,) dependence of each mode on its amplitude, None if it cannot be tested; None if it was not requested
+    amplitude: "Sequence[AmplitudeDependence | None] | None" = None
 
     @property
     def may_be_tone(self) -> npt.NDArray[np.bool_]:
@@ -89,7 +93,10 @@ def _mode_json(found: Findings, i: int) -> dict[str, Any]:
         "may_be_tone": bool(found.may_be_tone[i]),
         "may_be_alias": bool(found.may_be_alias[i]),
     }
-    return mode_json(found.fused.estimate, i, found.partners[i], seen)
+    mode = mode_json(found.fused.estimate, i, found.partners[i], seen)
+    if found.amplitude is not None:
+        mode["amplitude"] = dependence_json(found.amplitude[i])
+    return mode
 
 
 def mode_json(estimate: ModalEstimate, i: int, partner: "ModelPartner | None", seen: dict[str, Any]) -> dict[str, Any]:

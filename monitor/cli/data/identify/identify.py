@@ -47,6 +47,9 @@ def identify(
             help="Reference sensor of set-ups: it stays in place, and each log is one set-up. Repeatable.",
         ),
     ] = None,
+    amplitude: Annotated[
+        bool, Option("--amplitude", help="Test whether frequencies and damping depend on the amplitude.")
+    ] = False,
     exponential_window: ExponentialWindow = None,
     start: From = None,
     stop: To = None,
@@ -73,6 +76,7 @@ def identify(
     modalwatch identify measured.mcap --band 1 20 --picture modes.png --animate modes.html
     modalwatch identify setup_1.mcap setup_2.mcap --reference-sensor top_x --out modes
     modalwatch identify hammer.uff --out modes
+    modalwatch identify measured.mcap --amplitude
     """
     import numpy as np
 
@@ -80,6 +84,7 @@ def identify(
     from monitor.analysis.states.stationarity import frequency_change
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.identify import identification as work
+    from monitor.cli.data.identify.amplitude_output import say_dependence
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
     from monitor.cli.output import write_json
     from monitor.cli.terminal import progress
@@ -94,6 +99,7 @@ def identify(
         from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file  # slow to import
 
         of_logs = {"--site": site, "--window": window, "--reference-sensor": reference, "--from": start, "--to": stop}
+        of_logs["--amplitude"] = amplitude
         request = ResponseRequest(
             paths=logs,
             of_logs={name for name, value in of_logs.items() if value},
@@ -109,6 +115,8 @@ def identify(
     if exponential_window is not None:
         raise ArgumentError("--exponential-window", f"expected frequency responses (.uff, .unv), found {logs[0]}")
     setups = bool(reference)
+    if setups and amplitude:
+        raise ArgumentError("--amplitude", "expected logs of one set-up, found --reference-sensor")
     found = work.logs_within(logs, time_range(start, stop), setups=setups)
     given = work.attached(found[0], site)
     settings = given.settings
@@ -129,9 +137,12 @@ def identify(
             nearest={i: model.nearest(i) for i in np.flatnonzero(model.pairs < 0).tolist()} if model else {},
             asynchrony=None if setups else work.channel_delays(recordings, windows, fused.estimate),
             change=None if setups else frequency_change(windows, lambda: recordings, chosen, band),
+            amplitude=work.amplitude_dependences(recordings, windows, fused.estimate) if amplitude else None,
         )
     geometry = work.sensor_positions(fused.estimate, given, site)
     say_modes(found, shown, setups=setups)
+    if shown.amplitude is not None:
+        say_dependence(fused.estimate, shown.amplitude)
     about = {"name": method, "windows": len(windows.estimates), "window_seconds": window, "band": band}
     content = as_json(shown) | {"method": about | {"options": asdict(chosen)}}
     if json:

@@ -1,0 +1,80 @@
+"""Dependence of modes on their amplitude as a table and as JSON."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from daq.notebook import rounded_text
+from monitor.cli.terminal import console, new_table
+from monitor.text.quantities import aligned_numbers
+from oma import AmplitudeDependence, ModalEstimate
+
+_LEVEL = 0.01  # probability that any mode of a linear structure is marked
+
+
+def dependence_json(found: AmplitudeDependence | None) -> dict[str, Any] | None:
+    """Return the dependence of one mode for other programs; None if it could not be tested."""
+    if found is None:
+        return None
+    sizes = (
+        ("frequency", found.frequency_slope, found.frequency_slope_std, found.p_frequency),
+        ("damping", found.damping_slope, found.damping_slope_std, found.p_damping),
+    )
+    return {"rms": found.amplitude, "channel": found.channel} | {
+        name: {"slope": slope, "std": std, "p_value": p_value} for name, slope, std, p_value in sizes
+    }
+
+
+def say_dependence(estimate: ModalEstimate, found: Sequence[AmplitudeDependence | None]) -> None:
+    """Print the slopes of all modes, and the values at small and large amplitude where a slope is significant."""
+    tested = {i: one for i, one in enumerate(found) if one}
+    if tested:
+        console.print(_table(tested))
+    sentences = list(_sentences(estimate, tested))
+    for sentence in sentences:
+        console.print(escape(sentence), soft_wrap=True)
+    if tested and not sentences:
+        console.print("no mode depends significantly on its amplitude")
+    if missing := [str(i + 1) for i in range(estimate.n_modes) if i not in tested]:
+        reasons = "the record is too short, noise is too strong, or blows excite the mode"
+        console.print(f"not tested: mode{'s' * (len(missing) > 1)} {', '.join(missing)} ({reasons})", soft_wrap=True)
+
+
+def _table(tested: dict[int, AmplitudeDependence]) -> Table:
+    table = new_table(
+        left=["mode", "channel"],
+        right=["rms [m/s²]", "frequency [%]", "p", "damping [%]", "p"],
+        no_wrap=True,
+        title="change with the amplitude, per rms amplitude",
+    )
+    frequencies = aligned_numbers((100 * one.frequency_slope, 100 * one.frequency_slope_std) for one in tested.values())
+    dampings = aligned_numbers((100 * one.damping_slope, 100 * one.damping_slope_std) for one in tested.values())
+    for (i, one), frequency, damping in zip(tested.items(), frequencies, dampings, strict=True):
+        p_frequency, p_damping = (f"{p:.2f}" if p >= 0.01 else f"{p:.1g}" for p in (one.p_frequency, one.p_damping))
+        table.add_row(
+            str(i + 1), escape(one.channel), f"{one.amplitude:.2g}", frequency, p_frequency, damping, p_damping
+        )
+    return table
+
+
+def _sentences(estimate: ModalEstimate, tested: dict[int, AmplitudeDependence]) -> Iterator[str]:
+    """Yield the values at the first and last tenth of the amplitudes for each significant slope."""
+    level = _LEVEL / (2 * max(len(tested), 1))
+    for i, one in tested.items():
+        levels = {f"{level:.2g} m/s²": one.change(level) for level in (one.low, one.high)}
+        if one.p_frequency < level:
+            frequency, std = float(estimate.frequency[i]), float(estimate.frequency[i]) * one.frequency_slope_std
+            ends = [
+                f"{rounded_text(frequency * (1 + one.frequency_slope * change), std)} Hz at {level}"
+                for level, change in levels.items()
+            ]
+            yield f"mode {i + 1}: frequency {', '.join(ends)} ({one.channel})"
+        if one.p_damping < level:
+            damping, std = 100 * float(estimate.damping[i]), 100 * one.damping_slope_std
+            ends = [
+                f"{rounded_text(damping + 100 * one.damping_slope * change, std)} % at {level}"
+                for level, change in levels.items()
+            ]
+            yield f"mode {i + 1}: damping {', '.join(ends)} ({one.channel})"

@@ -1,0 +1,110 @@
+"""Dependence of modes on their amplitude: linear and nonlinear buildings, integrated over time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.special
+import scipy.stats
+
+from daq import Recording
+from oma import AmplitudeDependence, dependence_on_amplitude, identify
+from tests.support.oma.nonlinear_building import (
+    DAMPING,
+    Building,
+    Element,
+    Modulation,
+    blows,
+    free_decay,
+    gusts,
+    steady,
+    vibrations,
+)
+
+SEED = 4100
+LEVEL = 1e-3
+
+
+def found(recordings: list[Recording]) -> list[tuple[float, AmplitudeDependence]]:
+    """Return frequency and dependence of all modes of all recordings."""
+    of_all: list[tuple[float, AmplitudeDependence]] = []
+    for recording in recordings:
+        estimate = identify(recording)
+        tested = zip(estimate.frequency.tolist(), dependence_on_amplitude(recording, estimate), strict=True)
+        of_all.extend((frequency, one) for frequency, one in tested if one)
+    return of_all
+
+
+def pooled(recordings: list[Recording], low: float, high: float) -> AmplitudeDependence:
+    """Return the dependence of the mode in a band, over all recordings."""
+    return AmplitudeDependence.pooled([one for frequency, one in found(recordings) if low < frequency < high])
+
+
+@pytest.mark.parametrize("modulation", [steady, gusts])
+def test_p_values_of_a_linear_building_are_uniform(modulation: Modulation) -> None:
+    """Small p values are as frequent as they state, and no more frequent than a binomial at 0.1 % allows."""
+    print(f"seeds from {SEED}")
+    recordings = vibrations(Element("linear", 0), 900, range(SEED, SEED + 25), modulation=modulation)
+    modes = [one for _, one in found(recordings)]
+    assert len(modes) > 60
+    for p_values in ([one.p_frequency for one in modes], [one.p_damping for one in modes]):
+        for level in (0.05, 0.001):
+            assert np.count_nonzero(np.array(p_values) < level) <= scipy.stats.binom.ppf(0.999, len(modes), level)
+
+
+@pytest.mark.parametrize(
+    ("element", "sign"),
+    [
+        pytest.param(Element("stiffening", 0.03), 1, id="stiffening"),
+        pytest.param(Element("contact", 0.2), 1, id="contact"),
+        pytest.param(Element("slip", 0.3, 0.7), -1, id="slip"),
+    ],
+)
+def test_frequency_rises_or_falls_as_the_element_makes_it(element: Element, sign: int) -> None:
+    """It is found in both low modes in two hours, without a change of damping against its sign."""
+    recordings = vibrations(element, 900, range(SEED, SEED + 8), noise=0.02)
+    for band in ((1.5, 2.5), (5.0, 7.0)):
+        mode = pooled(recordings, *band)
+        assert mode.p_frequency < LEVEL
+        assert np.sign(mode.frequency_slope) == sign
+        assert mode.p_damping > LEVEL or mode.damping_slope * sign < 0  # what slips has the larger damping
+
+
+def test_damping_rises_with_drag() -> None:
+    """It is found in the second mode in three hours; the frequency does not change."""
+    second = pooled(vibrations(Element("drag", 0.0003), 900, range(SEED, SEED + 12)), 5, 7)
+    assert second.p_damping < LEVEL
+    assert second.damping_slope > 0
+    assert second.p_frequency > LEVEL
+
+
+def test_slope_agrees_with_a_free_decay() -> None:
+    """One mode that stiffens with a cube of the drift: f = f0 + c a^2, from a free decay and from random forces."""
+    element = Element("stiffening", 0.02)
+    amplitude, frequency, _ = free_decay(element, 0, 2.0, 30)
+    curvature = np.polyfit(amplitude**2, frequency, 1)[0]
+    building = Building(element)
+    shares = building.shape[0] ** 2 / building.frequency**3 / DAMPING  # of the variance of the drift
+    power = 2 * shares[0] / shares.sum()  # mean square of the drift's amplitude, which is 2 in the linear building
+    # slope of a^2 over a, for a Rayleigh distribution weighted by a^2: the nodes are those of a^2 over its mean
+    nodes, weights = scipy.special.roots_genlaguerre(40, 1)
+    centred = np.sqrt(nodes) - weights @ np.sqrt(nodes)
+    expected = curvature * power * (weights @ (centred * nodes)) / (weights @ centred**2)
+    mode = pooled(vibrations(element, 900, range(SEED, SEED + 12), only=0), 1.5, 2.5)
+    of_first_order = 0.1 * expected  # the method's
+    error = np.hypot(mode.frequency_slope_std * frequency.mean(), of_first_order)
+    assert mode.frequency_slope * frequency.mean() == pytest.approx(expected, abs=3 * error)
+
+
+def test_not_tested() -> None:
+    """Blows, a short record and gaps everywhere give no result."""
+    (blown,) = vibrations(Element("linear", 0), 900, range(SEED, SEED + 1), modulation=blows)
+    estimate = identify(blown)
+    assert dependence_on_amplitude(blown, estimate) == (None,) * estimate.n_modes
+    (recording,) = vibrations(Element("linear", 0), 900, range(SEED, SEED + 1))
+    estimate = identify(recording)
+    short = replace(recording, data=recording.data[:3000])
+    assert dependence_on_amplitude(short, estimate) == (None,) * estimate.n_modes
+    holed = recording.data.copy()
+    holed[::100, 0] = np.nan
+    assert dependence_on_amplitude(replace(recording, data=holed), estimate) == (None,) * estimate.n_modes
