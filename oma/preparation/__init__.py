@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from oma.preparation.faults import ChannelFault as ChannelFault
     from oma.preparation.faults import FaultKind as FaultKind
     from oma.preparation.gaps import bridged as bridged
+    from oma.preparation.gaps import gapless_stretches as gapless_stretches
     from oma.preparation.pyramid import ALIAS_FREE as ALIAS_FREE
     from oma.preparation.pyramid import PASS as PASS
     from oma.preparation.pyramid import TOP as TOP

@@ -48,6 +48,12 @@ class Autoregression:
         return result
 
 
+def gapless_stretches(data: FloatArray) -> list[tuple[int, int]]:
+    """Return first sample and end of the stretches of data (n_samples, n_channels) without a gap in any channel."""
+    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 def short_gaps(missing: BoolArray) -> BoolArray:
     """Return which missing samples, (n_samples, n_channels), are in gaps of no more than ORDER."""
     within = np.zeros((missing.shape[1], len(missing) + 1), np.bool_)  # channel by channel, with an end to each

@@ -31,7 +31,7 @@ import numpy as np
 import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray, Recording
-from oma.preparation import BoolArray
+from oma.preparation import BoolArray, gapless_stretches
 from oma.types import ComplexArray, ModalEstimate
 
 _REACH = 12.0  # of the band on each side, in half widths of the resonance: little is left outside
@@ -133,10 +133,7 @@ def dependence_on_amplitude(recording: Recording, estimate: ModalEstimate) -> tu
 
 def _gapless(data: FloatArray) -> FloatArray:
     """Return the longest stretch of data (n_samples, n_channels) without a gap in any channel, cut."""
-    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8))).reshape(-1, 2)
-    if not len(edges):
-        return data[:0]
-    start, stop = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    start, stop = max(gapless_stretches(data), key=lambda part: part[1] - part[0], default=(0, 0))
     return data[max(start, stop - _LONGEST) : stop]
 
 

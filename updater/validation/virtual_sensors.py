@@ -22,6 +22,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray, Recording
 from oma import ComplexArray
+from oma.preparation import gapless_stretches
 from updater.errors import ModalDataError
 from updater.modal_data import ModalMean, match_modes
 from updater.validation.modal_correlation import known
@@ -112,12 +113,6 @@ def gapless_part(recording: Recording, channels: tuple[str, ...]) -> tuple[int, 
     start, stop = max(stretches, key=lambda part: part[1] - part[0])
     first = max(start, stop - _MAX)
     return first, data[first:stop]
-
-
-def gapless_stretches(data: FloatArray) -> list[tuple[int, int]]:
-    """Return first sample and end of the stretches of data (n_samples, n_channels) without a gap in any channel."""
-    edges = np.flatnonzero(np.diff(np.r_[False, np.isfinite(data).all(1), False].astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 from rainflow import extract_cycles
 
 from daq import FloatArray
-from updater.validation.virtual_sensors import gapless_stretches
+from oma.preparation import gapless_stretches
 
 _AT_CATEGORY, _AT_KNEE, _AT_CUTOFF = 2e6, 5e6, 1e8  # cycles to failure
 _SLOPE, _BELOW_KNEE = 3, 5

@@ -7,6 +7,7 @@ import numpy as np
 import scipy  # its parts at their first use
 
 from daq import Channel, FloatArray, IndexArray, Recording
+from oma.preparation import gapless_stretches
 from updater.errors import ModalDataError
 from updater.reference import Reference, channel_rows, first_stage
 from updater.validation.response.excitation import Excitation, estimate_excitation, spectral_matrices
@@ -19,7 +20,6 @@ from updater.validation.response.modal_system import (
     damping_of_all,
 )
 from updater.validation.response.section_stress import Fibre, modal_stress
-from updater.validation.virtual_sensors import gapless_stretches
 
 _AXES = ("x", "y", "z")
 _ORDER = 4  # of the band-pass filter
