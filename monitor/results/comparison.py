@@ -156,3 +156,8 @@ class DiscrepancyResult(PlainValue):
     gain_std: Gain | None = None  #: standard deviations of the gain, if it is significant
     note: str = ""  #: why a part is missing
     measured_before: bool = False  #: whether the simulated modes are those of the reference logs; else of the model
+
+    @property
+    def listed(self) -> tuple[ModeComparison, ...]:
+        """Modes that were measured, before or now, or are used for the answer."""
+        return tuple(mode for mode in self.modes if mode.measured is not None or mode.compared)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from daq.notebook import number_text
-from monitor.results.comparison import BalanceResult, SensorComparison
+from monitor.results.comparison import BalanceResult, DiscrepancyResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, plain, share_text
@@ -305,6 +305,20 @@ MARK = "*"  #: mark of a mode that is not `compared`
 NOT_COMPARED = "not used: no confident match in the reference"
 
 
+def unmeasured_text(found: DiscrepancyResult) -> str:
+    """Return how many modes of the model were measured neither before nor now; empty for none."""
+    absent = [mode.simulated for mode in found.modes if mode not in found.listed and mode.simulated is not None]
+    if not absent:
+        return ""
+    count = "1 mode" if len(absent) == 1 else f"{len(absent)} modes"
+    return f"not measured, neither before nor now: {count} of the model, {_range_text(absent)} Hz"
+
+
+def _range_text(values: Sequence[float]) -> str:
+    ends = dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))
+    return " to ".join(ends)
+
+
 def failed_text(failed: Failed) -> str:
     """Return the parts left out of an answer by an internal fault."""
     part = " and ".join(map(plain, failed.part.split(" and ")))
@@ -495,4 +509,4 @@ def place_text(place: IncrementPlace | None) -> str:
         return f"consistent with one mass at ({x:.2f}, {y:.2f}, {z:.2f}) m, 95 % within {place.radius:.2f} m"
     length = sum(math.dist(part.start, part.end) for part in place.region)
     members = ", ".join(dict.fromkeys(part.member for part in place.region))
-    return f"not located: one mass fits anywhere within {length:.2g} m of {members}"
+    return f"not located by these alone: one mass fits anywhere within {length:.2g} m of {members}"

@@ -63,7 +63,10 @@ def _ratio_text(log_ratio: float) -> str:
 def next_text(found: NextMeasurement) -> str:
     """Return in sentences what to measure next."""
     if isinstance(found, Misfit):
-        return f"Repeat the measurement. The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
+        return (
+            "Check the sensors and the structure file, and measure again. "
+            f"The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
+        )
     if isinstance(found, Separation):
         return _separation_text(found)
     return _SITUATIONS[found] if isinstance(found, str) else " ".join(found)

@@ -65,7 +65,7 @@ def event_name(topic: str) -> str:
 def event_text(payload: Mapping[str, Any], *, without: str = "") -> str:
     """Return its payload as a text, without a field that is given elsewhere and without empty ones."""
     known = {name: value for name, value in payload.items() if name != without and value not in ("", None)}
-    return ", ".join(f"{name.replace('_', ' ')} {_value(name, value)}" for name, value in known.items())
+    return ", ".join(f"{name.replace('_', ' ')} {field_value(name, value)}" for name, value in known.items())
 
 
 def event_sentence(topic: str, payload: Mapping[str, Any]) -> str:
@@ -82,5 +82,6 @@ def event_sentence(topic: str, payload: Mapping[str, Any]) -> str:
     return ": ".join([sentence[0].upper() + sentence[1:], *details])
 
 
-def _value(name: str, value: object) -> object:
+def field_value(name: str, value: object) -> object:
+    """Return a field of an event; a time as text."""
     return utc(value) if name in _TIMES and isinstance(value, int) else value

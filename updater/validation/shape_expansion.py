@@ -6,13 +6,14 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from oma import ComplexArray, ModalEstimate, comac, mac_matrix, pair_modes
-from updater.fe import Model, build_model
+from updater.fe import Model, Modes, build_model
 from updater.modal_data import real_shape
 from updater.reference import LARGEST_CLUSTER, channel_rows, expand_shape
 from updater.structure import Structure
 
 _BEYOND = 1.2
 _SPARE = 10  # modes of the model beyond as many as are measured
+_MAX_MODES = 320  # modes of the model, however many there are below the highest measured frequency
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
         If the structure cannot be computed or lacks a sensor.
     """
     model = build_model(structure, shear_flexible=True, mass="consistent")
-    modes = model.modes(min(estimate.n_modes + _SPARE, model.n_dofs - 1))
+    modes = _modes_up_to(model, estimate)
     shapes: FloatArray = (channel_rows(model, estimate.channels) @ modes.shape).T
     seen = np.flatnonzero(np.linalg.norm(shapes, axis=1) > 0)
     frequency, shape = modes.frequency[seen], shapes[seen]
@@ -81,6 +82,16 @@ def model_modes(estimate: ModalEstimate, structure: Structure) -> ModelModes:
         mac=mac_matrix(estimate.shape, shape),
         comac=agreement,
     )
+
+
+def _modes_up_to(model: Model, estimate: ModalEstimate) -> Modes:
+    """Return the model's modes up to somewhat beyond the measured ones: slender members have many below them."""
+    n = estimate.n_modes + _SPARE
+    while True:
+        modes = model.modes(min(n, model.n_dofs - 1))
+        if n >= min(_MAX_MODES, model.n_dofs - 1) or modes.frequency[-1] > _BEYOND * estimate.frequency.max():
+            return modes
+        n = min(2 * n, _MAX_MODES)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

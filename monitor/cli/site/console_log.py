@@ -19,6 +19,7 @@ from daq import Block, Event, Item
 from daq.supervision import SupervisedThread
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult, event_result
 from monitor.text.causes import change_text
+from monitor.text.events import field_value
 from monitor.text.sensors import health_text
 
 _A_MINUTE = 10  # lines of a kind, of one device
@@ -41,7 +42,7 @@ def line(result: Result) -> str:
     if isinstance(result, ReferenceResult):
         return f"reference: {len(result.modes)} modes, " + ", ".join(f"{m.frequency:.2f}" for m in result.modes) + " Hz"
     if isinstance(result, AlarmResult):
-        return f"{result.state:>7}: {result.text}"
+        return f"{result.state:>7}: {result.text.removeprefix('ALARM: ')}"
     if isinstance(result, SelfTestResult):
         return result.text
     return _window_line(result)
@@ -91,7 +92,8 @@ class Journal:
         if omitted is None:
             return
         fields = {"what": what, "at": event.time, **event.payload} | ({"omitted": omitted} if omitted else {})
-        values = " ".join(f"{name}={_brief(value)}" for name, value in fields.items() if name not in {"what", "at"})
+        given = {name: field_value(name, value) for name, value in fields.items() if name not in {"what", "at"}}
+        values = " ".join(f"{name}={_brief(value)}" for name, value in given.items())
         level = logging.INFO if what.endswith(_ROUTINE) else logging.WARNING
         self._say(level, f"{what} {values}".rstrip(), fields)
 

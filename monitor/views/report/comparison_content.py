@@ -7,7 +7,7 @@ from daq.notebook import number_text, rounded_text
 from monitor.results.comparison import DiscrepancyResult, ModeComparison, SensorComparison
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
-from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text
+from monitor.text.causes import CLEAR_ODDS, MARK, NOT_COMPARED, missed_text, unmeasured_text
 from monitor.text.quantities import optional, plain
 from monitor.text.sensors import health_rows, worst_sensor_text
 from monitor.views.report import comparison_figures as beside
@@ -21,12 +21,13 @@ def measured_content(
 ) -> dict[str, Any]:
     """Return the template's values; drawings of the structure need one, those of mode shapes also the states."""
     return {
-        "modes": [_mode(m) for m in found.modes],
+        "modes": [_mode(m) for m in found.listed],
         "measured_before": found.measured_before,
         "shapes": picture(
             lambda: states_figure(reference, states) if reference and states else None, "Mode shapes before and now"
         ),
-        "not_compared": "" if all(m.compared for m in found.modes) else f"{MARK} {NOT_COMPARED}.",
+        "not_compared": "" if all(m.compared for m in found.listed) else f"{MARK} {NOT_COMPARED}.",
+        "unmeasured": _sentence(unmeasured_text(found)),
         "after": any(m.off_percent_after is not None for m in found.modes),
         "offsets": picture(
             lambda: beside.offsets_figure(found), "Measured frequencies against simulated ones, in per cent"
@@ -84,8 +85,11 @@ def _worst(sensors: tuple[SensorComparison, ...]) -> str:
     """Return which sensor has the largest residual, if any is significant."""
     if not sensors:
         return ""
-    text = worst_sensor_text(sensors)
-    return f"{text[:1].upper()}{text[1:]}." if text else "No sensor deviates significantly from the shapes compared."
+    return _sentence(worst_sensor_text(sensors)) or "No sensor deviates significantly from the shapes compared."
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
 
 
 def _balance(found: DiscrepancyResult, reference: ReferenceResult | None) -> list[dict[str, Any]]:

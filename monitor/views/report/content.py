@@ -294,7 +294,9 @@ def diagnosis_content(
         lambda: fits.causes_figure(reference, listed_causes(diagnosis.causes)) if reference else None,
         "The structure with the causes where they are",
     )
-    return _diagnosis(diagnosis, reference, found, states) | {"places": drawn}
+    fitted = [one for cause in listed_causes(diagnosis.causes) for one in (cause, *cause.alternatives)]
+    has_region = any(one.where and one.where.region for one in fitted)
+    return _diagnosis(diagnosis, reference, found, states) | {"places": drawn, "has_region": has_region}
 
 
 def _diagnosis(

@@ -36,6 +36,19 @@ def test_text_format_of_lines() -> None:
     ]
 
 
+def test_times_within_an_event_are_dates_for_people_and_numbers_for_programs() -> None:
+    accepted = event("accept", by="Ann", alarm=START)
+    [line] = reported(accepted)
+    assert line.endswith('Z accept by=Ann alarm="2026-01-01 00:00:00 UTC"')
+    [line] = reported(accepted, as_json=True)
+    assert json.loads(line)["fields"]["alarm"] == START
+
+
+def test_word_alarm_is_not_repeated() -> None:
+    [line] = reported(change(START, "alarm", "ALARM: the structure has changed"))
+    assert line.endswith("Z   alarm: the structure has changed")
+
+
 def test_json_format_of_lines() -> None:
     lines = reported(
         event("device_recovered", device="left", serial="E1"),

@@ -35,7 +35,7 @@ def test_wide_region_is_reported_as_not_located() -> None:
         Interval(member="column", start=(0, 0, 1.2), end=(0, 0, 1.35)),
     ]
     assert text(located=False, region=region).endswith(
-        "not located: one mass fits anywhere within 0.35 m of crossbeam, column"
+        "not located by these alone: one mass fits anywhere within 0.35 m of crossbeam, column"
     )
 
 

@@ -22,3 +22,15 @@ def test_shapes_of_the_model_at_its_sensors_are_expanded_to_its_nodes() -> None:
         assert abs(np.angle(scale**2 / turn**2)) < 1e-9  # up to the sign
         np.testing.assert_allclose(found.translation[k], scale * true[:, :3], atol=1e-6)
         np.testing.assert_allclose(found.rotation[k], scale * true[:, 3:], atol=1e-5)
+
+
+def test_a_measured_mode_finds_its_partner_however_many_modes_of_the_model_are_below_it() -> None:
+    """Slender members, such as guys, have modes of their own among those that are measured."""
+    model = build_model(t_frame(), shear_flexible=True, mass="consistent")
+    modes = model.modes(40)
+    above = np.array([37])
+    shapes = (model.sensor_rows @ modes.shape[:, above]).T
+    estimate = as_estimate(modes.frequency[above], shapes, channels=model.structure.channels)
+    partner = model_modes(estimate, model.structure).partner(0)
+    assert partner is not None
+    np.testing.assert_allclose([partner.frequency, partner.mac], [modes.frequency[37], 1.0], rtol=1e-6)

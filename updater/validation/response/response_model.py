@@ -27,7 +27,7 @@ _SKIRT = (0.3, 2.0)  # times the limits of the band: range in which the filter p
 _LINES = 4000  # of the integral of an error spectrum
 _PERIODS = 3  # of the lowest frequency, in which the band-pass filter settles
 _LEAST_PERIODS = 40  # periods of the lowest frequency of the band that a record has at least
-_LEAST_DEVICES = 3  # from which the error of shapes without a sensor is estimated
+_LEAST_PLACES = 3  # from which the error of shapes without a sensor is estimated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class ResponseModel:
 
     The signals are those in a band about the measured modes. Each standard deviation combines three errors: that of the
     Kalman filter, which follows the level of the innovations; that of the expanded shapes; that of the devices' clocks,
-    by their variation about the delays that are removed. The second is estimated from the sensors of n devices; its
+    by their variation about the delays that are removed. The second is estimated from sensors at n places; its
     predictive distribution is Student's with n degrees of freedom, of variance n / (n - 2).
     """
 
@@ -87,13 +87,14 @@ class ResponseModel:
         Raises
         ------
         ModalDataError
-            If a channel of the reference is missing, fewer than three devices are left, no stretch without gaps is
+            If a channel of the reference is missing, fewer than three places are measured, no stretch without gaps is
             long enough, or the rate is too low for the measured modes.
         """
         channels = reference.baseline.channels
-        data, devices = _signals(recording, channels)
-        if len(devices) < _LEAST_DEVICES:
-            raise ModalDataError(f"devices: expected at least {_LEAST_DEVICES}, found {len(devices)}")
+        data = _signals(recording, channels)
+        places = len({sensor.at for sensor in reference.structure.corrected_sensors if sensor.channel in channels})
+        if places < _LEAST_PLACES:
+            raise ModalDataError(f"measured places: expected at least {_LEAST_PLACES}, found {places}")
         measured = np.exp(reference.baseline.log_frequency)
         band = band_about(measured)
         if band[1] > NYQUIST * recording.rate:
@@ -110,7 +111,7 @@ class ResponseModel:
         longest = data[start:stop] - data[start:stop].mean(0)
         lines, matrices = spectral_matrices(longest, recording.rate, band, system)
         excitation = estimate_excitation(lines, matrices, system, shape)
-        share = len(devices) / (len(devices) - 2)
+        share = places / (places - 2)
         error = np.sqrt(share) * shape_error(reference)[modes]
         model = cls(
             reference=reference,
@@ -155,7 +156,7 @@ class ResponseModel:
         """
         if not np.isclose(recording.rate, self.rate, rtol=1e-6):
             raise ModalDataError(f"recording: expected a rate of {self.rate:g} Hz, found {recording.rate:g} Hz")
-        data, _ = _signals(recording, self.channels)
+        data = _signals(recording, self.channels)
         quantities = [_derivative(point) for point in points]
         at, error = self._modal(points)
         outputs = self._outputs(points, at)
@@ -242,14 +243,13 @@ def _derivative(point: Point | Fibre) -> MotionQuantity:
     return point.quantity if isinstance(point, Point) else "displacement"
 
 
-def _signals(recording: Recording, channels: tuple[str, ...]) -> tuple[FloatArray, set[str]]:
-    """Return the data (n_samples, n_channels) of channels, and their devices."""
+def _signals(recording: Recording, channels: tuple[str, ...]) -> FloatArray:
+    """Return the data (n_samples, n_channels) of channels."""
     present = {channel.name: i for i, channel in enumerate(recording.channels)}
     missing = [name for name in channels if name not in present]
     if missing:
         raise ModalDataError(f"recording: channel {missing[0]!r} of the reference is missing")
-    chosen = [present[name] for name in channels]
-    return recording.data[:, chosen], {recording.channels[i].device for i in chosen}
+    return recording.data[:, [present[name] for name in channels]]
 
 
 def _root_mean_square(data: FloatArray) -> FloatArray:

@@ -25,6 +25,7 @@ from monitor.text.causes import (
     left_over_text,
     missed_text,
     probability_text,
+    unmeasured_text,
 )
 from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
 from monitor.text.quantities import optional, plain
@@ -81,8 +82,10 @@ def _compared(console: Console, diagnosis: DiagnosisAnswer, found: DiscrepancyRe
         if where := left_over_text(found.balance, nodes, partial(place_name, structure)):
             console.print(escape(where))
     console.print(_modes(found))
-    if not all(mode.compared for mode in found.modes):
+    if not all(mode.compared for mode in found.listed):
         console.print(f"{MARK} {NOT_COMPARED}", style="dim", markup=False)
+    if absent := unmeasured_text(found):
+        console.print(absent, style="dim", markup=False)
     health = health_text({s.channel: s.health for s in found.sensors if s.health}, explained=known)
     for line in (worst_sensor_text(found.sensors), health, missed_text(found.sensors)):
         if line:
@@ -115,11 +118,11 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
 
     Modes not used for the answer are marked and dimmed.
     """
-    after = any(m.off_percent_after is not None for m in found.modes)
+    after = any(m.off_percent_after is not None for m in found.listed)
     first = ["before Hz", "now Hz", "change %"] if found.measured_before else ["model Hz", "measured Hz", "off by %"]
     names = first + ["σ", "MAC"] + ["with\ncauses %", "MAC"] * after
     table = new_table(right=names, no_wrap=True, pad_edge=False)
-    for mode in found.modes:
+    for mode in found.listed:
         mark = "" if mode.compared else f"{MARK} "
         cells = [mark + _hertz(mode, mode.simulated, "none"), _hertz(mode, mode.measured, "not found"), *_off(mode)]
         cells += [_percent(mode, mode.off_percent_after), optional(mode.mac_after, ".4f", "-")] * after

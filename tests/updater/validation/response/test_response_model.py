@@ -143,6 +143,15 @@ def test_snippet_of_the_page_runs(frame: UnmeasuredPoints) -> None:
     assert 0 < names["estimate"].std[0] < 1e-6
 
 
+def test_deviations_do_not_depend_on_how_channels_are_divided_into_devices(
+    frame: UnmeasuredPoints, learned: ResponseModel
+) -> None:
+    """A table of measurements is one device; the places of its sensors are those of the structure."""
+    recording, _ = frame.record(25.0, SEED)
+    table = replace(recording, channels=tuple(replace(channel, device="import") for channel in recording.channels))
+    np.testing.assert_array_equal(ResponseModel.learn(frame.reference, table).shape_error, learned.shape_error)
+
+
 def test_records_that_do_not_fit_are_refused(frame: UnmeasuredPoints, learned: ResponseModel) -> None:
     recording, _ = frame.record(6.0, 11)
     with pytest.raises(ModalDataError, match="expected a rate of 1000 Hz, found 500 Hz"):
