@@ -33,7 +33,7 @@ check: $(VENV)/.done
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/lint-imports
+	$(BIN)/lint-imports --no-cache
 	$(BIN)/python .ci/house
 	$(BIN)/deptry .
 	$(BIN)/vulture
@@ -76,4 +76,4 @@ $(VENV)/.done: requirements.lock requirements-dev.lock pyproject.toml
 	touch $@
 
 clean:
-	rm -rf $(VENV) demo-output build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) demo-output build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -17,6 +17,7 @@ from rich.text import Text
 from daq import AnyLog, LogError, LogExcerpt
 from daq.bounded_text import printable
 from daq.log import files_of, log_span, progress_reported_to
+from monitor.errors import StartError
 
 _FILE_COLUMNS = 1000  # of lines that no terminal shows
 
@@ -74,6 +75,13 @@ class _Time(ProgressColumn):
         elapsed = f"{_clock(task.elapsed or 0.0)} elapsed"
         left = task.time_remaining
         return Text(elapsed if left is None or task.finished else f"{elapsed}, {_clock(left)} left")
+
+
+def start_error(reasons: Sequence[str]) -> StartError:
+    """Print all reasons but the last, one per line, and return the error with the last one."""
+    for reason in reasons[:-1]:
+        echo(f"error: {reason}", err=True)
+    return StartError(reasons[-1])
 
 
 def _clock(seconds: float) -> str:

@@ -15,8 +15,7 @@ from daq import CanAddress, DriverError, search_port, serial_ports
 from daq.drivers import Found, PortAnswer, SerialPortInfo, TextAddress, can_adapters, daqmx_devices
 from monitor.cli.options import DONE
 from monitor.cli.output import write_json
-from monitor.cli.terminal import console, echo, new_table, progress
-from monitor.errors import StartError
+from monitor.cli.terminal import console, echo, new_table, progress, start_error
 from monitor.settings import AXES
 
 Seen = PortAnswer | str | None  #: an answer, why there is none, or silence
@@ -43,7 +42,7 @@ def list_devices(paths: Sequence[str], json_path: Path | None, *, probe: bool, e
         write_json(json_path, _as_json(ports, adapters, analog, seen))
     silent = [_why(path, answer) for path, answer in seen.items() if not isinstance(answer, PortAnswer)]
     if silent and paths:
-        raise StartError("; ".join(silent))
+        raise start_error(silent)
     return DONE
 
 

@@ -10,8 +10,7 @@ from rich.table import Table
 
 from daq.drivers import low_grade
 from monitor.cli.options import DONE, NEEDS_A_PERSON
-from monitor.cli.terminal import console, echo, new_table, progress, warn
-from monitor.errors import StartError
+from monitor.cli.terminal import console, echo, new_table, progress, start_error, warn
 from monitor.service.acquisition.probe import Probe, probe_devices
 from monitor.service.site import Site, load_site
 from monitor.service.startup.preflight import disk_plan, look_around
@@ -39,7 +38,7 @@ def check_site(path: Path, given: Sequence[str]) -> int:
     console.print(_table(site, found))
     silent = [f"device {name}: {what}" for name, what in found.items() if isinstance(what, str)]
     if silent:
-        raise StartError("; ".join(silent))
+        raise start_error(silent)
     problems = [problem for device in site.settings.device for problem in _problems(device, found[device.name])]
     for device in site.settings.device:
         if why := low_grade(device.driver, device.place):

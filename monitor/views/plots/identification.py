@@ -29,6 +29,7 @@ _MARGIN = 1.15  # of the highest mode: where pictures end
 _DYNAMIC = 100.0  # dB: below is the rounding of single precision
 _QUIET, _ROOM = 0.02, 6.0  # share of the width that does not set the height of a spectrum, and dB above and below
 _WRITTEN = 16  # modes up to which a MAC matrix has its numbers
+_CELL, _BARE_CELL = 0.56, 0.26  # width of an entry of the matrix with and without its number [in]
 _LEGEND = 24  # channels up to which arrows are explained
 
 
@@ -171,7 +172,13 @@ def plot_mac(a: ModalEstimate, b: ModalEstimate | None = None) -> Figure:
         raise ValueError(f"b: expected the channels {', '.join(a.channels)}, found {', '.join(b.channels)}")
     figure = Figure(figsize=(8, 7), layout="constrained")
     axes = figure.add_subplot()
-    _draw_matrix(axes, mac_matrix(a.shape, b.shape), _names(a.frequency), _names(b.frequency))
+    _draw_matrix(
+        axes,
+        mac_matrix(a.shape, b.shape),
+        _names(a.frequency),
+        _names(b.frequency),
+        written=max(a.n_modes, b.n_modes) <= _WRITTEN,
+    )
     axes.set(xlabel="mode [Hz]", ylabel="mode [Hz]")
     figure.colorbar(axes.images[0], ax=axes, shrink=0.7, label="MAC")
     return figure
@@ -186,14 +193,17 @@ def mac_figure(estimate: ModalEstimate, model: tuple[FloatArray, FloatArray] | N
     model : (n,) frequencies [Hz] and (n, n_channels) shapes at the same channels, optional
     """
     widths = [estimate.n_modes, *([len(model[0])] if model else [])]
-    figure = Figure(figsize=(15 if model else 8, 7), layout="constrained")
+    written = max(widths) <= _WRITTEN
+    cell = _CELL if written else _BARE_CELL
+    size = (max(8.0, cell * sum(widths) + 2.5 * len(widths)), max(5.0, cell * estimate.n_modes + 2.0))
+    figure = Figure(figsize=size, layout="constrained")
     panels = np.ravel(np.asarray(figure.subplots(1, len(widths), squeeze=False, width_ratios=widths), object))
     names = _names(estimate.frequency)
-    _draw_matrix(panels[0], mac_matrix(estimate.shape, estimate.shape), names, names)
+    _draw_matrix(panels[0], mac_matrix(estimate.shape, estimate.shape), names, names, written=written)
     panels[0].set(title="MAC of the modes with each other", xlabel="mode [Hz]", ylabel="mode [Hz]")
     if model:
         frequency, shape = model
-        _draw_matrix(panels[1], mac_matrix(estimate.shape, shape), names, _names(frequency))
+        _draw_matrix(panels[1], mac_matrix(estimate.shape, shape), names, _names(frequency), written=written)
         panels[1].set(title="MAC with the model's modes", xlabel="model [Hz]", ylabel="mode [Hz]")
     figure.colorbar(panels[-1].images[0], ax=panels.tolist(), shrink=0.7, label="MAC")
     return figure
@@ -203,11 +213,11 @@ def _names(frequency: FloatArray) -> list[str]:
     return [f"{k + 1}: {f:.2f}" for k, f in enumerate(frequency)]
 
 
-def _draw_matrix(axes: Axes, matrix: FloatArray, rows: Sequence[str], columns: Sequence[str]) -> None:
+def _draw_matrix(axes: Axes, matrix: FloatArray, rows: Sequence[str], columns: Sequence[str], *, written: bool) -> None:
     axes.imshow(matrix, cmap="Blues", vmin=0, vmax=1)
     axes.set_xticks(np.arange(len(columns)), columns, rotation=90, fontsize=8)
     axes.set_yticks(np.arange(len(rows)), rows, fontsize=8)
-    if max(matrix.shape) > _WRITTEN:
+    if not written:
         return
     for (i, k), value in np.ndenumerate(matrix):
         axes.text(k, i, f"{value:.2f}", ha="center", va="center", fontsize=8, color="white" if value > 0.6 else LINE)

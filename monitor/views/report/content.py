@@ -294,9 +294,7 @@ def diagnosis_content(
         lambda: fits.causes_figure(reference, listed_causes(diagnosis.causes)) if reference else None,
         "The structure with the causes where they are",
     )
-    fitted = [one for cause in listed_causes(diagnosis.causes) for one in (cause, *cause.alternatives)]
-    has_region = any(one.where and one.where.region for one in fitted)
-    return _diagnosis(diagnosis, reference, found, states) | {"places": drawn, "has_region": has_region}
+    return _diagnosis(diagnosis, reference, found, states) | {"places": drawn}
 
 
 def _diagnosis(
@@ -307,8 +305,10 @@ def _diagnosis(
 ) -> dict[str, Any]:
     """Return the values without the picture of the places."""
     within = diagnosis.within_record
+    fitted = [one for cause in listed_causes(diagnosis.causes) for one in (cause, *cause.alternatives)]
     return {
         "places": None,
+        "has_region": any(one.where and one.where.region for one in fitted),
         "fits": picture(
             lambda: fits.fits_figure(diagnosis), "Errors of the model mode by mode, without and with the causes"
         ),

@@ -187,6 +187,18 @@ def test_check_exits_3_if_a_device_does_not_respond(modalwatch: Commands, site: 
     assert "no answer" in done.out
 
 
+def test_each_device_that_does_not_respond_has_a_line(modalwatch: Commands, site: Path) -> None:
+    port = site.parent / "no-such-port"
+    other = (
+        f'[[device]]\nname = "second"\ndriver = "epson-uart"\nport = "{port}-2"\nchannels = {{y = "beam_right_y"}}\n'
+    )
+    site.write_text(SITE.format(driver="epson-uart", port=port) + other)
+    done = modalwatch("check", site)
+    assert done.code == 3
+    starts = [line.split(": ")[:2] for line in done.err.splitlines()]
+    assert starts == [["error", "device beam_left"], ["error", "device second"]]
+
+
 def test_check_refuses_invalid_settings(modalwatch: Commands, site: Path) -> None:
     good = SITE.format(driver="epson-uart", port="/dev/none")
     for old, new, says in (
