@@ -149,15 +149,16 @@ def _diagnosed(
     case = Case(search.reference, event, search.data, singles, search, measured, unused, bare)
     if not circumstances.steady:
         return _refused("unexplained", case, singles[0].log_evidence, "unsteady")
-    if reference.nominal is None and nothing_changed(search, singles):
+    least_error = MODEL_ERROR / reference.model_error_factor
+    good = compare(reference, event, circumstances=circumstances, model_error=least_error)
+    unchanged = reference.nominal is None and (reference.of_file or within_noise(good, ()))
+    if unchanged and nothing_changed(search, singles):
         return _refused("nothing_to_explain", case, search.log_nothing, "no_change")
     alone = [c for c in singles if c.effective]
     found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
-    least_error = MODEL_ERROR / reference.model_error_factor
-    good = compare(reference, event, circumstances=circumstances, model_error=least_error)
     if found and fits(found[0]):
         if of_the_file and learned is reference:  # the file alone agrees no better than assumed
             again_learned, other = with_learned_error(reference, event, circumstances, found[0])
@@ -178,14 +179,14 @@ def _diagnosed(
             revised = case.weighing.faults.attempt(what, revision)
             if revised is not None:
                 return revised
-        found = found if within_noise(good, found[0]) else closer(case, found, good)
+        found = found if within_noise(good, found[0].chosen) else closer(case, found, good)
         leading, *rest = [merged(case.weighing, found[0]), *found[1:]]
         found = significant_only(case.weighing, [leading, *rest])
         less = max((c.log_evidence for c in found), default=float("-inf"))
         left = less >= min(leading.log_evidence, case.weighing.log_nothing)  # else no change is more probable
-        if not left and reference.nominal is None and case.weighing.nothing.p_value >= MIN_P:
+        if not left and unchanged and case.weighing.nothing.p_value >= MIN_P:
             return _refused("nothing_to_explain", case, best.log_evidence, "no_change")
-    if not found or not fits(found[0]) or not within_noise(good, found[0]):
+    if not found or not fits(found[0]) or not within_noise(good, found[0].chosen):
         odd = found[0] if found else best
         faults = case.weighing.faults
         nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))

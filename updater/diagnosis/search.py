@@ -7,12 +7,13 @@ one. A poor reference permits a larger error: if the explanation then leaves sev
 others with smaller residuals are sought.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from updater.causes import CATALOGUE, LocalStiffness
+from updater.causes import CATALOGUE, LocalStiffness, Nothing, SelectedCause
 from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
@@ -59,7 +60,7 @@ def fits(best: Candidate) -> bool:
     return best.p_value >= (MIN_P if len(best.chosen) == 1 else _MIN_P_TOGETHER)
 
 
-def within_noise(good: Comparison, best: Candidate) -> bool:
+def within_noise(good: Comparison, chosen: Sequence[SelectedCause]) -> bool:
     """Return whether the residual of the frequencies is at most several times that of noise and a good model's error.
 
     A poor reference permits larger residuals of a fit. They may be the reference's error, or another cause. Where the
@@ -69,8 +70,9 @@ def within_noise(good: Comparison, best: Candidate) -> bool:
     Parameters
     ----------
     good : the event, compared with the error of a good model
+    chosen : causes with their parameters; none: no change
     """
-    found = fit(good, fixed(good, best.chosen))
+    found = fit(good, fixed(good, chosen)) if chosen else fit(good, Nothing(comparison=good))
     off = found.frequency_residual[0]
     expected = _MAX_LEFT**2 * max(freedom_of_frequencies(good, found), 1.0)
     return bool(off @ off <= max(expected, chdtri(len(off), _USUAL)))
@@ -87,7 +89,7 @@ def closer(case: Case, found: list[Candidate], good: Comparison) -> list[Candida
     """
     weighing = replace(case.weighing, data=good)
     sought = stepwise(weighing, _again(weighing, found), rough=False)
-    closer = [c for c in sought if within_noise(good, c)][:_MAX_JUDGED]
+    closer = [c for c in sought if within_noise(good, c.chosen)][:_MAX_JUDGED]
     again = [Compositions(case.weighing).coordinate_fit(c.chosen) for c in closer]
     return ranked([fitted for fitted in again if fitted is not None]) or found
 
