@@ -25,7 +25,8 @@ from monitor.views.plots.identification import (
 from oma import Identification, ModalEstimate
 from updater import Structure
 
-_SHAPES = 6  # modes whose shapes are drawn below the diagram
+_BARS_IN_ROW = 6  # shapes in a row below the diagram
+_MAX_SHAPES = 24  # modes whose shapes are drawn below the diagram
 _COLUMNS = 4
 _NAMES = 20  # of channels, below a shape
 _SWAY = 0.2  # of the structure's size: the longest arrow
@@ -75,12 +76,16 @@ def draw_modes(path: Path, recording: Recording, found: Identification, estimate
 
 
 def figure_of_modes(estimate: ModalEstimate) -> tuple[Figure, Axes]:
-    """Return a figure of the first shapes as bars, and the axes above them, for a diagram."""
-    n = min(_SHAPES, estimate.n_modes)
-    figure = Figure(figsize=(14, 9), layout="constrained")
-    grid = figure.add_gridspec(2, n, height_ratios=(1.7, 1))
+    """Return a figure of the shapes as bars, and the axes above them, for a diagram."""
+    n = min(_MAX_SHAPES, estimate.n_modes)
+    columns = min(_BARS_IN_ROW, n)
+    rows = -(-n // columns)
+    figure = Figure(figsize=(14, 5.7 + 3.3 * rows), layout="constrained")
+    grid = figure.add_gridspec(1 + rows, columns, height_ratios=(1.7, *[1.0] * rows))
     diagram = figure.add_subplot(grid[0, :])
-    shapes = [figure.add_subplot(grid[1, k]) for k in range(n)]
+    if n < estimate.n_modes:
+        diagram.set_title(f"shapes of modes 1 to {n} of {estimate.n_modes} below")
+    shapes = [figure.add_subplot(grid[1 + k // columns, k % columns]) for k in range(n)]
     for k, axes in enumerate(shapes):
         axes.sharey(shapes[0])
         _draw_bars(axes, estimate, k)

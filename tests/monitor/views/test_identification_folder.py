@@ -13,10 +13,12 @@ from PIL import Image
 from daq import Channel, write_recording
 from monitor.views.plots import plot_shapes, plot_stabilization
 from monitor.views.plots.identification import complexity_figure, mac_figure, plot_tracks
+from monitor.views.plots.mode_shapes import figure_of_modes
 from oma import Identification, ModalEstimate, identify_all, mac_matrix, normalise, places_by_name
 from tests.support.monitor.cli import Commands, assert_refused
 from tests.support.monitor.seasons import FREQUENCY, Month, month
 from tests.support.oma.structures import chain, simulate
+from tests.support.updater.frames import as_estimate
 from updater import parse_structure, t_structure_toml
 
 CHAIN = chain(4, first=2.0, damping=0.01)
@@ -131,3 +133,10 @@ def test_shapes_are_drawn_at_the_sensors() -> None:
     names = ("col_037_x", "col_037_y", "beam_left_y", "beam_right_z")
     assert drawn_arrows(estimate, names) == 4 * 3  # one arrow a place and mode
     assert len({place.node for place in places_by_name(names).values()}) == 3
+
+
+def test_shapes_of_all_modes_are_below_the_diagram() -> None:
+    shapes = np.random.default_rng(9).standard_normal((9, 4))
+    figure, diagram = figure_of_modes(as_estimate(np.arange(1.0, 10.0), shapes, channels=("a", "b", "c", "d")))
+    below = [axes for axes in figure.axes if axes is not diagram]
+    assert [axes.get_title().split(":")[0] for axes in below] == [str(k) for k in range(1, 10)]

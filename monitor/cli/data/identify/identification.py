@@ -122,6 +122,7 @@ def draw_window(path: Path, recording: Recording, found: Identification, estimat
 
     with drawing(path, "--picture"):
         draw_modes(path, recording, found, estimate)
+    echo(f"picture: {path}")
 
 
 def animate_modes(
