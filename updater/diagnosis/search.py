@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from updater.causes import CATALOGUE, LocalStiffness, Nothing, SelectedCause
+from updater.causes import CATALOGUE, LocalStiffness, SelectedCause
 from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
@@ -72,7 +72,7 @@ def within_noise(good: Comparison, chosen: Sequence[SelectedCause]) -> bool:
     good : the event, compared with the error of a good model
     chosen : causes with their parameters; none: no change
     """
-    found = fit(good, fixed(good, chosen)) if chosen else fit(good, Nothing(comparison=good))
+    found = fit(good, fixed(good, chosen))
     off = found.frequency_residual[0]
     expected = _MAX_LEFT**2 * max(freedom_of_frequencies(good, found), 1.0)
     return bool(off @ off <= max(expected, chdtri(len(off), _USUAL)))
