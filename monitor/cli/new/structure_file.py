@@ -11,6 +11,7 @@ from monitor.cli.options import DONE, KINDS
 from monitor.cli.output import asked, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
+from monitor.text.quantities import counted
 from updater import StructureError, parse_structure
 
 Point = tuple[float, float, float]
@@ -192,7 +193,8 @@ def write_structure(
     except StructureError as error:
         raise ArgumentError("--section", str(error)) from error
     write_new(path, text, force=force)
-    echo(f"written: {path}: {len(loaded.member)} members, {len(loaded.sensor)} sensors")
+    content = f"{counted(len(loaded.member), 'member')}, {counted(len(loaded.sensor), 'sensor')}"
+    echo(f"written: {path}: {content}")
     echo(f"next: edit it, then draw and check it: modalwatch structure {path}")
     return DONE
 
