@@ -202,7 +202,7 @@ class WindowEvaluator:
     def _present(self, window: Window, learned: LearnedBaseline) -> tuple[Sequence[Window], AlarmResult | None]:
         """Return the windows of the present state, and a message if the structure has changed once more, or changes."""
         changed = self._changed_windows()
-        look = self._state(changed, learned)
+        look = self._state(changed, learned) if changed else None
         if look is None:
             return changed, None
         was_changing, self._changing = self._changing, look.gradual

@@ -122,3 +122,13 @@ def test_acceptance_waits_for_the_end_of_a_gradual_change(seed: int, monkeypatch
     assert np.nanmax(np.abs((shift - true) / std)) < 4
     after = [window for window in judged(results) if window.start > accepted.time]
     assert all(window.novelty and window.novelty.t2 < window.novelty.limit for window in after)
+
+
+def test_first_window_above_the_limit_after_a_calm_one_within_an_alarm(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It may hold both states: no window of the present state is there yet, and the alarm stays active."""
+    played, pipeline = watched(3, monkeypatch)
+    states = []
+    for body, n in ((PUMP, 3), (None, 1), (PUMP, 1)):
+        played.put(body)
+        states += [w.phase for w in judged(run(pipeline, played.windows(n)))]
+    assert states == ["watching", *4 * ["alarm"]]
