@@ -124,7 +124,7 @@ def explain(
             without=without,
         )
     if before and now.sample:
-        explained = _with_breathing(explained, event.modes, now.sample, before.sample)
+        explained = with_breathing(explained, event.modes, now.sample, before.sample)
     return Explanation(
         explained=explained,
         sought=reference,
@@ -135,7 +135,7 @@ def explain(
     )
 
 
-def _with_breathing(
+def with_breathing(
     found: DiagnosisResult, event: ModalMean, sample: Recording, before: Recording | None
 ) -> DiagnosisResult:
     """Return a diagnosis whose losses of stiffness state how far they close, from the signals of a window."""

@@ -1,12 +1,12 @@
 """Identified windows: one that needs no state of the watch, and its part that is saved for a restart."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from daq import FloatArray, Recording
-from monitor.analysis.observation import root_mean_square
+from monitor.analysis.observation import root_mean_square, without_delays
 from monitor.results.convert import spectrum_result
 from monitor.results.windows import Spectrum
 from oma import ChannelFault, IdentificationError, ModalEstimate, identify_all
@@ -58,6 +58,7 @@ class IdentifiedWindow:
     modes: IdentifiedModes | None  #: None if the window gives none
     problem: str = ""  #: reason why it gives none
     spectrum: Spectrum | None = None
+    signals: Recording | None = None  #: None of a window that was identified elsewhere
 
 
 def identify_window(recording: Recording, band: tuple[float, float] | None) -> IdentifiedWindow:
@@ -70,7 +71,8 @@ def identify_window(recording: Recording, band: tuple[float, float] | None) -> I
     modes = IdentifiedModes(
         estimate=found.estimate, delays=found.delays, harmonics=found.harmonics, left_out=found.left_out
     )
-    return IdentifiedWindow(recorded=recorded, modes=modes, spectrum=spectrum_result(recording, found.poles))
+    spectrum = spectrum_result(recording, found.poles)
+    return IdentifiedWindow(recorded=recorded, modes=modes, spectrum=spectrum, signals=recording)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -125,6 +127,20 @@ def window_of(
         synchronized=remove_delays(estimate, devices, tau),
         removed={device: seen[device] + t for device, t in tau.items()},
     )
+
+
+def signals_of(window: Window, recording: Recording, late: Mapping[str, float]) -> Recording:
+    """Return the signals of a window in the channels of its estimate, without the delays of devices.
+
+    Parameters
+    ----------
+    window : with the delays that were removed from its modes
+    recording : its signals
+    late : channel -> known delay, of the structure file [s]
+    """
+    kept = [k for k, channel in enumerate(recording.channels) if channel.name in window.estimate.channels]
+    channels = tuple(recording.channels[k] for k in kept)
+    return without_delays(replace(recording, channels=channels, data=recording.data[:, kept]), window.removed, late)
 
 
 def synchronized_windows(windows: Sequence[Window], devices: Mapping[str, str]) -> SynchronizedWindows:

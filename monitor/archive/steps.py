@@ -125,7 +125,7 @@ def _encoded(step: Step) -> dict[str, Any]:
     if isinstance(step, Event):
         return {"topic": step.topic, "time": step.time, "payload": step.payload}
     spectrum = step.spectrum.model_dump(mode="json") if step.spectrum else None
-    return {"window": encode(replace(step, spectrum=None)), "spectrum": spectrum}
+    return {"window": encode(replace(step, spectrum=None, signals=None)), "spectrum": spectrum}
 
 
 def unpacked(packed: bytes) -> Iterator[Step]:

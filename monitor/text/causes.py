@@ -287,11 +287,12 @@ def probability_text(cause: Cause) -> str:
 
 def brief_text(cause: Cause) -> str:
     """Return a cause in one line; where the data cannot distinguish it from others, all of them without their sizes."""
+    closing = f" ({breathing_text(cause)})" if cause.breathing and cause.breathing.significant else ""
     if not cause.cannot_be_told_from:
-        return cause_text(cause)
+        return cause_text(cause) + closing
     fitted: dict[str, FittedCause] = {other.cause: other for other in (cause, *cause.alternatives)}
     names = (cause.cause, *cause.cannot_be_told_from)
-    return " or ".join(_without_size(fitted[name]) if name in fitted else plain(name) for name in names)
+    return " or ".join(_without_size(fitted[name]) if name in fitted else plain(name) for name in names) + closing
 
 
 def _without_size(cause: FittedCause) -> str:

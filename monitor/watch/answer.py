@@ -14,7 +14,7 @@ from monitor.text.diagnosis import diagnosis_answer
 from monitor.text.verdicts import is_one_mass
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, LearnedModel
 from monitor.watch.baseline.modal_change import modal_change
-from monitor.watch.explanation import compare_windows, conditions_of, explain_windows, sensors_seen
+from monitor.watch.explanation import Signals, compare_windows, conditions_of, explain_windows, sensors_seen
 from updater import (
     DiagnosisResult,
     ModalDataError,
@@ -31,6 +31,7 @@ def answer(
     changed_windows: Sequence[Window],
     structure: Structure | None,
     extras: OptionalWork,
+    signals: Signals | None,
 ) -> dict[str, Any]:
     """Return the fields of a `WindowResult` that explain a change; none without windows.
 
@@ -43,12 +44,13 @@ def answer(
     changed_windows : windows over the limit that begin after the first one: that one may hold both states
     structure : of the site; None if it has none
     extras : collects failures
+    signals : of a window before the change, and of the last one
     """
     if not changed_windows:
         return {}
     if learned.model is None or structure is None:
         return {"change": extras.found("the comparison of modes", lambda: modal_change(learned, changed_windows))}
-    return _explanation(learned, learned.model, changed_windows, structure, extras)
+    return _explanation(learned, learned.model, changed_windows, structure, extras, signals)
 
 
 def _explanation(
@@ -57,13 +59,14 @@ def _explanation(
     changed_windows: Sequence[Window],
     structure: Structure,
     extras: OptionalWork,
+    signals: Signals | None,
 ) -> dict[str, Any]:
     """Return the fields that explain a change by a model."""
     reference = model.reference
     modes = learned.mean_of(changed_windows)
     found: dict[str, Any] = {}
     found["increments"] = extras.found("the one-step update", lambda: _increments(model, modes, len(changed_windows)))
-    both = extras.found("the diagnosis", lambda: diagnosis_of(learned, model, changed_windows))
+    both = extras.found("the diagnosis", lambda: diagnosis_of(learned, model, changed_windows, signals))
     if both is None:
         return found
     explained, event = both
@@ -81,7 +84,10 @@ def _explanation(
 
 
 def diagnosis_of(
-    learned: LearnedBaseline, model: LearnedModel, changed_windows: Sequence[Window]
+    learned: LearnedBaseline,
+    model: LearnedModel,
+    changed_windows: Sequence[Window],
+    signals: Signals | None = None,
 ) -> tuple[DiagnosisResult, Event] | None:
     """Return the diagnosis of windows; None where fewer than three modes are left to compare."""
     try:
@@ -90,6 +96,7 @@ def diagnosis_of(
             learned.before,
             conditions_of(changed_windows),
             synchronized_windows(changed_windows, learned.devices),
+            signals,
         )
     except ModalDataError:
         return None  # there is an alarm, but no cause

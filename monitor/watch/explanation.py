@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from daq import IndexArray
+from daq import IndexArray, Recording
 from monitor.analysis.event import Conditions, Event, event_of
+from monitor.analysis.explanation import with_breathing
 from monitor.analysis.window import Window
 from monitor.results.comparison import ChannelHealth, DiscrepancyResult
 from monitor.results.correlation import discrepancy_result
@@ -23,6 +24,8 @@ from updater import (
 )
 from updater.modal_data import SynchronizedWindows, choose_tracks
 
+Signals = tuple[Recording, Recording]  #: of a window before a change, and of one after it
+
 
 def conditions_of(windows: Sequence[Window]) -> Conditions:
     """Return the conditions in windows of the monitor."""
@@ -36,7 +39,11 @@ def conditions_of(windows: Sequence[Window]) -> Conditions:
 
 
 def explain_windows(
-    reference: Reference, before: Conditions, now: Conditions, windows: SynchronizedWindows
+    reference: Reference,
+    before: Conditions,
+    now: Conditions,
+    windows: SynchronizedWindows,
+    signals: Signals | None = None,
 ) -> tuple[DiagnosisResult, Event]:
     """Diagnose windows since the baseline; return the diagnosis and the event that was diagnosed.
 
@@ -45,6 +52,7 @@ def explain_windows(
     reference : learnt from the baseline
     before, now : conditions in the baseline's windows, and in these
     windows : modes of these, their devices' delays removed
+    signals : of a window of the baseline's state, and of the last of these
 
     Raises
     ------
@@ -55,7 +63,11 @@ def explain_windows(
     if not len(kept):
         raise ModalDataError("no mode is in most of the windows")
     event = event_of(reference, windows, tracks, now, before)
-    return diagnose(reference, event.modes, every=event.measured, circumstances=event.circumstances), event
+    found = diagnose(reference, event.modes, every=event.measured, circumstances=event.circumstances)
+    if signals:
+        before_change, last = signals
+        found = with_breathing(found, event.modes, last, before_change)
+    return found, event
 
 
 def compare_windows(reference: Reference, event: Event, explained: DiagnosisResult) -> DiscrepancyResult | None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from daq import Assembler, Block, Event, Recording
 from monitor.analysis.temperature import SiteTemperature
-from monitor.analysis.window import IdentifiedWindow, RecordedWindow, identify_window, window_of
+from monitor.analysis.window import IdentifiedWindow, RecordedWindow, identify_window, signals_of, window_of
 from monitor.results.windows import Result, WindowResult
 from monitor.settings import Settings
 from monitor.watch.backlog import SKIPPED, Skip, none
@@ -117,7 +117,8 @@ class Pipeline:
             "spectrum": window.spectrum,
             "problem": None,
         }
-        yield from self._judge.evaluate(kept, self._bare(index, recorded, "").model_copy(update=seen))
+        signals = signals_of(kept, window.signals, self._late) if window.signals else None
+        yield from self._judge.evaluate(kept, self._bare(index, recorded, "").model_copy(update=seen), signals)
 
     def _bare(self, index: int, recorded: RecordedWindow, problem: str) -> WindowResult:
         return WindowResult(

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from daq import Event, IndexArray
+from daq import Event, IndexArray, Recording
 from monitor.analysis.states.present_state import PresentState, present_state
 from monitor.analysis.window import Window
 from monitor.detection.alarm import Alarm, Change, Kind
@@ -36,7 +36,7 @@ from monitor.watch.answer import answer, sensors
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
-from monitor.watch.memory import Memory, state_fingerprint
+from monitor.watch.memory import CalmSignals, Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
 from updater import Structure, UpdaterError
 from updater.modal_data import NO_DELAYS, DeviceDelays
@@ -60,6 +60,7 @@ class WindowEvaluator:
         self._learned: LearnedBaseline | None = None
         self._out: list[Window] = []  # windows over the limit, without a break
         self._calm: list[Window] = []  # windows under it since the sensors were last looked at
+        self._before: CalmSignals | None = None  # of the first calm window of the reference
         self._requested: AcceptanceRequest | None = None
         self._tests = SelfTests(settings, memory.tests if memory else NEVER_TESTED)
         self._extras = OptionalWork()
@@ -72,6 +73,7 @@ class WindowEvaluator:
         self.n_windows = memory.n_windows
         self._alarm = replace(memory.alarm, rules=self._settings.alarm.rules)
         self._out, self._calm, self._requested = list(memory.out), list(memory.calm), memory.wanted
+        self._before = memory.signals
         if memory.detector is None:
             return
         rest = memory.baseline, self._settings, memory.detector, memory.accepted
@@ -109,6 +111,7 @@ class WindowEvaluator:
             tests=self._tests.state,
             out=tuple(self._out),
             calm=tuple(self._calm),
+            signals=self._before,
         )
 
     @property
@@ -126,9 +129,19 @@ class WindowEvaluator:
         baseline = self._learned.modes if self._learned else None
         return mode_results(window.synchronized, *self._tracked(window), baseline)
 
-    def evaluate(self, window: Window, result: WindowResult) -> Iterator[Result]:
-        """Evaluate one window; yield the results, first its own."""
-        yield from self._learn(window, result) if self._learned is None else self._judge(window, self._learned, result)
+    def evaluate(self, window: Window, result: WindowResult, signals: Recording | None = None) -> Iterator[Result]:
+        """Evaluate one window; yield the results, first its own.
+
+        Parameters
+        ----------
+        window : its modes
+        result : to be completed
+        signals : of the window; None: a loss of stiffness is not tested for opening and closing
+        """
+        if self._learned is None:
+            yield from self._learn(window, result)
+        else:
+            yield from self._judge(window, self._learned, result, signals)
 
     def apply_command(self, event: Event) -> Iterator[Result]:
         """Execute the command of a person; other events have no effect."""
@@ -166,18 +179,25 @@ class WindowEvaluator:
         if text:
             yield self._message(window, text)
 
-    def _judge(self, window: Window, learned: LearnedBaseline, result: WindowResult) -> Iterator[Result]:
+    def _judge(
+        self, window: Window, learned: LearnedBaseline, result: WindowResult, signals: Recording | None
+    ) -> Iterator[Result]:
         score = learned.judge(window)
         over = score.t2 > score.limit
         self._alarm, changes = self._alarm.evaluate(window.end, score.level)
         trending = learned.detector.settle(calm=self._alarm.state == "normal")
         self._out = [*self._out, window][-MAX_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
+        if self._before is None and signals and not over and self._alarm.state == "normal":
+            self._before = CalmSignals.of(signals)  # a later one may hold a change that is not detected yet
         result = result.model_copy(update={"novelty": score, "phase": self.phase})
         notice = None
         if self._alarm.state == "alarm" and over:
             present, notice = self._present(window, learned)
-            found = self._extras.found("the diagnosis", lambda: answer(learned, present, self._structure, self._extras))
+            both = (self._before.recording, signals) if self._before and signals else None
+            found = self._extras.found(
+                "the diagnosis", lambda: answer(learned, present, self._structure, self._extras, both)
+            )
             result = result.model_copy(update=found or {})
         calm: list[Window] = []
         if len(self._calm) >= self._settings.analysis.first_windows:
@@ -262,7 +282,7 @@ class WindowEvaluator:
         except CannotAcceptError as error:
             yield self._notice(time, "refused", f"{wanted.cause!r} cannot be accepted: {error}")
             return
-        self._learned, self._out, self._calm = learned, [], []
+        self._learned, self._out, self._calm, self._before = learned, [], [], None
         self._alarm, change = self._alarm.accept(time)
         yield self._reference(learned, time)
         yield self._alarm_result(time, change, acceptance_text(learned.accepted[-1].result))
@@ -291,7 +311,7 @@ class WindowEvaluator:
             yield self._notice(time, "refused", "nothing is undone: no change has been accepted")
             return
         self._learned = undo_last(self._structure, learned, self._settings)
-        self._out, self._calm = [], []
+        self._out, self._calm, self._before = [], [], None
         self._tests.forget()
         yield self._reference(self._learned, time)
         yield self._notice(time, "undone", undone_text(learned.accepted[-1].result, request))

@@ -350,7 +350,7 @@ def _cause_rows(cause: Cause, diagnosis: DiagnosisAnswer) -> list[dict[str, Any]
                 "probability": probability_text(cause),
                 "where": where_text(one.where) or ("–" if name in fitted else "not fitted"),
                 "parameters": parameter_texts(one),
-                "further": further_changes_text(further_changes(one)) or breathing_text(one),
+                "further": [text for text in (further_changes_text(further_changes(one)), breathing_text(one)) if text],
                 "check": check if check not in diagnosis.next_measurement else "",
             }
         )

@@ -17,12 +17,13 @@ from monitor.watch.accepted_change import AcceptanceRequest, AcceptedChange
 from monitor.watch.detector import DetectorState
 from monitor.watch.memory.codec import CodecError, decode, encode
 from monitor.watch.memory.file import MEMORY, NOTHING, LoadedState
+from monitor.watch.memory.signals import CalmSignals
 from monitor.watch.self_test import Tested
 from updater import Structure, dump_structure
 from updater.structure import without_edges
 
 STRUCTURE, NO_STRUCTURE = "the structure file", "none"  #: key and value in the dependencies of a state
-VERSION = 10  # version of this format, or of the identification of modes: another one is not read
+VERSION = 11  # version of this format, or of the identification of modes: another one is not read
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,6 +44,7 @@ class Memory:
     calm: tuple[Window, ...]  #: windows below it since the last evaluation of the sensors
     #: difference of the site's thermometer from the devices' [K], see `SiteTemperature`
     thermometer_offset: float = math.nan
+    signals: CalmSignals | None = None  #: of the first calm window of the reference
 
     @property
     def without_model(self) -> bool:

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from daq import Event
+from daq import Channel, Event, Recording
 from monitor.detection.alarm import Alarm, AlarmRules
 from monitor.results.windows import AlarmResult, ReferenceResult
-from monitor.watch.memory import MEMORY, CodecError, MemoryFile, memory_text, parse_memory, recall
+from monitor.watch.memory import MEMORY, CalmSignals, CodecError, MemoryFile, memory_text, parse_memory, recall
 from monitor.watch.memory.codec import decode, encode
 from monitor.watch.memory.state import VERSION
 from tests.support.daq.blocks import make_block
@@ -230,3 +230,20 @@ def test_unwritable_state_folder_is_reported(tmp_path: Path) -> None:
         memory.expect("x")
         memory.take(event)
     assert "memory.json: " in (memory.problem or "")
+
+
+def test_signals_before_a_change_are_the_end_of_the_longest_stretch_without_a_gap() -> None:
+    """Saved and restored bit for bit; none of a record whose stretches are too short."""
+    random = np.random.default_rng(35)
+    data = random.standard_normal((40_000, 2))
+    data[[9_000, 35_000], 1] = np.nan
+    channels = tuple(Channel(name=name, device="d", axis=axis) for axis, name in enumerate("ab"))
+    recording = Recording(channels=channels, data=data, rate=1000.0, start=7)
+    kept = CalmSignals.of(recording)
+    assert kept
+    back: CalmSignals = decode(CalmSignals, json.loads(json.dumps(encode(kept))))
+    assert back.data.tobytes() == kept.data.tobytes()
+    assert (back.channels, back.rate, back.start) == (channels, 1000.0, 7 + round((35_000 - 2**14) * 1e6))
+    np.testing.assert_array_equal(back.recording.data, data[35_000 - 2**14 : 35_000].astype(np.float32))
+    data[::8_000, 0] = np.nan
+    assert CalmSignals.of(recording) is None
