@@ -5,6 +5,8 @@ from typing import Annotated
 
 from typer import Option
 
+from monitor.cli.demo.rig import SCENARIOS
+
 
 def demo(
     out: Annotated[Path, Option("--out", "-o", metavar="DIR", help="Folder for the results.")] = Path("demo-output"),
@@ -18,6 +20,10 @@ def demo(
             max=20,
         ),
     ] = 20.0,
+    scenario: Annotated[
+        str | None,
+        Option(metavar="|".join(SCENARIOS), help="Shipped scenario. Default: a body is added, drawn."),
+    ] = None,
     short: Annotated[bool, Option("--short", help="Quarter of the length, less accurate answers.")] = False,
 ) -> int:
     """Monitor an emulated rig from baseline to diagnosis.
@@ -25,7 +31,8 @@ def demo(
     Example:
     modalwatch demo --out demo-output --seed 7
     modalwatch demo --short
+    modalwatch demo --scenario breathing-crack
     """
     from monitor.cli.demo.demonstration import FULL, SHORT, demonstrate
 
-    return demonstrate(out, seed, speed=speed, plan=SHORT if short else FULL)
+    return demonstrate(out, seed, speed=speed, plan=SHORT if short else FULL, name=scenario)

@@ -1,6 +1,7 @@
 """A virtual rig, in a process of its own, and its monitor on the terminal; the answer is compared with the truth."""
 
 import json
+import math
 import secrets
 import shutil
 import subprocess
@@ -8,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,14 +23,14 @@ from daq.notebook import rounded_text
 from daq.signals import STOP_SIGNALS, signal_event
 from daq.timing import SharedTime
 from monitor.cli.demo.rig_site import rig_site
-from monitor.cli.demo.score import reveal
+from monitor.cli.demo.score import reveal, reveal_scenario
 from monitor.cli.options import INTERRUPTED
 from monitor.cli.site.console_log import line
 from monitor.cli.site.monitoring import tell_live
 from monitor.cli.terminal import console
-from monitor.errors import StartError
+from monitor.errors import ArgumentError, StartError
 from monitor.results.windows import AlarmResult, Result, WindowResult
-from monitor.rig import Scenario, draw_t_frame, dump_scenario
+from monitor.rig import Scenario, draw_t_frame, dump_scenario, load_scenario, shipped_scenarios
 from monitor.service.daemon import run
 from monitor.service.servers.live_view import live_view
 from monitor.service.site import load_site
@@ -109,19 +110,39 @@ FULL = Plan(window=40.0, baseline_windows=12, windows=27, between=(530.0, 640.0)
 SHORT = Plan(window=15.0, baseline_windows=8, windows=13, between=(124.0, 146.0))
 
 
-def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int:
-    """Run the demo; 0 if the body was found rightly, 1 if not, 130 if it was stopped."""
-    seed = secrets.randbelow(10_000) if seed is None else seed
+def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan, name: str | None = None) -> int:
+    """Run the demo; 0 if the events were found rightly, 1 if not, 130 if it was stopped.
+
+    Parameters
+    ----------
+    out : folder for the results
+    seed : of the rig; None: random, or that of the scenario
+    speed : seconds of data per second
+    plan : windows and times
+    name : of a shipped scenario; None: a body is added to a drawn T-frame
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such scenario.
+    """
+    shipped = shipped_scenarios()
+    if name is not None and name not in shipped:
+        raise ArgumentError("--scenario", f"expected one of {', '.join(shipped)}, found {name!r}")
+    if name is not None:
+        scenario, plan = _planned(load_scenario(shipped[name]), seed, plan)
+    else:
+        seed = secrets.randbelow(10_000) if seed is None else seed
+        scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
     minutes, limit = plan.windows * plan.window / 60, "at most " if speed > 1 else ""
     console.print(
-        f"[bold]modalwatch demo[/], seed {seed}: {minutes:.0f} minutes of a virtual T-frame, {limit}{speed:g}x speed"
+        f"[bold]modalwatch demo[/], seed {scenario.seed}: {minutes:.0f} minutes of a virtual T-frame, "
+        f"{limit}{speed:g}x speed"
     )
-    console.print(
-        "Six emulated Epson accelerometers: four serial, two CAN. Sometime, somewhere, the rig will add a body;"
-    )
-    console.print("the monitor has no information on time, place or mass.\n")
+    hidden = f"The rig plays the scenario {name};" if name else "Sometime, somewhere, the rig will add a body;"
+    console.print(f"Six emulated Epson accelerometers: four serial, two CAN. {hidden}")
+    console.print(f"the monitor has no information on {'it' if name else 'time, place or mass'}.\n")
     _clear(out)
-    scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
     (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
     with signal_event(*STOP_SIGNALS) as stop, RigProcess(out, speed) as rig:
@@ -144,7 +165,30 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan) -> int
     if interrupted:
         console.print(f"\nstopped after {display.n_windows} windows; the log is whole: {report.log}", soft_wrap=True)
         return INTERRUPTED
+    if name is not None:
+        structure = parse_structure(t_structure_toml())
+        return reveal_scenario(console, out, structure, scenario, display.found, report, done)
     return reveal(console, out, scenario, display.found, report, done)
+
+
+def _planned(scenario: Scenario, seed: int | None, plan: Plan) -> tuple[Scenario, Plan]:
+    """Return a shipped scenario and the plan with it: its first event in the middle of the plan's range of times.
+
+    The time between events is that of the scenario, in windows; the record is longer by the windows between them.
+    """
+    scale = plan.window / FULL.window
+    at = [scale * event.at for event in scenario.event] or [0.0]
+    shift = sum(plan.between) / 2 - at[0]
+    more = math.ceil((max(at) - at[0]) / plan.window)
+    plan = replace(plan, windows=plan.windows + more)
+    moved = {
+        "structure": "t_structure.toml",
+        "seed": scenario.seed if seed is None else seed,
+        "rate": plan.rate,
+        "duration": plan.duration,
+        "event": tuple(event.model_copy(update={"at": scale * event.at + shift}) for event in scenario.event),
+    }
+    return scenario.model_copy(update=moved), plan
 
 
 def _clear(out: Path) -> None:

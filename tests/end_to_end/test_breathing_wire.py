@@ -1,0 +1,39 @@
+"""The demo of a crack, as a process: devices over the wire, alarm, and the statement that it opens and closes."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from monitor.results.windows import WindowResult
+from monitor.service.replay import replay
+from tests.support.monitor.recorded_runs import logged_results
+
+MODALWATCH = [sys.executable, "-c", "from monitor.cli.main import main; main()"]
+
+
+@pytest.mark.live
+@pytest.mark.thorough
+@pytest.mark.xdist_group("busy")
+@pytest.mark.timeout(1500)
+def test_crack_of_the_rig_is_stated_to_open_and_close(tmp_path: Path) -> None:
+    """Place within 5 cm, share within three deviations; the log gives the same answers again, bit for bit."""
+    command = [*MODALWATCH, "demo", "--scenario", "breathing-crack", "--speed", "8", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1200, check=False)
+    print(done.stdout[-3000:], done.stderr)
+    assert done.returncode == 0
+    answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
+    assert answer["right"] is True
+    assert "it opens and closes" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    log = next((tmp_path / "log").glob("*.mcap"))
+    found = [r.diagnosis for r in logged_results(log) if isinstance(r, WindowResult) and r.diagnosis]
+    (cause,) = found[-1].causes
+    print(cause)
+    assert cause.where
+    assert cause.where.position == pytest.approx((0.0, 0.0, 0.3), abs=0.05)
+    assert cause.breathing
+    assert cause.breathing.significant
+    assert abs(cause.breathing.share.value - 1) < 3 * cause.breathing.share.std
+    assert replay(log, None, lambda _: None).same
