@@ -7,7 +7,9 @@ the modes to the sensors, and fitted to their signals by generalised least squar
 flexibility is 1 for a crack that closes completely, and 0 for one that is always open.
 
 The moment is known as far as measured modes show it. The remaining part r is random, so that the mean nonlinear
-rotation for a known part s is that of E max(s + r - m0, 0); its standard deviation is a parameter, as is m0.
+rotation for a known part s is that of E max(s + r - m0, 0). The model predicts that standard
+deviation: that of the modes that are not measured, under the forces that the measured ones show. It is a parameter
+within a factor of that, as is m0.
 
 References
 ----------
@@ -24,10 +26,6 @@ from typing import Any
 
 import numpy as np
 import scipy  # its parts at their first use
-import scipy.fft
-import scipy.signal
-import scipy.special
-import scipy.stats
 
 from daq import FloatArray, IndexArray, Recording
 from oma import ComplexArray
@@ -43,6 +41,7 @@ from updater.validation.virtual_sensors import gapless_part
 _FINER = 4  # samples of the moment per sample: the nonlinear rotation has harmonics
 _EDGE = 0.1  # of a record that is faded in and out, each
 _BLOCKS = 16  # of a record, whose scatter gives the standard deviation
+_PARTS = 8  # of a block, each weighted by the power of its signals
 _SEGMENTS, _LOOKS = 24, 3  # of half a record for its spectral matrix, at least: in all, and per channel
 _FEWEST_CHANNELS = 3
 _AT_ONCE = 2000  # lines whose matrices are in memory
@@ -55,13 +54,17 @@ _NOISE = 0.25  # quantile of the eigenvalues of the spectral matrix that is take
 _RANGE = 1.2  # of frequency, each way, within which forces are white
 _MODEL_STD = 0.1  # of a share, relative: moments that are not Gaussian, errors of shapes (simulated cracks, docs)
 _THRESHOLDS = np.linspace(-1.5, 1.5, 13)  # m0 over the standard deviation of the moment
-_UNKNOWN = (0.0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.5)  # standard deviation of r over that of s
+#: standard deviation of r over that of s, relative to that by the model; its logarithm is uncertain by 0.4: variances
+#: by 0.65 for forces at a few points, which are not alike on all modes, 0.4 for damping and 0.3 for shapes
+_UNKNOWN = np.exp(0.4 * np.linspace(-2.0, 2.0, 7))
+_UNKNOWN_LOG_DENSITY = -0.5 * np.linspace(-2.0, 2.0, 7) ** 2
+_LEAST_UNKNOWN = 0.05  # standard deviation of r over that of s, at least
 
 
 def breathing(
     event: ModalMean, part: Fit[Cause], recording: Recording, before: Recording | None = None
 ) -> Breathing | None:
-    """Return how far a loss of stiffness closes; None for other causes, a short record or too few channels.
+    """Return how far a loss of stiffness closes; None for other causes, short records or too few channels.
 
     The probable places of the loss are tried, because the nonlinear part of the signals shows the place too. Forces
     that are not symmetric, such as blows from one side, have a nonlinear part in a linear structure. It is measured
@@ -86,10 +89,10 @@ def breathing(
     window = _Window.of(states[0], comparison, recording)
     if window is None:
         return None
-    motion = window.modal_motion(states[0])
+    motion, force = window.modal_motion(states[0])
     prior = part.log_density + cause.log_prior
     tests = [
-        _ActionTest(window, state, motion, action, float(prior[row]))
+        _ActionTest(window, state, motion, force, action, float(prior[row]))
         for row, effect, state in zip(places, effects, states, strict=True)
         for action in _actions(comparison, effect)
     ]
@@ -99,8 +102,10 @@ def breathing(
     usual = None
     if before is not None:
         undisturbed = _ModalState.of(comparison, no_effect(1, comparison), damping, np.zeros(len(damping)))
-        if (earlier := _Window.of(undisturbed, comparison, before)) is not None:
-            usual = _ActionTest(earlier, undisturbed, earlier.modal_motion(undisturbed), best.action)
+        earlier = _Window.of(undisturbed, comparison, before)
+        if earlier is None:
+            return None
+        usual = _ActionTest(earlier, undisturbed, *earlier.modal_motion(undisturbed), best.action)
     bias, of_bias, p_value = best.against(usual)
     return _mean(tests, (bias, of_bias), min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
 
@@ -152,14 +157,17 @@ def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: fl
     std : of the mean flexibility, relative [-]
     """
     closes = p_value < BREATHES
-    grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), _UNKNOWN))
+    grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), range(len(_UNKNOWN))))
     most = max(test.log_density for test in tests)
     kept = [test for test in tests if test.log_density > most - _PROBABLE]
     log, share, variance, often = np.array([test.fitted(*bias, *values) for test in kept for values in grid]).T
+    variance += (std**2 + _MODEL_STD**2) * share**2
+    if closes:
+        log, share, variance = _within_bounds(log, share, variance)
     weight = np.exp(log - log.max())
     weight /= weight.sum()
     mean, open_time = float(weight @ share), float(weight @ often)
-    spread = float(weight @ (variance + (share - mean) ** 2)) + (std**2 + _MODEL_STD**2) * mean**2
+    spread = float(weight @ (variance + (share - mean) ** 2))
     resolved = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1) * scipy.stats.norm.pdf(0.0)
     of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12) ** 0.5
     return Breathing(
@@ -167,6 +175,20 @@ def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: fl
         open_time=Quantity(value=open_time, std=of_time, unit="-") if closes else None,
         p_value=p_value,
     )
+
+
+def _within_bounds(
+    log: FloatArray, mean: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return log densities, means and variances of shares from 0 to 1: a closed place is no stiffer than before."""
+    std = np.sqrt(variance)
+    low, high = -mean / std, (1 - mean) / std
+    nearer = np.where(mean < 0.5, -low, high)  # the bounds as quantiles of the tail that holds less
+    farther = np.where(mean < 0.5, -high, low)
+    inside = scipy.special.log_ndtr(nearer)
+    inside += np.log1p(-np.exp(scipy.special.log_ndtr(farther) - inside))
+    found = scipy.stats.truncnorm(low, high, loc=mean, scale=std)
+    return log + inside, np.asarray(found.mean()), np.asarray(found.var())
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,6 +243,8 @@ class _Window:
         for half, fade in enumerate(self._fades):
             whitened = self._whitened(half, self._spectrum(fade[:, None] * data))
             self._target += self._spectrum(fade[:, None] * self._signal(whitened))
+        #: (n_parts,) mean power of the whitened signals in each part: forces may not be stationary
+        self._power = self._parts_of(np.concatenate([self._white_power(k, half) for k, half in enumerate(halves)]))
 
     @classmethod
     def of(cls, state: _ModalState, comparison: Comparison, recording: Recording) -> "_Window | None":
@@ -239,8 +263,10 @@ class _Window:
             return None
         return cls(state.band, comparison.at_channels[known], data - data.mean(0), recording.rate)
 
-    def modal_motion(self, state: _ModalState) -> ComplexArray:
+    def modal_motion(self, state: _ModalState) -> tuple[ComplexArray, FloatArray]:
         """Return the motion (n_lines, n_modes) in the reference's modes, times omega^2 of the modes of the state.
+
+        The second value is the power (n_lines,) of the force on each mode.
 
         That of the modes in the band. Forces are white on all modes alike, and noise is alike in all sensors, both
         within a range of frequencies.
@@ -263,7 +289,28 @@ class _Window:
             forces = force[part, None] * (response.conj() * weighted[:, :, None]).sum(1)
             displacement = -forces * accelerance / (2 * np.pi * self._lines[part, None]) ** 2
             found.append((displacement * system.omega**2)[:, inside] @ state.vector[:, inside].T)
-        return np.concatenate(found)
+        return np.concatenate(found), force
+
+    def unknown_part(self, state: _ModalState, action: FloatArray, force: FloatArray, known: ComplexArray) -> float:
+        """Return the standard deviation of the part of an action that is not known, over that of the known part.
+
+        That of the modes outside the band.
+
+        Parameters
+        ----------
+        state : modes
+        action : (n_modes,) for unit displacements of these modes
+        force : (n_lines,) power of the force on each mode; of modes outside the band that of its nearest line
+        known : (n_lines,) spectrum of the known part
+        """
+        system = state.system
+        inside = (self._limits[0] < system.frequency) & (system.frequency < self._limits[1])
+        compliance = np.abs(system.accelerance(self._lines)) ** 2 / (2 * np.pi * self._lines[:, None]) ** 4
+        whole = float(force @ compliance[:, inside] @ action[inside] ** 2)
+        nearest = np.clip(np.searchsorted(self._lines, system.frequency), 0, len(self._lines) - 1)
+        variance = force[nearest] * action**2 / (system.omega**3 * system.damping)  # of modes under white forces
+        outside = whole * float(variance[~inside].sum() / variance[inside].sum())
+        return float(np.sqrt(max(outside / (np.abs(known) ** 2).sum(), _LEAST_UNKNOWN**2)))
 
     def fine(self, spectrum: ComplexArray) -> FloatArray:
         """Return a signal (n_fine,), with `_FINER` samples per sample."""
@@ -302,9 +349,15 @@ class _Window:
         halves = zip(self._fades, spectra, strict=True)
         return self._sums(np.sum([(fade * self._signal(spectrum)) ** 2 for fade, spectrum in halves], axis=0))
 
+    def _sums(self, signal: FloatArray) -> FloatArray:
+        """Return sums (n_blocks,) of a signal that is weighted by the inverse power of its part."""
+        return np.asarray((self._parts_of(signal) / self._power).reshape(_BLOCKS, _PARTS).sum(1))
+
     @staticmethod
-    def _sums(signal: FloatArray) -> FloatArray:
-        return np.array([part.sum() for part in np.array_split(signal, _BLOCKS)])
+    def _parts_of(signal: FloatArray) -> FloatArray:
+        """Return the sum (n_parts,) of each part of a signal."""
+        first = np.linspace(0, len(signal), _BLOCKS * _PARTS, endpoint=False).astype(int)
+        return np.asarray(np.add.reduceat(signal, first))
 
     def _faded(self, half: IndexArray) -> FloatArray:
         """Return a window (n_samples,) of some samples that is faded in and out."""
@@ -324,6 +377,13 @@ class _Window:
         """Return the product (n_lines, n_channels) of a spectrum with the inverse spectral matrix of the other half."""
         inverse, nearest = self._inverses[half]
         return np.concatenate([(inverse[nearest[part]] @ spectrum[part, :, None])[:, :, 0] for part in self._parts()])
+
+    def _white_power(self, half: int, samples: IndexArray) -> FloatArray:
+        """Return the power (n_samples,) of the whitened signals at some samples."""
+        inverse, nearest = self._inverses[half]
+        root, spectrum = np.linalg.cholesky(inverse).conj().swapaxes(1, 2), self._spectrum(self._data)
+        white = [(root[nearest[part]] @ spectrum[part, :, None])[:, :, 0] for part in self._parts()]
+        return np.asarray((self._signal(np.concatenate(white))[samples] ** 2).sum(1))
 
     def _inverse_spectrum(self, data: FloatArray) -> tuple[ComplexArray, IndexArray]:
         """Return the inverse of the spectral matrix of some samples at its own lines, and the nearest to each line."""
@@ -360,18 +420,25 @@ class _ActionTest:
     ----------
     window : signals
     state : modes that a rotation moves
-    motion : (n_lines, n_modes) of the window
+    motion, force : (n_lines, n_modes) and (n_lines,) of the window
     action : at the place
     prior : log density of the place
     """
 
     def __init__(
-        self, window: _Window, state: _ModalState, motion: ComplexArray, action: _Action, prior: float = 0.0
+        self,
+        window: _Window,
+        state: _ModalState,
+        motion: ComplexArray,
+        force: FloatArray,
+        action: _Action,
+        prior: float = 0.0,
     ) -> None:
         self.action, self._window, self._prior = action, window, prior
-        self._moment = window.fine(motion @ action.value)
-        self._product, self._own = window.response(state, state.of_displacements(action.value))
-        along, weight = self._fit(0.0, 0.0)
+        known, of_modes = motion @ action.value, state.of_displacements(action.value)
+        self._moment, self._unknown = window.fine(known), window.unknown_part(state, of_modes, force, known)
+        self._product, self._own = window.response(state, of_modes)
+        along, weight = self._fit(0.0, self._unknown)
         self._size = float(along.sum() / weight.sum())
         scatter = float(((along - self._size * weight) ** 2).sum()) * _BLOCKS / (_BLOCKS - 1)
         self._spread = scatter / float(weight.sum())  # variance of the product over the expected one
@@ -385,21 +452,21 @@ class _ActionTest:
         score = abs(self._size - bias) / np.sqrt(self._variance + variance)
         return bias, variance, float(2 * scipy.stats.t.sf(score, _BLOCKS - 1))
 
-    def fitted(
-        self, bias: float, of_bias: float, threshold: float, unknown: float
-    ) -> tuple[float, float, float, float]:
+    def fitted(self, bias: float, of_bias: float, threshold: float, unknown: int) -> tuple[float, float, float, float]:
         """Return the log density, the share of the mean flexibility and its variance, and the time when open.
 
         Parameters
         ----------
         bias, of_bias : size without a loss, and its variance
-        threshold, unknown : as for a rotation
+        threshold : as for a rotation
+        unknown : number of the standard deviation of the unknown part, relative to that by the model
         """
         side = 1.0 if self._size >= bias else -1.0  # it opens under a positive moment, or under a negative one
-        along, weight = (float(part.sum()) for part in self._fit(threshold, unknown, side))
+        std = self._unknown * float(_UNKNOWN[unknown])
+        along, weight = (float(part.sum()) for part in self._fit(threshold, std, side))
         open_time = float(scipy.stats.norm.sf(threshold))
         scale = open_time * self.action.relief
-        log = self._prior + 0.5 * along**2 / (self._spread * weight)
+        log = self._prior + float(_UNKNOWN_LOG_DENSITY[unknown]) + 0.5 * along**2 / (self._spread * weight)
         return log, side * scale * (along / weight - bias), scale**2 * (self._spread / weight + of_bias), open_time
 
     def _fit(self, threshold: float, unknown: float, side: float = 1.0) -> tuple[FloatArray, FloatArray]:
@@ -414,11 +481,8 @@ class _ActionTest:
         moment = side * self._moment
         std = float(moment.std())
         above = moment - threshold * std * np.hypot(1.0, unknown)
-        if unknown:
-            score = above / (unknown * std)
-            rotation = above * scipy.special.ndtr(score) + unknown * std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)
-        else:
-            rotation = np.maximum(above, 0.0)
+        score = above / (unknown * std)
+        rotation = above * scipy.special.ndtr(score) + unknown * std * np.exp(-0.5 * score**2) / np.sqrt(2 * np.pi)
         # the part in proportion to the moment belongs to the mean flexibility
         lines = self._window.rotation(rotation - (rotation @ moment) / (moment @ moment) * moment)
         return self._window.products(lines, self._product), self._window.squares(lines * self._own)
