@@ -23,7 +23,8 @@ from updater import Structure, dump_structure
 from updater.structure import without_edges
 
 STRUCTURE, NO_STRUCTURE = "the structure file", "none"  #: key and value in the dependencies of a state
-VERSION = 11  # version of this format, or of the identification of modes: another one is not read
+VERSION = 11  # version of this format, or of the identification of modes: another one is not read, but for
+_WITHOUT_SIGNALS = 10  # this one
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -94,11 +95,14 @@ def parse_memory(text: str) -> Memory:
         version, digest = header["modalwatch"], header["sha256"]
     except (ValueError, KeyError, TypeError) as error:
         raise CodecError("it is no memory of a watch, or damaged") from error
-    if version != VERSION:
+    if version not in (VERSION, _WITHOUT_SIGNALS):
         raise CodecError(f"it is of version {version}, this program reads {VERSION}")
     if _digest(content) != digest:
         raise CodecError("it is damaged: its checksum is wrong")
-    memory: Memory = decode(Memory, _content(content))
+    values = _content(content)
+    if version == _WITHOUT_SIGNALS and isinstance(values, dict):
+        values["signals"] = None
+    memory: Memory = decode(Memory, values)
     return memory
 
 

@@ -1,5 +1,6 @@
 """A saved run continues as if it had never stopped; unusable states are refused, with a message."""
 
+import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -180,6 +181,16 @@ def test_missing_saved_state_is_no_error(tmp_path: Path) -> None:
 def test_saved_state_of_another_version_is_refused() -> None:
     with pytest.raises(CodecError, match=f"it is of version 99, this program reads {VERSION}"):
         parse_memory('{"modalwatch": 99, "sha256": ""}\n{}')
+
+
+def test_saved_state_without_signals_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As version 10 wrote it: the baseline is not learned again after an update."""
+    now = remembered(tmp_path, monkeypatch).read_text()
+    values = json.loads(now.partition("\n")[2])
+    assert values.pop("signals") is None
+    content = json.dumps(values)
+    head = json.dumps({"modalwatch": 10, "sha256": hashlib.sha256(content.encode()).hexdigest()})
+    assert memory_text(parse_memory(f"{head}\n{content}")) == now
 
 
 def test_saved_state_is_written_only_after_its_result_is_logged(
