@@ -13,6 +13,9 @@ ECCENTRIC = 3.0  #: standard deviations from which the offset of a body from its
 SIGNIFICANT = 2.0  #: standard deviations by which a reported parameter differs from its value before, at least
 BREATHES = 1e-3  #: p value below which a place opens and closes
 FREQUENCY_STD = 2e-3  #: error of a beam model in ln f, for any parameters
+GAIN_STD = 0.01  #: usual error of the gain of an accelerometer, by data sheets
+ASKEW_STD = 0.02  #: rad: usual misalignment of a sensor
+PLACE_STD = 3e-3  #: m on a frame of 1.5 m: usual distance of a sensor from its stated place
 
 
 def vector(values: FloatArray) -> Vector:

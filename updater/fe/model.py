@@ -227,15 +227,26 @@ class Model:
         axes = np.array([sensor_axes(s.direction)[1:] for s in self.structure.sensor]).reshape(-1, 2, 3)
         return np.array([self._read_along(axes[:, k]) for k in range(2)])
 
-    def _read_along(self, way: FloatArray) -> FloatArray:
-        """Return rows (n_sensors, n_dofs) that read the sensors' places along unit vectors (n_sensors, 3)."""
+    @cached_property
+    def offset_rows(self) -> FloatArray:
+        """Rows (3, n_sensors, n_dofs) of the change of the sensors per metre of offset along each global axis."""
+        way = np.array([sensor_axes(s.direction)[0] for s in self.structure.sensor]).reshape(-1, 3)
+        return np.array([self._read_along(np.cross(offset, way), first=3) for offset in np.eye(3)])
+
+    def _read_along(self, way: FloatArray, *, first: int = 0) -> FloatArray:
+        """Return rows (n_sensors, n_dofs) that read the sensors' places along vectors (n_sensors, 3).
+
+        Parameters
+        ----------
+        first : 0 for displacements, 3 for rotations
+        """
         sensors = self.structure.corrected_sensors
         way = way.reshape(-1, 3) * np.array([s.gain for s in sensors])[:, None]
         try:
             at = self.reader(np.array([s.at for s in sensors], float))
         except ModelError as error:  # matrices from elsewhere have their nodes somewhere else
             raise ModelError(f"a sensor: {error}") from error
-        column = 6 * np.arange(len(sensors))[:, None] + np.arange(3)
+        column = 6 * np.arange(len(sensors))[:, None] + first + np.arange(3)
         of_points = sparse.csr_array(
             (way.ravel(), column.ravel(), 3 * np.arange(len(sensors) + 1)), (len(way), at.shape[0])
         )

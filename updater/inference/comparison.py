@@ -9,6 +9,7 @@ which nothing was measured is empty or zero and adds nothing to the degrees of f
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,8 @@ class Comparison:
     shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
     base: FloatArray  #: (n, n_channels) measured before, unit norm
     shape_whitener: FloatArray  #: (n, n_channels, n_channels) inverse Cholesky factors of the difference's covariance
+    #: (n, n_channels, n_errors) standard deviations of shapes by errors of sensors that all modes have in common
+    sensor_errors: FloatArray
     overdispersion: float  #: components of a shape that err as one [-]
     phased: BoolArray  #: (n,) whether phases are known now and before
     imaginary: FloatArray  #: (n, n_channels) imaginary part of the shape now; 0 where it is not known
@@ -114,6 +117,7 @@ class Comparison:
             "shaped": np.zeros(k, bool),
             "shape": shape,
             "base": shape,
+            "sensor_errors": np.zeros((k, *self.sensor_errors.shape[1:])),
             "phased": np.zeros(k, bool),
             "imaginary": np.zeros(shape.shape),
             "baseline_imaginary": np.zeros(shape.shape),
@@ -132,6 +136,18 @@ class Comparison:
             **joined,
         )
 
+    @cached_property
+    def common_to_modes(self) -> FloatArray:
+        """Directions S (n n_channels, k) of errors of sensors among whitened residuals of shapes.
+
+        Residuals of covariance I + V V^T, with the singular values s of V, are white after (I - S S^T), the columns of
+        S the left singular vectors times (1 - (1 + s^2)^-1/2)^1/2.
+        """
+        n, n_channels, n_errors = self.sensor_errors.shape
+        errors = (self.shape_whitener @ self.sensor_errors).reshape(n * n_channels, n_errors)
+        left, value, _ = np.linalg.svd(errors, full_matrices=False)
+        return np.asarray(left * np.sqrt(1 - (1 + value**2) ** -0.5))
+
     @property
     def log_det_of_shapes(self) -> float:
         """Log determinant of the shapes' whiteners, as far as their components are data of their own.
@@ -139,7 +155,8 @@ class Comparison:
         The same for all hypotheses; not for another model error.
         """
         diagonal = np.diagonal(self.shape_whitener[self.shaped], axis1=1, axis2=2)
-        return float(np.log(diagonal).sum() / self.overdispersion)
+        of_sensors = np.log1p(-(self.common_to_modes**2).sum(0)).sum()
+        return float(np.log(diagonal).sum() / self.overdispersion + of_sensors)
 
     @property
     def new_at_channels(self) -> FloatArray:

@@ -11,6 +11,7 @@ from updater.fe import self_stress
 from updater.inference.comparison import Comparison, NominalModes, whiteners_of
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
+from updater.inference.sensor_errors import sensor_errors, without_sensor_errors
 from updater.inference.shape_covariance import (
     SHAPE_BIAS,
     along_changed_modes,
@@ -62,6 +63,7 @@ def compare(
         raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
+    base = without_sensor_errors(reference, tracks, base)
     error = np.hypot(
         model_error * reference.model_error_factor, reference.calibration.mesh_error[reference.paired[tracks]]
     )
@@ -85,6 +87,7 @@ def compare(
         paired=reference.paired[tracks],
         **_frequencies_of(base, event, error, typical_shift),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
+        sensor_errors=sensor_errors(reference, tracks, channels),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
         nominal=_nominal_modes(reference, tracks, channels, base),

@@ -27,8 +27,9 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     shape, n = predicted.shape, len(predicted.shape)
     frequency = (comparison.log_ratio - predicted.log_ratio) @ whitener.matrix.T
     rest = turned_back(_undone(predicted, beside(comparison.shape, shape)), _undone(predicted, shape), comparison.base)
-    off = (rest.transpose(1, 0, 2) @ comparison.shape_whitener.transpose(0, 2, 1)).transpose(1, 0, 2)
-    blocks = [frequency, off.reshape(n, -1)]
+    off = (rest.transpose(1, 0, 2) @ comparison.shape_whitener.transpose(0, 2, 1)).transpose(1, 0, 2).reshape(n, -1)
+    off -= off @ comparison.common_to_modes @ comparison.common_to_modes.T
+    blocks = [frequency, off]
     if comparison.phased.any():
         sign = np.where((shape * comparison.shape).sum(-1, keepdims=True) < 0, -1.0, 1.0)
         late = beside(comparison.imaginary - sign * predicted.imaginary, shape)  # a mode's own phase is no one's

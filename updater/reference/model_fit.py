@@ -13,12 +13,11 @@ from scipy.special import chdtrc
 from daq import FloatArray, IndexArray
 from updater.fe import Model, Modes
 from updater.modal_data import ModalMean, match_modes
-from updater.quantities import FREQUENCY_STD
+from updater.quantities import ASKEW_STD, FREQUENCY_STD
 from updater.reference.calibration import UNLIKE, best_model, channel_rows, enough_modes, share_within
 from updater.reference.reference import SHAPE_STD
 from updater.structure import Structure
 
-_TURNED = 0.02  # rad that sensors are turned by: share of the motion across them that they read
 _STILL = 1e-9  # motion of a mode at the sensors [1/sqrt(kg)]: a smaller one is not measured
 
 
@@ -47,7 +46,7 @@ def own_modes(model: Model, measured: ModalMean, *, n_modes: int = 30) -> tuple[
         damping=np.full(len(seen), np.nan),
         damping_std=np.full(len(seen), np.nan),
         shape=shape,
-        shape_std=np.hypot(SHAPE_STD, _TURNED * crossing),
+        shape_std=np.hypot(SHAPE_STD, ASKEW_STD * crossing),
         imaginary=np.zeros(shape.shape),
         imaginary_std=np.full(shape.shape, SHAPE_STD),
     )

@@ -106,6 +106,11 @@ class Reference:
         """Return the modes at sensors along the two axes across each (2 n_channels, n_modes), first axes first."""
         return channel_rows(self.model, channels, across=True) @ self.shape
 
+    def per_offset(self, channels: tuple[str, ...]) -> FloatArray:
+        """Return the change of the modes at sensors per metre along each global axis (3, n_channels, n_modes) [1/m]."""
+        known = self.model.structure.channels
+        return np.asarray(self.model.offset_rows[:, [known.index(c) for c in channels]] @ self.shape)
+
     def rows(self, model: Model) -> FloatArray:
         """Return the rows (n_channels, n_dofs) of a model of the same structure that read the baseline's channels."""
         return channel_rows(model, self.baseline.channels)

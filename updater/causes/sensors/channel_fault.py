@@ -13,8 +13,8 @@ from updater.quantities import Where
 from updater.reference import Reference
 from updater.structure import Correction, Structure
 
-ASKEW_STD = 0.02  #: rad: usual misalignment of a sensor
 _SAME_PLACE = 1e-3  # m
+_LEAST_SHARE = 1e-4  # of a fitted variance: more of it is not taken off
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -27,6 +27,19 @@ class Chain(Discrete):
     def repeats(self, other: Self, row: int) -> BoolArray:
         """Return the alternatives of the same channels."""
         return np.array([channels == other.channels[row] for channels in self.channels])
+
+    def whole_variance(self, variance: float, usual_std: float) -> float:
+        """Return the variance of a whole error, the usual one of a file included.
+
+        The data determine the sum of the two. What exceeds the usual error is known less well, by the variance of this.
+
+        Parameters
+        ----------
+        variance : of what exceeds the usual error, as fitted
+        usual_std : standard deviation of the usual error, which a file has and a measured baseline has not
+        """
+        usual = usual_std**2 if self.comparison.sensor_errors.size else 0.0
+        return max(variance - usual, _LEAST_SHARE * variance)
 
     def where(self, fit: Fit[Cause]) -> Where:
         """Return the channels."""

@@ -9,7 +9,7 @@ from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
 from updater.causes.sensors.channel_fault import Chain, corrected, exchanged, groups_of
 from updater.inference import Comparison, Effect, Fit, no_effect
-from updater.quantities import Quantity
+from updater.quantities import GAIN_STD, Quantity
 from updater.reference import Reference
 from updater.structure import Structure
 
@@ -31,7 +31,8 @@ class SensorGain(Chain):
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the gain relative to the previous one."""
         gain = float(np.exp(fit.theta[fit.best, 0]))
-        return {"gain": Quantity(value=gain, std=gain * float(fit.covariance[fit.best, 0, 0] ** 0.5), unit="-")}
+        variance = self.whole_variance(float(fit.covariance[fit.best, 0, 0]), GAIN_STD)
+        return {"gain": Quantity(value=gain, std=gain * variance**0.5, unit="-")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the gain at the sensor."""

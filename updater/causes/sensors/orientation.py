@@ -14,9 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.causes.sensors.channel_fault import ASKEW_STD, Chain, groups_of
+from updater.causes.sensors.channel_fault import Chain, groups_of
 from updater.inference import Comparison, Effect, Fit, evaluate, no_effect
-from updater.quantities import Quantity
+from updater.quantities import ASKEW_STD, Quantity
 from updater.reference import Reference
 from updater.structure import Structure, sensor_axes
 

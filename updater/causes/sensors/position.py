@@ -14,9 +14,9 @@ from scipy.special import ndtr
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.causes.sensors.channel_fault import ASKEW_STD, Chain, mounted_together
+from updater.causes.sensors.channel_fault import Chain, mounted_together
 from updater.inference import Comparison, Effect, Fit, evaluate, no_effect
-from updater.quantities import Quantity, Where, vector
+from updater.quantities import ASKEW_STD, PLACE_STD, Quantity, Where, vector
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure, size
 
@@ -24,7 +24,6 @@ _STD = 0.15  # m on a frame of 1.5 m: a distance read wrongly, or measured from 
 _REACH, _TRIED = 3.0, 61  # prior standard deviations to either side, shifts there from which a fit may start
 _POINTS = 150  # along a member, between which its modes are interpolated
 _MASS_STD = 3e-3  # of the structure's mass: that of a housing, and of the cable that is moved with it
-_OFF_STD = 3e-3  # m on such a frame: the first place from the stated one
 _LEAST_MASS = 1e-3  # of that: less is not written
 _HALF_REGION = 1.96  # standard deviations: 95 %
 
@@ -44,6 +43,7 @@ class SensorPosition(Chain):
     own: tuple[IndexArray, ...]  #: channels of each
     directions: tuple[FloatArray, ...]  #: (n_own, 3) of the channels of each, times their gains
     translation: tuple[CubicSpline, ...]  #: (3, n_modes) of the reference by that distance
+    usual_offset: float  #: standard deviation of a place from the stated one [m]
     name: str = "sensor_position"
     advice: str = "Measure the distance of the sensor from the end of its member."
 
@@ -102,9 +102,10 @@ class SensorPosition(Chain):
 
     def where(self, fit: Fit[Cause]) -> Where:
         """Return the place at which the sensor is, and its channels."""
-        row, of_place = fit.best, np.ix_(self._of_place, self._of_place)
+        row = fit.best
         member, place = self.members[row], self._place(fit.best, fit.theta[fit.best])
-        std = float(np.sqrt(fit.covariance[row][of_place].sum()))
+        of_place = float(fit.covariance[row][np.ix_(self._of_place, self._of_place)].sum())
+        std = self.whole_variance(of_place, self.usual_offset) ** 0.5
         ends = np.clip(place + _HALF_REGION * std * np.array([-1.0, 1.0]), 0.0, member.length)
         return Where(
             member=member.name,
@@ -117,8 +118,9 @@ class SensorPosition(Chain):
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return how far the sensor is from its first place, positive towards the end of the member."""
         row, theta, variance = fit.best, fit.theta[fit.best], np.diag(fit.covariance[fit.best])
+        of_shift = self.whole_variance(float(variance[0]), self.usual_offset)
         shift = float(self.sense[row] * min(theta[0], self._most[row]))
-        found = {"shift": Quantity(value=shift, std=float(np.sqrt(variance[0])), unit="m")}
+        found = {"shift": Quantity(value=shift, std=of_shift**0.5, unit="m")}
         if len(self.prior_std) > 1:
             found["moved_mass"] = Quantity(value=float(theta[1]), std=float(np.sqrt(variance[1])), unit="kg")
         return found
@@ -165,7 +167,7 @@ def propose_sensor_position(reference: Reference, comparison: Comparison) -> Sen
     if reference.measured:
         lower = np.column_stack([lower, np.zeros(len(lower)), np.full((len(lower), 4), -np.inf)])
     large = size(reference.structure)
-    prior_std = np.array([_STD * large, _MASS_STD * reference.model.total_mass(), _OFF_STD * large, *3 * [ASKEW_STD]])
+    prior_std = np.array([_STD * large, _MASS_STD * reference.model.total_mass(), PLACE_STD * large, *3 * [ASKEW_STD]])
     return SensorPosition(
         prior_std=prior_std[: lower.shape[1]],
         lower=lower,
@@ -177,6 +179,7 @@ def propose_sensor_position(reference: Reference, comparison: Comparison) -> Sen
         own=tuple(np.array([comparison.channels.index(c) for c in group]) for group, _ in pairs),
         directions=tuple(np.array(way) for way in ways),
         translation=tuple(along[m.name] for _, m in pairs),
+        usual_offset=PLACE_STD * large,
     )
 
 

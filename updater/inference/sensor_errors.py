@@ -1,0 +1,64 @@
+"""Errors of sensors in a structure file, which all modes have in common: gains, directions and places.
+
+A channel has one gain, one direction and one place in all modes. Of a structure file compared with measured modes, they
+are not errors of single shapes, which average out over modes, but parameters with a prior. They are eliminated: the
+covariance of all shapes together has their products between modes. With reference logs they cancel.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from daq import FloatArray, IndexArray
+from updater.inference.shape_covariance import beside
+from updater.modal_data import ModalMean
+from updater.quantities import ASKEW_STD, GAIN_STD, PLACE_STD
+from updater.reference import Reference
+from updater.structure import size
+
+# of the variance assumed for the shapes of a file's model; the other half is by gains and places, half a per cent each
+_OF_MODEL = 0.5
+
+
+def sensor_errors(reference: Reference, tracks: IndexArray, channels: tuple[str, ...]) -> FloatArray:
+    """Return the standard deviations of unit shapes by each error of the sensors (n, n_channels, n_errors).
+
+    Gains of channels, turns about the two axes across each, offsets of each place along the three global axes. No
+    errors of a reference that was measured with the same sensors.
+
+    Parameters
+    ----------
+    tracks : (n,) of the reference
+    channels : compared ones
+    """
+    paired = reference.paired[tracks]
+    if not reference.of_file:
+        return np.zeros((len(paired), len(channels), 0))
+    shape = reference.at_channels(channels)[:, paired]
+    across = reference.across_channels(channels)[:, paired].reshape(2, *shape.shape)
+    of_one = np.eye(len(channels))[:, :, None]
+    gains, turns = GAIN_STD * of_one * shape, ASKEW_STD * of_one * across[:, None]
+    sensor = {s.channel: s for s in reference.structure.corrected_sensors}
+    places = [sensor[c].at for c in channels]
+    together = np.array([[there == at for there in places] for at in dict.fromkeys(places)])[:, None, :, None]
+    offsets = PLACE_STD * size(reference.structure) * together * reference.per_offset(channels)[:, :, paired]
+    errors = np.concatenate([each.reshape(-1, *shape.shape) for each in (gains, turns, offsets)])
+    length = np.linalg.norm(shape, axis=0)
+    return np.asarray(beside((errors / length).transpose(0, 2, 1), (shape / length).T).transpose(1, 2, 0))
+
+
+def without_sensor_errors(reference: Reference, tracks: IndexArray, base: ModalMean) -> ModalMean:
+    """Return a file's modes (n,) with deviations of shapes by errors of its model alone, without those of sensors.
+
+    Parameters
+    ----------
+    tracks : (n,) of the reference
+    base : (n,) its modes at the compared channels
+    """
+    if not reference.of_file:
+        return base
+    paired = reference.paired[tracks]
+    across = reference.across_channels(base.channels)[:, paired].reshape(2, len(base.channels), -1)
+    length = np.linalg.norm(reference.at_channels(base.channels)[:, paired], axis=0)
+    turned = ASKEW_STD * np.linalg.norm(across, axis=0) / length
+    return replace(base, shape_std=np.sqrt(_OF_MODEL * np.maximum(base.shape_std**2 - turned.T**2, 0.0)))
