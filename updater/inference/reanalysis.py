@@ -19,6 +19,8 @@ from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
 from updater.inference.residuals import Prediction
 
+_EITHER = 0.1  # of the largest share of a mode in a changed one, from which on another one may be its successor
+_FREQUENCY_WEIGHT = 2.0  # weight of |d ln f| relative to 1 - MAC, as in matching
 _SPLIT = 0.05  # share of an oscillator in a compared mode above which either of two modes may be its successor
 _NEAR = 0.5  # ln f: largest distance of an oscillator's mode from its start
 _OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
@@ -155,13 +157,49 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
     value, vector, weighed = _solve(comparison, effect)
     value = np.maximum(value, _MIN * value[:, -1:])
     share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
-    pick = np.argmax(share[:, comparison.paired, :], axis=2)
+    pick = _successors(comparison, share[:, comparison.paired, :], value, vector)
     if effect.own.shape[1]:
         pick = _with_own(comparison, pick, share, value)
     scale = np.sqrt(value)[:, None, :]
     found = Changed(value, vector / scale, weighed * scale, pick)
     n = len(effect.own)
     return found if len(value) == n else found.rows(np.zeros(n, np.intp))  # none changes the structure: all are alike
+
+
+def _successors(comparison: Comparison, share: FloatArray, value: FloatArray, vector: FloatArray) -> IndexArray:
+    """Return the changed mode (n_alternatives, n) that each compared one has become.
+
+    Where a change divides a mode between two, pairs of measured modes may have followed either. The measured frequency
+    and shape decide, as when modes are paired.
+
+    Parameters
+    ----------
+    share : (n_alternatives, n, n_all) of each compared mode in each changed one
+    value, vector : (n_alternatives, n_all), (n_alternatives, n_all, n_all)
+    """
+    first = np.argmax(share, axis=2)
+    largest = np.take_along_axis(share, first[:, :, None], axis=2)
+    left = np.where(np.arange(share.shape[2]) == first[:, :, None], 0.0, share)
+    second = np.argmax(left, axis=2)
+    row, mode = np.nonzero(np.take_along_axis(left, second[:, :, None], axis=2)[:, :, 0] > _EITHER * largest[:, :, 0])
+    if not len(row):
+        return first
+    now = np.log(comparison.frequency[comparison.paired]) + comparison.log_ratio
+
+    def misfit(pick: IndexArray) -> FloatArray:
+        column = pick[row, mode]
+        shape = vector[row, : len(comparison.frequency), column] @ comparison.at_channels.T
+        along = (shape * comparison.shape[mode]).sum(1) ** 2
+        assurance = along / np.maximum((shape**2).sum(1), _MIN)
+        off = np.log(value[row, column]) / -2 - np.log(2 * np.pi) - now[mode]
+        return np.asarray(1 - assurance + _FREQUENCY_WEIGHT * np.abs(off))
+
+    nearer = misfit(second) < misfit(first)
+    found = first.copy()
+    found[row[nearer], mode[nearer]] = second[row[nearer], mode[nearer]]
+    once = [(np.diff(np.sort(pick, axis=1), axis=1) > 0).sum(1) for pick in (found, first)]
+    picked_once: IndexArray = np.where((once[0] < once[1])[:, None], first, found)
+    return picked_once
 
 
 def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:

@@ -20,6 +20,23 @@ _N = 32  # elements per member
 
 
 @dataclass(frozen=True)
+class Load:
+    """A rigid body at a node near a point of a member, its centre off the axis."""
+
+    member: str
+    share: float  #: of the member's length
+    mass: float  #: [kg]
+    offset: tuple[float, float, float]  #: [m]
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Mass (6, 6) of the node."""
+        x, y, z = self.offset
+        arm = np.hstack([np.eye(3), [[0, z, -y], [-z, 0, x], [y, -x, 0]]])
+        return np.asarray(self.mass * arm.T @ arm)
+
+
+@dataclass(frozen=True)
 class Portal:
     """Two posts and a beam of box section; dimensions in m."""
 
@@ -124,6 +141,20 @@ class Portal:
         stiffness, mass, point, _ = self.matrices(foot)
         square, shape = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, 24))
         return np.sqrt(square) / (2 * np.pi), shape[self.rows(point)], shape.reshape(len(point), 6, -1)[:, :3]
+
+    def loaded(self, load: Load) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return frequencies [Hz], shapes at the sensors, the share of each bare mode in each, and the loaded node.
+
+        The share (n_modes, n_modes) is of the kinetic energy, by mass-normalised shapes.
+        """
+        stiffness, mass, point, _ = self.matrices(LEFT)
+        _, bare = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, 24))
+        node = int(np.argmin(np.linalg.norm(point - self.at(load.member, load.share), axis=1)))
+        own = slice(6 * node, 6 * node + 6)
+        mass[own, own] += load.matrix
+        square, shape = scipy.linalg.eigh(stiffness, mass, subset_by_index=(0, 24))
+        share = (bare.T @ mass @ shape) ** 2 / np.einsum("ik,ij,jk->k", bare, mass, bare)[:, None]
+        return np.sqrt(square) / (2 * np.pi), shape[self.rows(point)], share, point[node]
 
     @staticmethod
     def _nearest(point: np.ndarray, at: tuple[float, float, float]) -> int:
