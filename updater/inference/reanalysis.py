@@ -177,7 +177,7 @@ def _successors(comparison: Comparison, share: FloatArray, value: FloatArray, ve
     share : (n_alternatives, n, n_all) of each compared mode in each changed one
     value, vector : (n_alternatives, n_all), (n_alternatives, n_all, n_all)
     """
-    first = np.argmax(share, axis=2)
+    first: IndexArray = np.argmax(share, axis=2)
     largest = np.take_along_axis(share, first[:, :, None], axis=2)
     left = np.where(np.arange(share.shape[2]) == first[:, :, None], 0.0, share)
     second = np.argmax(left, axis=2)
@@ -198,8 +198,8 @@ def _successors(comparison: Comparison, share: FloatArray, value: FloatArray, ve
     found = first.copy()
     found[row[nearer], mode[nearer]] = second[row[nearer], mode[nearer]]
     once = [(np.diff(np.sort(pick, axis=1), axis=1) > 0).sum(1) for pick in (found, first)]
-    picked_once: IndexArray = np.where((once[0] < once[1])[:, None], first, found)
-    return picked_once
+    found[once[0] < once[1]] = first[once[0] < once[1]]
+    return found
 
 
 def _with_own(comparison: Comparison, pick: IndexArray, share: FloatArray, value: FloatArray) -> IndexArray:
