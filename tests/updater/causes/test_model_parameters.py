@@ -16,6 +16,7 @@ from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Reference, build_model, diagnose, learn_reference, matched, nominal_reference, stack_tracks
 from updater.causes import Cause, SelectedCause, prediction, propose_model_parameters
 from updater.inference import Comparison, Fit, compare, fit, linearised
+from updater.inference.sensor_errors import without_sensor_errors
 from updater.structure import Structure, model_parameters_of
 
 TRACK = np.arange(8)
@@ -176,7 +177,8 @@ def test_weight_of_the_files_shapes_is_not_that_of_correlated_noise() -> None:
         compare(replace(reference, scatter=replace(reference.scatter, shape_overdispersion=o)), event)
         for o in (1.0, 20.0)
     )
-    noise, of_file = (float(np.mean(one.shape_std**2)) for one in (event, reference.baseline))
+    own = without_sensor_errors(reference, np.arange(len(reference.paired)), reference.baseline)
+    noise, of_file = (float(np.mean(one.shape_std**2)) for one in (event, own))
     share = noise / (noise + of_file)
     assert correlated.overdispersion - plain.overdispersion == pytest.approx(19 * share**2)
     assert correlated.overdispersion < 1.1 * plain.overdispersion
