@@ -602,7 +602,8 @@ def _program_files() -> dict[str, bytes]:
         ".dof": "\n".join(f"{node}.{axis}" for node in (2, 3) for axis in (1, 2, 3)),
         ".mapping": "\n".join(f"{i + 1:12d}{2 + i // 3:12d}   {('UX', 'UY', 'UZ')[i % 3]}" for i in range(6)),
         ".inp": "*NODE\n" + "\n".join(f"{n + 1}, {x}, 0, 0" for n, x in places) + "\n*ELEMENT, TYPE=S3\n1, 1, 2, 3",
-        ".bdf": "\n".join(f"GRID    {n + 1:8d}        {x:8.3f}{0.0:8.3f}{0.0:8.3f}" for n, x in places),
+        ".bdf": "\n".join(f"GRID    {n + 1:8d}       1{x:8.3f}{0.0:8.3f}{0.0:8.3f}{2:8d}" for n, x in places)
+        + "\nCORD2R,1,,0.,0.,0.,0.,0.,1.\n+,1.,0.,0.\nCORD2C,2,1,0.,0.,-1.,0.,0.,1.\n+,1.,0.,0.",
         ".frd": "    2C                             3\n"
         + "\n".join(f" -1{n + 1:10d}{x:12.5E}{0.0:12.5E}{0.0:12.5E}" for n, x in places)
         + "\n -3",

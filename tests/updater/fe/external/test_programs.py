@@ -1,14 +1,16 @@
 """Matrices in the files of other programs: CalculiX, Abaqus, Ansys, Nastran and OpenSees."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
 from scipy import sparse
 from scipy.io import hb_write
+from scipy.linalg import eigh
 from scipy.optimize import brentq
 from scipy.sparse.linalg import eigsh
 
@@ -271,7 +273,9 @@ def test_damaged_string_of_a_sparse_column_is_refused(tmp_path: Path, length: by
 SPRINGS = (3e4, 5e4)  # N/m, of two springs in a row from node 50 to the ground, a scalar point between them
 
 
-def _with_scalar_point(formatted: Matrices) -> tuple[FloatArray, FloatArray, list[tuple[int, int]]]:
+def _with_scalar_point(
+    formatted: Matrices, springs: tuple[float, float] = SPRINGS
+) -> tuple[FloatArray, FloatArray, list[tuple[int, int]]]:
     """Return stiffness, mass and rows of the beam with scalar point 25, of which the row is after that of node 20."""
     rows = [(int(node), int(axis)) for node, axis in BEAM]
     at = rows.index((30, 1))
@@ -281,8 +285,8 @@ def _with_scalar_point(formatted: Matrices) -> tuple[FloatArray, FloatArray, lis
     )
     rows.insert(at, (25, 0))
     tip = rows.index((50, 3))
-    stiffness[np.ix_([tip, at], [tip, at])] += SPRINGS[0] * np.array([[1, -1], [-1, 1]])
-    stiffness[at, at] += SPRINGS[1]
+    stiffness[np.ix_([tip, at], [tip, at])] += springs[0] * np.array([[1, -1], [-1, 1]])
+    stiffness[at, at] += springs[1]
     return stiffness, mass, rows
 
 
@@ -307,36 +311,55 @@ def test_scalar_points_without_mass_are_condensed(tmp_path: Path, formatted: Mat
     np.testing.assert_allclose(found.stiffness.toarray(), expected, rtol=1e-9, atol=1e-15 * expected.max())
 
 
-@pytest.mark.parametrize(
-    ("place", "value", "message"),
-    [("mass", 1.0, "scalar point 25: expected none with mass"), ("stiffness", -8e4, "25: a motion needs no force")],
-)
-def test_scalar_points_that_cannot_be_condensed_are_refused(
-    tmp_path: Path, formatted: Matrices, place: str, value: float, message: str
-) -> None:
+def scalar_file(
+    folder: Path, stiffness: FloatArray, mass: FloatArray, groups: Mapping[str, Path] = MappingProxyType({})
+) -> ProgramFiles:
+    """Return files of the beam with scalar point 25."""
+    (folder / "beam.op4").write_bytes(binary_output4({"KGG": stiffness, "MGG": mass}))
+    text = (HERE / "nastran" / "beam.bdf").read_text(encoding="utf-8")
+    (folder / "beam.bdf").write_text(text + "SPOINT,25\n", encoding="utf-8")
+    both = folder / "beam.op4"
+    return ProgramFiles(stiffness=both, mass=both, nodes=folder / "beam.bdf", groups=groups)
+
+
+def test_scalar_point_that_moves_without_force_is_refused(tmp_path: Path, formatted: Matrices) -> None:
     stiffness, mass, rows = _with_scalar_point(formatted)
     at = rows.index((25, 0))
-    (mass if place == "mass" else stiffness)[at, at] += value
-    (tmp_path / "beam.op4").write_bytes(binary_output4({"KGG": stiffness, "MGG": mass}))
-    text = (HERE / "nastran" / "beam.bdf").read_text(encoding="utf-8")
-    (tmp_path / "beam.bdf").write_text(text + "SPOINT,25\n", encoding="utf-8")
-    with pytest.raises(StructureError, match=message):
-        beam_of(tmp_path / "beam.op4", tmp_path / "beam.bdf")
+    stiffness[at, at] -= sum(SPRINGS)
+    with pytest.raises(StructureError, match="25: a motion needs no force"):
+        read_program_files(scalar_file(tmp_path, stiffness, mass))
 
 
-def test_scalar_point_of_a_group_is_refused(tmp_path: Path, formatted: Matrices) -> None:
-    stiffness, mass, _ = _with_scalar_point(formatted)
-    (tmp_path / "beam.op4").write_bytes(binary_output4({"KGG": stiffness, "MGG": mass}))
-    text = (HERE / "nastran" / "beam.bdf").read_text(encoding="utf-8")
-    (tmp_path / "beam.bdf").write_text(text + "SPOINT,25\n", encoding="utf-8")
-    files = ProgramFiles(
-        stiffness=tmp_path / "beam.op4",
-        mass=tmp_path / "beam.op4",
-        nodes=tmp_path / "beam.bdf",
-        groups={"all": tmp_path / "beam.op4"},
-    )
-    with pytest.raises(StructureError, match="scalar point 25: expected none with group all"):
-        read_program_files(files)
+def test_scalar_point_with_mass_is_an_oscillator(tmp_path: Path, formatted: Matrices) -> None:
+    """A mass between two springs in a row from the tip to the ground: its frequencies are those of the file's rows.
+
+    The beam is clamped at its first node. Its total mass, the sum over translations along z, is without the oscillator.
+    """
+    stiffness, mass, rows = _with_scalar_point(formatted)
+    at = rows.index((25, 0))
+    mass[at, at] = 0.3
+    found = read_program_files(scalar_file(tmp_path, stiffness, mass))
+    place, axis = (int(k[0]) for k in np.nonzero(found.dofs == found.stiffness.shape[0] - 1 - (len(rows) - 1 - at)))
+    assert (place, axis) == (len(formatted.nodes), 3)
+    assert (found.nodes[place] > found.nodes[:-1].max(axis=0)).all()
+    free = np.arange(6, len(rows))
+    value = eigh(stiffness[np.ix_(free, free)], mass[np.ix_(free, free)], eigvals_only=True, subset_by_index=[0, 3])
+    clamped = replace(found, stiffness=found.stiffness[free][:, free], mass=found.mass[free][:, free])
+    np.testing.assert_allclose(frequencies(clamped, 4), np.sqrt(value) / (2 * np.pi), rtol=1e-9)
+    along = [one.dofs[:, 2][one.dofs[:, 2] >= 0] for one in (found, formatted)]
+    total = [one.mass[d][:, d].sum() for one, d in zip((found, formatted), along, strict=True)]
+    assert total[0] == pytest.approx(total[1], rel=1e-12)
+
+
+def test_scalar_point_of_a_group_is_kept(tmp_path: Path, formatted: Matrices) -> None:
+    """The group is both springs: with a factor of a half on it, the point between them is softer too."""
+    stiffness, mass, rows = _with_scalar_point(formatted)
+    springs = stiffness - _with_scalar_point(formatted, (0.0, 0.0))[0]
+    (tmp_path / "springs.op4").write_bytes(binary_output4({"KGG": springs}))
+    found = read_program_files(scalar_file(tmp_path, stiffness, mass, groups={"springs": tmp_path / "springs.op4"}))
+    softer = (found.stiffness - 0.5 * found.groups["springs"]).toarray()
+    np.testing.assert_allclose(softer, stiffness - 0.5 * springs, rtol=1e-12, atol=1e-12 * stiffness.max())
+    assert len(rows) == found.stiffness.shape[0]
 
 
 def test_dmig_entries_in_small_and_free_fields_are_read(tmp_path: Path) -> None:

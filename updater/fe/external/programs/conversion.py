@@ -31,6 +31,9 @@ from updater.fe.external.programs.output4 import read_output4
 
 _FIXED = 1e30  # stiffness on the diagonal from which a DOF is fixed: Abaqus writes 1e36
 _MILLIMETRE = 1e-3  # m
+_SCALAR_AXIS = 3  # rx: rotations are in no total mass
+_OUTSIDE = 0.05  # of the size of the structure: distance of the nodes for scalar points
+_LEAST_SIZE = 1e-3  # m
 _ANSYS_AXES = ("UX", "UY", "UZ", "ROTX", "ROTY", "ROTZ")
 _SYMMETRIC_TYPE = re.compile(r"^(\s*R)S(A\s)", re.MULTILINE | re.IGNORECASE)
 _HB_FORMAT = re.compile(r"\(\s*(?:1P,?)?\s*\d+\s*[IEDFG]\s*\d+(?:\.\d+)?(?:E\d+)?\s*\)", re.IGNORECASE)
@@ -52,7 +55,9 @@ class ProgramFiles:
 def read_program_files(files: ProgramFiles) -> Matrices:
     """Read the matrices of another program.
 
-    Rows of fixed DOFs, and rows without stiffness and mass, are left out. Scalar points without mass are condensed.
+    Rows of fixed DOFs, and rows without stiffness and mass, are left out. Displacements in other coordinate systems are
+    turned to the basic one. Scalar points without mass are condensed. Those with mass become rotations about x of nodes
+    outside of the structure, which are no part of any total mass.
 
     Raises
     ------
@@ -70,11 +75,13 @@ def read_program_files(files: ProgramFiles) -> Matrices:
     both = next((node for node, axis in whole.rows if axis == SCALAR and node in mesh.nodes), None)
     if both is not None:
         raise StructureError(files.stiffness, f"node {both}: expected degrees of freedom 1 to 6, found 0")
-    whole = _without_scalar_points(whole, {"mass": mass, **{f"group {name}": part for name, part in own.items()}})
+    turned = _onto_basic(whole, mesh.axes)
+    mass, own = _between(turned, mass), {name: _between(turned, part) for name, part in own.items()}
+    whole = replace(whole, matrix=_between(turned, whole.matrix))
+    whole = _without_scalar_points(whole, [mass, *own.values()])
     diagonal, moved = whole.matrix.diagonal(), mass.diagonal()
-    inside = np.array([node in mesh.nodes for node, _ in whole.rows])
-    scalar = np.array([axis == SCALAR for _, axis in whole.rows])
-    used = ~scalar & (diagonal < _FIXED) & ((diagonal != 0) | (moved != 0))
+    inside = np.array([node in mesh.nodes or axis == SCALAR for node, axis in whole.rows])
+    used = (diagonal < _FIXED) & ((diagonal != 0) | (moved != 0))
     lost = np.flatnonzero(used & ~inside)
     if len(lost):
         node = whole.rows[lost[0]][0]
@@ -83,14 +90,15 @@ def read_program_files(files: ProgramFiles) -> Matrices:
     if not len(kept):
         raise StructureError(files.stiffness, "no row has stiffness")
     rows = [whole.rows[i] for i in kept.tolist()]
+    scalars = [node for node, axis in rows if axis == SCALAR]
     turning = np.array([axis >= 3 for _, axis in rows])  # 1 N/mm is 1000 N/m, 1 N mm is 0.001 N m, 1 t is 1000 kg
     scale = np.where(turning, _MILLIMETRE**0.5, _MILLIMETRE**-0.5) if files.millimetres else np.ones(len(rows))
-    number = {node: i for i, node in enumerate(known)}
-    dofs = np.full((len(known), 6), -1, np.int32)
-    for row, i in enumerate(kept.tolist()):
-        node, axis = whole.rows[i]
-        dofs[number[node], axis] = row
-    nodes = np.array([mesh.nodes[node] for node in known]) * (_MILLIMETRE if files.millimetres else 1.0)
+    number = {node: i for i, node in enumerate([*known, *scalars])}
+    dofs = np.full((len(number), 6), -1, np.int32)
+    for row, (node, axis) in enumerate(rows):
+        dofs[number[node], axis if axis != SCALAR else _SCALAR_AXIS] = row
+    nodes = _with_places(np.array([mesh.nodes[node] for node in known]), len(scalars))
+    nodes = nodes * (_MILLIMETRE if files.millimetres else 1.0)
     return Matrices(
         stiffness=_scaled(whole.matrix[kept][:, kept], scale),
         mass=_scaled(mass[kept][:, kept], scale),
@@ -101,23 +109,61 @@ def read_program_files(files: ProgramFiles) -> Matrices:
     )
 
 
-def _without_scalar_points(whole: LabelledMatrix, others: Mapping[str, sparse.csc_array]) -> LabelledMatrix:
-    """Return the stiffness with scalar points condensed, which is exact because they have no mass.
+def _onto_basic(whole: LabelledMatrix, axes: Mapping[int, FloatArray]) -> sparse.csc_array:
+    """Return the displacements (n, n) in the nodes' own axes of those in the basic system.
 
     Parameters
     ----------
-    others : mass and groups by what they are, each (n, n)
+    axes : (3, 3) by node, where they are others
 
     Raises
     ------
     StructureError
-        If a scalar point has mass, is in a group, or can move without force.
+        If a node with other axes lacks one of three rows.
     """
-    scalar = np.array([axis == SCALAR for _, axis in whole.rows])
-    for what, matrix in others.items():
-        found = np.flatnonzero(scalar & (abs(matrix) @ np.ones(len(scalar)) > 0))
-        if len(found):
-            raise StructureError(whole.path, f"scalar point {whole.rows[found[0]][0]}: expected none with {what}")
+    onto = sparse.lil_array(sparse.eye_array(len(whole.rows)))
+    place = {row: i for i, row in enumerate(whole.rows)}
+    for node, own in axes.items():
+        for first in (0, 3):
+            here = [place[node, axis] for axis in range(first, first + 3) if (node, axis) in place]
+            if len(here) == 3:
+                for (i, j), value in np.ndenumerate(own):
+                    onto[here[i], here[j]] = float(value)
+            elif here:
+                raise StructureError(
+                    whole.path,
+                    f"node {node}: its displacements are in a coordinate system: expected degrees of freedom "
+                    f"{first + 1} to {first + 3}, found {len(here)} of them",
+                )
+    return sparse.csc_array(onto)
+
+
+def _between(onto: sparse.csc_array, matrix: sparse.csc_array) -> sparse.csc_array:
+    return sparse.csc_array(onto.T @ matrix @ onto)
+
+
+def _with_places(nodes: FloatArray, n_scalars: int) -> FloatArray:
+    """Return nodes (n_nodes, 3) with further ones outside of them, on no line between them, for scalar points."""
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    step = _OUTSIDE * max(float(np.linalg.norm(high - low)), _LEAST_SIZE) / max(n_scalars, 1)
+    return np.vstack([nodes, high + step * np.arange(1, n_scalars + 1)[:, None]])
+
+
+def _without_scalar_points(whole: LabelledMatrix, moved: Sequence[sparse.csc_array]) -> LabelledMatrix:
+    """Return the stiffness with the scalar points condensed that have no mass and are in no group: this is exact.
+
+    Parameters
+    ----------
+    moved : mass and groups, each (n, n)
+
+    Raises
+    ------
+    StructureError
+        If a scalar point can move without force.
+    """
+    ones = np.ones(len(whole.rows))
+    empty = sum((abs(matrix) @ ones for matrix in moved), 0 * ones) == 0
+    scalar = np.array([axis == SCALAR for _, axis in whole.rows]) & empty
     inner = np.flatnonzero(scalar & (np.diff(whole.matrix.indptr) > 0) & (whole.matrix.diagonal() < _FIXED))
     if not len(inner):
         return whole
@@ -129,7 +175,9 @@ def _without_scalar_points(whole: LabelledMatrix, others: Mapping[str, sparse.cs
     except RuntimeError as error:
         raise StructureError(whole.path, f"scalar point {whole.rows[inner[0]][0]}: a motion needs no force") from error
     onto = sparse.csc_array((np.ones(len(near)), (near, np.arange(len(near)))), shape=(len(scalar), len(near)))
-    return replace(whole, matrix=sparse.csc_array(whole.matrix - onto @ sparse.csc_array(part) @ onto.T))
+    others = sparse.diags_array(np.where(np.isin(np.arange(len(scalar)), inner), 0.0, 1.0))
+    left = others @ (whole.matrix - onto @ sparse.csc_array(part) @ onto.T) @ others
+    return replace(whole, matrix=sparse.csc_array(left))
 
 
 def _like(matrix: LabelledMatrix, whole: LabelledMatrix) -> sparse.csc_array:

@@ -1,15 +1,16 @@
 """Nodes and elements in the input and result files of other programs: positions, and faces of shells and solids."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from daq import IntArray
+from daq import FloatArray, IntArray
 from updater.errors import StructureError
-from updater.fe.external.programs.nastran import bulk_cards, nastran_number
+from updater.fe.external.programs.coordinates import GridPoints
+from updater.fe.external.programs.nastran import bulk_cards
 from updater.fe.external.programs.numbers import MAX_ROWS, SCALAR, Row, read_text
 
 Point = tuple[float, float, float]
@@ -44,6 +45,7 @@ class FileMesh:
     shells: list[tuple[int, ...]] = field(default_factory=list)  #: corners of each triangle or quadrilateral
     solids: list[tuple[int, ...]] = field(default_factory=list)  #: corners of each solid
     scalars: list[int] = field(default_factory=list)  #: numbers of the scalar points of Nastran
+    axes: Mapping[int, FloatArray] = field(default_factory=dict)  #: (3, 3) axes of displacements that are not x, y, z
 
     def rows(self) -> tuple[Row, ...]:
         """Return the rows of all points by their numbers: six per node, one per scalar point."""
@@ -154,20 +156,17 @@ def _add(found: FileMesh, kind: tuple[int, bool] | None, words: Sequence[str]) -
 
 
 def _nastran(lines: Sequence[str]) -> FileMesh:
-    """Read GRID and SPOINT cards, shells and solids: free fields, or fields of 8 or 16 columns."""
-    found = FileMesh({})
+    """Read GRID, CORD1x, CORD2x and SPOINT cards, shells and solids: free fields, or fields of 8 or 16 columns."""
+    found, grids = FileMesh({}), GridPoints()
     for card in bulk_cards(lines):
         name = card[0]
-        if name == "GRID":
-            words = [*card, "", "", "", ""]
-            if not {words[2], words[6]} <= {"", "0"}:
-                raise ValueError(f"node {words[1]}: coordinate systems are not read, expected the basic one")
-            found.nodes[int(words[1])] = _point([nastran_number(word) for word in words[3:6]])
-        elif name == "SPOINT":
+        grids.add(card)
+        if name == "SPOINT":
             found.scalars.extend(_scalar_points([word for word in card[1:] if word]))
         elif name in _NASTRAN:
             _add(found, _NASTRAN[name], card[3:])
-    return found
+    found.nodes.update(grids.points())
+    return replace(found, axes=grids.directions())
 
 
 def _scalar_points(words: Sequence[str]) -> Sequence[int]:
