@@ -14,11 +14,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import block_diag
 
 from daq import FloatArray, IndexArray
 from updater.modal_data import COMMON_STD, NOTHING_KNOWN, Circumstances
 
 BoolArray = npt.NDArray[np.bool_]
+
+#: times the estimated error of a mesh: standard deviations of that part of the frequencies' error that has one factor
+#: for all modes, and of masses; measured on a table of plates (docs/validation/model/mesh_error.md)
+COMMON_MESH_ERROR = 1.5
+_MESH_ERROR_OF_MASS = 4.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,8 @@ class Comparison:
     plain: Whitener  #: whitener of the log frequency ratios under measurement noise alone
     drifting: Whitener  #: the same with a change common to all, which temperature brings
     model_variance: FloatArray  #: (n,) variance of the log ratios for errors of the reference
+    mesh_error: FloatArray  #: (n,) estimated relative error of the model's frequencies by its mesh; 0 without faces
+    mesh_deviation: FloatArray  #: (n,) standard deviation of the log ratios by one error of the mesh in all modes
     shaped: BoolArray  #: (n,) whether the shape was measured now; else only the frequency counts
     shape: FloatArray  #: (n, n_channels) measured now, unit norm; where it was not, as before
     base: FloatArray  #: (n, n_channels) measured before, unit norm
@@ -87,9 +95,27 @@ class Comparison:
 
     def trusting(self, share: float) -> "Comparison":
         """Return the same with a share of the tolerance of log frequencies for errors of the reference."""
-        variance = np.diag(self.plain.matrix) ** -2 - (1 - share**2) * self.model_variance
-        plain, drifting = whiteners_of(variance)
-        return replace(self, plain=plain, drifting=drifting)
+        less = 1 - share**2
+        covariance = self.frequency_covariance - less * self.model_covariance
+        plain, drifting = whiteners_of(covariance)
+        return replace(
+            self,
+            plain=plain,
+            drifting=drifting,
+            model_variance=share**2 * self.model_variance,
+            mesh_deviation=share * self.mesh_deviation,
+        )
+
+    @property
+    def frequency_covariance(self) -> FloatArray:
+        """Covariance (n, n) of the log ratios by noise and by errors of the reference."""
+        root = np.linalg.inv(self.plain.matrix)
+        return np.asarray(root @ root.T)
+
+    @property
+    def model_covariance(self) -> FloatArray:
+        """Part (n, n) of it by errors of the reference."""
+        return np.diag(self.model_variance) + np.outer(self.mesh_deviation, self.mesh_deviation)
 
     def with_frequencies(self, modes: IndexArray, log_ratio: FloatArray, std: FloatArray) -> "Comparison":
         """Return the same with frequencies of further modes, of which shapes, phases and damping are not compared.
@@ -100,8 +126,7 @@ class Comparison:
         log_ratio, std : (k,) of their frequencies to the reference's own, and its standard deviation
         """
         k, n = len(modes), len(self.paired)
-        variance = np.concatenate([np.diag(self.plain.matrix) ** -2, std**2])
-        plain, drifting = whiteners_of(variance)
+        plain, drifting = whiteners_of(block_diag(self.frequency_covariance, np.diag(std**2)))
         shape = self.at_channels[:, modes].T
         shape = shape / np.linalg.norm(shape, axis=1, keepdims=True)
         whitener = np.zeros((n + k, *self.shape_whitener.shape[1:]))
@@ -114,6 +139,8 @@ class Comparison:
             "log_ratio": log_ratio,
             "log_frequency_std": std,
             "model_variance": np.zeros(k),
+            "mesh_error": np.zeros(k),
+            "mesh_deviation": np.zeros(k),
             "shaped": np.zeros(k, bool),
             "shape": shape,
             "base": shape,
@@ -147,6 +174,17 @@ class Comparison:
         errors = (self.shape_whitener @ self.sensor_errors).reshape(n * n_channels, n_errors)
         left, value, _ = np.linalg.svd(errors, full_matrices=False)
         return np.asarray(left * np.sqrt(1 - (1 + value**2) ** -0.5))
+
+    @property
+    def mass_error(self) -> float:
+        """Relative standard deviation of masses by the error of the mesh.
+
+        Displacements between nodes have an error of this order, and changes by a body their square. It has one sign in
+        all modes, so that more modes do not reduce it. Modes count by the squares of their changes.
+        """
+        weight = self.log_ratio**2
+        total = float(weight.sum())
+        return _MESH_ERROR_OF_MASS * float(weight @ self.mesh_error) / total if total else 0.0
 
     @property
     def log_det_of_shapes(self) -> float:
@@ -190,9 +228,9 @@ class Comparison:
         return np.exp(extra.log_frequency) if extra else np.empty(0)
 
 
-def whiteners_of(variance: FloatArray) -> tuple[Whitener, Whitener]:
-    """Return the whiteners of log frequencies of variances (n,), and of those with a change common to all."""
-    return _whitener(np.diag(variance)), _whitener(np.diag(variance) + COMMON_STD**2)
+def whiteners_of(covariance: FloatArray) -> tuple[Whitener, Whitener]:
+    """Return the whiteners of log frequencies of a covariance (n, n), and of those with a change common to all."""
+    return _whitener(covariance), _whitener(covariance + COMMON_STD**2)
 
 
 def _whitener(covariance: FloatArray) -> Whitener:

@@ -8,7 +8,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError
 from updater.fe import self_stress
-from updater.inference.comparison import Comparison, NominalModes, whiteners_of
+from updater.inference.comparison import COMMON_MESH_ERROR, Comparison, NominalModes, whiteners_of
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
 from updater.inference.sensor_errors import sensor_errors, without_sensor_errors
@@ -64,9 +64,8 @@ def compare(
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
     base = without_sensor_errors(reference, tracks, base)
-    error = np.hypot(
-        model_error * reference.model_error_factor, reference.calibration.mesh_error[reference.paired[tracks]]
-    )
+    mesh_error = reference.calibration.mesh_error[reference.paired[tracks]]
+    error = np.hypot(model_error * reference.model_error_factor, mesh_error)
     overdispersion, scatter = reference.scatter.shape_overdispersion, _scatter_of_both(reference, base, event)
     late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency
@@ -85,7 +84,8 @@ def compare(
         channels=channels,
         tracks=tracks,
         paired=reference.paired[tracks],
-        **_frequencies_of(base, event, error, typical_shift),
+        mesh_error=mesh_error,
+        **_frequencies_of(base, event, error, typical_shift, COMMON_MESH_ERROR * mesh_error * reference.of_file),
         **_shapes_of(base, event, sign, scatter, max(reference.delays.wander, circumstances.wander), foreign),
         sensor_errors=sensor_errors(reference, tracks, channels),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
@@ -145,7 +145,9 @@ def _nominal_modes(
     return NominalModes(log_ratio=np.log(there.frequency[answer]) - base.log_frequency, shape=sign * shape)
 
 
-def _frequencies_of(base: ModalMean, event: ModalMean, error: FloatArray, typical_shift: float) -> dict[str, Any]:
+def _frequencies_of(
+    base: ModalMean, event: ModalMean, error: FloatArray, typical_shift: float, mesh_deviation: FloatArray
+) -> dict[str, Any]:
     """Return the data of log frequencies.
 
     Parameters
@@ -153,19 +155,21 @@ def _frequencies_of(base: ModalMean, event: ModalMean, error: FloatArray, typica
     base, event : (n,) of the modes compared
     error : (n,) of the reference at any point, relative to a mode's typical displacement
     typical_shift : of the change at a typical place, at least the mean of those measured
+    mesh_deviation : (n,) by the error of a mesh, with one factor for all modes
     """
     ratio = event.log_frequency - base.log_frequency
     shift = np.abs(ratio)
     by_model = (2 * error) ** 2 * shift * max(shift.mean(), typical_shift)
     wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
     variance = event.log_frequency_std**2 + base.log_frequency_std**2 + by_model + wider**2
-    plain, drifting = whiteners_of(variance)
+    plain, drifting = whiteners_of(np.diag(variance) + np.outer(mesh_deviation, mesh_deviation))
     return {
         "log_ratio": ratio,
         "log_frequency_std": event.log_frequency_std,
         "plain": plain,
         "drifting": drifting,
         "model_variance": by_model,
+        "mesh_deviation": mesh_deviation,
     }
 
 

@@ -381,8 +381,7 @@ def _unwhitened(data: Comparison) -> Whitener:
 
 def _noise(data: Comparison) -> FloatArray:
     """Return the covariance (n, n) of log frequencies by noise and by a change common to all."""
-    root = np.linalg.inv(data.plain.matrix)
-    return np.asarray(root @ root.T - np.diag(data.model_variance) + COMMON_STD**2)
+    return data.frequency_covariance - data.model_covariance + COMMON_STD**2
 
 
 def _common_modes(data: Sequence[Comparison]) -> IndexArray:

@@ -227,7 +227,7 @@ def _whitened(data: Comparison, log_ratio: FloatArray, shape: FloatArray) -> Flo
 
 
 def _variance(data: Comparison) -> FloatArray:
-    return np.asarray(np.diag(data.plain.matrix) ** -2.0)  # of a diagonal covariance
+    return np.diag(data.frequency_covariance)
 
 
 def _covariance(whitener: FloatArray) -> FloatArray:

@@ -245,7 +245,7 @@ class AddedMass:
         magnitude = self.magnitude(fit.theta[here, 0], np.sqrt(fit.covariance[here, 0, 0]))
         mean = float(share @ magnitude.mean)
         variance = share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
-        std = float(np.hypot(np.sqrt(variance), DENSITY_STD * mean))
+        std = float(np.hypot(np.sqrt(variance), scale_error(self.comparison) * mean))
         row = int(here[np.argmax(share)])
         return self._outside_the_file(row, fit.theta[row], mean, std) if self._is_unlisted(row, mean) else (mean, std)
 
@@ -302,6 +302,11 @@ class AddedMass:
         at = vector(member.point(self.position[row]))
         inertia = vector(np.full(3, theta[0] * theta[3]))
         return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=vector(offset), inertia=inertia)])
+
+
+def scale_error(comparison: Comparison) -> float:
+    """Return the relative standard deviation of all masses, by the density of the model and by its mesh."""
+    return float(np.hypot(DENSITY_STD, comparison.mass_error))
 
 
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:

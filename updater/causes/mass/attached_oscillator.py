@@ -188,6 +188,7 @@ class AttachedOscillator:
         magnitude = self._magnitude(fit.theta[own, 0], np.sqrt(fit.covariance[own, 0, 0]))
         mass = float(share @ magnitude.mean)
         variance = float(share @ (magnitude.variance + (magnitude.mean - mass) ** 2))
+        std = float(np.hypot(np.sqrt(variance), self.comparison.mass_error * mass))
         each = self.log_frequency[self.mode[own]] + fit.theta[own, 1]
         variances = fit.covariance[own, 1, 1]
         if self.new is None:
@@ -196,7 +197,7 @@ class AttachedOscillator:
         spread = float(np.sqrt(share @ (variances + (each - log_f) ** 2)))
         frequency = float(np.exp(log_f))
         found = {
-            "mass": Quantity(value=mass, std=variance**0.5, unit="kg"),
+            "mass": Quantity(value=mass, std=std, unit="kg"),
             "frequency": Quantity(value=frequency, std=frequency * spread, unit="Hz"),
         }
         if self.new is not None:

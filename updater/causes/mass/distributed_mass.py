@@ -12,7 +12,7 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.causes.mass.added_mass import DENSITY_STD, LARGEST_REMOVED, MASS_STD
+from updater.causes.mass.added_mass import LARGEST_REMOVED, MASS_STD, scale_error
 from updater.causes.member_grid import Cells, cut
 from updater.causes.stretches import WITHIN, Kinds, Spread, begun, everywhere, may_be_cut
 from updater.inference import Comparison, Effect, Fit, first_order, log_uniform, no_effect
@@ -79,9 +79,10 @@ class DistributedMass(Spread):
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the mass in all and the length over which it is spread."""
         mass = self.averaged(fit, fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
+        std = float(np.hypot(mass[1], scale_error(self.comparison) * mass[0]))
         extent = self.averaged(fit, *self.extents(fit))
         return {
-            "mass": Quantity(value=mass[0], std=float(np.hypot(mass[1], DENSITY_STD * mass[0])), unit="kg"),
+            "mass": Quantity(value=mass[0], std=std, unit="kg"),
             "extent": Quantity(value=extent[0], std=extent[1], unit="m"),
         }
 

@@ -6,8 +6,18 @@ import numpy as np
 import pytest
 
 from tests.support.opensees import needs_opensees
-from tests.support.updater.plates import write_table
-from updater import build_model, load_structure
+from tests.support.thorough import few_of
+from tests.support.updater.frames import unmoved
+from tests.support.updater.plates import COARSE, LINES, MODULUS, N_MODES, Table, windows, write_table
+from updater import (
+    build_model,
+    diagnose,
+    learn_reference,
+    load_structure,
+    matched,
+    nominal_reference,
+    stack_tracks,
+)
 from updater.fe.external.faces import Faces
 
 pytestmark = needs_opensees
@@ -62,3 +72,40 @@ def test_error_is_that_of_a_finer_mesh(tmp_path: Path) -> None:
     ratio = 4 / 3 * (coarse - fine) / stated
     assert 0.8 < np.exp(np.log(ratio).mean()) < 1.6
     assert ((ratio > 0.4) & (ratio < 2.5)).all()
+
+
+@pytest.mark.parametrize("seed", few_of(range(2, 13)))
+def test_mass_on_a_coarse_mesh_has_a_deviation_that_contains_its_error(tmp_path: Path, seed: int) -> None:
+    """Masses are too small there, in proportion to the error of the mesh. Some are refused."""
+    random = np.random.default_rng(seed)
+    modulus = MODULUS * (1 + 0.02 * random.standard_normal())
+    body = (random.uniform(0.2, 1.3), random.choice(LINES), np.exp(random.uniform(np.log(0.15), np.log(0.6))))
+    before = windows(Table(modulus=modulus).modes(), 8, random)
+    after = windows(Table(modulus=modulus, mass=body).modes(), 4, random)
+    reference = learn_reference(load_structure(write_table(tmp_path, mesh=COARSE)), before, unmoved(8, N_MODES))
+    found = diagnose(reference, reference.mean_of(stack_tracks(after, unmoved(4, N_MODES))), only=("added_mass",))
+    if found.diagnosis.verdict == "unexplained":
+        return
+    (cause,) = found.diagnosis.causes
+    mass = cause.parameters["mass"]
+    print(f"seed {seed}: {mass.value:.3f} +- {mass.std:.3f} of {body[2]:.3f} kg")
+    assert mass.std
+    assert abs(mass.value - body[2]) < 2 * mass.std
+
+
+@pytest.mark.parametrize("seed", few_of(range(1, 9)))
+def test_stiffness_of_a_coarse_file_has_a_deviation_that_contains_its_error(tmp_path: Path, seed: int) -> None:
+    """The errors of the mesh have one sign. Taken as independent, they were 11 +- 5 % of the stiffness."""
+    random = np.random.default_rng(seed)
+    modulus = MODULUS * (1 + 0.02 * random.standard_normal())
+    truth = Table(modulus=modulus, factors={"foot_ne": 0.5}).modes()
+    used = stack_tracks(windows(truth, 3, random), unmoved(3, N_MODES))
+    reference = nominal_reference(load_structure(write_table(tmp_path, mesh=COARSE)), used)
+    found = diagnose(reference, matched(reference.baseline, reference.mean_of(used)), only=("model_parameters",))
+    (cause,) = found.diagnosis.causes
+    whole, foot = (cause.parameters[name] for name in ("matrices.K", "foot_ne.K"))
+    print(f"seed {seed}: all {whole.value:.3f} +- {whole.std:.3f}, foot {foot.value:.3f} +- {foot.std:.3f}")
+    assert whole.std
+    assert foot.std
+    assert abs(whole.value - modulus / MODULUS) < 2 * whole.std
+    assert abs(foot.value * whole.value - 0.5) < 2 * foot.std
