@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -264,14 +265,15 @@ def all_knobs(structure: Structure) -> list[ModelParameter]:
         ModelParameter(name=f"stiffness of {m}", key=f"{m}.E", prior=_STIFFNESS_PRIOR, kind="stiffness", target=m)
         for m in structure.material
     ]
+    unit = FlexibilityUnits(structure)
     for i, support in enumerate(structure.support):
         knobs += [_rigid(f"support {i}", a, "support", str(i), support.at) for a in may_give(support)]
-        knobs += [_stated(structure, f"support {i}", a, "support", str(i), support) for a in support.stiffness]
+        knobs += [_stated(unit, f"support {i}", a, "support", str(i), support) for a in support.stiffness]
     found = meetings(structure)
     times = Counter([*(joint.member for joint in structure.joint), *(member for member, _ in found)])
     for joint in structure.joint:
         name = f"joint of {joint.member}" + _place(joint.at, times[joint.member])
-        knobs += [_stated(structure, name, a, "joint", joint.member, joint) for a in joint.stiffness]
+        knobs += [_stated(unit, name, a, "joint", joint.member, joint) for a in joint.stiffness]
     for member, at in found:
         place = _place(at, times[member])
         knobs += [_rigid(f"joint of {member}{place}", a, "joint", member, at) for a in TURNS]
@@ -364,8 +366,9 @@ def _of_sections(structure: Structure) -> list[ModelParameter]:
 
 
 def _springs_of_supports(structure: Structure) -> list[ModelParameter]:
+    unit = FlexibilityUnits(structure)
     return [
-        _stated(structure, f"support {i}", axis, "support", str(i), support)
+        _stated(unit, f"support {i}", axis, "support", str(i), support)
         for i, support in enumerate(structure.support)
         for axis in support.stiffness
     ]
@@ -398,9 +401,14 @@ def _rigid(name: str, axis: Axis, kind: Literal["support", "joint"], target: str
 
 
 def _stated(
-    structure: Structure, name: str, axis: Axis, kind: Literal["support", "joint"], target: str, spring: Support | Joint
+    unit: "FlexibilityUnits",
+    name: str,
+    axis: Axis,
+    kind: Literal["support", "joint"],
+    target: str,
+    spring: Support | Joint,
 ) -> ModelParameter:
-    mean = flexibility_unit(structure, axis, spring.at) / dict(spring.stiffness)[axis]  # type: ignore[index]
+    mean = unit(axis, spring.at) / dict(spring.stiffness)[axis]  # type: ignore[index]
     return ModelParameter(
         name=f"{name} flexibility {axis}",
         key=f"{name.removeprefix('joint of ')}.{axis}",
@@ -445,6 +453,7 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
     supports, joints = list(structure.support), list(structure.joint)
     bodies = list(structure.body)
     welds: list[Segment] = []
+    unit = FlexibilityUnits(structure)
     factors: dict[str, dict[Axis, float]] = {}
     external = structure.external
     for knob, value in zip(knobs, x.tolist(), strict=True):
@@ -463,10 +472,10 @@ def apply_parameters(structure: Structure, knobs: list[ModelParameter], x: Float
         elif knob.kind == "housings":
             bodies += [body.times(value) for body in bodies_of_one(structure, knob)]
         elif knob.kind == "support":
-            i, spring = int(knob.target), flexibility_unit(structure, knob.axis, knob.at) / value
+            i, spring = int(knob.target), unit(knob.axis, knob.at) / value
             supports[i] = _sprung(supports[i], knob.axis, spring)
         else:
-            _put_joint(joints, knob, flexibility_unit(structure, knob.axis, knob.at) / value)
+            _put_joint(joints, knob, unit(knob.axis, knob.at) / value)
     return structure.model_copy(
         update={
             "external": external,
@@ -563,14 +572,49 @@ def flexibility_unit(structure: Structure, axis: Axis, at: Vector) -> float:
     ----------
     at : place of the connection [m]
     """
-    if structure.external is not None:
-        return 1.0
-    longest = max(structure.member, key=lambda m: m.length)
-    strong = structure.material[longest.material].youngs_modulus * max(structure.section[longest.section].second_moment)
-    if axis not in TURNS:
-        return strong / longest.length / longest.length**2
-    there = (_bending_rigidity(structure, member, axis) for member in structure.member if member.passes(at))
-    return min((rigidity for rigidity in there if rigidity), default=strong) / longest.length
+    return FlexibilityUnits(structure)(axis, at)
+
+
+class FlexibilityUnits:
+    """Units of the flexibilities of a structure's connections, each as by `flexibility_unit`.
+
+    The longest member, and the members at each place, are found once.
+    """
+
+    def __init__(self, structure: Structure) -> None:
+        """Prepare the units of a structure."""
+        self._structure = structure
+        self._there: dict[Vector, list[Member]] = {}
+
+    def __call__(self, axis: Axis, at: Vector) -> float:
+        """Return the unit about or along an axis at a place [N m/rad or N/m]."""
+        if self._structure.external is not None:
+            return 1.0
+        length, strong = self._longest
+        if axis not in TURNS:
+            return strong / length / length**2
+        there = (_bending_rigidity(self._structure, member, axis) for member in self._members(at))
+        return min((rigidity for rigidity in there if rigidity), default=strong) / length
+
+    @cached_property
+    def _longest(self) -> tuple[float, float]:
+        """Length [m] and strong E I [N m2] of the longest member."""
+        member = max(self._structure.member, key=lambda m: m.length)
+        modulus = self._structure.material[member.material].youngs_modulus
+        return member.length, modulus * max(self._structure.section[member.section].second_moment)
+
+    @cached_property
+    def _ends(self) -> FloatArray:
+        """Ends of the members (n_members, 2, 3) [m]."""
+        return np.array([(member.start, member.end) for member in self._structure.member])
+
+    def _members(self, at: Vector) -> list[Member]:
+        """Return the members that pass through a place, in the order of the file."""
+        if at not in self._there:
+            near = (self._ends.min(1) <= np.add(at, ON_MEMBER)) & (self._ends.max(1) >= np.subtract(at, ON_MEMBER))
+            members = (self._structure.member[i] for i in np.flatnonzero(near.all(1)))
+            self._there[at] = [member for member in members if member.passes(at)]
+        return self._there[at]
 
 
 def _bending_rigidity(structure: Structure, member: Member, axis: Axis) -> float:
