@@ -1,7 +1,8 @@
 """One free cause fitted jointly with causes at fixed alternatives; joint prediction of selected causes."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -20,6 +21,13 @@ class SelectedCause:
     cause: Cause
     row: int
     theta: FloatArray  #: (n_parameters,)
+
+    @property
+    def alternative(self) -> Hashable:
+        """Name, prior and effect of a unit of each parameter: equal for the same alternative of grids that differ."""
+        effect = self.cause.effect(self.cause.prior_std[None], np.array([self.row]))
+        prior = float(self.cause.log_prior[self.row])
+        return self.cause.name, prior, *(values.tobytes() for values in vars(effect).values())
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +78,16 @@ class JointHypothesis(Generic[C]):
 
     def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
         """Return all effects together."""
-        found = self.free.effect(theta[:, : len(self.free.prior_std)], rows)
-        for c, own in self._columns():
-            found = c.cause.effect(theta[:, own], np.full(len(rows), c.row)).then(found)
-        return found
+        return self.joined([part.effect(theta[:, own], number) for part, own, number in self.parts(rows)])
+
+    def parts(self, rows: IndexArray) -> list[tuple[Cause, slice, IndexArray]]:
+        """Return each cause with the columns of its parameters and its alternatives, the free one first."""
+        others = [(c.cause, own, np.full(len(rows), c.row)) for c, own in self._columns()]
+        return [(self.free, slice(0, len(self.free.prior_std)), rows), *others]
+
+    def joined(self, effects: Sequence[Effect]) -> Effect:
+        """Return effects together; the channels read the free cause's effect last."""
+        return reduce(lambda found, other: other.then(found), effects)
 
     def _columns(self) -> Iterator[tuple[SelectedCause, slice]]:
         """Yield each chosen cause with the columns of its parameters."""

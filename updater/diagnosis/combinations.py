@@ -17,7 +17,7 @@ from daq import FloatArray, IndexArray
 from updater.causes import CATALOGUE, Cause, CommonFactor, JointHypothesis, SelectedCause, has_unobserved_mode
 from updater.diagnosis.places import next_place
 from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
-from updater.inference import Fit, fit, foreseen, pulls
+from updater.inference import Fit, foreseen, pulls
 
 _MAX = 300  # alternatives of a cause that are looked at; of more, evenly many
 _MIN = 1.0  # chi-square by a step of one prior standard deviation: smaller effects explain nothing
@@ -327,8 +327,7 @@ class Compositions:
         for _ in chosen:
             *others, last = chosen
             free = self.weighing.causes[last.cause.name]
-            beside = JointHypothesis(free, tuple(others), start_neutral=bool(others))
-            found = fit(self.weighing.data, beside, start=None if others else self.weighing.known_start(free))
+            found = self.weighing.fit_beside(free, tuple(others))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))
         # the last fit sums over one cause's alternatives; the others count with those they leave open, not with one

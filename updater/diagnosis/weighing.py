@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TypeVar
@@ -10,13 +10,14 @@ from typing import TypeVar
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import CATALOGUE, Cause, Nothing, Propose, SelectedCause, prediction
+from updater.causes import CATALOGUE, Cause, JointHypothesis, Nothing, Propose, SelectedCause, prediction
 from updater.errors import SelectionError
 from updater.inference import Comparison, Fit, fit, refined_fit
 from updater.reference import Reference
 from updater.structure import meant
 
 T = TypeVar("T")
+JointKey = tuple[Comparison, Cause, tuple[Hashable, ...]]  #: data, the free cause, and the alternatives of the others
 _log = logging.getLogger(__name__)
 
 
@@ -150,6 +151,7 @@ class EvidenceComparison:
     faults : collects failures; a cause that has failed alone is not considered further
     proposed : causes made so far, by their data and label
     fitted : first alternatives of causes fitted alone so far, by label
+    joint : fits of a cause beside alternatives of others so far, by data, cause and the others' effects
     """
 
     reference: Reference
@@ -160,6 +162,9 @@ class EvidenceComparison:
     faults: Faults = field(default_factory=Faults)
     proposed: dict[tuple[Comparison, str], Cause | None] = field(default_factory=dict, repr=False)
     fitted: dict[str, Fit[Cause]] = field(default_factory=dict, repr=False)
+    joint: dict[tuple[Comparison, Cause, tuple[Hashable, ...]], Fit[JointHypothesis[Cause]]] = field(
+        default_factory=dict, repr=False
+    )
 
     @property
     def causes(self) -> Mapping[str, Cause]:
@@ -241,6 +246,18 @@ class EvidenceComparison:
         """
         known = self.fitted.get(self.label(cause.name))
         return known.theta if known is not None and _same_alternatives(known.hypotheses, cause) else None
+
+    def fit_beside(self, free: Cause, others: tuple[SelectedCause, ...]) -> Fit[JointHypothesis[Cause]]:
+        """Fit all alternatives of a cause together with one alternative of each other cause.
+
+        The parameters of the others only begin the fit: where it was made before with the same alternatives, as in the
+        last turn of a search, it is not repeated.
+        """
+        key = self.data, free, tuple(other.alternative for other in others)
+        if key not in self.joint:
+            start = None if others else self.known_start(free)
+            self.joint[key] = fit(self.data, JointHypothesis(free, others, start_neutral=bool(others)), start=start)
+        return self.joint[key]
 
     def _single(self, name: str, cause: Cause) -> Candidate:
         """Fit one cause alone."""

@@ -1,6 +1,6 @@
 """Fit of all alternatives of a cause at once, and the evidence for each (Laplace)."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Generic, Protocol, Self, TypeVar, runtime_checkable
 
@@ -27,6 +27,7 @@ _MAX_PIVOTS = 100  # exchanges
 _WRONG = 1e-6  # standard deviations by which a parameter may go beyond its bound
 _STEP = 1e-4  # of the finite differences of an effect, in prior standard deviations
 _AT_ONCE = 256  # rows times parameters whose residuals are computed together: their arrays stay in the cache
+_FIRST = np.zeros(1, np.intp)
 BoolArray = npt.NDArray[np.bool_]
 
 
@@ -89,6 +90,28 @@ class LinearInCompliance(Protocol):
         ----------
         theta : (n, n_parameters)
         """
+
+
+class HasEffect(Protocol):
+    """A cause with the effects of its alternatives."""
+
+    def effect(self, theta: FloatArray, rows: IndexArray) -> Effect:
+        """Return the effect of the alternatives `rows` with parameters theta (len(rows), n_parameters)."""
+
+
+#: a cause of a joint hypothesis, the columns of its parameters, and its alternative (n,) in each joint one
+Part = tuple[HasEffect, slice, IndexArray]
+
+
+@runtime_checkable
+class Joint(Protocol):
+    """Alternatives of several causes together, whose changes of mass and compliance add."""
+
+    def parts(self, rows: IndexArray) -> Sequence[Part]:
+        """Return the causes of alternatives `rows`, in the order of their parameters."""
+
+    def joined(self, effects: Sequence[Effect]) -> Effect:
+        """Return the effects of the causes together."""
 
 
 H = TypeVar("H", bound=Hypotheses)
@@ -183,6 +206,10 @@ class Point:
     def cost(self) -> FloatArray:
         """Chi-square (n_alternatives,), the priors' included."""
         return np.asarray((self.residual**2).sum(1))
+
+    def rows(self, rows: IndexArray) -> "Point":
+        """Return some alternatives."""
+        return Point(self.theta[rows], self.effect.rows(rows), self.changed.rows(rows), self.residual[rows])
 
 
 def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool) -> Fit[H]:
@@ -385,29 +412,58 @@ def slopes(
     comparison: Comparison, hypotheses: Hypotheses, point: Point, rows: IndexArray, parameters: range | None = None
 ) -> FloatArray:
     """Return the residuals' derivatives (len(rows), n_data + n_parameters, n_parameters), of all or some parameters."""
-    changed, old = point.changed.rows(rows), point.effect.rows(rows)
-    theta, before = point.theta[rows], point.residual[rows]
-    value, vector = picked(changed)
-    mass, flexibility, tangent = old.whole_mass, old.whole_flexibility, Tangent(changed, old)
-    steps = _STEP * hypotheses.prior_std
+    columns = list(range(len(hypotheses.prior_std)) if parameters is None else parameters)
+    at = point.rows(rows)
+    common = _common(hypotheses, at, rows)
+    slope = np.zeros((len(columns), *at.residual.shape))
+    each, once = ([i for i, k in enumerate(columns) if (k in common) is given] for given in (False, True))
+    slope[each] = _slopes(comparison, hypotheses, at, rows, [columns[i] for i in each])
+    if once:
+        slope[once] = _slopes(comparison, hypotheses, at.rows(_FIRST), rows[:1], [columns[i] for i in once])
+    return np.ascontiguousarray(np.moveaxis(slope, 0, 2))
+
+
+def _common(hypotheses: Hypotheses, point: Point, rows: IndexArray) -> set[int]:
+    """Return the parameters with the same derivatives for all rows: of other causes, before the free one acts."""
+    parts = _parts_of(hypotheses, rows)
+    if len(rows) < 2 or len(parts) < 2 or not point.effect.alike:
+        return set()
+    same = (
+        range(own.start, own.stop)
+        for _, own, number in parts
+        if (number == number[0]).all() and (point.theta[:, own] == point.theta[0, own]).all()
+    )
+    return {k for columns in same for k in columns}
+
+
+def _parts_of(hypotheses: Hypotheses, rows: IndexArray) -> Sequence[Part]:
+    """Return the causes of a hypothesis; itself if it is one."""
+    if isinstance(hypotheses, Joint):
+        return hypotheses.parts(rows)
+    return [(hypotheses, slice(0, len(hypotheses.prior_std)), rows)]
+
+
+def _slopes(
+    comparison: Comparison, hypotheses: Hypotheses, point: Point, rows: IndexArray, columns: list[int]
+) -> FloatArray:
+    """Return the derivatives (len(columns), len(rows), n_data + n_parameters) by some parameters, at these rows."""
+    value, vector = picked(point.changed)
+    tangent, theta, steps = Tangent(point.changed, point.effect), point.theta, _STEP * hypotheses.prior_std
     linear = hypotheses.compliance_increments(theta) if isinstance(hypotheses, LinearInCompliance) else {}
-    columns = list(range(len(steps)) if parameters is None else parameters)
-    slope = np.zeros((len(columns), *before.shape))
-    for group in _groups(columns, linear, len(rows)):
+    parts = _Parts(hypotheses, point, rows)
+    slope = np.zeros((len(columns), *point.residual.shape))
+    for group in _groups([None if k in linear else parts.of[k] for k in columns], len(rows)):
         k = np.array([columns[g] for g in group])
         moved = np.tile(theta, (len(k), 1, 1))
         moved[np.arange(len(k)), :, k] += steps[k, None]
         stacked, every = moved.reshape(-1, len(steps)), np.tile(np.arange(len(rows)), len(k))
         if k[0] in linear:
-            effect, amount = old.rows(every), steps[k, None] * [linear[each][1] for each in k]
+            effect, amount = point.effect.rows(every), steps[k, None] * [linear[each][1] for each in k]
             d_value, d_vector = map(np.array, zip(*(tangent.by_compliance(linear[each][0]) for each in k), strict=True))
             d_value, d_vector = amount[..., None] * d_value, amount[..., None, None] * d_vector
         else:
-            effect = hypotheses.effect(stacked, rows[every])
-            d_value, d_vector = tangent.by(
-                _by_parameter(effect.whole_mass, len(k), len(rows)) - mass,
-                _by_parameter(effect.whole_flexibility, len(k), len(rows)) - flexibility,
-            )
+            before, effect = parts.moved(parts.of[k[0]], stacked, every)
+            d_value, d_vector = tangent.between(before, effect, len(k))
         found = _residual(
             comparison,
             hypotheses,
@@ -416,18 +472,45 @@ def slopes(
             np.broadcast_to(vector + d_vector, (len(k), *vector.shape)).reshape(-1, *vector.shape[1:]),
             effect,
         )
-        slope[group] = (found.reshape(len(k), *before.shape) - before) / steps[k, None, None]
-    return np.ascontiguousarray(np.moveaxis(slope, 0, 2))
+        slope[group] = (found.reshape(len(k), *point.residual.shape) - point.residual) / steps[k, None, None]
+    return slope
 
 
-def _by_parameter(matrix: FloatArray, n_parameters: int, n_rows: int) -> FloatArray:
-    """Return matrices (n_parameters n_rows, n, n) by parameter and row, a single one (1, n, n) as that of all."""
-    shape = (n_parameters, n_rows) if len(matrix) > 1 else (1, 1)
-    return matrix.reshape(*shape, *matrix.shape[1:])
+class _Parts:
+    """Causes of a hypothesis, moved one at a time: what the others change in the structure cancels."""
+
+    def __init__(self, hypotheses: Hypotheses, point: Point, rows: IndexArray) -> None:
+        """Compute the effect of each cause by itself at a point (len(rows),)."""
+        self._hypotheses, self._parts = hypotheses, _parts_of(hypotheses, rows)
+        #: number of the cause of each parameter
+        self.of = [i for i, (_, own, _) in enumerate(self._parts) for _ in range(own.start, own.stop)]
+        self._before = [point.effect]
+        if len(self._parts) > 1:
+            effects = [part.effect(point.theta[:, own], number) for part, own, number in self._parts]
+            self._others = [effect.without_structure() for effect in effects]
+            self._before = [self._with_others(i, effect, np.arange(len(rows))) for i, effect in enumerate(effects)]
+
+    def moved(self, number: int, theta: FloatArray, every: IndexArray) -> tuple[Effect, Effect]:
+        """Return the joint effect before and after one cause has moved, without the others' mass and compliance.
+
+        Parameters
+        ----------
+        number : of the cause
+        theta : (n, n_parameters) parameters to which it moves
+        every : (n,) positions of their rows
+        """
+        part, own, rows = self._parts[number]
+        return self._before[number], self._with_others(number, part.effect(theta[:, own], rows[every]), every)
+
+    def _with_others(self, number: int, effect: Effect, every: IndexArray) -> Effect:
+        if len(self._parts) == 1 or not isinstance(self._hypotheses, Joint):
+            return effect
+        others = [other.rows(every) for other in self._others]
+        return self._hypotheses.joined([*others[:number], effect, *others[number + 1 :]])
 
 
-def _groups(columns: list[int], linear: Collection[int], n_rows: int) -> list[list[int]]:
-    """Return positions in `columns` whose derivatives are computed together, those of `linear` separately."""
+def _groups(kinds: list[int | None], n_rows: int) -> list[list[int]]:
+    """Return positions of parameters whose derivatives are computed together: some of one kind."""
     size = max(_AT_ONCE // max(n_rows, 1), 1)
-    kinds = [[i for i, k in enumerate(columns) if (k in linear) is given] for given in (False, True)]
-    return [kind[start : start + size] for kind in kinds for start in range(0, len(kind), size)]
+    alike = [[i for i, each in enumerate(kinds) if each == kind] for kind in dict.fromkeys(kinds)]
+    return [kind[start : start + size] for kind in alike for start in range(0, len(kind), size)]

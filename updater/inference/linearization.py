@@ -150,7 +150,7 @@ def _besides(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, 
     """Return the state at theta, and derivatives (n_alternatives, n_residuals, n_own) beyond the other parameters'."""
     n, n_all = len(hypotheses.log_prior), len(theta)
     one = evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
-    own = slopes(comparison, hypotheses, _repeated(one, n), np.arange(n), range(n_own))
+    own = slopes(comparison, hypotheses, one.rows(np.zeros(n, np.intp)), np.arange(n), range(n_own))
     if n_all > n_own:
         others = slopes(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
         basis = np.linalg.qr(others)[0]
@@ -171,10 +171,5 @@ def pulls(comparison: Comparison, hypotheses: Hypotheses, rows: IndexArray) -> t
     n, n_all = len(hypotheses.prior_std), len(hypotheses.log_prior)
     one = evaluate(comparison, hypotheses, np.zeros((1, n)), np.zeros(1, np.intp))
     n_data = one.residual.shape[1] - n
-    return one.residual[0, :n_data], slopes(comparison, hypotheses, _repeated(one, n_all), rows)[:, :n_data]
-
-
-def _repeated(one: Point, n: int) -> Point:
-    """Return the effect of one alternative as that of n: without effect all are equal."""
-    rows = np.zeros(n, np.intp)
-    return Point(one.theta[rows], one.effect.rows(rows), one.changed.rows(rows), one.residual[rows])
+    slope = slopes(comparison, hypotheses, one.rows(np.zeros(n_all, np.intp)), rows)
+    return one.residual[0, :n_data], slope[:, :n_data]

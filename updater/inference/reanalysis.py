@@ -10,7 +10,7 @@ An oscillator appends a degree of freedom: its motion relative to the structure'
 omega_o^2 and a coupling in the mass matrix.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -80,6 +80,16 @@ class Effect:
             chosen[f.name] = values if len(values) == 1 and f.name not in _OWN else values[rows]
         return Effect(**chosen)
 
+    @property
+    def alike(self) -> bool:
+        """Whether all alternatives have the same effect: places make no difference before their cause has one."""
+        return all(bool((values == values[:1]).all()) for values in vars(self).values() if len(values) > 1)
+
+    def without_structure(self) -> "Effect":
+        """Return the effect on the channels, and the degrees of freedom appended, alone."""
+        mass, compliance = (np.zeros((1, *values.shape[1:])) for values in (self.mass, self.compliance))
+        return replace(self, mass=mass, compliance=compliance)
+
     def then(self, other: "Effect") -> "Effect":
         """Return both together; the other's effect on the channels acts after this one."""
         n = other.imaginary.shape[1]
@@ -92,8 +102,8 @@ class Effect:
         # channel whose lag applies: a swap moves it
         share = own**2 / np.maximum((own**2).sum(2, keepdims=True), _MIN)
         return Effect(
-            mass=self.mass + other.mass,
-            compliance=self.compliance + other.compliance,
+            mass=_added(self.mass, other.mass),
+            compliance=_added(self.compliance, other.compliance),
             chain=chain,
             moved=self.moved + other.moved,
             imaginary=(share @ self.imaginary[:, :, None])[:, :, 0] + other.imaginary,
@@ -102,6 +112,14 @@ class Effect:
             own=np.concatenate([self.own, other.own], axis=1),
             own_log_damping=np.concatenate([self.own_log_damping, other.own_log_damping], axis=1),
         )
+
+
+def _added(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Return the sum of matrices (p or 1, n, n), one of them itself where the other is a single zero."""
+    for each, rest in ((one, other), (other, one)):
+        if len(rest) == 1 and not rest.any():
+            return each
+    return one + other
 
 
 def in_modes(flexibility: FloatArray, comparison: Comparison) -> FloatArray:
@@ -117,6 +135,16 @@ def _bordered(matrix: FloatArray, border: FloatArray, corner: FloatArray) -> Flo
     matrix = np.broadcast_to(matrix, (len(corner), *matrix.shape[1:]))
     lower = np.concatenate([border.transpose(0, 2, 1), corner[:, :, None] * np.eye(corner.shape[1])], axis=2)
     return np.concatenate([np.concatenate([matrix, border], axis=2), lower], axis=1)
+
+
+def _in_corner(diagonal: FloatArray, n: int) -> FloatArray:
+    """Return matrices (..., n + n_own, same) with diagonals (..., n_own) in their corners, zero else."""
+    n_own = diagonal.shape[-1]
+    if not n_own:
+        return np.zeros((1, 1, n, n))
+    matrix = np.zeros((*diagonal.shape[:-1], n + n_own, n + n_own))
+    matrix[..., range(n, n + n_own), range(n, n + n_own)] = diagonal
+    return matrix
 
 
 def no_effect(n_alternatives: int, comparison: Comparison) -> Effect:
@@ -154,6 +182,9 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
 
     A mode's successor is the one with most of it: the changed mode that holds the largest component of the old one.
     """
+    n = len(effect.own)
+    if n > 1 and effect.alike:
+        return reanalyse(comparison, effect.rows(np.zeros(1, np.intp))).rows(np.zeros(n, np.intp))
     value, vector, weighed = _solve(comparison, effect)
     value = np.maximum(value, _MIN * value[:, -1:])
     share = vector * weighed  # of each reference mode in each changed one; columns sum to 1
@@ -162,8 +193,7 @@ def reanalyse(comparison: Comparison, effect: Effect) -> Changed:
         pick = _with_own(comparison, pick, share, value)
     scale = np.sqrt(value)[:, None, :]
     found = Changed(value, vector / scale, weighed * scale, pick)
-    n = len(effect.own)
-    return found if len(value) == n else found.rows(np.zeros(n, np.intp))  # none changes the structure: all are alike
+    return found if len(value) == n else found.rows(np.zeros(n, np.intp))  # none changes the structure
 
 
 def _successors(comparison: Comparison, share: FloatArray, value: FloatArray, vector: FloatArray) -> IndexArray:
@@ -406,10 +436,35 @@ class Tangent:
             numerator = numerator + changed.weighed.transpose(0, 2, 1) @ (flexibility @ self._weighed)
         return self._of(numerator, np.broadcast_to(by_mass, numerator.shape))
 
+    def between(self, before: Effect, after: Effect, n_steps: int) -> _Slope:
+        """Return the changes (n_steps, ...), to first order, from one effect to that after steps of parameters.
+
+        Parameters
+        ----------
+        before : (n_alternatives,)
+        after : (n_steps n_alternatives,) of each step all alternatives
+        """
+
+        def change(old: FloatArray, new: FloatArray) -> FloatArray:
+            steps = n_steps if len(new) > 1 else 1
+            return new.reshape(steps, len(new) // steps, *new.shape[1:]) - old
+
+        compliance = change(before.compliance, after.compliance)
+        mass = change(before.whole_mass, after.whole_mass)
+        own = _in_corner(change(before.own, after.own), before.mass.shape[1])
+        if not compliance.any():
+            return self.by(mass, own)
+        value, vector = self.by_compliance(compliance)
+        if not (mass.any() or own.any()):
+            return value, vector
+        by_mass = self.by(mass, own)
+        return value + by_mass[0], vector + by_mass[1]
+
     def by_compliance(self, compliance: FloatArray) -> _Slope:
-        """Return the derivatives by so much of a compliance (n_modes + n_stress, same) everywhere [s2, -]."""
+        """Return the derivatives by a compliance (..., n_modes + n_stress, same), the same or one per alternative."""
         every, picked = self._with_stress
-        return self._of(every.transpose(0, 2, 1) @ (compliance @ picked), np.zeros(self._vector.shape))
+        numerator = every.transpose(0, 2, 1) @ (compliance @ picked)
+        return self._of(numerator, np.broadcast_to(0.0, numerator.shape))
 
     @cached_property
     def _with_stress(self) -> _Slope:

@@ -54,6 +54,27 @@ def test_each_fit_is_announced_with_the_number_of_fits(learnt: tuple[Reference, 
     assert {planned for _, _, planned in announced} == {len(announced)}
 
 
+def test_a_joint_fit_with_the_same_alternatives_is_not_repeated(learnt: tuple[Reference, Model]) -> None:
+    reference, bare = learnt
+    model = build_model(
+        bare.structure.with_bodies([Body(at=(0.25, 0.0, 1.48), mass=0.3)]), shear_flexible=True, mass="consistent"
+    )
+    windows = [measure(model, np.random.default_rng((973, k)), GAIN) for k in range(3)]
+    data = compare(reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 3))))
+    weighing = EvidenceComparison(reference, data, allowed=("added_mass", "sensor_gain"))
+    several = Compositions(weighing)
+    found = several.coordinate_fit(tuple(candidate.chosen[0] for candidate in weighing.singles()))
+    for _ in range(3):
+        assert found is not None
+        before, found = found, several.coordinate_fit(found.chosen)
+    assert found is not None
+    number = len(weighing.joint)
+    again = several.coordinate_fit(found.chosen)
+    assert again is not None
+    assert len(weighing.joint) == number
+    assert again.log_evidence == found.log_evidence == before.log_evidence
+
+
 def place(chosen: SelectedCause) -> np.ndarray:
     assert isinstance(chosen.cause, AddedMass)
     member = t_frame().member[chosen.cause.member[chosen.row]]
