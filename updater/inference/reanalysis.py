@@ -82,7 +82,7 @@ class Effect:
 
     @property
     def alike(self) -> bool:
-        """Whether all alternatives have the same effect: places make no difference before their cause has one."""
+        """True if all alternatives have the same effect: places make no difference before their cause has one."""
         return all(bool((values == values[:1]).all()) for values in vars(self).values() if len(values) > 1)
 
     def without_structure(self) -> "Effect":
