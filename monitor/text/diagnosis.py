@@ -27,6 +27,9 @@ _SITUATIONS = {
     "widespread_stiffness": "Stiffness has changed along most of several members: corrosion, another material or other "
     "sections, of which a loss of stiffness alone is a part. Measure the members' sections, and correct the structure "
     "file.",
+    "worse_model": "The best causes explain the compared modes, but double the frequency error of the model over all "
+    "measured modes. Measure with more sensors, so that close modes are distinguished, or describe the structure in "
+    "more detail.",
 }
 _RATE_UNITS = {"kg": (1000.0, "g"), "-": (100.0, "%")}  # spoken: scale and unit
 _SMALLEST = {

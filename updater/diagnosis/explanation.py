@@ -299,6 +299,8 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         lambda: fit_of_written(case.reference, case.data, case.measured, extended, chosen),
     )
     gained = faults.attempt("the gain", lambda: _gained(case, chosen, extended, written))
+    if gained and gained.is_worse:
+        return _refused("unexplained", case, searched, "worse_model")
     decisive = None if sure else faults.attempt("the next measurement", lambda: _next(case, left_open))
     diagnosis = Diagnosis(
         verdict="explained" if sure else "ambiguous",

@@ -7,6 +7,7 @@ causes are an improvement: the log likelihood must rise by more than two standar
 independent noise are the whitened distance between the two predictions.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -23,6 +24,8 @@ from updater.reference import ModelFit, Reference, fit_of_model
 from updater.structure import Structure, dump_structure, parse_structure
 
 _SIGNIFICANT = 2.0  # standard deviations
+_CONTRADICTS = 3.0  # standard deviations
+_DOUBLE = 2.0  # times the error of frequencies without the causes
 _BY_MODE = ("log_ratio", "shape", "imaginary", "log_damping")  # of a prediction
 _UNKNOWN = 1e4  # variance of a log frequency that was not measured
 
@@ -34,6 +37,16 @@ class Gained:
     gain: Gain
     std: Gain  #: standard deviations of the same figures
     significant: bool  #: whether the log likelihood of the changes has risen by more than chance
+
+    @property
+    def is_worse(self) -> bool:
+        """Whether the written model contradicts the measured modes: a right cause does not double the error."""
+        error, std = self.gain.frequency_error_percent, self.std.frequency_error_percent
+        likelihood = self.gain.log_likelihood
+        if error.before is None or error.after is None or likelihood.before is None or likelihood.after is None:
+            return False
+        noise = _CONTRADICTS * math.hypot(std.before or 0.0, std.after or 0.0)
+        return error.after > max(_DOUBLE * error.before, error.before + noise) and likelihood.after < likelihood.before
 
 
 @dataclass(frozen=True, eq=False)
