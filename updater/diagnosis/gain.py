@@ -40,7 +40,7 @@ class Gained:
 
     @property
     def is_worse(self) -> bool:
-        """Whether the written model contradicts the measured modes: a right cause does not double the error."""
+        """True if the written model contradicts the measured modes: a right cause does not double the error."""
         error, std = self.gain.frequency_error_percent, self.std.frequency_error_percent
         likelihood = self.gain.log_likelihood
         if error.before is None or error.after is None or likelihood.before is None or likelihood.after is None:
