@@ -120,12 +120,14 @@ def dependence_on_amplitude(recording: Recording, estimate: ModalEstimate) -> tu
     Returns
     -------
     tuple of AmplitudeDependence or None
-        None for a mode whose record is too short, whose signal is not clear of noise in 30 % of the time, or which
-        is excited by blows.
+        None for a mode whose record is too short or lacks a channel of its shape, whose signal is not clear of noise
+        in 30 % of the time, or which is excited by blows.
     """
     names = [channel.name for channel in recording.channels]
+    if not set(estimate.channels) <= set(names):
+        return (None,) * estimate.n_modes
     data = _gapless(recording.data[:, [names.index(name) for name in estimate.channels]])
-    if len(data) < _FEWEST:
+    if len(data) < _FEWEST or not np.ptp(data, axis=0).any():
         return (None,) * estimate.n_modes
     spectrum = scipy.fft.rfft(data - data.mean(0), axis=0)
     return tuple(_of_mode(spectrum, recording.rate, len(data), estimate, k) for k in range(estimate.n_modes))

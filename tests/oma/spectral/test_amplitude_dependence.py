@@ -97,7 +97,7 @@ def test_slope_agrees_with_a_free_decay() -> None:
 
 
 def test_not_tested() -> None:
-    """Blows, a short record and gaps everywhere give no result."""
+    """Blows, a short record, gaps everywhere, a channel less, and zeros give no result."""
     (blown,) = vibrations(Element("linear", 0), 900, range(SEED, SEED + 1), modulation=blows)
     estimate = identify(blown)
     assert dependence_on_amplitude(blown, estimate) == (None,) * estimate.n_modes
@@ -108,3 +108,15 @@ def test_not_tested() -> None:
     holed = recording.data.copy()
     holed[::100, 0] = np.nan
     assert dependence_on_amplitude(replace(recording, data=holed), estimate) == (None,) * estimate.n_modes
+    fewer = replace(recording, channels=recording.channels[1:], data=recording.data[:, 1:])
+    still = replace(recording, data=np.zeros_like(recording.data))
+    for other in (fewer, still):
+        assert dependence_on_amplitude(other, estimate) == (None,) * estimate.n_modes
+
+
+def test_slip_of_an_element_begins_anew_with_each_building() -> None:
+    """An element may be given to other numbers of buildings, one after the other."""
+    element = Element("slip", 0.3, 0.3)
+    first, second = (vibrations(element, 20, range(SEED, SEED + 1))[0].data for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    assert len(vibrations(element, 1, range(SEED, SEED + 2))) == 2

@@ -6,7 +6,7 @@ a sample.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
@@ -87,9 +87,8 @@ class Building:
         stiffness = 2 * np.eye(STOREYS) - np.eye(STOREYS, k=1) - np.eye(STOREYS, k=-1)
         stiffness[-1, -1] = 1.0
         value, self.shape = np.linalg.eigh(stiffness)  #: (n_floors, n_modes)
-        self.storey = (2 * np.pi * _LOWEST) ** 2 / float(
-            value[0]
-        )  #: stiffness of a storey over the mass of a floor [1/s2]
+        #: stiffness of a storey over the mass of a floor [1/s2]
+        self.storey = (2 * np.pi * _LOWEST) ** 2 / float(value[0])
         omega = np.sqrt(self.storey * value)
         self.frequency = omega / (2 * np.pi)  #: (n_modes,) of the linear building [Hz]
         zero, one = np.zeros((STOREYS, STOREYS)), np.eye(STOREYS)
@@ -101,7 +100,7 @@ class Building:
         self._forward, self._pushed = step[: 2 * STOREYS, : 2 * STOREYS].T, step[: 2 * STOREYS, 2 * STOREYS :].T
         #: standard deviation of a force per step for which the drift of the first storey has one of 1
         self.force = float(np.sqrt(RATE * _STEPS / (self.shape[0] ** 2 / (4 * DAMPING * omega**3)).sum()))
-        self._element = element
+        self._element = replace(element, slid=0.0)  # not where another building has left it
 
     def sample(self, state: FloatArray, forces: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the state (n, 2 n_floors) after a sample, and the mean accelerations (n, n_floors) within it.
