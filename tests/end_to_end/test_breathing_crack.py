@@ -79,7 +79,7 @@ def test_crack_that_stays_open(seed: int, kind: Force) -> None:
 
 
 def test_deviation_contains_that_of_the_reference_logs() -> None:
-    """The size without a loss is subtracted: its variance adds. A constant channel gives no answer."""
+    """The size without a loss is subtracted: its variance adds. Dependent channels give one, a constant one none."""
     before, now = (observe(records(PORTAL, crack, seed)[0]) for crack, seed in ((OPEN.healthy, 100), (OPEN, 1100)))
     found = explain(PORTAL.file(), before, now, only=["local_stiffness"])
     (part,) = found.explained.parts
@@ -94,6 +94,11 @@ def test_deviation_contains_that_of_the_reference_logs() -> None:
     data = now.sample.data.copy()
     data[:, 0] = 0.1
     assert breathing(found.event, part, replace(now.sample, data=data)) is None
+    left, size, right = np.linalg.svd(now.sample.data - now.sample.data.mean(0), full_matrices=False)
+    dependent = replace(now.sample, data=(left[:, :2] * size[:2]) @ right[:2])  # their spectral matrix has no inverse
+    without_noise = breathing(found.event, part, dependent)
+    assert without_noise
+    assert 0 <= without_noise.p_value <= 1
 
 
 def test_crack_of_the_virtual_rig_opens_and_closes() -> None:

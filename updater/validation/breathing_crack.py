@@ -389,8 +389,9 @@ class _Window:
         """Return the inverse of the spectral matrix of some samples at its own lines, and the nearest to each line."""
         segment = self._segment(len(data))
         matrices = spectral_matrix(data, self.rate, segment)
-        least = _LEAST * np.trace(matrices, axis1=1, axis2=2).real  # of channels that are copies of each other
-        inverse = np.linalg.inv(matrices + least[:, None, None] * np.eye(data.shape[1]))
+        value, vector = np.linalg.eigh(matrices)  # negative by rounding, where channels depend on each other
+        value = np.maximum(value, 0.0) + _LEAST * value.sum(1, keepdims=True)
+        inverse = (vector / value[:, None, :]) @ vector.conj().swapaxes(1, 2)
         return np.asarray(inverse), self._nearest(segment)
 
     def _nearest(self, segment: int) -> IndexArray:
