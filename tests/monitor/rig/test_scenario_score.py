@@ -1,0 +1,66 @@
+"""Score of a shipped scenario: each cause of the last diagnosis belongs to one event."""
+
+import numpy as np
+import pytest
+
+from monitor.cli.demo.scenario_score import score_events
+from monitor.results.windows import Result
+from monitor.rig import load_scenario, shipped_scenarios
+from tests.support.monitor import answers
+from tests.support.monitor import results as made
+from updater import Cause, parse_structure, t_structure_toml
+from updater.quantities import Breathing, Quantity, Where
+
+SITE = made.Site()
+STRUCTURE = parse_structure(t_structure_toml())
+
+
+def mass(x: float, z: float, value: float) -> Cause:
+    """Return an added mass with a deviation of 10 g and 1 cm."""
+    where = Where(member="column", position=(x, 0.0, z), position_std=0.01)
+    parameters = {"mass": Quantity(value=value, std=0.01, unit="kg")}
+    return Cause(cause="added_mass", probability=0.9, where=where, parameters=parameters)
+
+
+def loss(z: float, p_value: float) -> Cause:
+    """Return a crack of the column that closes to 90 %."""
+    share = Quantity(value=0.9, std=0.1, unit="-")
+    return Cause(
+        cause="local_stiffness",
+        probability=0.9,
+        where=Where(member="column", position=(0.0, 0.0, z), position_std=0.01),
+        parameters={},
+        breathing=Breathing(share=share, open_time=None, p_value=p_value),
+    )
+
+
+def right(name: str, *causes: Cause) -> list[bool]:
+    """Return whether each event, and each cause without one, is right."""
+    window = SITE.window(0, "alarm", np.zeros(SITE.n_modes))
+    answer = answers.diagnosis().model_copy(update={"causes": causes})
+    found: list[Result] = [window.model_copy(update={"diagnosis": answer})] if causes else [window]
+    return [one.right for one in score_events(STRUCTURE, load_scenario(shipped_scenarios()[name]).event, found)]
+
+
+@pytest.mark.parametrize(
+    ("name", "causes", "expected"),
+    [
+        ("two-bodies", (mass(0.0, 0.86, 0.17), mass(0.22, 1.48, 0.26)), [True, True]),
+        ("two-bodies", (mass(0.22, 1.48, 0.26),), [True, False]),
+        ("two-bodies", (mass(0.0, 0.86, 0.30), mass(0.22, 1.48, 0.26)), [True, False]),
+        ("added-mass", (mass(0.22, 1.48, 0.26), mass(0.0, 0.86, 0.17)), [True, False]),
+        ("added-mass", (), [False]),
+        ("breathing-crack", (loss(0.32, 1e-9),), [True]),
+        ("breathing-crack", (loss(0.32, 0.2),), [False]),
+        ("breathing-crack", (loss(0.6, 1e-9),), [False]),
+        ("quiet", (), [True]),
+    ],
+)
+def test_causes_are_compared_with_the_events(name: str, causes: tuple[Cause, ...], expected: list[bool]) -> None:
+    assert right(name, *causes) == expected
+
+
+def test_alarm_without_an_event_is_wrong() -> None:
+    window = SITE.window(0, "watching", np.zeros(SITE.n_modes))
+    raised = made.alarm(window, "alarm", "ALARM")
+    assert [one.right for one in score_events(STRUCTURE, (), [window, raised])] == [False]
