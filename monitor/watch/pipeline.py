@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from daq import Assembler, Block, Event, Recording
 from monitor.analysis.temperature import SiteTemperature
@@ -117,7 +118,7 @@ class Pipeline:
             "spectrum": window.spectrum,
             "problem": None,
         }
-        signals = signals_of(kept, window.signals, self._late) if window.signals else None
+        signals = partial(signals_of, kept, window.signals, self._late) if window.signals else None
         yield from self._judge.evaluate(kept, self._bare(index, recorded, "").model_copy(update=seen), signals)
 
     def _bare(self, index: int, recorded: RecordedWindow, problem: str) -> WindowResult:

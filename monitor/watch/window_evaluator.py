@@ -1,7 +1,8 @@
 """Sequence of the monitoring loop: baseline, score of each window, alarm, commands of operators."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -36,10 +37,13 @@ from monitor.watch.answer import answer, sensors
 from monitor.watch.baseline.learned_baseline import LearnedBaseline, learn_baseline
 from monitor.watch.baseline.learning import BaselineLearning
 from monitor.watch.detector import MAX_OUT
+from monitor.watch.explanation import Signals
 from monitor.watch.memory import CalmSignals, Memory, state_fingerprint
 from monitor.watch.self_test import NEVER_TESTED, SelfTests
 from updater import Structure, UpdaterError
 from updater.modal_data import NO_DELAYS, DeviceDelays
+
+MakeSignals = Callable[[], Recording]  #: makes the signals of a window
 
 
 class WindowEvaluator:
@@ -129,14 +133,15 @@ class WindowEvaluator:
         baseline = self._learned.modes if self._learned else None
         return mode_results(window.synchronized, *self._tracked(window), baseline)
 
-    def evaluate(self, window: Window, result: WindowResult, signals: Recording | None = None) -> Iterator[Result]:
+    def evaluate(self, window: Window, result: WindowResult, signals: MakeSignals | None = None) -> Iterator[Result]:
         """Evaluate one window; yield the results, first its own.
 
         Parameters
         ----------
         window : its modes
         result : to be completed
-        signals : of the window; None: a loss of stiffness is not tested for opening and closing
+        signals : makes those of the window, which few windows need; None: a loss of stiffness is not tested for opening
+            and closing
         """
         if self._learned is None:
             yield from self._learn(window, result)
@@ -180,7 +185,7 @@ class WindowEvaluator:
             yield self._message(window, text)
 
     def _judge(
-        self, window: Window, learned: LearnedBaseline, result: WindowResult, signals: Recording | None
+        self, window: Window, learned: LearnedBaseline, result: WindowResult, signals: MakeSignals | None
     ) -> Iterator[Result]:
         score = learned.judge(window)
         over = score.t2 > score.limit
@@ -189,14 +194,15 @@ class WindowEvaluator:
         self._out = [*self._out, window][-MAX_OUT:] if over else []
         self._calm = [] if over else [*self._calm, window]
         if self._before is None and signals and not over and self._alarm.state == "normal":
-            self._before = CalmSignals.of(signals)  # a later one may hold a change that is not detected yet
+            make = partial(_calm_signals, signals)  # of a later window, they may hold a change that is not detected yet
+            self._before = self._extras.found("the selection of signals", make)
         result = result.model_copy(update={"novelty": score, "phase": self.phase})
         notice = None
         if self._alarm.state == "alarm" and over:
             present, notice = self._present(window, learned)
-            both = (self._before.recording, signals) if self._before and signals else None
             found = self._extras.found(
-                "the diagnosis", lambda: answer(learned, present, self._structure, self._extras, both)
+                "the diagnosis",
+                lambda: answer(learned, present, self._structure, self._extras, self._before_and_now(signals)),
             )
             result = result.model_copy(update=found or {})
         calm: list[Window] = []
@@ -218,6 +224,10 @@ class WindowEvaluator:
         yield from (self._notice(window.end, "failed", text) for text in self._extras.failed())
         if calm and self._alarm.state == "normal":
             yield from self._restore_hidden_modes(window.end, learned, calm)
+
+    def _before_and_now(self, signals: MakeSignals | None) -> Signals | None:
+        """Return the signals before a change, and of the present window; None if either are missing."""
+        return (self._before.recording, signals()) if self._before and signals else None
 
     def _present(self, window: Window, learned: LearnedBaseline) -> tuple[Sequence[Window], AlarmResult | None]:
         """Return the windows of the present state, and a message if the structure has changed once more, or changes."""
@@ -350,3 +360,7 @@ class WindowEvaluator:
 
     def _message(self, window: Window, text: str) -> AlarmResult:
         return AlarmResult(time=window.end, state=self._alarm.state, text=text, window=window.index)
+
+
+def _calm_signals(signals: MakeSignals) -> CalmSignals | None:
+    return CalmSignals.of(signals())

@@ -14,12 +14,22 @@ from hypothesis.extra.numpy import arrays
 
 from daq import Channel, Event, Recording
 from monitor.detection.alarm import Alarm, AlarmRules
+from monitor.results.service_events import AcceptanceUndone, ChangeAccepted
 from monitor.results.windows import AlarmResult, ReferenceResult
 from monitor.watch.memory import MEMORY, CalmSignals, CodecError, MemoryFile, memory_text, parse_memory, recall
 from monitor.watch.memory.codec import decode, encode
 from monitor.watch.memory.state import VERSION
 from tests.support.daq.blocks import make_block
-from tests.support.monitor.played_windows import BASELINE, Played, judged, run, site_settings, without_answers
+from tests.support.monitor.played_windows import (
+    BASELINE,
+    START,
+    STEP,
+    Played,
+    judged,
+    run,
+    site_settings,
+    without_answers,
+)
 from tests.support.thorough import few_of
 from updater import Body, parse_structure, t_structure_toml
 
@@ -258,3 +268,33 @@ def test_signals_before_a_change_are_the_end_of_the_longest_stretch_without_a_ga
     np.testing.assert_array_equal(back.recording.data, data[35_000 - 2**14 : 35_000].astype(np.float32))
     data[::8_000, 0] = np.nan
     assert CalmSignals.of(recording) is None
+
+
+def test_signals_before_a_change_are_of_the_first_calm_window_of_each_reference(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """They stay the same in an alarm, and are chosen again after an acceptance and after it is undone."""
+    monkeypatch.setattr("monitor.watch.memory.signals._SHORTEST", 32)  # half of a window
+    played = Played(12, monkeypatch)
+    played.structure = None
+    pipeline = played.pipeline()
+
+    def chosen() -> int | None:
+        """Return the number of the window whose signals are kept."""
+        signals = pipeline.memory.signals
+        return (signals.start - START) // (STEP * 10**9) if signals else None
+
+    run(pipeline, played.windows(BASELINE))
+    assert chosen() is None
+    run(pipeline, played.windows(2))
+    assert chosen() == BASELINE
+    played.put(Body(at=(0.0, 0.0, 0.9), mass=0.25))
+    assert judged(run(pipeline, played.windows(6)))[-1].phase == "alarm"
+    assert chosen() == BASELINE
+    payload = {"cause": "pump", "by": "Ada", "alarm": None}
+    list(pipeline.push(Event(topic=ChangeAccepted.topic, time=7, payload=payload)))
+    assert chosen() is None
+    run(pipeline, played.windows(2))
+    assert chosen() == BASELINE + 8
+    list(pipeline.push(Event(topic=AcceptanceUndone.topic, time=8, payload={"by": "Bob", "note": ""})))
+    assert chosen() is None

@@ -19,6 +19,7 @@ def test_alarm_is_raised_although_diagnosis_sensor_check_and_self_test_fail(monk
     """Each would end the process of the analysis, with each window again."""
     monkeypatch.setattr("monitor.watch.window_evaluator.answer", fails)
     monkeypatch.setattr("monitor.watch.window_evaluator.sensors", fails)
+    monkeypatch.setattr("monitor.watch.pipeline.signals_of", fails)
     monkeypatch.setattr("monitor.watch.self_test.self_test", fails)
     played = Played(7, monkeypatch)
     played.settings = played.settings.model_copy(
@@ -31,7 +32,7 @@ def test_alarm_is_raised_although_diagnosis_sensor_check_and_self_test_fail(monk
     reported = [result for result in (*calm, *results) if isinstance(result, AlarmResult)]
     assert [change.kind for change in reported if change.raised] == ["state"]
     failed = [change.text.partition(" has failed")[0] for change in reported if change.kind == "failed"]
-    assert set(failed) == {"the diagnosis", "the look at the sensors", "the self-test"}
+    assert set(failed) == {"the diagnosis", "the look at the sensors", "the self-test", "the selection of signals"}
     assert failed.count("the self-test") == 1  # not again with each window
     assert all(
         "IndexError: a case that nobody thought of" in change.text for change in reported if change.kind == "failed"
