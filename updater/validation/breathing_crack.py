@@ -294,7 +294,7 @@ class _Window:
     def unknown_part(self, state: _ModalState, action: FloatArray, force: FloatArray, known: ComplexArray) -> float:
         """Return the standard deviation of the part of an action that is not known, over that of the known part.
 
-        That of the modes outside the band.
+        The known part is that of the modes in the band, the other one that of all others.
 
         Parameters
         ----------
