@@ -102,15 +102,17 @@ def test_sync_requires_one_rate_and_delay_and_excludes_dbc() -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "says"), CANNOT_START.values(), ids=CANNOT_START)
-def test_unopenable_bus_is_one_line_with_device_and_bus(
+def test_unopenable_bus_is_a_line_per_device_with_the_bus(
     modalwatch: Commands, site: Path, old: str, new: str, says: str
 ) -> None:
     site.write_text(SITE.replace(old, new))
     done = modalwatch("check", site)
     assert done.code == 3, done
-    assert done.err.startswith("error: device beam_left: "), done
-    assert says in done.err
-    assert done.err.count("\n") == 1
+    left, right = done.err.splitlines()
+    assert left.startswith("error: device beam_left: "), done
+    assert right.startswith("error: device beam_right: "), done
+    assert says in left
+    assert says.replace("node 1", "node 2") in right
 
 
 def test_check_lists_the_nodes_and_names_a_missing_one(modalwatch: Commands, site: Path, tmp_path: Path) -> None:
