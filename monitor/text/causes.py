@@ -10,7 +10,7 @@ from daq.notebook import number_text
 from monitor.results.comparison import BalanceResult, DiscrepancyResult, SensorComparison
 from monitor.results.windows import IncrementPlace, MassAnswer, MassIncrements, OtherPlace
 from monitor.text.cause_list import listed_causes
-from monitor.text.quantities import MIN_P, plain, share_text
+from monitor.text.quantities import MIN_P, counted, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
 from updater.quantities import ECCENTRIC, FREQUENCY_STD, ParameterChange, Quantity, Vector, Where
@@ -311,7 +311,7 @@ def unmeasured_text(found: DiscrepancyResult) -> str:
     absent = [mode.simulated for mode in found.modes if mode not in found.listed and mode.simulated is not None]
     if not absent:
         return ""
-    count = "1 mode" if len(absent) == 1 else f"{len(absent)} modes"
+    count = counted(len(absent), "mode")
     return f"not measured, neither before nor now: {count} of the model, {_range_text(absent)} Hz"
 
 

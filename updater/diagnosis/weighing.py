@@ -162,9 +162,7 @@ class EvidenceComparison:
     faults: Faults = field(default_factory=Faults)
     proposed: dict[tuple[Comparison, str], Cause | None] = field(default_factory=dict, repr=False)
     fitted: dict[str, Fit[Cause]] = field(default_factory=dict, repr=False)
-    joint: dict[tuple[Comparison, Cause, tuple[Hashable, ...]], Fit[JointHypothesis[Cause]]] = field(
-        default_factory=dict, repr=False
-    )
+    joint: dict[JointKey, Fit[JointHypothesis[Cause]]] = field(default_factory=dict, repr=False)
 
     @property
     def causes(self) -> Mapping[str, Cause]:

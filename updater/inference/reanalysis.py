@@ -18,9 +18,9 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.inference.comparison import Comparison
 from updater.inference.residuals import Prediction
+from updater.modal_data import FREQUENCY_WEIGHT
 
 _EITHER = 0.1  # of the largest share of a mode in a changed one, from which on another one may be its successor
-_FREQUENCY_WEIGHT = 2.0  # weight of |d ln f| relative to 1 - MAC, as in matching
 _SPLIT = 0.05  # share of an oscillator in a compared mode above which either of two modes may be its successor
 _NEAR = 0.5  # ln f: largest distance of an oscillator's mode from its start
 _OWN = ("coupling", "own", "own_log_damping")  # parts of an effect that have every alternative, or none
@@ -222,7 +222,7 @@ def _successors(comparison: Comparison, share: FloatArray, value: FloatArray, ve
         along = (shape * comparison.shape[mode]).sum(1) ** 2
         assurance = along / np.maximum((shape**2).sum(1), _MIN)
         off = np.log(value[row, column]) / -2 - np.log(2 * np.pi) - now[mode]
-        return np.asarray(1 - assurance + _FREQUENCY_WEIGHT * np.abs(off))
+        return np.asarray(1 - assurance + FREQUENCY_WEIGHT * np.abs(off))
 
     nearer = misfit(second) < misfit(first)
     found = first.copy()

@@ -16,7 +16,7 @@ from updater.quantities import ASKEW_STD, GAIN_STD, PLACE_STD
 from updater.reference import Reference
 from updater.structure import size
 
-# of the variance assumed for the shapes of a file's model; the other half is by gains and places, half a per cent each
+# of the variance of SHAPE_STD (updater/reference/reference.py): the rest of it is by gains and places
 _OF_MODEL = 0.5
 
 

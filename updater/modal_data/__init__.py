@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from updater.modal_data.device_delays import remove_delays as remove_delays
     from updater.modal_data.mass_from_modes import ModalMass as ModalMass
     from updater.modal_data.mass_from_modes import mass_of_modes as mass_of_modes
+    from updater.modal_data.matching import FREQUENCY_WEIGHT as FREQUENCY_WEIGHT
     from updater.modal_data.matching import match_modes as match_modes
     from updater.modal_data.matching import matched as matched
     from updater.modal_data.matching import may_answer as may_answer

@@ -18,9 +18,9 @@ _FARTHEST = 0.3  # of ln f
 _MIN_MAC = 0.5
 _SAME_MAC = 0.95  # at which a mode is the same one, however far it went ...
 _FARTHEST_SAME = 0.7  # of ln f: ... up to twice or half its frequency
-_FREQUENCY_WEIGHT = 2.0  # weight of |d ln f| relative to 1 - MAC
+FREQUENCY_WEIGHT = 2.0  #: weight of |d ln f| relative to 1 - MAC
 _FAULT_COST = 0.3  # that a fault of the measuring chain must save in all
-_NO_PAIR = 1 - _MIN_MAC + _FREQUENCY_WEIGHT * _FARTHEST  # cost of a mode without a partner: that of the worst pair
+_NO_PAIR = 1 - _MIN_MAC + FREQUENCY_WEIGHT * _FARTHEST  # cost of a mode without a partner: that of the worst pair
 
 
 def match_modes(baseline: ModalMean, event: ModalMean) -> IndexArray:
@@ -81,7 +81,7 @@ def _best(baseline: ModalMean, event: ModalMean) -> tuple[IndexArray, "_Undo | N
     least, undone, found = np.inf, None, np.full(len(baseline.log_frequency), -1, np.intp)
     for cost, chain in _chains(len(baseline.channels)):
         assurance = mac_matrix(baseline.shape, chain(event.shape)) - unknown
-        whole = np.minimum(1 - assurance + _FREQUENCY_WEIGHT * distance, _NO_PAIR)
+        whole = np.minimum(1 - assurance + FREQUENCY_WEIGHT * distance, _NO_PAIR)
         best = (whole == whole.min(0, initial=np.inf)) & (whole == whole.min(1, keepdims=True, initial=np.inf))
         row, column = linear_sum_assignment(whole - _NO_PAIR * (best & (assurance >= _SAME_MAC)))
         total = cost + float(whole[row, column].sum())

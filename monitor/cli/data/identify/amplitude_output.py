@@ -63,18 +63,15 @@ def _sentences(estimate: ModalEstimate, tested: dict[int, AmplitudeDependence]) 
     """Yield the values at the first and last tenth of the amplitudes for each significant slope."""
     level = _LEVEL / (2 * max(len(tested), 1))
     for i, one in tested.items():
-        levels = {f"{level:.2g} m/s²": one.change(level) for level in (one.low, one.high)}
-        if one.p_frequency < level:
-            frequency, std = float(estimate.frequency[i]), float(estimate.frequency[i]) * one.frequency_slope_std
-            ends = [
-                f"{rounded_text(frequency * (1 + one.frequency_slope * change), std)} Hz at {level}"
-                for level, change in levels.items()
-            ]
-            yield f"mode {i + 1}: frequency {', '.join(ends)} ({one.channel})"
-        if one.p_damping < level:
-            damping, std = 100 * float(estimate.damping[i]), 100 * one.damping_slope_std
-            ends = [
-                f"{rounded_text(damping + 100 * one.damping_slope * change, std)} % at {level}"
-                for level, change in levels.items()
-            ]
-            yield f"mode {i + 1}: damping {', '.join(ends)} ({one.channel})"
+        frequency, damping = float(estimate.frequency[i]), 100 * float(estimate.damping[i])
+        both = (  # the values, and the scales of the slopes to the same units
+            ("frequency", "Hz", one.p_frequency, frequency, frequency, one.frequency_slope, one.frequency_slope_std),
+            ("damping", "%", one.p_damping, damping, 100.0, one.damping_slope, one.damping_slope_std),
+        )
+        for name, unit, p_value, value, scale, slope, std in both:
+            if p_value < level:
+                ends = (
+                    f"{rounded_text(value + scale * slope * one.change(at), scale * std)} {unit} at {at:.2g} m/s²"
+                    for at in (one.low, one.high)
+                )
+                yield f"mode {i + 1}: {name} {', '.join(ends)} ({one.channel})"
