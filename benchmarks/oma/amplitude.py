@@ -71,7 +71,7 @@ def main() -> None:
         for noise in NOISES:
             every = [one for modes in dependences(Element("linear", 0), seeds, modulation, noise) for one in modes]
             tested = [one for one in every if one]
-            values = [[one.p_frequency for one in tested], [one.p_damping for one in tested]]
+            values = [[one.frequency.p_value for one in tested], [one.damping.p_value for one in tested]]
             shares = [share_below(level, of_one) for level in (0.05, LEVEL) for of_one in values]
             cells = [modulation.__name__, f"{100 * noise:g}", f"{len(tested)} of {len(every)}", *shares]
             print(f"| {' | '.join(cells)} |", flush=True)
@@ -90,10 +90,10 @@ def main() -> None:
             cells = [
                 name,
                 str(mode + 1),
-                f"{100 * whole.frequency_slope:+.2f} ± {100 * whole.frequency_slope_std:.2f}",
-                f"{100 * whole.damping_slope:+.2f} ± {100 * whole.damping_slope_std:.2f}",
-                share_below(LEVEL, [one.p_frequency for one in hours]),
-                share_below(LEVEL, [one.p_damping for one in hours]),
+                f"{100 * whole.frequency.value:+.2f} ± {100 * whole.frequency.std:.2f}",
+                f"{100 * whole.damping.value:+.2f} ± {100 * whole.damping.std:.2f}",
+                share_below(LEVEL, [one.frequency.p_value for one in hours]),
+                share_below(LEVEL, [one.damping.p_value for one in hours]),
             ]
             print(f"| {' | '.join(cells)} |", flush=True)
     print(f"\nelements: {time.process_time() - begun:.0f} s of a processor")

@@ -26,6 +26,7 @@ Wu, C. F. J. (1986). Jackknife, bootstrap and other resampling methods in regres
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy  # its parts at their first use
@@ -54,16 +55,30 @@ _INDEPENDENT = 0.05  # singular value, relative, below which shapes of neighbour
 _LONGEST = 1 << 20  # samples that are analysed, the last ones
 
 
+class Slope(NamedTuple):
+    """Change per root mean square of the amplitude."""
+
+    value: float
+    std: float  #: its standard deviation
+
+    @property
+    def p_value(self) -> float:
+        """Probability of as large a slope if the structure is linear [-]."""
+        return float(2 * scipy.stats.t.sf(abs(self.value / self.std), _BLOCKS - 1))
+
+    def scaled(self, factor: float) -> "Slope":
+        """Return the slope per an amplitude that is larger by a factor."""
+        return Slope(self.value * factor, self.std * factor)
+
+
 @dataclass(frozen=True, kw_only=True)
 class AmplitudeDependence:
     """Slopes of a mode's frequency and damping over its amplitude."""
 
     amplitude: float  #: root mean square of the amplitude, at the channel with the largest motion [m/s2]
     channel: str  #: that channel
-    frequency_slope: float  #: relative change of the frequency per `amplitude` [-]
-    frequency_slope_std: float  #: [-]
-    damping_slope: float  #: change of the damping ratio per `amplitude` [-]
-    damping_slope_std: float  #: [-]
+    frequency: Slope  #: relative change of the frequency per `amplitude` [-]
+    damping: Slope  #: change of the damping ratio per `amplitude` [-]
     mean: float  #: amplitude at which frequency and damping are the identified ones [m/s2]
     low: float  #: amplitude that is exceeded in 90 % of the time [m/s2]
     high: float  #: amplitude that is exceeded in 10 % of the time [m/s2]
@@ -72,39 +87,20 @@ class AmplitudeDependence:
     def pooled(cls, windows: "Sequence[AmplitudeDependence]") -> "AmplitudeDependence":
         """Return the mean over windows of slopes per m/s2, weighted by their variances; at least one window."""
         amplitude = float(np.sqrt(np.mean([window.amplitude**2 for window in windows])))
-        means = []
-        for slope, std in (("frequency_slope", "frequency_slope_std"), ("damping_slope", "damping_slope_std")):
-            scale = np.array([amplitude / window.amplitude for window in windows])
-            weight = (scale * [getattr(window, std) for window in windows]) ** -2.0
-            value = weight @ (scale * [getattr(window, slope) for window in windows]) / weight.sum()
-            means.append((float(value), float(weight.sum() ** -0.5)))
-        levels = {
-            level: float(np.mean([getattr(window, level) for window in windows])) for level in ("mean", "low", "high")
-        }
-        (frequency, frequency_std), (damping, damping_std) = means
+        factors = [amplitude / window.amplitude for window in windows]
         return cls(
             amplitude=amplitude,
             channel=windows[0].channel,
-            frequency_slope=frequency,
-            frequency_slope_std=frequency_std,
-            damping_slope=damping,
-            damping_slope_std=damping_std,
-            **levels,
+            frequency=_weighted([w.frequency.scaled(f) for w, f in zip(windows, factors, strict=True)]),
+            damping=_weighted([w.damping.scaled(f) for w, f in zip(windows, factors, strict=True)]),
+            mean=float(np.mean([window.mean for window in windows])),
+            low=float(np.mean([window.low for window in windows])),
+            high=float(np.mean([window.high for window in windows])),
         )
 
     def change(self, amplitude: float) -> float:
         """Return the factor of the slopes at an amplitude [m/s2], from the identified values [-]."""
         return (amplitude - self.mean) / self.amplitude
-
-    @property
-    def p_frequency(self) -> float:
-        """Probability of as large a slope of the frequency if the structure is linear [-]."""
-        return _p_value(self.frequency_slope / self.frequency_slope_std)
-
-    @property
-    def p_damping(self) -> float:
-        """Probability of as large a slope of the damping if the structure is linear [-]."""
-        return _p_value(self.damping_slope / self.damping_slope_std)
 
 
 def dependence_on_amplitude(recording: Recording, estimate: ModalEstimate) -> tuple[AmplitudeDependence | None, ...]:
@@ -131,6 +127,13 @@ def dependence_on_amplitude(recording: Recording, estimate: ModalEstimate) -> tu
         return (None,) * estimate.n_modes
     spectrum = scipy.fft.rfft(data - data.mean(0), axis=0)
     return tuple(_of_mode(spectrum, recording.rate, len(data), estimate, k) for k in range(estimate.n_modes))
+
+
+def _weighted(slopes: Sequence[Slope]) -> Slope:
+    """Return the mean, weighted by the variances."""
+    weight = np.array([slope.std for slope in slopes]) ** -2.0
+    value = weight @ [slope.value for slope in slopes] / weight.sum()
+    return Slope(float(value), float(weight.sum() ** -0.5))
 
 
 def _gapless(data: FloatArray) -> FloatArray:
@@ -168,10 +171,8 @@ def _of_mode(
     return AmplitudeDependence(
         amplitude=rms,
         channel=estimate.channels[largest],
-        frequency_slope=slope.imag / omega,
-        frequency_slope_std=std.imag / omega,
-        damping_slope=-slope.real / omega,
-        damping_slope_std=std.real / omega,
+        frequency=Slope(slope.imag / omega, std.imag / omega),
+        damping=Slope(-slope.real / omega, std.real / omega),
         mean=_mean_amplitude(envelope),
         low=float(low),
         high=float(high),
@@ -291,8 +292,3 @@ def _noise(envelope: ComplexArray, rate: float, pole: complex) -> float:
         weighted = shape / ((shape @ found) ** 2)[:, None]
         found = np.maximum(np.linalg.solve(weighted.T @ shape, weighted.T @ spectrum), least)
     return float(found[1] / (taper**2).sum())
-
-
-def _p_value(score: float) -> float:
-    """Return the probability of as large a score of either sign."""
-    return float(2 * scipy.stats.t.sf(abs(score), _BLOCKS - 1))

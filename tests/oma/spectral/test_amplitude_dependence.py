@@ -47,7 +47,7 @@ def test_p_values_of_a_linear_building_are_uniform(modulation: Modulation) -> No
     recordings = vibrations(Element("linear", 0), 900, range(SEED, SEED + 25), modulation=modulation)
     modes = [one for _, one in found(recordings)]
     assert len(modes) > 60
-    for p_values in ([one.p_frequency for one in modes], [one.p_damping for one in modes]):
+    for p_values in ([one.frequency.p_value for one in modes], [one.damping.p_value for one in modes]):
         for level in (0.05, 0.001):
             assert np.count_nonzero(np.array(p_values) < level) <= scipy.stats.binom.ppf(0.999, len(modes), level)
 
@@ -65,17 +65,17 @@ def test_frequency_rises_or_falls_as_the_element_makes_it(element: Element, sign
     recordings = vibrations(element, 900, range(SEED, SEED + 8), noise=0.02)
     for band in ((1.5, 2.5), (5.0, 7.0)):
         mode = pooled(recordings, *band)
-        assert mode.p_frequency < LEVEL
-        assert np.sign(mode.frequency_slope) == sign
-        assert mode.p_damping > LEVEL or mode.damping_slope * sign < 0  # what slips has the larger damping
+        assert mode.frequency.p_value < LEVEL
+        assert np.sign(mode.frequency.value) == sign
+        assert mode.damping.p_value > LEVEL or mode.damping.value * sign < 0  # what slips has the larger damping
 
 
 def test_damping_rises_with_drag() -> None:
     """It is found in the second mode in three hours; the frequency does not change."""
     second = pooled(vibrations(Element("drag", 0.0003), 900, range(SEED, SEED + 12)), 5, 7)
-    assert second.p_damping < LEVEL
-    assert second.damping_slope > 0
-    assert second.p_frequency > LEVEL
+    assert second.damping.p_value < LEVEL
+    assert second.damping.value > 0
+    assert second.frequency.p_value > LEVEL
 
 
 def test_slope_agrees_with_a_free_decay() -> None:
@@ -92,8 +92,8 @@ def test_slope_agrees_with_a_free_decay() -> None:
     expected = curvature * power * (weights @ (centred * nodes)) / (weights @ centred**2)
     mode = pooled(vibrations(element, 900, range(SEED, SEED + 12), only=0), 1.5, 2.5)
     of_first_order = 0.1 * expected  # the method's
-    error = np.hypot(mode.frequency_slope_std * frequency.mean(), of_first_order)
-    assert mode.frequency_slope * frequency.mean() == pytest.approx(expected, abs=3 * error)
+    error = np.hypot(mode.frequency.std * frequency.mean(), of_first_order)
+    assert mode.frequency.value * frequency.mean() == pytest.approx(expected, abs=3 * error)
 
 
 def test_not_tested() -> None:

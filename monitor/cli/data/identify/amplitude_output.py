@@ -18,12 +18,9 @@ def dependence_json(found: AmplitudeDependence | None) -> dict[str, Any] | None:
     """Return the dependence of one mode for other programs; None if it could not be tested."""
     if found is None:
         return None
-    sizes = (
-        ("frequency", found.frequency_slope, found.frequency_slope_std, found.p_frequency),
-        ("damping", found.damping_slope, found.damping_slope_std, found.p_damping),
-    )
     return {"rms": found.amplitude, "channel": found.channel} | {
-        name: {"slope": slope, "std": std, "p_value": p_value} for name, slope, std, p_value in sizes
+        name: {"slope": slope.value, "std": slope.std, "p_value": slope.p_value}
+        for name, slope in (("frequency", found.frequency), ("damping", found.damping))
     }
 
 
@@ -49,10 +46,11 @@ def _table(tested: dict[int, AmplitudeDependence]) -> Table:
         no_wrap=True,
         title="change with the amplitude, per rms amplitude",
     )
-    frequencies = aligned_numbers((100 * one.frequency_slope, 100 * one.frequency_slope_std) for one in tested.values())
-    dampings = aligned_numbers((100 * one.damping_slope, 100 * one.damping_slope_std) for one in tested.values())
+    frequencies = aligned_numbers(one.frequency.scaled(100.0) for one in tested.values())
+    dampings = aligned_numbers(one.damping.scaled(100.0) for one in tested.values())
     for (i, one), frequency, damping in zip(tested.items(), frequencies, dampings, strict=True):
-        p_frequency, p_damping = (f"{p:.2f}" if p >= 0.01 else f"{p:.1g}" for p in (one.p_frequency, one.p_damping))
+        p_values = (one.frequency.p_value, one.damping.p_value)
+        p_frequency, p_damping = (f"{p:.2f}" if p >= 0.01 else f"{p:.1g}" for p in p_values)
         table.add_row(
             str(i + 1), escape(one.channel), f"{one.amplitude:.2g}", frequency, p_frequency, damping, p_damping
         )
@@ -64,14 +62,14 @@ def _sentences(estimate: ModalEstimate, tested: dict[int, AmplitudeDependence]) 
     level = _LEVEL / (2 * max(len(tested), 1))
     for i, one in tested.items():
         frequency, damping = float(estimate.frequency[i]), 100 * float(estimate.damping[i])
-        both = (  # the values, and the scales of the slopes to the same units
-            ("frequency", "Hz", one.p_frequency, frequency, frequency, one.frequency_slope, one.frequency_slope_std),
-            ("damping", "%", one.p_damping, damping, 100.0, one.damping_slope, one.damping_slope_std),
+        both = (
+            ("frequency", "Hz", frequency, one.frequency.scaled(frequency)),
+            ("damping", "%", damping, one.damping.scaled(100.0)),
         )
-        for name, unit, p_value, value, scale, slope, std in both:
-            if p_value < level:
+        for name, unit, value, slope in both:
+            if slope.p_value < level:
                 ends = (
-                    f"{rounded_text(value + scale * slope * one.change(at), scale * std)} {unit} at {at:.2g} m/s²"
+                    f"{rounded_text(value + slope.value * one.change(at), slope.std)} {unit} at {at:.2g} m/s²"
                     for at in (one.low, one.high)
                 )
                 yield f"mode {i + 1}: {name} {', '.join(ends)} ({one.channel})"

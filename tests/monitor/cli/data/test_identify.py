@@ -106,7 +106,8 @@ def test_shapes_are_drawn_at_the_positions_of_a_site(modalwatch: Commands, log: 
     done = modalwatch("identify", log, "--site", site, "--out", tmp_path / "out", "--animate", tmp_path / "modes.gif")
     assert (done.code, done.err) == (0, "")
     assert "2 windows of 300 s" in done.out
-    nodes, *others = pyuff.UFF(str(tmp_path / "out" / "modes.unv")).read_sets()
+    header, nodes, *others = pyuff.UFF(str(tmp_path / "out" / "modes.unv")).read_sets()
+    assert (header["type"], header["program"]) == (151, "modalwatch")
     assert (list(nodes["node_nums"]), list(nodes["z"])) == ([1, 2, 3, 4], [1, 2, 3, 4])
     assert [list(one["nodes"]) for one in others if one["type"] == 82] == [[1, 2], [2, 3], [3, 4]]
     assert sum(one["type"] == 55 for one in others) == 4
