@@ -54,10 +54,10 @@ def compare(
     ModalDataError
         If fewer than three modes or two channels can be compared, or the event's modes cannot be right.
     """
-    channels = tuple(c for c in reference.baseline.channels if c in event.channels)
+    channels = reference.comparable(event.channels)
     if len(channels) < 2:
         raise ModalDataError(f"channels to compare: expected at least 2 in both, found {len(channels)}")
-    base, event = reference.baseline.at(channels), event.at(channels)
+    base, event = reference.baseline_at(channels), event.at(channels)
     tracks = np.flatnonzero(np.isfinite(event.log_frequency))
     if len(tracks) < 3:
         raise ModalDataError(f"modes to compare: expected at least 3, found {len(tracks)}")

@@ -24,7 +24,7 @@ def sensor_errors(reference: Reference, tracks: IndexArray, channels: tuple[str,
     """Return the standard deviations of unit shapes by each error of the sensors (n, n_channels, n_errors).
 
     Gains of channels, turns about the two axes across each, offsets of each place along the three global axes. No
-    errors of a reference that was measured with the same sensors.
+    errors of channels at which the reference was measured with the same sensors.
 
     Parameters
     ----------
@@ -32,15 +32,17 @@ def sensor_errors(reference: Reference, tracks: IndexArray, channels: tuple[str,
     channels : compared ones
     """
     paired = reference.paired[tracks]
-    if not reference.of_file:
+    unmeasured = reference.unmeasured(channels)
+    if not unmeasured.any():
         return np.zeros((len(paired), len(channels), 0))
     shape = reference.at_channels(channels)[:, paired]
     across = reference.across_channels(channels)[:, paired].reshape(2, *shape.shape)
-    of_one = np.eye(len(channels))[:, :, None]
+    of_one = np.eye(len(channels))[unmeasured][:, :, None]
     gains, turns = GAIN_STD * of_one * shape, ASKEW_STD * of_one * across[:, None]
     sensor = {s.channel: s for s in reference.structure.corrected_sensors}
     places = [sensor[c].at for c in channels]
-    together = np.array([[there == at for there in places] for at in dict.fromkeys(places)])[:, None, :, None]
+    new = dict.fromkeys(at for at, one in zip(places, unmeasured, strict=True) if one)
+    together = (np.array([[there == at for there in places] for at in new]) & unmeasured)[:, None, :, None]
     offsets = PLACE_STD * size(reference.structure) * together * reference.per_offset(channels)[:, :, paired]
     errors = np.concatenate([each.reshape(-1, *shape.shape) for each in (gains, turns, offsets)])
     length = np.linalg.norm(shape, axis=0)
@@ -48,17 +50,19 @@ def sensor_errors(reference: Reference, tracks: IndexArray, channels: tuple[str,
 
 
 def without_sensor_errors(reference: Reference, tracks: IndexArray, base: ModalMean) -> ModalMean:
-    """Return a file's modes (n,) with deviations of shapes by errors of its model alone, without those of sensors.
+    """Return modes (n,) where the model predicts shapes with deviations by its errors alone, without those of sensors.
 
     Parameters
     ----------
     tracks : (n,) of the reference
-    base : (n,) its modes at the compared channels
+    base : (n,) the baseline's modes at the compared channels
     """
-    if not reference.of_file:
+    unmeasured = reference.unmeasured(base.channels)
+    if not unmeasured.any():
         return base
     paired = reference.paired[tracks]
     across = reference.across_channels(base.channels)[:, paired].reshape(2, len(base.channels), -1)
     length = np.linalg.norm(reference.at_channels(base.channels)[:, paired], axis=0)
     turned = ASKEW_STD * np.linalg.norm(across, axis=0) / length
-    return replace(base, shape_std=np.sqrt(_OF_MODEL * np.maximum(base.shape_std**2 - turned.T**2, 0.0)))
+    of_model = np.sqrt(_OF_MODEL * np.maximum(base.shape_std**2 - turned.T**2, 0.0))
+    return replace(base, shape_std=np.where(unmeasured, of_model, base.shape_std))

@@ -124,6 +124,8 @@ class _Undo:
 def matched(baseline: ModalMean, event: ModalMean, original: ModalMean | None = None) -> ModalMean:
     """Return the event's modes in the order of the baseline's tracks, NaN where there is none.
 
+    Channels that the baseline has come first, in its order; the event's other channels follow.
+
     Parameters
     ----------
     baseline, event : (n_tracks,) and (n_modes,)
@@ -135,10 +137,11 @@ def matched(baseline: ModalMean, event: ModalMean, original: ModalMean | None = 
         If clearly more of the event's modes have a partner where its frequencies are taken to be in another unit.
     """
     channels = tuple(c for c in baseline.channels if c in event.channels)
-    baseline, event = baseline.at(channels), event.at(channels)
+    baseline, event, whole = baseline.at(channels), event.at(channels), event
     check_unit(np.exp(event.log_frequency), event.shape, np.exp(baseline.log_frequency), baseline.shape)
     found = match_modes(baseline, event)
-    event = original.at(channels) if original else event
+    whole = original or whole
+    event = whole.at((*channels, *(c for c in whole.channels if c not in channels)))
     values = {}
     for field in fields(event):
         if field.name != "channels":

@@ -10,6 +10,7 @@ from oma import ModalEstimate
 from updater.errors import ModalDataError
 from updater.modal_data.device_delays import split_shape
 
+_OF_SHAPES = ("shape", "shape_std", "imaginary", "imaginary_std")
 COMMON_STD = 3e-3  # of a change common to all log frequencies (temperature: steel 0.018 %/K)
 
 
@@ -118,9 +119,13 @@ class ModalMean:
         if channels == self.channels:
             return self
         column = [self.channels.index(c) for c in channels]
-        norm = np.linalg.norm(self.shape[:, column], axis=1, keepdims=True)
-        names = ("shape", "shape_std", "imaginary", "imaginary_std")
-        return replace(self, channels=channels, **{name: getattr(self, name)[:, column] / norm for name in names})
+        some = {name: getattr(self, name)[:, column] for name in _OF_SHAPES}
+        return replace(self, channels=channels, **some).at_unit_norm()
+
+    def at_unit_norm(self) -> "ModalMean":
+        """Return the same modes with shapes of unit norm."""
+        norm = np.linalg.norm(self.shape, axis=1, keepdims=True)
+        return replace(self, **{name: getattr(self, name) / norm for name in _OF_SHAPES})
 
     def without_shapes(self) -> "ModalMean":
         """Return the same modes as if only their frequencies had been measured."""

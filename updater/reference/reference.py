@@ -10,6 +10,7 @@ from daq import FloatArray, IndexArray
 from oma import mac_matrix, pair_modes
 from updater.fe import Model, Modes
 from updater.modal_data import BaselineModes, DeviceDelays, ModalMean, Scatter, TrackedModes
+from updater.quantities import ASKEW_STD
 from updater.reference.calibration import Calibration, channel_rows
 from updater.reference.expansion import LARGEST_CLUSTER, expand, orthonormal
 from updater.structure import Structure
@@ -87,6 +88,47 @@ class Reference:
         hidden = np.setdiff1d(np.flatnonzero(moves < _HIDDEN * np.median(moves[self.paired])), self.paired)
         apart = np.abs(np.log(self.frequency[self.paired, None] / self.frequency[hidden]))
         return np.asarray((apart < NEAR).any(1))
+
+    def comparable(self, channels: tuple[str, ...]) -> tuple[str, ...]:
+        """Return channels of an event at which its shapes can be compared: the baseline's, then further sensors."""
+        first = [c for c in self.baseline.channels if c in channels]
+        return (*first, *(c for c in self.structure.channels if c in channels and c not in first))
+
+    def unmeasured(self, channels: tuple[str, ...]) -> npt.NDArray[np.bool_]:
+        """Return a mask of channels (n_channels,) that the baseline did not measure: its shapes are the model's."""
+        return np.array([self.of_file or c not in self.baseline.channels for c in channels])
+
+    def baseline_at(self, channels: tuple[str, ...]) -> ModalMean:
+        """Return the baseline at channels; of sensors that were added later, the shapes by the model.
+
+        The model's modes that are one-step updated to the baseline have its shapes at its sensors. Their phases at
+        another sensor are not known.
+        """
+        further = self.unmeasured(channels)
+        if self.of_file or not further.any():
+            return self.baseline.at(channels)
+        known = self.baseline.at(tuple(c for c, new in zip(channels, further, strict=True) if not new))
+        shape = self.at_channels(channels)[:, self.paired]
+        across = np.linalg.norm(self.across_channels(channels)[:, self.paired].reshape(2, *shape.shape), axis=0)
+        of_model = shape[~further]
+        scale = (known.shape.T * of_model).sum(0) / np.maximum((of_model**2).sum(0), np.finfo(float).tiny)
+        error = np.hypot(SHAPE_STD * self.model_error_factor, ASKEW_STD * np.abs(scale) * across[further])
+
+        def joined(measured: FloatArray, predicted: FloatArray) -> FloatArray:
+            values = np.empty(shape.T.shape)
+            values[:, ~further], values[:, further] = measured, predicted.T
+            return values
+
+        predicted = scale * shape[further]
+        whole = replace(
+            known,
+            channels=channels,
+            shape=joined(known.shape, predicted),
+            shape_std=joined(known.shape_std, error),
+            imaginary=joined(known.imaginary, np.zeros(predicted.shape)),
+            imaginary_std=joined(known.imaginary_std, np.ones(predicted.shape)),
+        )
+        return whole.at_unit_norm()
 
     def with_own_error(self, share: float) -> "Reference":
         """Return the reference with a share of the errors that are assumed for a model's own frequencies and shapes.

@@ -90,7 +90,7 @@ def _left_over(
     reference: Reference, data: Comparison, event: ModalMean, reading: Reading
 ) -> tuple[list[_LeftOver], float]:
     """Return the residual forces of every compared mode, and the log evidence for the error's size that they choose."""
-    before = reference.baseline.at(data.channels).only(data.tracks)
+    before = reference.baseline_at(data.channels).only(data.tracks)
     now = event.at(data.channels).only(data.tracks)
     variance = np.nan_to_num(now.shape_std) ** 2 + before.shape_std**2
     log_variance = now.log_frequency_std**2 + before.log_frequency_std**2

@@ -348,13 +348,18 @@ def selected_structure(path: Path, selection: Selection) -> Structure:
 
 
 def _channel_notes(structure: Structure, logs: Logs) -> list[str]:
-    """Report channels that are in the logs but not in the structure, or only in the reference."""
+    """Report channels that are in the logs but not in the structure, and those of current or reference logs alone."""
     current, reference = _channels_of(logs.current), _channels_of(logs.reference)
     notes = []
     if strange := [name for name in current if name not in structure.active_channels]:
         notes.append(f"{_names(logs.current)}: no sensor of the structure, left out: {', '.join(strange)}")
     if lacking := [name for name in reference if name in structure.active_channels and name not in current]:
         notes.append(f"{_names(logs.current)}: compared without {', '.join(lacking)}, which the reference has")
+    known = [name for name in current if name in structure.active_channels]
+    if reference and (new := [name for name in known if name not in reference]):
+        notes.append(
+            f"{_names(logs.reference)}: no {', '.join(new)}: the shapes before the change are the model's there"
+        )
     return notes if current else []
 
 
