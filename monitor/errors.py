@@ -17,7 +17,8 @@ from typing import Literal, Self
 
 from daq.errors import FileError, OneLineError
 
-State = Literal["reference", "current", "heldout"]  #: state of the structure: before, now, now but held out
+#: state of the structure: before, now, now but held out, now with a known mass
+State = Literal["reference", "current", "heldout", "mass"]
 
 
 class MonitorError(OneLineError):

@@ -1,6 +1,6 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -28,10 +28,20 @@ from updater import (
     sensor_health,
 )
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
+from updater.modal_data import KnownMass
 from updater.structure import Updating
 from updater.validation import SensorHealth, breathing, with_acting
 
 _FILE_MAY_BE_OFF = "model_parameters"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MassRecord:
+    """A further record of the state that is explained, with a known mass on the structure."""
+
+    mass: float  #: [kg]
+    position: tuple[float, float, float]  #: of the mass [m]
+    observation: Observation
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -80,6 +90,7 @@ def explain(
     *,
     only: Collection[str] = (),
     without: Collection[str] = (),
+    with_mass: Sequence[MassRecord] = (),
 ) -> Explanation:
     """Explain the change since reference logs; without them, the errors of the structure file.
 
@@ -92,6 +103,7 @@ def explain(
     on_cause : as for `updater.diagnose`
     only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
         own parameters are taken as they are
+    with_mass : further records of the state that is explained
 
     Raises
     ------
@@ -110,8 +122,14 @@ def explain(
             reference = nominal_reference(filed, now.modes, devices, stated=now.stated)
     with _blamed_on("heldout"):
         unused = _event(reference, heldout, before) if heldout else None
+    with _blamed_on("mass"):
+        known = tuple(
+            KnownMass(mass=one.mass, position=one.position, modes=_event(reference, one.observation, before).modes)
+            for one in with_mass
+        )
     with _blamed_on("current"):
         event = _event(reference, now, before)
+        event = replace(event, circumstances=replace(event.circumstances, known_masses=known))
         explained = diagnose(
             reference,
             event.modes,

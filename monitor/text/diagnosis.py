@@ -11,7 +11,16 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text
 from monitor.text.quantities import MIN_P, mass_words, plain, share_text, two_digits, utc
 from updater import Body, Cause, DiagnosisResult
-from updater.diagnosis import Measurement, Misfit, NextMeasurement, ReferenceStep, Rejected, Separation, SmallestChange
+from updater.diagnosis import (
+    MassTestFit,
+    Measurement,
+    Misfit,
+    NextMeasurement,
+    ReferenceStep,
+    Rejected,
+    Separation,
+    SmallestChange,
+)
 from updater.quantities import SIGNIFICANT
 
 _REASONS = {
@@ -37,6 +46,7 @@ _SMALLEST = {
     "sensor_gain": "gain error",
     "sensor_position": "shift of a sensor",
 }
+_DIFFERENT = 1e-3  # p value under which predicted and measured shifts by a known mass differ
 _SPOKEN_UNITS = _RATE_UNITS | {"m": (1000.0, "mm")}
 
 
@@ -45,6 +55,24 @@ def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = 
     rejected = [r.model_dump(include={"cause", "log_evidence"}) | {"why": rejection_text(r)} for r in found.rejected]
     own = {"rejected": rejected, "next_measurement": next_text(found.next_measurement), "reference_steps": steps}
     return DiagnosisAnswer.model_validate(dict(found.diagnosis) | own)
+
+
+def mass_test_text(found: MassTestFit) -> str:
+    """Return whether the shifts by a known mass are those that the causes predict."""
+    x, y, z = found.position
+    head = f"Known mass of {found.mass:.3g} kg at ({x:.2f}, {y:.2f}, {z:.2f}) m: "
+    if not found.modes:
+        return head + "none of the compared modes was measured with it"
+    shifts = sorted(mode.measured_percent for mode in found.modes)
+    p = f"p = {found.p_value:.2g}" if found.p_value > MIN_P else f"p < {MIN_P:.0e}"
+    if found.p_value >= _DIFFERENT:
+        between = f"{shifts[0]:.2g} to {shifts[-1]:.2g} %"
+        return f"{head}shifts of {len(shifts)} modes by {between}, as predicted ({p})"
+    odd = max(found.modes, key=lambda mode: abs(mode.measured_percent - mode.predicted_percent) / mode.std_percent)
+    return (
+        f"{head}shifts are not as predicted ({p}), most at {odd.frequency:.4g} Hz: "
+        f"{odd.measured_percent:.3g} instead of {odd.predicted_percent:.3g} ± {odd.std_percent:.1g} %"
+    )
 
 
 def rejection_text(rejected: Rejected) -> str:

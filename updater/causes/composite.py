@@ -145,8 +145,14 @@ def prediction(data: Comparison, chosen: Sequence[SelectedCause] | None) -> Pred
     if not chosen:
         nothing = np.zeros((1, len(data.log_ratio)))
         nobody = np.empty((1, 0, data.base.shape[1]))
+        value, vector = (2 * np.pi * data.frequency) ** -2.0, np.eye(len(data.frequency))
+        with_mass = tuple(
+            test.predict(value[None, data.paired], vector[None, :, data.paired]) for test in data.mass_tests
+        )
         ratio, shape = (data.nominal.log_ratio[None], data.nominal.shape) if data.nominal else (nothing, data.base)
-        return Prediction(ratio, shape[None], data.baseline_imaginary[None], nothing, nobody[:, :, 0], nobody)
+        return Prediction(
+            ratio, shape[None], data.baseline_imaginary[None], nothing, nobody[:, :, 0], nobody, with_mass=with_mass
+        )
     effect = effect_of(chosen)
     return predict(data, *picked(reanalyse(data, effect)), effect)
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from updater.diagnosis.schema import FittedCause as FittedCause
     from updater.diagnosis.schema import FrequencyFit as FrequencyFit
     from updater.diagnosis.schema import Gain as Gain
+    from updater.diagnosis.schema import MassTestFit as MassTestFit
     from updater.diagnosis.schema import Measurement as Measurement
     from updater.diagnosis.schema import Misfit as Misfit
     from updater.diagnosis.schema import ModeFit as ModeFit

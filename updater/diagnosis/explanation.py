@@ -25,6 +25,7 @@ from updater.diagnosis.naming import (
     MIN_P,
     as_written,
     calibration_summary,
+    mass_tests_of,
     misfit,
     modes_of,
     named_causes,
@@ -190,7 +191,7 @@ def _diagnosed(
         odd = found[0] if found else best
         faults = case.weighing.faults
         nearer = reference.nominal and faults.attempt("the file nearer to the logs", lambda: _nearer(case))
-        refused = _refused("unexplained", case, best.log_evidence, misfit(case.data, odd.chosen))
+        refused = _refused("unexplained", case, best.log_evidence, misfit(case.data, odd.chosen), odd.chosen)
         return replace(refused, nearer=nearer or None)
     if _strewn(found[0]):
         return _refused("unexplained", case, best.log_evidence, "scattered_mass")
@@ -238,7 +239,17 @@ def _worn(best: Candidate) -> bool:
     return along + of_all > 1 or (of_all and at_places > 1)
 
 
-def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement) -> DiagnosisResult:
+def _refused(
+    verdict: Verdict, case: Case, best: float, advice: NextMeasurement, odd: Sequence[SelectedCause] = ()
+) -> DiagnosisResult:
+    """Return an answer that names no cause.
+
+    Parameters
+    ----------
+    best : log evidence of the best causes
+    odd : the best causes, where they do not fit
+    """
+    unchanged = verdict == "nothing_to_explain"
     diagnosis = Diagnosis(
         verdict=verdict,
         causes=(),
@@ -246,9 +257,10 @@ def _refused(verdict: Verdict, case: Case, best: float, advice: NextMeasurement)
         gain=None,
         calibration=calibration_summary(case.reference),
         failed=_failed(case),
-        smallest_changes=_smallest(case, ()) if verdict == "nothing_to_explain" else (),
+        smallest_changes=_smallest(case, ()) if unchanged else (),
+        mass_tests=mass_tests_of(case.data, odd) if odd or unchanged else (),
     )
-    rejected = rejected_causes(case.singles, (), best, unchanged=verdict == "nothing_to_explain")
+    rejected = rejected_causes(case.singles, (), best, unchanged=unchanged)
     return DiagnosisResult(diagnosis, None, rejected, advice)
 
 
@@ -315,6 +327,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
         calibration=calibration_summary(case.reference),
         failed=_failed(case),
         smallest_changes=_smallest(case, best.chosen),
+        mass_tests=mass_tests_of(case.data, best.chosen),
     )
     return DiagnosisResult(
         diagnosis,

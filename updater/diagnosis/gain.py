@@ -127,6 +127,7 @@ def _blind(data: Comparison, mode: int) -> Comparison:
         shape_whitener=seen[:, None, None] * data.shape_whitener,
         imaginary_whitener=without_mode(data.imaginary_whitener, mode, len(data.channels)),
         damping_weight=seen * data.damping_weight,
+        mass_tests=(),
     )
 
 

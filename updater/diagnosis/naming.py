@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import chdtrc, logsumexp
 
 from daq import FloatArray
 from updater.causes import (
@@ -26,6 +26,8 @@ from updater.diagnosis.schema import (
     Cause,
     FittedCause,
     FrequencyFit,
+    MassShift,
+    MassTestFit,
     Misfit,
     ModeFit,
     Pair,
@@ -62,10 +64,10 @@ def named_causes(
     """Return the causes with the posterior share `sure`, whether it is a single one, and all left open.
 
     Candidates that the data cannot separate are one set: its best member represents it with the probability of all. One
-    cause at two places is two candidates, unless one place has that share alone. The stated probability leaves a chance
-    that something that is not modelled imitates the causes.
+    cause at two places is two candidates. The stated probability leaves a chance that something that is not modelled
+    imitates the causes.
     """
-    found = by_place(found, sure)
+    found = by_place(found)
     probability = shares(found)
     left = [i for i in range(len(found)) if probability[i] >= _WORTH_AN_ALIAS * probability.max()]
     sets: list[tuple[float, list[int]]] = []
@@ -258,6 +260,32 @@ def modes_of(
         measured = [_with_causes(mode, written, i) for i, mode in enumerate(measured)]
     modes = (*measured, *_missing(reference, event))
     return tuple(sorted(modes, key=lambda mode: mode.frequency.measured or mode.frequency.before or 0.0))
+
+
+def mass_tests_of(data: Comparison, chosen: Sequence[SelectedCause]) -> tuple[MassTestFit, ...]:
+    """Return each record with a known mass, compared with the prediction of causes, or of no change."""
+    if not data.mass_tests:
+        return ()
+    whitener = data.drifting if any(c.cause.drifting for c in chosen) else data.plain
+    predicted = prediction(data, chosen)
+    before = (data.log_ratio - predicted.log_ratio) @ whitener.matrix.T
+    frequency = data.frequency[data.paired] * np.exp(data.log_ratio)
+    found = []
+    for test, expected in zip(data.mass_tests, predicted.with_mass, strict=True):
+        off = test.whitened(test.log_ratio - expected, before, whitener)[0]
+        std = np.sqrt(np.diag(test.covariance))
+        shifts = [
+            MassShift(
+                frequency=float(frequency[row]),
+                measured_percent=100 * float(np.expm1(test.log_ratio[k])),
+                std_percent=100 * float(std[k]),
+                predicted_percent=100 * float(np.expm1(expected[0, k])),
+            )
+            for k, row in enumerate(test.rows.tolist())
+        ]
+        p_value = float(chdtrc(len(off), off @ off))
+        found.append(MassTestFit(mass=test.mass, position=test.position, modes=tuple(shifts), p_value=p_value))
+    return tuple(found)
 
 
 def _with_causes(mode: ModeFit, written: ModelFit, row: int) -> ModeFit:

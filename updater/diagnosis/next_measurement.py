@@ -97,11 +97,6 @@ def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
 def _solved(data: Comparison, chosen: Hypothesis, more: Effect | None = None) -> Changed:
     """Return the modes that a hypothesis expects, alone or with one more effect."""
     effect = effect_of(chosen)
-    for part in chosen:  # a denser part moves less by a known mass, a softer one does not
-        if isinstance(part.cause, CommonFactor) and part.cause.as_mass(part.theta):
-            own = part.cause.effect(part.theta[None], np.array([part.row]))
-            heavier = part.cause.as_mass(part.theta) * np.eye(len(data.frequency))
-            effect = replace(effect, compliance=effect.compliance - own.compliance, mass=effect.mass + heavier)
     if more is None:
         return reanalyse(data, effect)
     added = {name: getattr(more, name) + getattr(effect, name) for name in ("mass", "compliance")}

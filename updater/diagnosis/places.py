@@ -13,6 +13,7 @@ from updater.inference import BoolArray, Fit
 from updater.structure import Structure
 
 _FAR = 0.05  # of the structure's largest extent, from where on a place is another one
+_ALL = 0.99  # of the posterior: one place represents all
 _ASIDE = 4  # times as far on the same member: nearer alternatives are one broad maximum's
 
 
@@ -41,26 +42,22 @@ def next_place(part: Fit[Cause], within: float) -> int | None:
     return int(likely[np.argmax(log[likely])]) if len(likely) else None
 
 
-def by_place(found: Sequence[Candidate], sure: float) -> list[Candidate]:
+def by_place(found: Sequence[Candidate]) -> list[Candidate]:
     """Return the candidates, each once for every place that one of its causes may be at, the likeliest first.
 
     A body that is left or right of a symmetric column, a prop under the one arm or the other: the mean of both is
-    neither, and the likelier one is a guess.
-
-    Parameters
-    ----------
-    sure : share of the posterior above which one place represents all
+    neither, and the likelier one is a guess with its own probability.
     """
-    every = [split for candidate in found for split in _split(candidate, sure)]
+    every = [split for candidate in found for split in _split(candidate)]
     return sorted(every, key=lambda c: -round(c.log_evidence, 2))  # equals stay in their order
 
 
-def _split(candidate: Candidate, sure: float) -> list[Candidate]:
+def _split(candidate: Candidate) -> list[Candidate]:
     found = [candidate]
     for number, part in enumerate(candidate.parts):
         chosen = _places(part)
         total = sum(share for share, _ in chosen)
-        if chosen and chosen[0][0] < sure * total:
+        if chosen and chosen[0][0] < _ALL * total:
             found = [_at(c, number, part.only(inside), share / total) for c in found for share, inside in chosen]
     return found
 

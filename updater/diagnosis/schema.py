@@ -118,6 +118,24 @@ class ModeFit(PlainValue):
     mac: Pair
 
 
+class MassShift(PlainValue):
+    """Shift of a frequency by a known mass, as measured, and as predicted with the causes."""
+
+    frequency: float  #: measured without the mass [Hz]
+    measured_percent: float
+    std_percent: float  #: of the difference, by noise and errors of the model
+    predicted_percent: float
+
+
+class MassTestFit(PlainValue):
+    """A further record with a known mass, compared with its prediction with the causes."""
+
+    mass: float  #: [kg]
+    position: Vector  #: [m]
+    modes: tuple[MassShift, ...]
+    p_value: float  #: probability of as large differences if the causes are right [-]
+
+
 class Gain(PlainValue):
     """The gain of the written model over the same model without the causes, on data that were not used if `heldout`."""
 
@@ -171,6 +189,7 @@ class Diagnosis(PlainValue):
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
     #: by kinds, where a structure file is compared and no change is named beside its errors
     smallest_changes: tuple[SmallestChange, ...] = ()
+    mass_tests: tuple[MassTestFit, ...] = ()  #: records with a known mass, and what the best causes predict
 
     def __repr__(self) -> str:
         causes = ", ".join(f"{cause.cause} {_probability(cause)}" for cause in self.causes)

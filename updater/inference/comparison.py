@@ -48,6 +48,69 @@ class NewModes:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class MassTest:
+    """Frequencies now with a known mass, compared with those without it.
+
+    The noise e of the frequencies without the mass is in two data: in their ratio to the baseline, r = e + .., and in
+    the ratio s = .. - e to them. The part of s that r determines is subtracted.
+    """
+
+    mass: float  #: [kg]
+    position: tuple[float, float, float]  #: of the mass [m]
+    rows: IndexArray  #: (k,) compared modes that were measured with the mass
+    log_ratio: FloatArray  #: (k,) of their frequencies with the mass to those without it
+    covariance: FloatArray  #: (k, k) of these
+    noise: FloatArray  #: (k,) variance of the log frequencies without the mass
+    translation: FloatArray  #: (3, n_modes) of the reference's modes at the mass, times its root
+    correction: FloatArray  #: (k,) by modes of the reference that are not compared
+
+    def predict(self, value: FloatArray, vector: FloatArray) -> FloatArray:
+        """Return the log ratios (n_alternatives, k) that alternatives predict.
+
+        Parameters
+        ----------
+        value : (n_alternatives, n) 1/omega^2 of the compared modes without the mass [s2]
+        vector : (n_alternatives, n_modes, n) of these in the reference's modes
+        """
+        return frequencies_with_mass(value, self.translation @ vector)[:, self.rows] + self.correction
+
+    def whitened(self, off: FloatArray, before: FloatArray, whitener: "Whitener") -> FloatArray:
+        """Return whitened residuals (n_alternatives, k) that are independent of those of the frequencies before.
+
+        Parameters
+        ----------
+        off : (n_alternatives, k) residuals of the log ratios
+        before : (n_alternatives, n) whitened residuals of the frequencies without the mass
+        whitener : of these
+        """
+        known = whitener.matrix[:, self.rows] * self.noise  # covariance with whitened residuals, sign reversed
+        return np.asarray((off + before @ known) @ self._matrix(known).T)
+
+    def log_det(self, whitener: "Whitener") -> float:
+        """Return the log determinant of the matrix that whitens."""
+        matrix = self._matrix(whitener.matrix[:, self.rows] * self.noise)
+        return float(np.log(np.diag(matrix)).sum())
+
+    def _matrix(self, known: FloatArray) -> FloatArray:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance - known.T @ known)))
+
+
+def frequencies_with_mass(value: FloatArray, moved: FloatArray) -> FloatArray:
+    """Return the log ratios (p, n) of frequencies of modes with a mass to those without it.
+
+    Parameters
+    ----------
+    value : (p, n) 1/omega^2 of the modes [s2]
+    moved : (p, 3, n) their mass-normalised displacements at the mass, times its root
+    """
+    root = np.sqrt(value)[:, :, None]
+    mass = np.eye(value.shape[1]) + moved.transpose(0, 2, 1) @ moved
+    found, vector = np.linalg.eigh(root * mass * root.transpose(0, 2, 1))
+    successor = np.argmax(vector**2, axis=2)
+    return np.asarray(-0.5 * np.log(np.take_along_axis(found, successor, axis=1) / value))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class NominalModes:
     """Modes of the structure file in the place of those compared, where a nearer model is used."""
 
@@ -91,6 +154,7 @@ class Comparison:
     n_stress: int = 0  #: states of self-stress of the reference's model
     circumstances: Circumstances = NOTHING_KNOWN  #: further knowledge
     new: NewModes | None = None  #: new modes of the circumstances, at the channels
+    mass_tests: tuple[MassTest, ...] = ()  #: further records with a known mass
     nominal: NominalModes | None = None  #: modes of a file that is far off: the state before any cause
 
     def trusting(self, share: float) -> "Comparison":
@@ -219,7 +283,13 @@ class Comparison:
         of_shapes = int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
         of_phases = int(self.phased.sum()) * (n_channels - 1) / self.imaginary_overdispersion
         of_damping = float(np.nansum((self.log_damping_std * self.damping_weight) ** 2))  # the rest is no noise
-        return n_modes + of_shapes + of_phases + of_damping
+        with_mass = sum(len(test.rows) for test in self.mass_tests)
+        return n_modes + with_mass + of_shapes + of_phases + of_damping
+
+    def log_det_of_frequencies(self, *, drifting: bool) -> float:
+        """Log determinant of the whiteners of frequencies, without and with known masses."""
+        whitener = self.drifting if drifting else self.plain
+        return whitener.log_det + sum(test.log_det(whitener) for test in self.mass_tests)
 
     @property
     def extra_frequency(self) -> FloatArray:

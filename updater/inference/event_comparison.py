@@ -9,6 +9,7 @@ from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError
 from updater.fe import self_stress
 from updater.inference.comparison import COMMON_MESH_ERROR, Comparison, NominalModes, whiteners_of
+from updater.inference.known_mass import mass_tests
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
 from updater.inference.sensor_errors import sensor_errors, without_sensor_errors
@@ -90,6 +91,7 @@ def compare(
         sensor_errors=sensor_errors(reference, tracks, channels),
         **imaginary_parts(base, event, sign, scatter, nearer, late),
         **damping_changes(base, event, mixed_by_change(reference, tracks, ratio)),
+        mass_tests=mass_tests(reference, tracks, event, error, circumstances.known_masses),
         nominal=_nominal_modes(reference, tracks, channels, base),
         model_base=expected / np.linalg.norm(expected, axis=1, keepdims=True),
         at_channels=at_channels,

@@ -242,7 +242,7 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
         if len(moved):
             slope[moved] = slopes(comparison, hypotheses, point, moved)
     covariance: FloatArray = np.linalg.inv(normal(slope)).astype(np.float64)
-    whitener = comparison.drifting if hypotheses.drifting else comparison.plain
+    of_frequencies = comparison.log_det_of_frequencies(drifting=hypotheses.drifting)
     of_new = comparison.freedom_of_new(point.effect.own.shape[1])
     volume = 0.5 * np.linalg.slogdet(covariance)[1] - np.log(hypotheses.prior_std).sum()
     log_ratio = hypotheses.log_ratio(point.theta, covariance, everything)
@@ -252,7 +252,7 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
         theta=point.theta,
         covariance=covariance,
         chi_square=point.cost,
-        log_density=-0.5 * point.cost + volume + whitener.log_det + log_ratio,
+        log_density=-0.5 * point.cost + volume + of_frequencies + log_ratio,
         freedom=max(comparison.freedom + of_new - determined, 1.0),
         frequency_residual=point.residual[:, : len(comparison.log_ratio)],
     )

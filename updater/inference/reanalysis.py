@@ -341,6 +341,7 @@ def predict(comparison: Comparison, value: FloatArray, vector: FloatArray, effec
         imaginary=imaginary,
         log_damping=np.broadcast_to(log_damping, log_ratio.shape),
         new_frequency=new_frequency,
+        with_mass=tuple(test.predict(value, vector) for test in comparison.mass_tests),
         new_shape=new @ effect.chain[:, :, :n].transpose(0, 2, 1),
         undone=_undone(effect.chain[:, :, :n]),
     )

@@ -19,6 +19,7 @@ class Prediction:
     log_damping: FloatArray  #: (n_alternatives, n) of damping to the baseline's
     new_frequency: FloatArray  #: (n_alternatives, n_new) of modes that came with something [Hz]
     new_shape: FloatArray  #: (n_alternatives, n_new, n_channels) of any norm and sign
+    with_mass: tuple[FloatArray, ...] = ()  #: (n_alternatives, k) of each record with a known mass
     undone: FloatArray | None = None  #: (n_alternatives, n_channels, n_channels) exchanges and turns of channels undone
 
 
@@ -38,6 +39,8 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
         blocks.append((comparison.log_damping - predicted.log_damping) * comparison.damping_weight)
     if comparison.new is not None:
         blocks.append(_off_new(comparison.new, predicted))
+    for test, expected in zip(comparison.mass_tests, predicted.with_mass, strict=True):
+        blocks.append(test.whitened(test.log_ratio - expected, frequency, whitener))
     return np.concatenate(blocks, axis=1)
 
 

@@ -33,6 +33,15 @@ class Trend:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class KnownMass:
+    """A further record of the same state of a structure, with a known mass on it."""
+
+    mass: float  #: [kg]
+    position: tuple[float, float, float]  #: of the mass, on a member [m]
+    modes: ModalMean  #: (n_tracks,) with the mass, in the order of the baseline's tracks
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Circumstances:
     """Of an event, against the baseline."""
 
@@ -44,6 +53,7 @@ class Circumstances:
     devices: Mapping[str, str] = field(default_factory=dict)  #: channel -> device that sampled it
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: faults of channels that were left out since
     wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
+    known_masses: tuple[KnownMass, ...] = ()  #: further records of the event's state
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 
 

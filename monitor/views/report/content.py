@@ -31,7 +31,7 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.detection import last_detectable, standing_trend, unsure_ever, unsure_now
-from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
+from monitor.text.diagnosis import mass_test_text, record_change_texts, smallest_changes_text, within_record_text
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import optional, plain, share_text, utc
 from monitor.text.sensors import health_rows
@@ -324,6 +324,7 @@ def _diagnosis(
         "extended_model": diagnosis.extended_model,
         "next_measurement": diagnosis.next_measurement,
         "smallest": smallest_changes_text(diagnosis.smallest_changes),
+        "mass_tests": [mass_test_text(test) for test in diagnosis.mass_tests],
         "within": [within_record_text(within), *record_change_texts(within)] if within else [],
     }
 

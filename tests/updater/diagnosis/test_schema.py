@@ -31,6 +31,7 @@ ADDED = {
     "failed",
     "within_record",
     "smallest_changes",
+    "mass_tests",
 }  # since the contract was agreed
 WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"} | ADDED
 PAIR = {"before", "after"}

@@ -55,9 +55,8 @@ def linear(monkeypatch: pytest.MonkeyPatch) -> Any:
 
     monkeypatch.setattr(module, "evaluate", evaluate)
     monkeypatch.setattr(module, "slopes", slopes)
-    whitener = SimpleNamespace(log_det=0.0)
     return SimpleNamespace(
-        plain=whitener, drifting=whitener, freedom=5.0, freedom_of_new=lambda n: 0.0, log_ratio=np.zeros(2)
+        log_det_of_frequencies=lambda drifting: 0.0, freedom=5.0, freedom_of_new=lambda n: 0.0, log_ratio=np.zeros(2)
     )
 
 
@@ -133,7 +132,7 @@ def test_step_without_predicted_gain_is_not_evaluated(linear: Any, monkeypatch: 
 
 def test_evidence_includes_the_determinant_of_the_used_whitener(linear: Any) -> None:
     """A drift common to all frequencies is allowed, or not: two covariances of the same data."""
-    linear.plain, linear.drifting = SimpleNamespace(log_det=1.5), SimpleNamespace(log_det=-0.7)
+    linear.log_det_of_frequencies = lambda drifting: -0.7 if drifting else 1.5
     one = Linear(b=np.ones((1, 5)), lower=np.full((1, 3), -np.inf), start=np.zeros((1, 3)), prior_std=PRIOR)
     density = [fit(linear, replace(one, drifting=drifting)).log_density[0] for drifting in (False, True)]  # type: ignore[type-var]
     assert density[0] - density[1] == pytest.approx(2.2)

@@ -36,11 +36,6 @@ class CommonFactor(Discrete):
         del theta
         return 0.0
 
-    def as_mass(self, theta: FloatArray) -> float:
-        """Return the relative change of mass by parameters (1,), if it is one of mass."""
-        del theta
-        return 0.0
-
     @property
     def informed(self) -> bool:
         """True if data other than the modes determine the factor."""

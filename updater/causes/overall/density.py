@@ -26,10 +26,6 @@ class GlobalDensity(CommonFactor):
         mass = np.expm1(-2 * self.log_factor(theta))[:, None, None] * self.own
         return replace(no_effect(len(rows), self.comparison), mass=mass)
 
-    def as_mass(self, theta: FloatArray) -> float:
-        """Return the relative change of mass."""
-        return float(np.expm1(-2 * self.log_factor(theta)))
-
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the gain of density, negative where it has fallen."""
         value, std = self.found(fit)

@@ -28,6 +28,12 @@ def diagnose(
             "--held-out", "--holdout", metavar="LOG", help="Held-out log: used only to measure the gain. Repeatable."
         ),
     ] = None,
+    known_mass: Annotated[
+        list[str] | None,
+        Option(
+            metavar="LOG=KG@X,Y,Z", help="Log of the present state with a known mass on it, at a place [m]. Repeatable."
+        ),
+    ] = None,
     start: From = None,
     stop: To = None,
     reference_from: _ReferenceTime = None,
@@ -85,7 +91,7 @@ def diagnose(
     """
     from monitor.analysis.selection import Selection
     from monitor.analysis.time_range import time_range
-    from monitor.cli.data.diagnose.diagnosis import Logs, bound_of, diagnose_logs
+    from monitor.cli.data.diagnose.diagnosis import Logs, MassLog, bound_of, diagnose_logs
     from monitor.errors import ArgumentError
     from monitor.text.quantities import cause_name
 
@@ -93,6 +99,7 @@ def diagnose(
         current=logs,
         reference=reference or (),
         heldout=held_out or (),
+        mass=tuple(map(MassLog.of, known_mass or ())),
         within=time_range(start, stop),
         reference_within=time_range(reference_from, reference_to, ("--reference-from", "--reference-to")),
         heldout_within=time_range(held_out_from, held_out_to, ("--held-out-from", "--held-out-to")),

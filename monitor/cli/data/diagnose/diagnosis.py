@@ -1,15 +1,18 @@
 """Changes since the reference logs, or errors of the structure file."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from daq import AnyLog, LogError
 from daq.errors import writing
 from daq.log import as_logs
 from monitor.analysis.excluded_channels import left_out_texts
-from monitor.analysis.explanation import Explanation, explain
+from monitor.analysis.explanation import Explanation, MassRecord, explain
 from monitor.analysis.logs import log_channels
 from monitor.analysis.modal_table.table import is_table
 from monitor.analysis.modal_table.universal import is_universal
@@ -39,7 +42,7 @@ from monitor.text.diagnosis import written_bodies_texts
 from monitor.text.quantities import plain
 from monitor.text.sensors import health_result
 from monitor.views.report import diagnosis_report, load_typst
-from updater import DiagnosisResult, Structure, dump_structure, load_structure, parse_structure
+from updater import DiagnosisResult, ModelError, Structure, build_model, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
 from updater.reference import Calibration
@@ -113,6 +116,49 @@ _LIFTED = "the removed body is not in this file: its stiffness was fitted to the
 _EXTENDED = "found by modalwatch diagnose"  # comment of entries added to an extended model
 
 
+@dataclass(frozen=True)
+class MassLog:
+    """Log of the present state with a known mass."""
+
+    path: Path
+    mass: float  #: [kg]
+    position: tuple[float, float, float]  #: [m]
+
+    @classmethod
+    def of(cls, text: str) -> "MassLog":
+        """Return what is written as `with_mass.mcap=0.1@0.3,0,1.48`.
+
+        Raises
+        ------
+        ArgumentError
+            If the text is not written like that.
+        """
+        path, _, rest = text.rpartition("=")
+        mass, _, place = rest.partition("@")
+        try:
+            kilograms, (x, y, z) = float(mass), map(float, place.split(","))
+        except ValueError:
+            kilograms = 0.0
+        if not path or not 0 < kilograms < math.inf or not all(map(math.isfinite, (x, y, z))):
+            raise ArgumentError(
+                "--known-mass", f"expected LOG=KG@X,Y,Z, such as with_mass.mcap=0.1@0.3,0,1.48, found {text!r}"
+            )
+        return cls(Path(path), kilograms, (x, y, z))
+
+    def check_place(self, structure: Structure) -> None:
+        """Refuse a place that is on no member.
+
+        Raises
+        ------
+        ArgumentError
+            Naming the point.
+        """
+        try:
+            build_model(structure).read(np.array(self.position))
+        except ModelError as error:
+            raise ArgumentError("--known-mass", str(error)) from error
+
+
 @dataclass(frozen=True, kw_only=True)
 class Logs:
     """Logs of a diagnosis, as given on the command line."""
@@ -120,6 +166,7 @@ class Logs:
     current: Sequence[Path]
     reference: Sequence[Path] = ()
     heldout: Sequence[Path] = ()
+    mass: Sequence[MassLog] = ()
     within: TimeRange = WHOLE  #: range of the current logs
     reference_within: TimeRange = WHOLE
     heldout_within: TimeRange = WHOLE
@@ -147,6 +194,8 @@ def diagnose_logs(
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     logs.check_window()
     structure = selected_structure(structure_path, selection)
+    for known in logs.mass:
+        known.check_place(structure)
     if pdf:
         try:
             load_typst()
@@ -169,6 +218,11 @@ def diagnose_logs(
         after = observed(logs.current, "logs", logs.within)
         before = observed(logs.reference, "reference", logs.reference_within)
         heldout = observed(logs.heldout, "held-out logs", logs.heldout_within)
+        with_mass = [
+            MassRecord(mass=known.mass, position=known.position, observation=seen)
+            for known in logs.mass
+            if (seen := observed([known.path], f"log with {known.mass:g} kg"))
+        ]
         assert after is not None  # there is at least one log
         work.stage("fitting the model")
         try:
@@ -178,6 +232,7 @@ def diagnose_logs(
                 on_cause=partial(_show_fit, work),
                 only=selection.only,
                 without=selection.without,
+                with_mass=with_mass,
             )
             found = explain_record(explained, before, after, heldout)
         except StateError as error:
@@ -231,6 +286,7 @@ def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[s
         *log_facts("Logs", logs.current, logs.within),
         *log_facts("Reference", logs.reference, logs.reference_within),
         *log_facts("Held-out", logs.heldout, logs.heldout_within),
+        *((f"With {one.mass:g} kg", one.path.name) for one in logs.mass),
         *calibration_facts(found.explained.calibration or found.reference.calibration),
     ]
 

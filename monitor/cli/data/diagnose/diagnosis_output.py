@@ -27,7 +27,7 @@ from monitor.text.causes import (
     probability_text,
     unmeasured_text,
 )
-from monitor.text.diagnosis import record_change_texts, smallest_changes_text, within_record_text
+from monitor.text.diagnosis import mass_test_text, record_change_texts, smallest_changes_text, within_record_text
 from monitor.text.quantities import optional, plain
 from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import verdict_text
@@ -69,6 +69,8 @@ def say_evidence(
         console.print(calibration_text(diagnosis.calibration), markup=False)
     if found is not None:
         _compared(console, diagnosis, found, structure)
+    for test in diagnosis.mass_tests:
+        console.print(escape(mass_test_text(test)))
     for line in _gain(diagnosis, found.gain_std if found else None):
         console.print(escape(line))
     _refused(console, diagnosis)

@@ -1,0 +1,99 @@
+"""A sensor or a known mass is added after the change, where the diagnosis advises it."""
+
+import numpy as np
+import pytest
+
+from tests.support.updater.diagnosis_data import COLUMN, HALF, TOP, Change, MeasuredAgain
+from updater import Body, DiagnosisResult
+from updater.diagnosis import Measurement, Separation
+
+
+def body_on_the_crossbeam(seed: int) -> Body:
+    random = np.random.default_rng((seed, 0))
+    at = float(random.choice([-1, 1]) * random.uniform(0.1, 0.38))
+    return Body(at=(at, 0.0, TOP), mass=float(random.uniform(0.1, 0.4)))
+
+
+def advised(found: DiagnosisResult, kind: str) -> Measurement:
+    assert found.diagnosis.verdict == "ambiguous"
+    assert isinstance(found.next_measurement, Separation)
+    return next(one for one in found.next_measurement.measurements if one.kind == kind)
+
+
+def assert_is_body(found: DiagnosisResult, body: Body) -> None:
+    """The mirror image was as probable; a short stretch with a mass is nearly the same."""
+    (cause,) = found.diagnosis.causes
+    assert "added_mass" in {cause.cause, *cause.cannot_be_told_from}
+    assert cause.where
+    assert cause.where.position
+    assert np.sign(cause.where.position[0]) == np.sign(body.at[0])
+    if cause.cause == "added_mass":
+        mass = cause.parameters["mass"]
+        assert cause.where.position_std
+        assert mass.std
+        assert abs(cause.where.position[0] - body.at[0]) < 4 * cause.where.position_std
+        assert abs(mass.value - body.mass) < 4 * mass.std
+
+
+def seeds(default: int, thorough: int) -> list[object]:
+    more = (pytest.param(seed, marks=pytest.mark.thorough) for seed in range(default + 1, thorough))
+    return [*range(1, default + 1), *more]
+
+
+@pytest.mark.parametrize("seed", seeds(2, 21))
+def test_sensor_where_it_is_advised_decides_between_mirror_images(seed: int) -> None:
+    body = body_on_the_crossbeam(seed)
+    site = MeasuredAgain(seed, Change((body,)), COLUMN)
+    sensor = advised(site.answer(), "sensor")
+    assert sensor.position
+    assert (sensor.pairs[0], sensor.position[2]) == ((0, 1), TOP)
+    assert sensor.deviations > 3
+    assert_is_body(site.with_sensor(sensor.position, sensor.axis), body)
+
+
+@pytest.mark.parametrize("seed", seeds(2, 41))
+def test_errors_of_a_further_sensor_are_no_change(seed: int) -> None:
+    random = np.random.default_rng((seed, 0))
+    at, axis = (float(random.uniform(-HALF, HALF)), 0.0, TOP), "yz"[random.integers(2)]
+    found = MeasuredAgain(seed, Change(), COLUMN).with_sensor(at, axis)
+    assert found.diagnosis.verdict == "nothing_to_explain"
+
+
+@pytest.mark.parametrize("seed", seeds(1, 21))
+def test_known_mass_decides_between_mirror_images(seed: int) -> None:
+    """At twice the distance of the crossbeam's middle from the body, so that the shifts differ."""
+    body = body_on_the_crossbeam(seed)
+    at = (float(np.clip(2 * abs(body.at[0]), 0.2, HALF)), 0.0, TOP)
+    found = MeasuredAgain(seed, Change((body,)), COLUMN).with_mass(at, 0.15)
+    assert_is_body(found, body)
+    (test,) = found.diagnosis.mass_tests
+    assert test.p_value > 1e-4
+
+
+@pytest.mark.parametrize(("seed", "name"), [(1, "stiffness"), (2, "density")])
+def test_known_mass_where_it_is_advised_decides_between_stiffness_and_density(seed: int, name: str) -> None:
+    change = Change(stiffness=0.96) if name == "stiffness" else Change(density=1.04)
+    site = MeasuredAgain(seed, change)
+    found = site.answer()
+    (cause,) = found.diagnosis.causes
+    assert {"global_stiffness", "global_density"} <= {cause.cause, *cause.cannot_be_told_from}
+    mass = advised(found, "known_mass")
+    assert mass.position
+    assert mass.deviations > 3
+    again = site.with_mass(mass.position, mass.mass)
+    (cause,) = again.diagnosis.causes
+    other = {"stiffness": "global_density", "density": "global_stiffness"}[name]
+    assert f"global_{name}" in {cause.cause, *cause.cannot_be_told_from}
+    assert other not in {cause.cause, *cause.cannot_be_told_from}
+
+
+@pytest.mark.thorough
+def test_p_values_of_known_masses_are_uniform() -> None:
+    """On an unchanged frame, anywhere on the crossbeam: at most one in ten is below 0.1, within its own scatter."""
+    p_values = []
+    for seed in range(40):
+        random = np.random.default_rng((seed, 0))
+        found = MeasuredAgain(seed, Change()).with_mass((float(random.uniform(-HALF, HALF)), 0.0, TOP), 0.15)
+        assert found.diagnosis.verdict == "nothing_to_explain"
+        p_values += [test.p_value for test in found.diagnosis.mass_tests]
+    assert np.count_nonzero(np.array(p_values) < 0.1) <= 4 + 3 * 3.6**0.5
