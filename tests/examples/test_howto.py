@@ -86,10 +86,10 @@ fixed = ["x", "y", "z", "rx", "ry", "rz"]
 )
 
 
-def recorded(seed: int, added: float = 0.0, seconds: float = SECONDS) -> Recording:
-    """Return accelerations of the mast under ambient forces, with a body at 6 m."""
+def recorded(seed: int, added: float = 0.0, seconds: float = SECONDS, known: float = 0.0) -> Recording:
+    """Return accelerations of the mast under ambient forces, with a body at 6 m and a known mass at 3.5 m."""
     structure = parse_structure(MAST)
-    loaded = structure.with_bodies([Body(at=(0, 0, 6.0), mass=added)]) if added else structure
+    loaded = structure.with_bodies([Body(at=(0, 0, z), mass=mass) for z, mass in ((6.0, added), (3.5, known)) if mass])
     model = build_model(loaded, shear_flexible=True, mass="consistent")
     damping = np.full((model.modes(8).frequency < 0.49 * RATE).sum(), 0.006)
     points = tuple((0.0, 0.0, z) for z in (2.0, 4.5, 7.5) for _ in "xy")
@@ -105,12 +105,16 @@ def recorded(seed: int, added: float = 0.0, seconds: float = SECONDS) -> Recordi
 
 
 def log_of(
-    seed: int, added: float = 0.0, seconds: float = SECONDS, places: tuple[str, ...] = ("top", "mid", "low", "deck")
+    seed: int,
+    added: float = 0.0,
+    seconds: float = SECONDS,
+    places: tuple[str, ...] = ("top", "mid", "low", "deck"),
+    known: float = 0.0,
 ) -> Callable[[Path], None]:
     """Return a function that writes a log of the sensors at some places."""
 
     def write(path: Path) -> None:
-        whole = recorded(seed, added, seconds)
+        whole = recorded(seed, added, seconds, known)
         keep = [k for k, channel in enumerate(whole.channels) if channel.name.partition("_")[0] in places]
         part = replace(whole, channels=tuple(whole.channels[k] for k in keep), data=whole.data[:, keep])
         write_recording(path, part, {"structure.toml": MAST})
@@ -270,6 +274,8 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "later.mcap": log_of(SEED + 2, MASS),
     "long.mcap": log_of(SEED + 3, seconds=1050.0),
     "repaired.mcap": log_of(SEED + 4),
+    "reference.mcap": log_of(SEED, places=("top", "mid", "low")),
+    "with_mass.mcap": log_of(SEED + 5, MASS, known=5.0),
     "measured.mcap": log_of(SEED),
     "setup_1.mcap": log_of(SEED, seconds=100, places=("top", "mid")),
     "setup_2.mcap": log_of(SEED + 1, seconds=100, places=("top", "low")),
@@ -329,7 +335,7 @@ def provide(page: Path, lines: list[str]) -> None:
         words = shlex.split(line)
         outputs = {after for option, after in itertools.pairwise(words) if option in OUTPUTS}
         for word in (word for word in words if word not in outputs):
-            first = Path(word.removeprefix("/data/")).parts[0] if word else ""
+            first = Path(word.partition("=")[0].removeprefix("/data/")).parts[0] if word.partition("=")[0] else ""
             if first in MAKERS and not Path(first).exists():
                 MAKERS[first](Path(first))
     if page.name == "dbc.md":

@@ -96,7 +96,6 @@ class MeasuredAgain:
     """
 
     def __init__(self, seed: int, change: Change, channels: tuple[str, ...] = CHANNELS) -> None:
-        print(f"seed {seed}")
         self._random, self._channels = np.random.default_rng((seed, 1)), channels
         self._bare = true_model(np.random.default_rng((seed, 2)))
         self._gain = 1 + 0.005 * self._random.standard_normal(len(channels))
