@@ -166,12 +166,18 @@ def _joint(causes: Iterable[str], word: str = " and ") -> str:
     return word.join(map(plain, causes))
 
 
-def smallest_changes_text(found: Sequence[SmallestChange]) -> str:
-    """Return the smallest changes that would have been seen beside the errors of a structure file; empty if unknown."""
+def smallest_changes_text(found: Sequence[SmallestChange], *, unchanged: bool = False) -> str:
+    """Return the smallest changes that would have been seen beside the errors of a structure file; empty if unknown.
+
+    Parameters
+    ----------
+    unchanged : whether the file agrees with the data as it is
+    """
     if not found:
         return ""
     texts = "; ".join(map(_smallest_text, found))
-    return f"Smallest changes that differ from errors of the model, at half of all places (at nine tenths): {texts}."
+    text = f"Smallest changes that differ from errors of the model, at half of all places (at nine tenths): {texts}."
+    return text + " If the file was fitted to these logs, its parameters may contain larger ones." * unchanged
 
 
 def _smallest_text(found: SmallestChange) -> str:

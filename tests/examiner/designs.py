@@ -27,7 +27,7 @@ def steel_bar(name: str, start: Vector, axis: int, length: float, section: Secti
     )
 
 
-def _box(across_first: float, across_second: float, wall: float) -> Section:
+def thin_box(across_first: float, across_second: float, wall: float) -> Section:
     """Return a thin box's constants from its outer measures along the two cross axes [m]."""
     a, b = across_first, across_second
     c, d = a - 2 * wall, b - 2 * wall
@@ -55,7 +55,7 @@ def _rigid_but(axes: str = "", stiffness: float = 0.0) -> Vector:
     return vector(stiffness if a in axes else np.inf for a in "xyz")
 
 
-_POST, _BEAM = _box(0.06, 0.06, 0.003), _box(0.04, 0.08, 0.003)
+_POST, _BEAM = thin_box(0.06, 0.06, 0.003), thin_box(0.04, 0.08, 0.003)
 _UNIT = 210e9 * _POST.second_moment[0] / 2.0 / 0.004  # N m/rad
 PORTAL = Design(
     name="portal",
@@ -78,7 +78,7 @@ PORTAL = Design(
     element=0.1,
 )
 
-_GIRDER = _box(0.20, 0.30, 0.008)
+_GIRDER = thin_box(0.20, 0.30, 0.008)
 BRIDGE = Design(
     name="bridge",
     bars=(steel_bar("girder", (0.0, 0.0, 0.0), 0, 12.0, _GIRDER, 0.3),),
@@ -97,7 +97,7 @@ _SLABS = tuple(Lump(bar="girder", s=s + 0.5, mass=150.0, offset=(0.0, 0.0, 0.35)
 #: the bridge with a deck of 1.8 t above its axis, which couples motion along the axis with bending
 GIRDER = replace(BRIDGE, name="girder", bodies=_SLABS, band=120.0)
 
-_DECK = _box(1.4, 0.9, 0.025)
+_DECK = thin_box(1.4, 0.9, 0.025)
 #: three spans, few sensors across; along its bearings it slides at nearly a frequency that it bends at across them
 FOOTBRIDGE = Design(
     name="footbridge",
@@ -152,7 +152,7 @@ MAST = Design(
     element=0.5,
 )
 
-_LONG, _CROSS = _box(0.06, 0.10, 0.004), _box(0.08, 0.06, 0.003)
+_LONG, _CROSS = thin_box(0.06, 0.10, 0.004), thin_box(0.08, 0.06, 0.003)
 GRID = Design(
     name="grid",
     bars=(

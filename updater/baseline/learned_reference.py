@@ -14,7 +14,14 @@ import numpy.typing as npt
 
 from daq import IndexArray
 from oma import ModalEstimate, mac_matrix
-from updater.baseline.recalibration import Measured, Recalibrated, is_far, model_reference, recalibrated
+from updater.baseline.recalibration import (
+    Measured,
+    Recalibrated,
+    is_far,
+    model_reference,
+    recalibrated,
+    std_by_file,
+)
 from updater.errors import ModalDataError, PairingError
 from updater.modal_data import (
     NO_DELAYS,
@@ -170,10 +177,10 @@ def _with_shapes(structure: Structure, calibration: Calibration, measured: Measu
     found = recalibrated(structure, there, measured, far=far, start=calibration)
     if found is not None and not far and found.p_value < _MIN_P:
         found = recalibrated(structure, there, measured, far=True, start=calibration)
-    return calibration if found is None else _calibration(found, there, measured.mean)
+    return calibration if found is None else _calibration(structure, found, there, measured.mean)
 
 
-def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> Calibration:
+def _calibration(structure: Structure, found: Recalibrated, there: Reference, measured: ModalMean) -> Calibration:
     """Return the calibration of a recalibrated model, its pairs as alike as those of a model that is right."""
     reference = found.reference
     own = reference.calibration
@@ -184,23 +191,25 @@ def _calibration(found: Recalibrated, there: Reference, measured: ModalMean) -> 
     assert reference.nominal is not None
     of_file = match_nominal_modes(reference, reference.nominal, measured.channels)[own.paired]
     likeness = mac_matrix(measured.shape[own.tracks], there.at_channels(measured.channels).T[of_file])
+    fitted = zip(own.knobs, found.value, found.std, std_by_file(structure, found, measured), strict=True)
     whole = replace(
         own,
         n_nominal=there.calibration.n_nominal,
         nominal_frequency=there.frequency[of_file],
         nominal_mac=np.diagonal(likeness),
-        parameters=tuple(_parameter(*one) for one in zip(own.knobs, found.value, found.std, strict=True)),
+        parameters=tuple(_parameter(*one) for one in fitted),
         reason="cost_converged" if found.at_rest else "iteration_limit",
     )
     kept = np.flatnonzero(share[own.tracks] > UNLIKE)
     return whole.only(kept[np.argsort(own.tracks[kept])])
 
 
-def _parameter(knob: ModelParameter, value: float, std: float) -> Parameter:
+def _parameter(knob: ModelParameter, value: float, std: float, of_file_std: float) -> Parameter:
     return Parameter(
         name=knob.name,
         value=float(np.exp(value)) if knob.kind == "stiffness" else float(value),
         std=float(std),
+        of_file_std=float(of_file_std),
         at_bound=bool(value <= knob.lower or value >= knob.upper),
     )
 

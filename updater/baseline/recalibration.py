@@ -11,10 +11,15 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from daq import FloatArray
-from updater.causes import ModelParameters, propose_model_parameters
+from updater.causes import (
+    ModelParameters,
+    SelectedCause,
+    covariance_with_unlisted,
+    propose_model_parameters,
+)
 from updater.errors import ModalDataError, PairingError
 from updater.fe import Model
-from updater.inference import MODEL_ERROR, compare, fit
+from updater.inference import MODEL_ERROR, Comparison, compare, fit
 from updater.modal_data import (
     DeviceDelays,
     ModalMean,
@@ -110,6 +115,30 @@ def recalibrated(
     return found
 
 
+def std_by_file(structure: Structure, found: Recalibrated, measured: ModalMean) -> FloatArray:
+    """Return standard deviations (n_knobs,) of fitted parameters by what the file has wrong and is not fitted.
+
+    These are bodies that it lacks, and its sections and masses within their priors.
+
+    Parameters
+    ----------
+    structure : as in the file
+    found : the fit
+    measured : modes that were fitted
+    """
+    reference, nominal = found.reference, found.reference.nominal
+    assert nominal is not None
+    every = tuple(model_parameters_of(structure, of_file=True))
+    n_held = len(every) - len(found.value)
+    nominal = replace(nominal, value=np.append(nominal.value, np.zeros(n_held)))
+    reference = replace(reference, calibration=replace(reference.calibration, knobs=every), nominal=nominal)
+    data = _compared(reference, without_fault(nominal.reference.baseline, measured))
+    cause = propose_model_parameters(reference, data)
+    assert cause is not None  # nothing was calibrated
+    _, covariance = covariance_with_unlisted(reference, data, (SelectedCause(cause, 0, cause.moved),), n_held)
+    return np.sqrt(np.diag(covariance))
+
+
 def _parameters_of(calibration: Calibration) -> FloatArray:
     """Return the calibrated parameters (n_knobs,), logarithms of factors of stiffness."""
     pairs = zip(calibration.knobs, calibration.parameters, strict=True)
@@ -132,7 +161,7 @@ def _best_parameters(
     reference: Reference, measured: ModalMean, n_starts: int
 ) -> tuple[ModelParameters, FloatArray, FloatArray, float]:
     """Return the parameters about a model: cause, best values over the file's, covariance and p value."""
-    data = compare(reference, matched(reference.baseline, measured), model_error=_ROUGHER * MODEL_ERROR)
+    data = _compared(reference, measured)
     cause = propose_model_parameters(reference, data)
     assert cause is not None  # nothing was calibrated
     starts = _starts(cause, n_starts)
@@ -140,6 +169,10 @@ def _best_parameters(
     found = fit(data, _Restarted(**given | {"lower": np.repeat(cause.lower, len(starts), axis=0)}, starts=starts))
     best = int(np.argmin(found.chi_square))
     return cause, found.theta[best], found.covariance[best], found.p_value
+
+
+def _compared(reference: Reference, measured: ModalMean) -> Comparison:
+    return compare(reference, matched(reference.baseline, measured), model_error=_ROUGHER * MODEL_ERROR)
 
 
 def _starts(cause: ModelParameters, n: int) -> FloatArray:

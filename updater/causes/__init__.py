@@ -24,6 +24,7 @@ from updater.causes.mass.several_bodies import Bodies as Bodies
 from updater.causes.modal_loads import modal_section_forces as modal_section_forces
 from updater.causes.model.parameters import ModelParameters as ModelParameters
 from updater.causes.model.parameters import propose_model_parameters as propose_model_parameters
+from updater.causes.model.unlisted_masses import covariance_with_unlisted as covariance_with_unlisted
 from updater.causes.overall.common_factor import CommonFactor as CommonFactor
 from updater.causes.sensors.delay import begin_at as begin_at
 from updater.causes.sensors.gain_polarity_swap import SensorGain as SensorGain

@@ -14,7 +14,15 @@ from functools import cached_property, partial
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes import CATALOGUE, Cause, CommonFactor, JointHypothesis, SelectedCause, has_unobserved_mode
+from updater.causes import (
+    CATALOGUE,
+    CONNECTIONS,
+    Cause,
+    CommonFactor,
+    JointHypothesis,
+    SelectedCause,
+    has_unobserved_mode,
+)
 from updater.diagnosis.places import next_place
 from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, foreseen, pulls
@@ -194,13 +202,24 @@ class Compositions:
                 every.append(replace(candidate, chosen=chosen, parts=parts))
         return every
 
+    def of_the_file_alone(self, found: Candidate) -> bool:
+        """Return whether all causes are parameters of a file, and feet or joints that are softer than these permit."""
+        of_the_file = self.weighing.of_the_file
+        return any(n in of_the_file for n in found.names) and all(
+            n in of_the_file or n in CONNECTIONS for n in found.names
+        )
+
     def _is_full(self, seed: Candidate, cause: Cause) -> bool:
-        """Return whether one more cause that changes frequencies would have as many parameters as data."""
+        """Return whether one more cause that changes frequencies would have as many parameters as data.
+
+        Feet and joints beside the parameters of a file are errors of the file, which are not counted.
+        """
         most = min(
             max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),
             max(1, int(self.weighing.data.freedom // _DATA_EACH)),
         )
-        return cause.drifting and sum(c.cause.drifting for c in seed.chosen) >= most
+        counted = [c for c in seed.chosen if c.cause.drifting]
+        return cause.drifting and len(counted) >= most and not self.of_the_file_alone(seed)
 
     def _promise(self, seed: Candidate, name: str, cause: Cause) -> PredictedCandidate | None:
         n_own = len(cause.prior_std)

@@ -25,6 +25,7 @@ from updater.diagnosis.naming import (
     MIN_P,
     as_written,
     calibration_summary,
+    each_once,
     mass_tests_of,
     misfit,
     modes_of,
@@ -50,6 +51,7 @@ from updater.diagnosis.search import (
     stepwise,
     with_learned_error,
     with_section_error,
+    with_unlisted_bodies,
     within_noise,
 )
 from updater.diagnosis.simplification import merged, significant_only
@@ -197,7 +199,7 @@ def _diagnosed(
         return _refused("unexplained", case, best.log_evidence, "scattered_mass")
     if _worn(found[0]):
         return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
-    return _explained(case, with_section_error(case, found), best.log_evidence)
+    return _explained(case, with_unlisted_bodies(case, with_section_error(case, found)), best.log_evidence)
 
 
 def _searched(
@@ -302,7 +304,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     others = [c for c in chosen if not any(c is one for one, _ in removed)]
     extended = extended_structure(calibration, others, best.parts)
     if any(CATALOGUE[name].of_the_file for name in best.names):
-        named = tuple(as_written(cause, extended) for cause in named)
+        named = each_once(tuple(as_written(cause, extended, calibration.nominal) for cause in named))
     named = tuple(with_place_names(cause, case.reference.structure) for cause in named)
     accepted = {name for cause in named for name in (cause.cause, *cause.cannot_be_told_from)}
     faults = case.weighing.faults
@@ -346,6 +348,10 @@ def _smallest(case: Case, chosen: Sequence[SelectedCause]) -> tuple[SmallestChan
     if not case.reference.of_file or not all(c.cause.place_free for c in chosen):
         return ()
     plain = replace(case.weighing, instead={})
+    if not chosen:  # the parameters of the file remain uncertain, although none differs from it
+        chosen = [
+            SelectedCause(cause, 0, cause.start[0]) for name, cause in plain.causes.items() if name in plain.of_the_file
+        ]
     found = plain.faults.attempt(
         "the smallest changes", lambda: smallest_changes(plain.data, plain.causes, tuple(chosen))
     )

@@ -37,9 +37,9 @@ from updater.diagnosis.schema import (
 )
 from updater.inference import Comparison, beside, residual
 from updater.modal_data import ModalMean
-from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector
+from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector, Where
 from updater.reference import ModelFit, Reference, match_nominal_modes
-from updater.structure import Structure, place_name, size
+from updater.structure import Joint, Structure, Support, place_name, size
 
 if TYPE_CHECKING:
     from updater import causes
@@ -380,21 +380,51 @@ def misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
     return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape)
 
 
-def as_written(cause: Cause, structure: Structure) -> Cause:
+def as_written(cause: Cause, structure: Structure, file: Structure) -> Cause:
     """Return the stiffness of a foot or joint in a structure in which another cause changed it too.
 
     Flexibilities add, so that the deviation of a stiffness goes with its square; other causes are returned as they are.
+
+    Parameters
+    ----------
+    structure : with the causes
+    file : as it was, whose springs are those before
     """
-    where, found = cause.where, cause.parameters
-    for connection in CONNECTIONS[cause.cause](structure) if cause.cause in CONNECTIONS else ():
-        if where and connection.at == where.position and getattr(connection, "member", None) == where.member:
+    where, found, before = cause.where, cause.parameters, dict[str, float | None]()
+    of = CONNECTIONS.get(cause.cause)
+    for connection in of(structure) if of else ():
+        if _is_at(connection, where):
             now = {f"stiffness_{axis}": stiffness for axis, stiffness in connection.stiffness.items()}
             found = {
                 name: q.model_copy(update={"value": now[name], "std": q.std * (now[name] / q.value) ** 2})
                 for name, q in found.items()
             }
-    changes = [c.model_copy(update={"after": q.value, "std": q.std}) for c, q in _with_quantities(cause.changes, found)]
+            before = dict.fromkeys(found)
+            for one in of(file) if of else ():
+                if _is_at(one, where):
+                    before |= {f"stiffness_{axis}": stiffness for axis, stiffness in one.stiffness.items()}
+    changes = []
+    for change, q in _with_quantities(cause.changes, found):
+        own = {"before": before[f"stiffness_{change.name.rpartition('.')[2]}"]} if before else {}
+        changes.append(change.model_copy(update={"after": q.value, "std": q.std, **own}))
     return cause.model_copy(update={"parameters": found, "changes": tuple(changes)})
+
+
+def _is_at(connection: Support | Joint, where: Where | None) -> bool:
+    """Return whether a foot or joint is at the place of a cause."""
+    return where is not None and connection.at == where.position and getattr(connection, "member", None) == where.member
+
+
+def each_once(named: tuple[Cause, ...]) -> tuple[Cause, ...]:
+    """Return causes of which those without a place leave out the springs that others change too."""
+    others = {change.name for cause in named if cause.where for change in cause.changes}
+    return tuple(cause if cause.where else _without(cause, others) for cause in named)
+
+
+def _without(cause: Cause, others: Collection[str]) -> Cause:
+    parameters = {name: q for name, q in cause.parameters.items() if name not in others}
+    changes = tuple(change for change in cause.changes if change.name not in others)
+    return cause.model_copy(update={"parameters": parameters, "changes": changes})
 
 
 def with_place_names(cause: Cause, structure: Structure) -> Cause:

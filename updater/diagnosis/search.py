@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from updater.causes import CATALOGUE, LocalStiffness, SelectedCause
+from updater.causes import CATALOGUE, LocalStiffness, ModelParameters, SelectedCause, Springs, covariance_with_unlisted
 from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
@@ -34,8 +34,9 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 # of the assumed error of a model's own modes: half of its variance. Half a per cent of a gain and as much by a position
 # are 0.71 times the error of shapes
 _LESS = 0.71
+_MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
 _SEEDS = 3  # best candidates to which another cause is added
-_MAX = 3  # causes at once
+_MAX = 3  # causes at once, besides the parameters of a file
 
 
 def nothing_changed(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:
@@ -113,6 +114,43 @@ def _with_section_error(case: Case, candidate: Candidate) -> Candidate:
     data = compare(case.reference, case.event, circumstances=case.data.circumstances, typical_shift=typical)
     again = Compositions(replace(case.weighing, data=data)).coordinate_fit(candidate.chosen)
     return candidate if again is None else replace(candidate, chosen=again.chosen, parts=again.parts)
+
+
+def with_unlisted_bodies(case: Case, found: list[Candidate]) -> list[Candidate]:
+    """Return explanations of a file with deviations of its parameters by bodies that it lacks, unless they name a mass.
+
+    The deviation of a connection that a cause of its own changed too is that of both together.
+    """
+    if not case.reference.of_file:
+        return found
+    worth = found[0].log_evidence + float(np.log(WORTH_NAMING))
+    return [_with_unlisted_bodies(case, c) if c.log_evidence >= worth else c for c in found]
+
+
+def _with_unlisted_bodies(case: Case, candidate: Candidate) -> Candidate:
+    of_the_file = [c.cause for c in candidate.chosen if isinstance(c.cause, ModelParameters)]
+    if not of_the_file:
+        return candidate
+    covariance, by_bodies = covariance_with_unlisted(case.reference, case.data, candidate.chosen)
+    covariance = covariance + by_bodies * _MASSES.isdisjoint(candidate.names)
+    ends = np.cumsum([len(c.theta) for c in candidate.chosen])
+    columns = [np.arange(end - len(c.theta), end) for c, end in zip(candidate.chosen, ends, strict=True)]
+    of_file = next(own for own, c in zip(columns, candidate.chosen, strict=True) if c.cause is of_the_file[0])
+    parts = []
+    for own, chosen, part in zip(columns, candidate.chosen, candidate.parts, strict=True):
+        if isinstance(chosen.cause, Springs):
+            unit = np.eye(len(covariance))[own]
+            unit[:, of_file] += chosen.cause.same_springs(chosen.row, of_the_file[0].knobs)
+            own_covariance = unit @ covariance @ unit.T
+        elif isinstance(chosen.cause, ModelParameters):
+            own_covariance = covariance[np.ix_(own, own)]
+        else:
+            parts.append(part)
+            continue
+        whole = part.covariance.copy()
+        whole[part.best] = own_covariance
+        parts.append(replace(part, covariance=whole))
+    return replace(candidate, parts=tuple(parts))
 
 
 def with_learned_error(
@@ -207,7 +245,8 @@ def stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: boo
     rough : whether it is sufficient that the result is no misfit, whatever a further cause would gain
     """
     several = Compositions(weighing)
-    for number in range(1, _MAX):
+    start = len(found[0].chosen) if not rough and several.of_the_file_alone(found[0]) else 1
+    for number in range(start, _MAX + bool(weighing.of_the_file)):
         as_many = [c for c in found if len(c.chosen) == number]
         seeds = as_many[:_SEEDS]
         seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
@@ -217,7 +256,8 @@ def stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: boo
         if len(found[0].chosen) > number and not doubted:
             break
         promises = several.rank_by_linear_prediction(seeds if doubted else seeds[:1])
-        if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + MUCH):
+        least = 0.0 if several.of_the_file_alone(found[0]) else MUCH
+        if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + least):
             break
         more = several.together(promises)
         if number == 1 and not any(c.p_value >= WELL for c in more) and not weighing.of_the_file:

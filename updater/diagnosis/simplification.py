@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from updater.causes import Cause, JointHypothesis, LocalStiffness, SelectedCause, Sized
+from updater.causes import CATALOGUE, Cause, JointHypothesis, LocalStiffness, SelectedCause, Sized
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
 from updater.inference import Fit, fit
@@ -98,6 +98,8 @@ def is_significant(part: Fit[Any]) -> bool:
 def significant_only(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candidate]:
     """Return the candidates of which every cause is significant, and the best one without its causes of zero size.
 
+    Parameters of a file that are of zero size together remain where the other causes have no size without them.
+
     Parameters
     ----------
     weighing : the data and causes
@@ -109,5 +111,6 @@ def significant_only(weighing: EvidenceComparison, found: list[Candidate]) -> li
     rest = tuple(c for c, part in zip(found[0].chosen, found[0].parts, strict=True) if is_significant(part))
     fewer = Compositions(weighing).coordinate_fit(rest) if rest else None
     if fewer is None or not all(map(is_significant, fewer.parts)):
-        return kept
+        needed = all(CATALOGUE[p.hypotheses.name].of_the_file or is_significant(p) for p in found[0].parts)
+        return [found[0], *kept] if needed else kept
     return ranked([fewer, *(c for c in kept if sorted(c.names) != sorted(fewer.names))])

@@ -61,8 +61,14 @@ class Parameter:
 
     name: str  #: such as `support 0 ry`
     value: float  #: factor of stiffness, c E I / L, along an axis c E I / L^3, or share that a weld takes [-]
-    std: float
+    std: float  #: standard deviation by noise and the usual error of a model
+    of_file_std: float = 0.0  #: standard deviation by masses and sections that the file has wrong
     at_bound: bool  #: whether it is at a bound
+
+    @property
+    def whole_std(self) -> float:
+        """Standard deviation by both."""
+        return float(np.hypot(self.std, self.of_file_std))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -96,7 +102,7 @@ class Calibration:
         """Return how well a connection's flexibility is known [rad/(N m) or m/N]: 0 where it is the file's."""
         for knob, parameter in zip(self.knobs, self.parameters, strict=False):
             if knob.axis == axis and is_of(self.structure, connection, knob):
-                return parameter.std / parameter.value / dict(connection.stiffness.items())[axis]
+                return parameter.whole_std / parameter.value / dict(connection.stiffness.items())[axis]
         return 0.0
 
     def is_rigid(self, connection: Support | Joint, axis: Axis) -> bool:
@@ -114,18 +120,19 @@ class Calibration:
 
     def changes(self) -> tuple[ParameterChange, ...]:
         """Return the fitted parameters as they were in the file and as they are fitted."""
-        return tuple(map(self._change, self.knobs, self.parameters))
+        pairs = zip(self.knobs, self.parameters, strict=False)  # none where nothing was fitted
+        return tuple(self._change(knob, parameter, parameter.whole_std) for knob, parameter in pairs)
 
-    def _change(self, knob: ModelParameter, parameter: Parameter) -> ParameterChange:
+    def _change(self, knob: ModelParameter, parameter: Parameter, parameter_std: float) -> ParameterChange:
         value, before = parameter.value, None
         if knob.kind == "stiffness":
             after = physical_value(self.structure, knob, 0.0)
-            before, std = after / value, after * parameter.std
+            before, std = after / value, after * parameter_std
         elif knob.kind == "weld":
-            after, before, std = 1 / (1 - value), 1.0, parameter.std / (1 - value) ** 2
+            after, before, std = 1 / (1 - value), 1.0, parameter_std / (1 - value) ** 2
         else:
             after = dict(connection_of(self.structure, knob).stiffness.items())[knob.axis]
-            std = after * parameter.std / value
+            std = after * parameter_std / value
             before = after * value / knob.mean if knob.mean else None
         at_bound = parameter.at_bound and not (is_rigid(knob) and value < knob.upper)  # a rigid one may stay so
         return ParameterChange(
@@ -142,8 +149,13 @@ class Calibration:
         )
 
     def physical_std(self) -> dict[str, float]:
-        """Return the standard deviation of each fitted parameter by its name, in physical units."""
-        return {change.name: change.std for change in self.changes() if change.std > 0}
+        """Return the standard deviation of each fitted parameter by its name, in physical units.
+
+        Of the structure as its file describes it: by noise and the usual error of a model alone.
+        """
+        pairs = zip(self.knobs, self.parameters, strict=False)  # none where nothing was fitted
+        changes = [self._change(knob, parameter, parameter.std) for knob, parameter in pairs]
+        return {change.name: change.std for change in changes if change.std > 0}
 
     def only(self, kept: npt.NDArray[np.bool_] | IndexArray) -> "Calibration":
         """Return the same with some of the tracks: a mask (n_tracks,), or indices."""

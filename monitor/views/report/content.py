@@ -323,8 +323,10 @@ def _diagnosis(
         "gain": _gain(diagnosis, found.gain_std if found else None),
         "extended_model": diagnosis.extended_model,
         "next_measurement": diagnosis.next_measurement,
-        "smallest": smallest_changes_text(diagnosis.smallest_changes),
         "mass_tests": [mass_test_text(test) for test in diagnosis.mass_tests],
+        "smallest": smallest_changes_text(
+            diagnosis.smallest_changes, unchanged=diagnosis.verdict == "nothing_to_explain"
+        ),
         "within": [within_record_text(within), *record_change_texts(within)] if within else [],
     }
 

@@ -287,3 +287,6 @@ def test_smallest_changes_have_both_sizes_and_the_length_of_the_stretch() -> Non
         "Smallest changes that differ from errors of the model, at half of all places (at nine tenths): "
         "added mass 180 g (290 g); loss of stiffness 15 % (no size) over 0.3 m."
     )
+    assert smallest_changes_text([mass], unchanged=True).endswith(
+        "(290 g). If the file was fitted to these logs, its parameters may contain larger ones."
+    )

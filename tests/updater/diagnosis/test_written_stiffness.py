@@ -18,10 +18,10 @@ def test_foot_stiffness_is_reported_as_written_to_the_file() -> None:
     frame = t_frame()
     [foot] = frame.support
     softer = foot.model_copy(update={"fixed": ("x", "y", "z", "rx", "ry"), "stiffness": {"rz": 6e5}})
-    found = as_written(reported("support_stiffness"), frame.model_copy(update={"support": (softer,)}))
+    found = as_written(reported("support_stiffness"), frame.model_copy(update={"support": (softer,)}), frame)
     assert found.parameters["stiffness_rz"].value == 6e5
     assert found.parameters["stiffness_rz"].std == pytest.approx(4e4 * (6 / 8) ** 2)
 
 
 def test_other_cause_is_reported_unchanged() -> None:
-    assert as_written(reported("support_spring"), t_frame()) == reported("support_spring")
+    assert as_written(reported("support_spring"), t_frame(), t_frame()) == reported("support_spring")

@@ -17,7 +17,18 @@ from updater.causes.modal_loads import modal_spring_force
 from updater.inference import Comparison, Effect, Fit, common_magnitude, first_order, no_effect
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Where
 from updater.reference import Reference
-from updater.structure import AXES, Axis, Joint, Member, Structure, Support, all_knobs, flexibility_unit, is_of
+from updater.structure import (
+    AXES,
+    Axis,
+    Joint,
+    Member,
+    ModelParameter,
+    Structure,
+    Support,
+    all_knobs,
+    flexibility_unit,
+    is_of,
+)
 
 TURNS: tuple[Axis, Axis, Axis] = ("rx", "ry", "rz")
 SLIDES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
@@ -146,6 +157,16 @@ class Springs(Discrete):
             for knob in all_knobs(self.structure)
             if is_of(self.structure, connection, knob) and knob.axis in now
         }
+
+    def same_springs(self, row: int, knobs: Sequence[ModelParameter]) -> FloatArray:
+        """Return the parameters of an alternative for a unit of each knob of the same spring (3, n_knobs)."""
+        connection, axes = self.connections[row], self.axes[row]
+        found = np.zeros((3, len(knobs)))
+        for k, knob in enumerate(knobs):
+            if knob.axis in axes and is_of(self.structure, connection, knob):
+                a = axes.index(knob.axis)
+                found[a, k] = self.unit[row, a] / flexibility_unit(self.structure, knob.axis, knob.at)
+        return np.where(self.active[row, :, None], found, 0.0)
 
     def physical_std(self, fit: Fit[Cause]) -> dict[str, float]:
         """Return the standard deviations of the springs."""

@@ -51,7 +51,7 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
-    if unseen := smallest_changes_text(diagnosis.smallest_changes):
+    if unseen := smallest_changes_text(diagnosis.smallest_changes, unchanged=diagnosis.verdict == "nothing_to_explain"):
         console.print(escape(unseen))
 
 
