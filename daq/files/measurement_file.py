@@ -13,6 +13,7 @@ from daq.errors import DataError
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, reads
 from daq.files.columns.headings import Signal, parted, signals_of, temperatures_of
 from daq.files.columns.scaling import calibration_remark, differentiation_remark, foreign, scalings, unit_remark
+from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.temperatures import known_mean, mean_temperature, temperature_remark
 from daq.files.columns.time_column import (
     date_column,
@@ -29,9 +30,8 @@ from daq.files.measured import Measured, processed
 from daq.files.options import DataOptions
 from daq.files.origin import Origin
 from daq.files.tables.layout import Layout
-from daq.files.tables.preamble import StatedStart, stated_start
+from daq.files.tables.preamble import stated_start
 from daq.files.tables.text_table import read_rows, table_layout
-from daq.notebook import utc_text
 from daq.types import Channel, FloatArray, Recording, find_gaps
 
 _MAX_VALUE = 1e20  # m/s2
@@ -116,8 +116,9 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
     _check_rates(path, found.rate, options)
     temperature = mean_temperature(path, found.warm, found.warmth, found.rate)
     stated = found.origin.start if found.origin else None
-    preamble = found.stated.time if found.stated else None
-    start = next((start for start in (options.start, found.began, stated, preamble) if start is not None), 0)
+    certain = next((start for start in (options.start, found.began, stated) if start is not None), None)
+    in_text = found.stated if isinstance(found.stated, StatedStart) else None
+    start = certain if certain is not None else in_text.time if in_text else 0
     if not 0 <= start <= _MAX_TIME - len(data) / found.rate * 1e9:
         raise DataError(path, f"time: expected dates from 1970 to 2115, found {start * 1e-9:.6g} s after 1970")
     recording = Recording(
@@ -136,7 +137,7 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
         differentiation_remark(found.signals, scales, options.velocities),
         temperature_remark(found.warm, temperature),
         found.origin.remark if found.origin else None,
-        _start_remark(found.stated) if found.stated and start == preamble else None,
+        found.stated.remark if found.stated and certain is None else None,
         *found.remarks,
         f"columns left out: {', '.join(found.left)}" if found.left else None,
     ]
@@ -144,7 +145,7 @@ def as_measured(path: Path, found: "Columns", options: DataOptions) -> Measured:
         recording=recording,
         temperature=temperature,
         remarks=tuple(remark for remark in texts if remark),
-        dated=found.began is not None or stated is not None or (found.stated is not None and found.stated.with_clock),
+        dated=found.began is not None or stated is not None or (in_text is not None and in_text.with_clock),
         derivatives=tuple(scale.derivatives for scale in scales),
     )
 
@@ -176,7 +177,7 @@ class Columns:
     time: str | None = None  #: name of the column of times; None if the rate was given
     began: int | None = None  #: when its first date was [ns UTC], if it holds dates
     origin: Origin | None = None  #: origin of an exported file
-    stated: StatedStart | None = None  #: start that the preamble of a table states
+    stated: StatedStart | UnclearDate | None = None  #: start that a text in the file states
     left: tuple[str, ...] = ()  #: descriptions of columns that are left out
     remarks: tuple[str, ...] = ()  #: on the place and the rate of the columns
 
@@ -229,12 +230,11 @@ def _table(path: Path, options: DataOptions) -> Columns:
         raise DataError(path, f"has no column of a channel, but {', '.join(every)}")
     preamble = f"sampling rate of the preamble: {known:.6g} Hz" if known is not None and rate is None else ""
     left = (*(text for name, text in others.items() if name or options.names is None), *left)
-    stated, unclear = (None, "") if table.dated else _stated_start(layout, options)
     texts: dict[str, Any] = {
         "left": left,
-        "remarks": (layout.remark, preamble, unclear),
+        "remarks": (layout.remark, preamble),
         "origin": origin,
-        "stated": stated,
+        "stated": None if table.dated else stated_start(layout.preamble, options.date_order),
     }
     if known is not None and not timed:
         return Columns(signals, warm, table.values, known, **texts)
@@ -252,23 +252,6 @@ def _table(path: Path, options: DataOptions) -> Columns:
         return Columns(signals, warm, data, even_rate, time, **texts)
     except UnevenError as error:
         raise DataError(path, f"line {table.line[error.row]}: {error.why}") from error
-
-
-def _stated_start(layout: Layout, options: DataOptions) -> tuple[StatedStart | None, str]:
-    """Return the start of the preamble, and a remark on a date that cannot be read with certainty."""
-    found = None if options.start is not None else stated_start(layout.preamble, options.date_order)
-    if found is None or isinstance(found, StatedStart):
-        return found, ""
-    return None, (
-        f"start date {found.text!r:.40} in line {found.line} not used: it may have the day or the month first; give "
-        "--date-order dmy or mdy"
-    )
-
-
-def _start_remark(stated: StatedStart) -> str:
-    """Return a remark on the start time of a preamble."""
-    day = "" if stated.with_clock else " (no time of day: midnight)"
-    return f"start time from line {stated.line}: {utc_text(stated.time)}{day}"
 
 
 def _foreign_columns(layout: Layout, used: Collection[str | None]) -> dict[str, str]:
@@ -311,7 +294,13 @@ def _of_format(path: Path, known: Format, options: DataOptions) -> Columns:
         if name not in arrays.names:
             raise DataError(path, f"expected a channel {name!r}, found {', '.join(arrays.names)}")
     values = arrays.values[:, [arrays.names.index(name) for name in columns]]
-    texts: dict[str, Any] = {"began": arrays.began, "origin": arrays.origin, "left": left, "remarks": arrays.remarks}
+    texts: dict[str, Any] = {
+        "began": arrays.began,
+        "origin": arrays.origin,
+        "stated": arrays.stated,
+        "left": left,
+        "remarks": arrays.remarks,
+    }
     if arrays.t is None:
         otherwise = f"has neither 'rate' nor {arrays.t_name!r}: give --rate"
         rate = known_rate(path, options.rate, arrays.rate, otherwise)

@@ -110,7 +110,12 @@ def _iso(text: str, order: str | None) -> str:
 
 
 def _date(year: str, month: str, day: str) -> str:
-    return f"{int(year) + (2000 if len(year) == 2 else 0):04d}-{int(month):02d}-{int(day):02d}"
+    return f"{_full_year(year):04d}-{int(month):02d}-{int(day):02d}"
+
+
+def _full_year(year: str) -> int:
+    """Return a year; one of two digits is from 1970 to 2069."""
+    return int(year) if len(year) > 2 else 1970 + (int(year) - 70) % 100
 
 
 def _two_digit_hour(text: str) -> str:
@@ -177,14 +182,14 @@ def month_of(name: str) -> int | None:
 def with_numeric_month(text: str) -> str:
     """Return a text with its date in ISO 8601, if the month is a name: 27. Nov. 2026 becomes 2026-11-27.
 
-    The day may be before or after the name, the year of two digits is of this century. A text without such a date is
+    The day may be before or after the name, a year of two digits is from 1970 to 2069. A text without such a date is
     returned as it is.
     """
     for order in _ORDERS:
         for found in order.finditer(text):
             month = month_of(found["name"])
             if month is not None:
-                year = int(found["year"]) + (2000 if len(found["year"]) == 2 else 0)
+                year = _full_year(found["year"])
                 clock = f" {found['clock']}" if "clock" in order.groupindex else ""
                 day = f"{year:04d}-{month:02d}-{int(found['day']):02d}{clock}"
                 return text[: found.start()] + day + text[found.end() :]

@@ -8,6 +8,7 @@ import numpy as np
 
 from daq.errors import DataError
 from daq.files.archive_size import DAMAGED_FILE, check_archive, check_array
+from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.time_column import time_column
 from daq.files.formats.mat import read_mat, write_mat
 from daq.files.options import DataOptions
@@ -31,6 +32,7 @@ class Arrays:
     origin: Origin | None = None  #: origin of an exported file
     units: tuple[str, ...] | None = None  #: of all signals, "" for none. Default: those that names state
     began: int | None = None  #: time of the first sample [ns UTC]; None if not in the file
+    stated: StatedStart | UnclearDate | None = None  #: start that a text in the file states
     left: tuple[str, ...] = ()  #: descriptions of signals that are left out
     remarks: tuple[str, ...] = ()  #: on the content
 

@@ -8,12 +8,15 @@ kept by the University of Cincinnati, www.ceas3.uc.edu/sdrluff.
 
 import re
 from collections.abc import Collection, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pyuff
 
 from daq.errors import DataError
+from daq.files.columns.date_cells import DAY, MOMENT, date_order, slashed
+from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.formats.arrays import Arrays
 from daq.files.formats.universal.datasets import SI_UNITS, Dataset, datasets, length_unit, node_name
 from daq.files.formats.universal.header import header_set
@@ -32,7 +35,7 @@ _SAME = 1e-6  # relative: sampling intervals are printed with six digits
 
 def read(path: Path, options: DataOptions) -> Arrays:
     """Read time responses as `read_universal` does."""
-    return read_universal(path, options.columns)
+    return read_universal(path, options.columns, options.date_order)
 
 
 def write(path: Path, recording: Recording) -> None:
@@ -48,18 +51,21 @@ def write(path: Path, recording: Recording) -> None:
     write_universal(path, recording)
 
 
-def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
+def read_universal(path: Path, wanted: Collection[str] | None = None, order: str | None = None) -> Arrays:
     """Read the time responses of a universal file, text or binary; other functions and geometry are passed over.
 
     A channel is named after its node and direction, ``12_x`` or ``12_-y``, preceded by the entity if the file has one
     (``tower_12_x``); if nodes are not unique, after the first ID line. Lengths are converted to metres according to
-    dataset 164.
+    dataset 164. The start is the earliest date of ID line 3, which states when a function was made (``30-Jul-08
+    10:11:12``).
 
     Parameters
     ----------
     path : Path
     wanted : collection of str, optional
         Names of the channels to read; all unless given.
+    order : str, optional
+        Order of day and month in dates as 04/05/2026. Default: the only one that is possible.
 
     Raises
     ------
@@ -83,6 +89,7 @@ def read_universal(path: Path, wanted: Collection[str] | None = None) -> Arrays:
         rate=rate,
         t=None,
         origin=_origin([(names[i], series[i][1]) for i in chosen]),
+        stated=_stated_start([series[i] for i in chosen], order),
         units=tuple(_UNITS.get(int(series[i][1]["ordinate_spec_data_type"]), "") for i in chosen or range(len(names))),
     )
 
@@ -138,6 +145,23 @@ def _origin(series: Sequence[tuple[str, Dataset]]) -> Origin | None:
         if found
     )
     return Origin(start=min(int(found[1]) for found in begun if found), channels=channels)
+
+
+def _stated_start(series: Sequence[tuple[int, Dataset]], order: str | None) -> StatedStart | UnclearDate | None:
+    """Return the earliest date of the ID lines 3, None if none has one."""
+    texts = {number: " ".join(str(s["id3"]).split()) for number, s in series}
+    known = order or date_order(texts.values())
+    found: list[StatedStart] = []
+    for number, text in texts.items():
+        place = f"ID line 3 of dataset {number}"
+        if slashed(text) and known is None:
+            return UnclearDate(text=text, place=place)
+        for kind in (DAY, MOMENT):
+            with suppress(ValueError):
+                time = round(1e6 * kind.ordered(known).read(text)) * 1000
+                found.append(StatedStart(time=time, place=place, with_clock=kind is MOMENT))
+                break
+    return min(found, key=lambda start: start.time, default=None)
 
 
 def _names(path: Path, series: Sequence[tuple[int, Dataset]]) -> list[str]:

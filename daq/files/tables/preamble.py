@@ -2,9 +2,9 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from daq.files.columns.date_cells import CLOCK, DAY, MOMENT, Dated, date_order, slashed, with_numeric_month
+from daq.files.columns.stated_start import StatedStart, UnclearDate
 from daq.files.columns.time_column import TIME_UNITS
 
 Line = tuple[int, str]  # number, counted from 1, and text
@@ -34,23 +34,6 @@ _OTHER_TIMES = re.compile(
 )
 _DASHED = re.compile(r"^(\d{1,2})-(\d{1,2})-(\d{4})")  # the day or the month is first, as with slashes
 _MAX_LENGTH = 200  # characters of a line that is searched
-
-
-@dataclass(frozen=True, kw_only=True)
-class StatedStart:
-    """Start time that a preamble states."""
-
-    time: int  #: [ns UTC]; midnight if there is no time of day
-    line: int  #: number of the line with the date
-    with_clock: bool  #: whether a time of day is stated
-
-
-@dataclass(frozen=True, kw_only=True)
-class UnclearDate:
-    """Start date of a preamble whose order of day and month is not certain."""
-
-    text: str
-    line: int  #: its number
 
 
 def stated_rate(preamble: Sequence[Line]) -> float | None:
@@ -91,17 +74,17 @@ def stated_start(preamble: Sequence[Line], order: str | None) -> StatedStart | U
         if slashed(value):
             order = order or date_order([value])
             if order is None:
-                return UnclearDate(text=value, line=number)
+                return UnclearDate(text=value, place=f"line {number}")
         if day is None and (date := _read(DAY, value, order)) is not None:
             day = date, number
         elif (day is None or clock is None) and (moment := _read(MOMENT, value, order)) is not None:
-            return StatedStart(time=round(1e6 * moment) * 1000, line=number, with_clock=True)
+            return StatedStart(time=round(1e6 * moment) * 1000, place=f"line {number}", with_clock=True)
         elif clock is None:
             clock = _read(CLOCK, value, order)
     if day is None:
         return None
     seconds = day[0] + (clock or 0.0)
-    return StatedStart(time=round(1e6 * seconds) * 1000, line=day[1], with_clock=clock is not None)
+    return StatedStart(time=round(1e6 * seconds) * 1000, place=f"line {day[1]}", with_clock=clock is not None)
 
 
 def _start_value(text: str) -> str:

@@ -10,7 +10,8 @@ import pytest
 from daq import DataError, DataOptions, read_data, read_measured
 from daq.files import Calibration, parse_sensitivity, parse_unit, read_calibration
 from daq.files.columns.date_cells import month_of
-from daq.files.tables.preamble import StatedStart, stated_start
+from daq.files.columns.stated_start import StatedStart
+from daq.files.tables.preamble import stated_start
 
 G = 9.80665
 DATA = np.random.default_rng(34).standard_normal((300, 2)).round(4)
@@ -386,4 +387,4 @@ def test_archive_that_cannot_be_unpacked_is_refused(tmp_path: Path, offset: int,
 
 def test_start_with_its_date_is_used_after_a_line_with_a_date_alone() -> None:
     lines = [(1, "Test date: 2026-05-04"), (2, "Start time: 2026-05-04 10:00:00")]
-    assert stated_start(lines, None) == StatedStart(time=1_777_888_800 * 10**9, line=2, with_clock=True)
+    assert stated_start(lines, None) == StatedStart(time=1_777_888_800 * 10**9, place="line 2", with_clock=True)

@@ -6,7 +6,9 @@ import pytest
 import pyuff
 
 from daq import DataError, read_data
-from daq.files import differentiated
+from daq.files import differentiated, read_in_order
+from daq.files.measurement_file import read_measured
+from daq.files.options import DataOptions
 
 RATE, N = 200.0, 400
 SIGNALS = np.random.default_rng(1).standard_normal((N, 3))
@@ -84,6 +86,44 @@ def test_velocities_are_differentiated_to_accelerations(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.data, differentiated(plain, ["1_x"]).data)
     reported = read_data(tmp_path / "plain.uff", velocities=["1_x"])
     np.testing.assert_array_equal(reported.data, found.data)
+
+
+@pytest.mark.parametrize(
+    ("dates", "order", "start", "place"),
+    [
+        (("16-JUN-94 16:01:20", "16-JUN-94 16:01:21"), None, "1994-06-16T16:01:20", "dataset 1"),
+        (("30-Jul-08 10:11:12", " 9-Jul-08 10:11:12"), None, "2008-07-09T10:11:12", "dataset 2"),
+        (("NONE", "2026-01-31 12:00:00.5"), None, "2026-01-31T12:00:00", "dataset 2"),
+        (("NONE", "31/01/2026"), None, "2026-01-31T00:00:00", "dataset 2"),
+        (("02/01/2026 10:00:00", "NONE"), "dmy", "2026-01-02T10:00:00", "dataset 1"),
+        (("02/01/2026 10:00:00", "NONE"), None, "1970-01-01T00:00:00", "dataset 1 not used"),
+        (("run 3, 12 Hz", "NONE"), None, "1970-01-01T00:00:00", None),
+    ],
+)
+def test_start_is_the_earliest_date_of_id_line_3(
+    tmp_path: Path, dates: tuple[str, str], order: str | None, start: str, place: str | None
+) -> None:
+    sets = [time_response(SIGNALS[:, k], 1 + k, id3=date) for k, date in enumerate(dates)]
+    path = universal(tmp_path / "test.uff", *sets)
+    found = read_measured(path, DataOptions(date_order=order))
+    assert str(np.datetime64(found.recording.start, "ns"))[:19] == start
+    said = [remark for remark in found.remarks if "start" in remark]
+    assert len(said) == (place is not None)
+    assert place is None or f"ID line 3 of {place}" in said[0]
+    assert found.dated == ("T00:00:00" not in start)
+    assert not said or said[0].endswith("(no time of day: midnight)") == start.startswith("2026-01-31T00")
+    given = read_measured(path, DataOptions(start=10**18, date_order=order))
+    assert given.recording.start == 10**18
+    assert not [remark for remark in given.remarks if "start" in remark]
+
+
+def test_files_with_dates_follow_each_other(tmp_path: Path) -> None:
+    """400 samples are 2 s: of the three seconds between the dates, the last one has no samples."""
+    paths = [
+        universal(tmp_path / f"{k}.uff", time_response(SIGNALS[:, 0], id3=f"31-Jan-26 12:00:0{3 * k}")) for k in (1, 0)
+    ]
+    first, second = (part.recording for part in read_in_order(paths, DataOptions()))
+    assert second.start - first.end == 10**9
 
 
 @pytest.mark.parametrize(
