@@ -3,7 +3,7 @@
     python eds_to_dbc.py SENSOR.eds NODE > SENSOR.dbc
 
 An EDS file states no unit and no counter: give `scale` in the settings, and name the object that counts scans. The PDOs
-are those of the EDS file; a sensor whose mapping was changed sends others.
+are those of the EDS file, or of a DCF file; a sensor whose mapping was changed sends others.
 """
 
 import re
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from canopen import import_od
-from canopen.objectdictionary import FLOAT_TYPES, SIGNED_TYPES, ODRecord
+from canopen.objectdictionary import FLOAT_TYPES, SIGNED_TYPES, ODArray, ODRecord, ODVariable
 from cantools.database import Database
 from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
@@ -21,6 +21,12 @@ arguments = sys.argv[1:] if __name__ == "__main__" else []
 file, node = arguments or (str(Path(__file__).parent / "accelerometer.eds"), "5")
 objects = import_od(file, int(node))
 
+
+def stated(variable: ODVariable) -> int:
+    """Return the value of an object: as configured (ParameterValue, in DCF files too), else its default."""
+    return int(next((value for value in (variable.value, variable.default) if value is not None), 0))
+
+
 messages = []
 for number in range(N_PDOS):
     if MAPPING + number not in objects or COMMUNICATION + number not in objects:
@@ -28,14 +34,14 @@ for number in range(N_PDOS):
     mapping, communication = objects[MAPPING + number], objects[COMMUNICATION + number]
     assert isinstance(mapping, ODRecord)
     assert isinstance(communication, ODRecord)
-    identifier, start, signals = communication[1].default or 0, 0, []
+    identifier, start, signals = stated(communication[1]), 0, []
     if identifier & DISABLED:
         continue
-    for sub in range(1, 1 + (mapping[0].default or 0)):
-        mapped = mapping[sub].default or 0  # object, part of it, bits
+    for sub in range(1, 1 + stated(mapping[0])):
+        mapped = stated(mapping[sub])  # object, part of it, bits
         index, part, bits = mapped >> 16, mapped >> 8 & 0xFF, mapped & 0xFF
-        found = objects[index]
-        variable = found[part] if isinstance(found, ODRecord) else found
+        found = objects.get(index)  # None: a file may map an object that it does not describe
+        variable = found[part] if isinstance(found, (ODArray, ODRecord)) else found
         name = re.sub(r"\W+", "_", str(getattr(variable, "name", f"object_{index:04X}")))
         kind = getattr(variable, "data_type", None)
         conversion = BaseConversion.factory(is_float=kind in FLOAT_TYPES)
