@@ -42,21 +42,21 @@ def check_unpacked(path: Path, what: str, unpacked: int) -> None:
         raise DataError(path, f"{what}: expected up to {most} bytes unpacked, found {unpacked} or more")
 
 
-def inflated_size(file: IO[bytes], n: int, most: int) -> int:
-    """Return the unpacked size of the next `n` bytes of a file, read no further once it is over `most`.
+def inflated(file: IO[bytes], n: int, most: int) -> bytearray:
+    """Return the unpacked content of the next `n` bytes of a file, read no further once it is over `most`.
 
     Raises
     ------
     zlib.error
         If they are damaged.
     """
-    stream, size = zlib.decompressobj(), 0
-    while n > 0 and size <= most and (piece := file.read(min(n, _PIECE))):
+    stream, content = zlib.decompressobj(), bytearray()
+    while n > 0 and len(content) <= most and (piece := file.read(min(n, _PIECE))):
         n -= len(piece)
-        while piece and size <= most:
-            size += len(stream.decompress(piece, _PIECE))
+        while piece and len(content) <= most:
+            content += stream.decompress(piece, _PIECE)
             piece = stream.unconsumed_tail
-    return size
+    return content
 
 
 @contextmanager

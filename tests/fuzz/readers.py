@@ -20,7 +20,7 @@ import numpy as np
 from asammdf import MDF, Signal
 from nptdms import ChannelObject, RootObject, TdmsWriter
 from pymseed import MS3TraceList
-from scipy.io import hb_write, mmwrite, wavfile
+from scipy.io import hb_write, mmwrite, savemat, wavfile
 from scipy.sparse import csc_array
 
 from daq import Channel, Event, McapWriter, Recording, export_recording, write_recording
@@ -81,7 +81,7 @@ delay = 0.001
 clock = 1.0001
 
 [updating]
-fixed = ["*density*"]
+fixed = ["*.J"]
 """
 _FRAME = b"""name = "frame"
 material.steel = {youngs_modulus = 210e9, shear_modulus = 81e9, density = 7850}
@@ -240,6 +240,7 @@ _DATED = b"time,a,b\n" + b"".join(
     b"2026-01-31T00:00:%02d.%02d,%.4f,%.4f\n" % (k // 100, k % 100, np.sin(0.7 * k), np.cos(0.3 * k))
     for k in range(200)
 )
+_NEXT = _DATED.replace(b"T00:00:", b"T00:01:")
 _LABVIEW = (
     b"LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\n\nChannels\t2\nY_Unit_Label\tg\tmm\n"
     b"X0\t0,0\t0,0\nDelta_X\t0,010000\t0,010000\n***End_of_Header***\nX_Value\ta\tb\tComment\n"
@@ -308,7 +309,7 @@ def _site(path: Path, random: Random) -> int:
 def _matrices(path: Path, _: Random) -> int:
     """Read a structure with the matrices in the file."""
     own = b'material = "steel"\nsection = "bar"\nelements = 6'
-    member = _FRAME[: _FRAME.index(b"[[support]]")].replace(own, b"")
+    member = _FRAME[: _FRAME.index(b"[[body]]")].replace(own, b"")
     sensors = _FRAME[_FRAME.index(b"[[sensor]]") :]
     names = [f"external.matrices = {str(path)!r}\n", "external.group.part = {}\n"]
     if path.suffix == ".csv":
@@ -318,7 +319,10 @@ def _matrices(path: Path, _: Random) -> int:
         names = [f"external.{name} = {str(sound)!r}\n" for name in ("stiffness", "mass", "dofs") if name != kind]
         names.append(f"external.{kind} = {str(path)!r}\n")
     elif path.suffix == ".mtx":
-        names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass", "dofs")]
+        dofs = path.with_name("dofs.csv")
+        dofs.write_bytes((_scratch() / "dofs.csv").read_bytes())
+        names = [f"external.{name} = {str(path)!r}\n" for name in ("stiffness", "mass")]
+        names.append(f"external.dofs = {str(dofs)!r}\n")
     structure = path.with_name("external.toml")
     structure.write_bytes("".join(names).encode() + member + sensors)
     return command("structure", structure)
@@ -348,8 +352,7 @@ def _sensor_lines(path: Path, random: Random) -> int:
 
 def _modal_table(path: Path, random: Random) -> int:
     if path.suffix == ".uff" and random.random() < 0.5:
-        code = command("identify", path, "--json", path.with_name("modes.json"))
-        return _guarded(read_geometry, path) if code == 0 else code
+        return _guarded(read_geometry, path) or command("identify", path, "--json", path.with_name("modes.json"))
     return _guarded(lambda path: read_table(parse_structure(_FRAME.decode()), path), path)
 
 
@@ -357,6 +360,11 @@ def _import(path: Path, random: Random, *options: object) -> int:
     out = path.parent / "out.mcap"
     code = command("import", path, "-o", out, *options)
     return command("log", "info", out) if code == 0 and random.random() < 0.2 else code
+
+
+def _csv(path: Path, random: Random) -> int:
+    """Import a table, perhaps with one that follows it."""
+    return _import(path, random, *random.choice(((), (path.with_name("next.csv"),))))
 
 
 def _table(path: Path, random: Random) -> int:
@@ -478,6 +486,7 @@ def _table_seeds() -> tuple[Seed, ...]:
     packed = gzip.compress(_NUMBERS, mtime=0)
     return (
         *_texts(_LABVIEW, _DASYLAB, _NUMBERS),
+        Seed(content=_DASYLAB, mutate=mutated_text, suffix=".asc"),
         Seed(content=packed, mutate=mutated_bytes, suffix=".gz"),
         Seed(content=_zipped(_NUMBERS), mutate=mutated_bytes, suffix=".zip"),
         Seed(content=_CALIBRATION, mutate=mutated_text, suffix=".toml"),
@@ -496,6 +505,7 @@ def _array_seeds() -> tuple[Seed, ...]:
         *(Seed(content=_exported(s), mutate=mutated_bytes, suffix=s) for s in (".npz", ".mat")),
         Seed(content=_array(), mutate=mutated_bytes, suffix=".npy"),
         Seed(content=_foreign(".mat"), mutate=mutated_bytes, suffix=".mat"),
+        Seed(content=_plain_mat(data=_recording().data[:50], rate=100.0), mutate=mutated_bytes, suffix=".mat"),
     )
 
 
@@ -503,7 +513,12 @@ def _array_seeds() -> tuple[Seed, ...]:
 def _foreign(suffix: str) -> bytes:
     """Return a file as the library of its format writes it."""
     path, data = _scratch() / f"foreign{suffix}", _recording().data[:300]
-    if suffix == ".tdms":
+    if suffix == "times.tdms":
+        times = np.datetime64(_recording().start, "ns") + np.arange(300) * np.timedelta64(10, "ms")
+        with TdmsWriter(path) as writer:
+            columns = (("time", times), *zip("abc", data.T, strict=True))
+            writer.write_segment([ChannelObject("group", name, column) for name, column in columns])
+    elif suffix == ".tdms":
         waveform = {"wf_increment": 0.01, "wf_start_time": np.datetime64(_recording().start, "ns"), "unit_string": "g"}
         with TdmsWriter(path) as writer:
             channels = [ChannelObject("group", n, data[:, k], properties=waveform) for k, n in enumerate("abc")]
@@ -551,8 +566,10 @@ def _responses() -> bytes:
 
 
 def _format_seeds() -> tuple[Seed, ...]:
-    endings = (".tdms", ".wav", ".mseed", ".mf4", ".h5", ".parquet", ".arrow")
-    return tuple(Seed(content=_foreign(ending), mutate=mutated_bytes, suffix=ending) for ending in endings)
+    endings = (".tdms", "times.tdms", ".wav", ".mseed", ".mf4", ".h5", ".parquet", ".arrow")
+    return tuple(
+        Seed(content=_foreign(ending), mutate=mutated_bytes, suffix=Path(f"x{ending}").suffix) for ending in endings
+    )
 
 
 @cache
@@ -674,6 +691,29 @@ def _can_seeds() -> tuple[Seed, ...]:
 
 
 @cache
+def _series_mat() -> bytes:
+    """Return a series of modes as arrays of Matlab."""
+    k = np.arange(60)
+    frequency = np.array([11.2, 70.1]) + 0.01 * np.sin(k)[:, None]
+    arrays = {
+        "datenum": 739_000 + k / 24,
+        "frequency": np.where(k[:, None] % 7 == [[0, 8]], np.nan, frequency),
+        "damping": np.full((60, 2), 0.005),
+        "shape": np.tile(np.array(_GAINS)[:2], (60, 1, 1)),
+        "channels": np.array(["a", "b", "c"], object),
+        "temperature": 20 + k % 5,
+    }
+    return _plain_mat(**arrays)
+
+
+def _plain_mat(**arrays: object) -> bytes:
+    """Return a MAT file without compression and without the time of writing, in which every byte matters."""
+    file = BytesIO()
+    savemat(file, arrays)  # type: ignore[arg-type]  # the stubs know no open files
+    return b"MATLAB 5.0 MAT-file".ljust(116) + file.getvalue()[116:]
+
+
+@cache
 def _log_content() -> bytes:
     path = _scratch() / "log.mcap"
     write_recording(path, _recording(), {"site.toml": _SITE.decode(), "structure.toml": _FRAME.decode()})
@@ -744,9 +784,14 @@ READERS = {
         read=_modal_table,
         beside={},
     ),
-    "series": Reader(suffix=".csv", seeds=lambda: _texts(_SERIES), read=_series, beside={}),
+    "series": Reader(
+        suffix=".csv",
+        seeds=lambda: (*_texts(_SERIES), Seed(content=_series_mat(), mutate=mutated_bytes, suffix=".mat")),
+        read=_series,
+        beside={},
+    ),
     "bodies": Reader(suffix=".toml", seeds=lambda: _texts(_BODIES), read=_bodies, beside=_TOML),
-    "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_import, beside={}),
+    "csv": Reader(suffix=".csv", seeds=lambda: _texts(_CSV, _DATED), read=_csv, beside={"next.csv": _NEXT}),
     "table": Reader(suffix=".txt", seeds=_table_seeds, read=_table, beside={"data.csv": _NUMBERS_NAMED}),
     "arrays": Reader(suffix=".npz", seeds=_array_seeds, read=_arrays, beside=_TOML),
     "formats": Reader(suffix=".tdms", seeds=_format_seeds, read=_format, beside={}),
@@ -761,12 +806,18 @@ READERS = {
 
 def case(reader: str, number: int, folder: Path) -> tuple[Path, Random]:
     """Write the file of a numbered case, and the files that belong to it, into an empty folder."""
-    kind, random = READERS[reader], Random(f"{reader} {number}")
-    seed = random.choice(kind.seeds())
+    random = Random(f"{reader} {number}")
+    seed = random.choice(READERS[reader].seeds())
+    return write_case(reader, seed, seed.mutate(seed.content, random), folder), random
+
+
+def write_case(reader: str, seed: Seed, content: bytes, folder: Path) -> Path:
+    """Write a file with a content, and the files that belong to it, into an empty folder; return its path."""
+    kind = READERS[reader]
     path = folder / f"case{seed.suffix or kind.suffix}"
-    path.write_bytes(seed.mutate(seed.content, random))
-    for name, content in kind.beside.items():
-        (folder / name).write_bytes(content)
+    path.write_bytes(content)
+    for name, other in kind.beside.items():
+        (folder / name).write_bytes(other)
     if reader == "dbc":
         (folder / "bus.log").write_bytes(_traffic(".log"))
-    return path, random
+    return path

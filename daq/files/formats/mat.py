@@ -1,6 +1,6 @@
 """MAT files; those of Matlab 7.3 are HDF5 files. scipy.io (23 MB) and h5py are imported only when one is read."""
 
-import os
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal
@@ -8,13 +8,15 @@ from typing import IO, TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from daq.errors import DataError
-from daq.files.archive_size import check_unpacked, inflated_size, max_unpacked
+from daq.files.archive_size import check_unpacked, inflated, max_unpacked
 
 if TYPE_CHECKING:
     import h5py
 
 _COMPRESSED = 1  # major version with possibly compressed arrays
-_DEFLATED = 15  # type of a compressed element
+_ARRAY, _DEFLATED = 14, 15  # kinds of elements: of an array, and one that is compressed
+_KINDS = frozenset((*range(1, 8), 9, 12, 13, _ARRAY, 16, 17, 18))  # of numbers, of arrays in cells, and of texts
+_MAX_DEPTH = 50  # arrays in arrays
 _HDF5 = 2  # major version, which scipy does not read
 _MAX_CELLS = 10_000
 
@@ -27,7 +29,7 @@ def read_mat(path: Path) -> dict[str, Any]:
     OSError
         If it cannot be read.
     DataError
-        If it is of Matlab 7.3 and h5py is not installed.
+        If it is of Matlab 7.3 and h5py is not installed, or damaged.
     ValueError
         If it is none, or damaged; scipy raises others too.
     """
@@ -39,10 +41,12 @@ def read_mat(path: Path) -> dict[str, Any]:
         if version == _HDF5:
             return _read_hdf5(path)
         if version == _COMPRESSED:
-            _check_size(path)
+            _check_elements(path)
         return {name: array for name, array in loadmat(path).items() if not name.startswith("__")}
     except MatReadError as error:
         raise ValueError(str(error)) from error
+    except UnboundLocalError as error:  # of scipy
+        raise DataError(path, "is damaged: an array is of an unknown class") from error
 
 
 def _read_hdf5(path: Path) -> dict[str, Any]:
@@ -82,20 +86,47 @@ def _text(item: "h5py.Dataset") -> str:
     return "".join(chr(code) for code in np.ravel(item[()]).tolist()[:_MAX_CELLS])
 
 
-def _check_size(path: Path) -> None:
-    """Refuse compressed arrays that are far larger than the file."""
+def _check_elements(path: Path) -> None:
+    """Refuse compressed arrays that are far larger than the file, and elements of unknown kind, at which scipy crashes.
+
+    Raises
+    ------
+    DataError
+        If there are any.
+    zlib.error
+        If compressed arrays are damaged.
+    """
     size = 0
     with path.open("rb") as file:
-        order: Literal["little", "big"] = "little" if file.read(128)[126:] == b"IM" else "big"
+        order: Literal["<", ">"] = "<" if file.read(128)[126:] == b"IM" else ">"
         while len(tag := file.read(8)) == 8:
-            kind, n = int.from_bytes(tag[:4], order), int.from_bytes(tag[4:], order)
-            if kind != _DEFLATED:
-                file.seek(n, os.SEEK_CUR)
-                continue
+            kind, n = struct.unpack(f"{order}II", tag)
             begin = file.tell()
-            size += inflated_size(file, n, max_unpacked(path))
-            check_unpacked(path, "arrays", size)
+            if kind == _DEFLATED:
+                content = inflated(file, n, max_unpacked(path))
+                size += len(content)
+                check_unpacked(path, "arrays", size)
+                _check_kinds(path, memoryview(content), order)
+                del content
+            elif kind == _ARRAY:
+                _check_kinds(path, memoryview(file.read(n)), order)
             file.seek(begin + n)
+
+
+def _check_kinds(path: Path, content: memoryview, order: Literal["<", ">"], depth: int = 0) -> None:
+    """Refuse elements of unknown kind, also inside arrays; those of up to four bytes have their size in the tag."""
+    at = 0
+    while at + 8 <= len(content):
+        kind, n = struct.unpack_from(f"{order}II", content, at)
+        small = kind >> 16
+        kind &= 0xFFFF
+        if kind not in _KINDS:
+            raise DataError(path, f"is damaged: an element is of the unknown kind {kind}")
+        if depth > _MAX_DEPTH:
+            raise DataError(path, f"is damaged: arrays are in more than {_MAX_DEPTH} others")
+        if kind == _ARRAY and not small:
+            _check_kinds(path, content[at + 8 : at + 8 + n], order, depth + 1)
+        at += 8 if small else 8 + n + -n % 8
 
 
 def write_mat(file: IO[bytes], arrays: Mapping[str, Any]) -> None:
