@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test test-live test-computed thorough check docs lock bench soak fuzz mutants clean
 
 demo: $(VENV)/.done
-	$(BIN)/modalwatch demo
+	$(BIN)/modalwatch demo --force
 
 # Tests in real time first, and alone: devices and hosts that wait for the processor lose samples. Then the others, the long
 # files first. Modules are compiled once, whatever the environment says: these tests start some hundred processes.

@@ -63,6 +63,11 @@ class DbcError(FileError, DaqError):
     """A DBC file lacks a required signal or message."""
 
 
+def system_reason(error: Exception) -> str:
+    """Return the text of an error; of one of the system its reason alone, without the number."""
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
 def reading(path: Path, error: Callable[[Path, str], Exception]) -> AbstractContextManager[None]:
     """Raise an error of this kind where a file cannot be read."""
     return _access(path, error, "read")

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from serial import Serial
 from serial.tools import list_ports
 
 from daq.drivers.base import PortAnswer
 from daq.drivers.network.ports import network_address
-from daq.errors import DriverError
+from daq.drivers.serial.line import open_line
+from daq.errors import DriverError, system_reason
 
+_BAUD = 9600  # of a line that is opened as a test only [bit/s]
 _BY_ID = Path("/dev/serial/by-id")
 #: devices searched for at a port, in this order; modules are imported when used
 _SEARCHES = (
@@ -87,9 +88,9 @@ def search_port(path: str, bitrate: int = 1_000_000) -> PortAnswer | None:
         if address := network_address(path):
             address.open().close()
         else:
-            Serial(path, exclusive=True).close()
+            open_line(path, _BAUD).close()
     except (OSError, ValueError) as error:
-        raise DriverError(path, f"cannot be opened: {error}") from error
+        raise DriverError(path, f"cannot be opened: {system_reason(error)}") from error
     for module in _NETWORK_SEARCHES if address else _SEARCHES:
         answer: PortAnswer | None = import_module(module).search(path, bitrate)
         if answer is not None:

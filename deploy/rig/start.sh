@@ -5,7 +5,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 cp "$here/site.toml" site.toml
 python -c 'from updater import t_structure_toml; print(t_structure_toml(), end="")' > t_structure.toml
 rm -rf ports ports.json
-modalwatch rig "$here/scenario.toml" --ports ports.json --report rig.json &
+modalwatch rig "$here/scenario.toml" --ports ports.json --report rig.json --force &
 until [ -s ports.json ]; do
     kill -0 $! # ends this script if the rig has ended
     sleep 0.2

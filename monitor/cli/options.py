@@ -33,7 +33,7 @@ Json = Annotated[
     ),
 ]
 Pdf = Annotated[Path | None, Option(metavar="FILE", help="PDF of the report. Needs `pip install 'modalwatch[pdf]'`.")]
-Force = Annotated[bool, Option("--force", help="Replace a file that exists.")]
+Force = Annotated[bool, Option("--force", help="Replace files that exist.")]
 Person = Annotated[str, Option(metavar="NAME", help="Name of the person.")]
 Overrides = Annotated[
     list[str] | None,

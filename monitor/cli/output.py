@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,34 @@ def write_json(path: Path, content: dict[str, Any]) -> None:
         path.write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 
+def check_outputs(files: Mapping[str, Path | None], *, force: bool) -> None:
+    """Refuse to write over files, unless by `force`; the standard output, pipes and folders are no such files.
+
+    Parameters
+    ----------
+    files : by the options that name them; None: not requested
+    force : existing files are replaced
+
+    Raises
+    ------
+    ArgumentError
+        If one of them exists.
+    """
+    for option, path in files.items():
+        if path is None or path == STDOUT or force:
+            continue
+        with writing(path, ArgumentError.of_file(option)):
+            exists = path.is_file()
+        if exists:
+            raise ArgumentError(option, f"{path} exists: give another name, or --force to replace it")
+
+
+def existing_in(folder: Path | None, names: Iterable[str]) -> Path | None:
+    """Return the first of some files that is in a folder already; None if there is none."""
+    with writing(folder or STDOUT, ArgumentError.of_file("--out")):
+        return next((folder / name for name in names if (folder / name).is_file()), None) if folder else None
+
+
 @contextmanager
 def replacing(path: Path | None, *, force: bool, option: str = "--out") -> Iterator[None]:
     """With `force`, set an existing file aside while another is written in its place; restore it if that fails.
@@ -39,15 +67,15 @@ def replacing(path: Path | None, *, force: bool, option: str = "--out") -> Itera
     Raises
     ------
     ArgumentError
-        If it is there already, without `force`.
+        If it is there already, without `force`, or cannot be set aside.
     """
-    if path is not None and not force and path.exists():
-        raise ArgumentError(option, f"{path} exists: give another name, or --force to replace it")
+    check_outputs({option: path}, force=force)
     if path is None or not force or not path.is_file():
         yield
         return
     aside = path.with_name(f"{path.name}.replaced")
-    os.replace(path, aside)
+    with writing(path, ArgumentError.of_file(option)):
+        os.replace(path, aside)
     try:
         yield
     except BaseException:

@@ -137,7 +137,8 @@ def further_changes_text(changes: Sequence[ParameterChange]) -> str:
         axes.setdefault(place, {}).setdefault(f"{what}{about}" or axis, []).append(axis if what else "")
     places: dict[str, list[str]] = {}
     for place, found in axes.items():
-        quantities = " and ".join(f"{what}{', '.join(filter(None, about))}" for what, about in found.items())
+        once = {what: dict.fromkeys(filter(None, about)) for what, about in found.items()}  # two joints at one place
+        quantities = " and ".join(f"{what}{', '.join(about)}" for what, about in once.items())
         places.setdefault(quantities, []).append(place)
     return f"within two deviations of the file: {'; '.join(w + _places_text(p) for w, p in places.items())}"
 

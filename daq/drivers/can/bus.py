@@ -12,9 +12,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
-import serial
 
 from daq.drivers.serial.buffered_port import BufferedPort
+from daq.drivers.serial.line import open_line
 from daq.protocol import slcan
 from daq.protocol.can_library import can
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
@@ -47,7 +47,7 @@ class SlcanBus(can.BusABC):
         if bitrate not in slcan.BITRATES:
             raise ValueError(f"bitrate of {channel}: expected one of {list(slcan.BITRATES)}, found {bitrate}")
         try:
-            self._port = serial.Serial(channel, tty_baudrate, timeout=0, write_timeout=1.0, exclusive=True)
+            self._port = open_line(channel, tty_baudrate, timeout=0)
             # the empty line ends whatever an earlier owner began
             self._port.write(b"\r" + slcan.CLOSE + slcan.NO_STAMPS + slcan.BITRATES[bitrate] + slcan.OPEN)
         except OSError as error:

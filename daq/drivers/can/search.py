@@ -4,13 +4,13 @@ import re
 import time
 
 import canopen
-import serial
 from canopen.sdo.exceptions import SdoError
 
 from daq.drivers.base import OURS, CanAddress, CanPlace, Found, PortAnswer
 from daq.drivers.can.epson_can_setup import identify
 from daq.drivers.can.hub import join_bus, leave_bus
 from daq.drivers.serial.base import PORT_ERRORS
+from daq.drivers.serial.line import open_line
 from daq.errors import DriverError
 from daq.protocol import slcan
 from daq.protocol.can_library import can
@@ -34,7 +34,7 @@ def search(path: str, bitrate: int) -> PortAnswer | None:
 def _adapter(path: str) -> str | None:
     """Return the version of an SLCAN adapter, None if there is no adapter."""
     try:
-        with serial.Serial(path, 115_200, timeout=0.05, write_timeout=1.0, exclusive=True) as line:
+        with open_line(path, 115_200, timeout=0.05) as line:
             line.reset_input_buffer()
             line.write(b"\r\r" + slcan.CLOSE + b"V\r")
             received, end = b"", time.monotonic() + _ADAPTER_SECONDS

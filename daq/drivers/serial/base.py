@@ -1,17 +1,15 @@
 """Common part of the drivers of devices on serial ports and of those that send the same bytes over a network."""
 
-import errno
 import sys
 import time
 from abc import ABC, abstractmethod
 from dataclasses import replace
 from typing import ClassVar, Generic, Protocol, TypeVar
 
-import serial
-
 from daq.drivers.base import Scans
 from daq.drivers.serial.buffered_port import BufferedPort
-from daq.errors import DeviceLost, DriverError
+from daq.drivers.serial.line import open_line
+from daq.errors import DeviceLost, DriverError, system_reason
 from daq.types import DeviceIdentity
 
 READ_SECONDS = 0.1  #: time limit of a read for the first byte [s]
@@ -42,12 +40,7 @@ class SerialPort:
 
     def __init__(self, path: str, baud: int, answer_seconds: float = READ_SECONDS) -> None:
         self._path = path
-        try:
-            self._line = serial.Serial(path, baud, timeout=answer_seconds, write_timeout=1.0, exclusive=True)
-        except serial.SerialException as error:
-            if error.errno in (errno.EAGAIN, errno.EBUSY):  # locked, or opened exclusively
-                raise serial.SerialException("the port is in use by another program") from error
-            raise
+        self._line = open_line(path, baud, timeout=answer_seconds)
         self._bites = BufferedPort(self._line.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_MIN_RATE)
 
     def read(self) -> bytes:
@@ -150,7 +143,7 @@ class SerialDriver(ABC, Generic[D, P]):
             return self._start(self._port)
         except (*PORT_ERRORS, DeviceLost, ValueError) as error:
             self.close()
-            raise DriverError(self._path, f"no {self.product} answers: {error}") from error
+            raise DriverError(self._path, f"no {self.product} answers: {system_reason(error)}") from error
 
     def read(self) -> Scans:
         """Return the scans that have arrived; none if nothing arrives within 0.1 s.

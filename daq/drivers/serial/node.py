@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from daq.drivers.base import Found, PortAnswer, Scans, positive_rate
 from daq.drivers.serial.base import PORT_ERRORS, SerialDriver, SerialPort
-from daq.errors import DeviceLost, DriverError
+from daq.errors import DeviceLost, DriverError, system_reason
 from daq.protocol import node
 from daq.types import DeviceIdentity
 
@@ -75,7 +75,7 @@ class ModalwatchNode(SerialDriver[node.NodeDecoder, SerialPort]):
             finally:
                 port.close()
         except (*PORT_ERRORS, ValueError) as error:
-            raise DriverError(self._path, f"no node answers: {error}") from error
+            raise DriverError(self._path, f"no node answers: {system_reason(error)}") from error
 
     def _wait_for_hello(self, port: SerialPort) -> node.Hello:
         """Wait for the hello; repeat the request, because output at power-on may have damaged the first reply."""

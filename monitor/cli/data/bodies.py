@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument
 
-from monitor.cli.options import Json
+from monitor.cli.options import Force, Json
 
 
 def bodies(
@@ -17,6 +17,7 @@ def bodies(
         ),
     ],
     json: Json = None,
+    force: Force = False,
 ) -> int:
     """Identify bodies removed or added at known places.
 
@@ -26,5 +27,7 @@ def bodies(
     modalwatch bodies bodies.toml --json bodies.json
     """
     from monitor.cli.data.body_selection import identify_bodies
+    from monitor.cli.output import check_outputs
 
+    check_outputs({"--json": json}, force=force)
     return identify_bodies(file, json)

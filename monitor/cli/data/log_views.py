@@ -15,6 +15,7 @@ from daq.errors import writing
 from daq.log import files_of
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.options import DONE
+from monitor.cli.output import check_outputs
 from monitor.cli.terminal import Work, echo, files_of_logs, progress
 from monitor.errors import ArgumentError, ResultsError
 from monitor.views.report import load_diagnosis, run_report
@@ -24,7 +25,7 @@ _CONNECT_SECONDS = 2.0
 
 
 def write_report(
-    path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange, pdf: Path | None = None
+    path: Path, out: Path | None, diagnosis: Path | None, within: TimeRange, pdf: Path | None = None, *, force: bool
 ) -> int:
     """Write the report of a log, or of the newest one in a folder; by default next to it, one page per range."""
     found = load_diagnosis(diagnosis) if diagnosis else None
@@ -35,6 +36,7 @@ def write_report(
             _spare(run.log, pdf, "--pdf")
             if pdf.resolve() == page.resolve():
                 raise ArgumentError("--pdf", f"{pdf} is the page itself")
+        check_outputs({"--out": page, "--pdf": pdf}, force=force)
         work.stage("drawing")
         try:
             run_report(run, page, found, pdf=pdf)
@@ -59,7 +61,7 @@ def _default_page(path: Path, log: AnyLog) -> Path:
     return whole.with_stem(f"{whole.stem}_{log.text.replace(' to ', '-').replace(' ', '')}")
 
 
-def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange) -> int:
+def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange, force: bool) -> int:
     """Open the viewer on a log's new recording or on a live server; print instructions if impossible."""
     if "://" in target:
         if not within.whole:
@@ -67,7 +69,7 @@ def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange) -
         sources = _live_sources(target)
     else:
         file = out or _cache(Path(target))
-        _write(Path(target), file, within, in_cache=out is None)
+        _write(Path(target), file, within, in_cache=out is None, force=force)
         echo(f"recording: {file}")
         sources = [str(file)]
     if show:
@@ -75,9 +77,10 @@ def open_view(target: str, out: Path | None, *, show: bool, within: TimeRange) -
     return DONE
 
 
-def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool) -> None:
+def _write(path: Path, file: Path, within: TimeRange, *, in_cache: bool, force: bool) -> None:
     with _loaded(path, within) as (run, work):
         _spare(run.log, file)
+        check_outputs({"--out": file}, force=force or in_cache)
         work.stage("drawing", [file])
         from monitor.views.viewer import write_recording  # loads rerun: not before the log is known to be good
 

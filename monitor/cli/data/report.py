@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import From, Pdf, To
+from monitor.cli.options import Force, From, Pdf, To
 
 
 def report(
@@ -19,6 +19,7 @@ def report(
     ] = None,
     start: From = None,
     stop: To = None,
+    force: Force = False,
 ) -> int:
     """Write a report of a log as one HTML page, or also as a PDF.
 
@@ -32,4 +33,4 @@ def report(
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.log_views import write_report
 
-    return write_report(path, out, diagnosis, time_range(start, stop), pdf)
+    return write_report(path, out, diagnosis, time_range(start, stop), pdf, force=force)

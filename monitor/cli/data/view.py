@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import From, To
+from monitor.cli.options import Force, From, To
 
 
 def view(
@@ -18,6 +18,7 @@ def view(
     show: Annotated[bool, Option("--open/--no-open", help="Open the rerun viewer on the recording.")] = True,
     start: From = None,
     stop: To = None,
+    force: Force = False,
 ) -> int:
     """Open the rerun viewer on a log or a running monitor.
 
@@ -30,4 +31,4 @@ def view(
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.log_views import open_view
 
-    return open_view(target, out, show=show, within=time_range(start, stop))
+    return open_view(target, out, show=show, within=time_range(start, stop), force=force)

@@ -6,6 +6,7 @@ from typing import Annotated
 from typer import Option
 
 from monitor.cli.demo.rig import SCENARIOS
+from monitor.cli.options import Force
 
 
 def demo(
@@ -25,6 +26,7 @@ def demo(
         Option(metavar="|".join(SCENARIOS), help="Shipped scenario. Default: a body is added, drawn."),
     ] = None,
     short: Annotated[bool, Option("--short", help="Quarter of the length, less accurate answers.")] = False,
+    force: Force = False,
 ) -> int:
     """Monitor an emulated rig from baseline to diagnosis.
 
@@ -33,6 +35,8 @@ def demo(
     modalwatch demo --short
     modalwatch demo --scenario breathing-crack
     """
-    from monitor.cli.demo.demonstration import FULL, SHORT, demonstrate
+    from monitor.cli.demo.demonstration import FOLDER_FILES, FULL, SHORT, demonstrate
+    from monitor.cli.output import check_outputs, existing_in
 
+    check_outputs({"--out": existing_in(out, FOLDER_FILES)}, force=force)
     return demonstrate(out, seed, speed=speed, plan=SHORT if short else FULL, name=scenario)

@@ -37,6 +37,10 @@ from monitor.service.site import load_site
 from monitor.text.quantities import aligned_numbers
 from updater import parse_structure, t_structure_toml
 
+FOLDER_FILES = (
+    *("scenario.toml", "t_structure.toml", "site.toml", "ports.json", "rig.json"),
+    *("answer.json", "overview.rrd", "report.html"),
+)  #: that a demo writes
 _READY_SECONDS = 30.0
 _END_SECONDS = 20.0
 
@@ -197,7 +201,7 @@ def _clear(out: Path) -> None:
     if (out / "scenario.toml").exists():
         shutil.rmtree(out / "log", ignore_errors=True)
         shutil.rmtree(out / "state", ignore_errors=True)
-    for name in ("ports.json", "rig.json", "answer.json", "overview.rrd", "report.html"):
+    for name in FOLDER_FILES:
         (out / name).unlink(missing_ok=True)
 
 

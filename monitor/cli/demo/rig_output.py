@@ -8,13 +8,14 @@ from rich.table import Table
 from daq.notebook import utc_text
 from monitor.cli.demo.rig_site import rig_site
 from monitor.cli.options import DONE
-from monitor.cli.output import write_new
+from monitor.cli.output import check_outputs, write_new
 from monitor.cli.terminal import console, echo, new_table
-from monitor.errors import ArgumentError, SettingsError
+from monitor.errors import SettingsError
 from monitor.rig import RigEvent, Scenario, load_scenario, run_rig, shipped_scenarios
 from monitor.rig.process import SHIPPED, load_rig_structure
 from updater import t_structure_toml
 
+_STRUCTURE = "t_structure.toml"  # copy of the shipped structure, next to the site
 _WINDOW, _BASELINE = 40.0, 12  # s; a baseline within 8 minutes
 
 
@@ -24,7 +25,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
     Raises
     ------
     ArgumentError
-        If the scenario does not exist, or the site does already.
+        If a file to be written exists.
     SettingsError, StructureError
         If the scenario or its structure cannot be used.
     """
@@ -34,8 +35,9 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
         raise SettingsError(path, f"cannot be read: No such file; shipped with the program: {', '.join(shipped)}")
     loaded = load_scenario(path)
     structure = load_rig_structure(path, loaded)
-    if site is not None and site.exists() and not force:
-        raise ArgumentError("--new-site", f"{site} exists: give another name, or --force to replace it")
+    check_outputs({"--new-site": site, "--ports": ports, "--report": report}, force=force)
+    copied = site.with_name(_STRUCTURE) if site and loaded.structure == SHIPPED else None
+    check_outputs({"--new-site": copied}, force=force)
 
     def ready(found: dict[str, object]) -> None:
         console.print(_devices(loaded, found))
@@ -47,9 +49,9 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
         if site is None:
             return
         file = str((path.parent / loaded.structure).resolve())
-        if loaded.structure == SHIPPED:
-            file = "t_structure.toml"
-            (site.parent / file).write_text(t_structure_toml(), encoding="utf-8")
+        if copied:
+            file = _STRUCTURE
+            write_new(copied, t_structure_toml(), force=force, option="--new-site")
         text = rig_site(file, structure, loaded, found, window=_WINDOW, baseline_windows=_BASELINE)
         write_new(site, text, force=force, option="--new-site")
         echo(f"monitor it in another terminal: modalwatch run {site}")

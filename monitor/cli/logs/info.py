@@ -1,9 +1,9 @@
 """Command `log info`."""
 
-from monitor.cli.options import Json, Run
+from monitor.cli.options import Force, Json, Run
 
 
-def info(log: Run, json: Json = None) -> int:
+def info(log: Run, json: Json = None, force: Force = False) -> int:
     """Summarize a log.
 
     Devices, scans, gaps, events, attachments, completeness.
@@ -12,5 +12,7 @@ def info(log: Run, json: Json = None) -> int:
     modalwatch log info run.mcap --json info.json
     """
     from monitor.cli.logs.summary import summarize
+    from monitor.cli.output import check_outputs
 
+    check_outputs({"--json": json}, force=force)
     return summarize(log, json)

@@ -34,7 +34,8 @@ def replay(
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.logs.repetition import replay_log
-    from monitor.cli.output import replacing
+    from monitor.cli.output import check_outputs, replacing
 
+    check_outputs({"--json": json}, force=force)
     with replacing(out, force=force):
         return replay_log(log, site, given or (), time_range(start, stop), json_path=json, watched=out)

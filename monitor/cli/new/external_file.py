@@ -10,7 +10,7 @@ import numpy as np
 from daq import FloatArray
 from daq.errors import writing
 from monitor.cli.options import DONE
-from monitor.cli.output import replacing, write_new
+from monitor.cli.output import check_outputs, replacing, write_new
 from monitor.cli.terminal import echo
 from monitor.errors import ArgumentError
 from updater import Matrices, ProgramFiles, parse_structure, read_program_files, save_matrices
@@ -41,8 +41,7 @@ def write_external(
     matrices = read_program_files(replace(given, groups=own, doubled=twice))
     text = "\n".join(_lines(npz, given, matrices))
     loaded = parse_structure(text, path)
-    if npz.exists() and not force:
-        raise ArgumentError("--out", f"{npz} exists: give another name, or --force to replace it")
+    check_outputs({"--out": npz}, force=force)
     write_new(path, text, force=force)
     with writing(npz, ArgumentError.of_file("--out")), replacing(npz, force=force):
         save_matrices(npz, matrices)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import DONE, Json
+from monitor.cli.options import DONE, Force, Json
 
 
 def history(
@@ -21,6 +21,7 @@ def history(
         Path | None, Option(metavar="PICTURE.png", help="Picture to write: novelty and frequency shifts over time.")
     ] = None,
     json: Json = None,
+    force: Force = False,
 ) -> int:
     """List alarms, modes and events of a site over time.
 
@@ -28,8 +29,9 @@ def history(
     modalwatch history site.toml --days 30 --plot month.png
     """
     from monitor.cli.operation.history_output import as_json, print_history, read_history, write_csv
-    from monitor.cli.output import write_json
+    from monitor.cli.output import check_outputs, write_json
 
+    check_outputs({"--csv": csv, "--plot": plot, "--json": json}, force=force)
     found = read_history(target, site, days)
     print_history(found)
     if csv:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.options import Json
+from monitor.cli.options import Force, Json
 
 
 def devices(
@@ -17,6 +17,7 @@ def devices(
         int, Option(metavar="RATE", help="Bit rate of the bus behind an SLCAN adapter [bit/s].", min=10_000)
     ] = 1_000_000,
     json: Json = None,
+    force: Force = False,
 ) -> int:
     """List ports and devices, with settings to paste.
 
@@ -24,6 +25,8 @@ def devices(
     modalwatch devices
     modalwatch devices --port /dev/ttyUSB0 --json devices.json
     """
+    from monitor.cli.output import check_outputs
     from monitor.cli.site.device_search import list_devices
 
+    check_outputs({"--json": json}, force=force)
     return list_devices(port or (), json, probe=probe, every=every, bitrate=bitrate)

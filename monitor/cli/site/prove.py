@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Option
 
-from monitor.cli.options import Json, Site
+from monitor.cli.options import Force, Json, Site
 
 
 def prove(
@@ -17,6 +17,7 @@ def prove(
         Option(metavar="LOG.mcap|DIR", help="Log to use instead of the saved state of the monitor. Repeatable."),
     ] = None,
     json: Json = None,
+    force: Force = False,
 ) -> int:
     """Commission a site with a known mass.
 
@@ -25,6 +26,8 @@ def prove(
     Example:
     modalwatch prove site.toml --mass 0.1 --position 0.2,1.0
     """
+    from monitor.cli.output import check_outputs
     from monitor.cli.site.commissioning import commission
 
+    check_outputs({"--json": json}, force=force)
     return commission(site, mass, position, log or (), json)

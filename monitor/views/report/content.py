@@ -318,6 +318,7 @@ def _diagnosis(
         "text": diagnosis_text(diagnosis),
         "causes": [row for cause in listed_causes(diagnosis.causes) for row in _cause_rows(cause, diagnosis)],
         "rejected": _refused(diagnosis),
+        "n_rejected": len(diagnosis.rejected),
         "failed": [failed_text(failed) for failed in diagnosis.failed],
         "modes": [_fit(i, m) for i, m in enumerate(diagnosis.modes, 1)],
         "gain": _gain(diagnosis, found.gain_std if found else None),

@@ -66,7 +66,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Tables:
 def _diagnosed(modalwatch: Commands, measured: Tables, *options: object) -> Found:
     if options not in measured.known:
         command = ("diagnose", measured.structure, measured.after, "--reference", measured.before)
-        done = modalwatch(*command, "--out", measured.out, *options)
+        done = modalwatch(*command, "--out", measured.out, "--force", *options)
         assert done.code in {0, 1}, done
         diagnosis = json.loads((measured.out / "diagnosis.json").read_text(encoding="utf-8"))
         extended = load_structure(measured.out / "structure_extended.toml") if diagnosis["extended_model"] else None

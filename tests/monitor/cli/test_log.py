@@ -149,7 +149,7 @@ def test_info_covers_all_files_of_one_run(modalwatch: Commands, tmp_path: Path) 
         recorder.flush()
     recorder.close()
     for arguments in ([tmp_path], recorder.paths[::-1]):
-        done = modalwatch("log", "info", *arguments, "--json", tmp_path / "info.json")
+        done = modalwatch("log", "info", *arguments, "--json", tmp_path / "info.json", "--force")
         assert (done.code, done.err) == (0, "")
         found = json.loads((tmp_path / "info.json").read_text())
         assert found["files"] == list(map(str, recorder.paths))
@@ -172,7 +172,7 @@ def test_modes_are_unchanged_by_export_and_import(modalwatch: Commands, tmp_path
         log, limit = (path, ("--to", 70)) if data is None else (data.with_suffix(".mcap"), ())
         if data is not None:
             assert modalwatch("import", data, "-o", log).code == 0
-        done = modalwatch("identify", log, "--window", 60, "--json", tmp_path / "modes.json", *limit)
+        done = modalwatch("identify", log, "--window", 60, "--json", tmp_path / "modes.json", "--force", *limit)
         assert (done.code, "channels are not synchronous" in done.out) == (0, False)
         modes.append(json.loads((tmp_path / "modes.json").read_text())["modes"])
     expected, *others = modes

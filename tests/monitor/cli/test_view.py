@@ -32,6 +32,44 @@ def test_report_is_written_from_the_log_alone(modalwatch: Commands, tmp_path: Pa
     assert "The structure has changed" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 
+def test_outputs_replace_files_only_by_force(modalwatch: Commands, tmp_path: Path) -> None:
+    """Each command that writes a file: refused before it reads its input, with the option, the file and --force."""
+    kept = tmp_path / "kept.json"
+    kept.write_text("mine", encoding="utf-8")
+    for name in ("modes.unv", "structure_extended.toml", "scenario.toml"):
+        (tmp_path / name).write_text("mine", encoding="utf-8")
+    (tmp_path / "found_structure.toml").write_text("mine", encoding="utf-8")
+    none = tmp_path / "none.toml"
+    commands: list[tuple[str, tuple[object, ...]]] = [
+        *((f"--{option}", ("identify", none, f"--{option}", kept)) for option in ("json", "picture")),
+        ("--out", ("identify", none, "--out", tmp_path)),
+        ("--out", ("diagnose", none, none, "--out", tmp_path)),
+        ("--json", ("diagnose", none, none, "--json", tmp_path / "found.json")),
+        *((f"--{option}", ("diagnose", none, none, f"--{option}", kept)) for option in ("json", "pdf")),
+        ("--json", ("response", none, none, "--reference", none, "--at", "a:1:x", "--json", kept)),
+        ("--out", ("structure", none, "--out", kept)),
+        ("--json", ("structure", none, "--json", kept)),
+        ("--json", ("bodies", none, "--json", kept)),
+        ("--json", ("log", "info", none, "--json", kept)),
+        ("--json", ("replay", none, "--json", kept)),
+        *((f"--{option}", ("history", none, f"--{option}", kept)) for option in ("json", "csv", "plot")),
+        ("--json", ("devices", "--json", kept)),
+        ("--json", ("prove", none, "--mass", "1", "--position", "0,0", "--json", kept)),
+        *((f"--{option}", ("rig", "quiet", f"--{option}", kept)) for option in ("ports", "report", "new-site")),
+        ("--out", ("demo", "--out", tmp_path)),
+        ("--new-site", ("import", none, "-o", tmp_path / "new.mcap", "--new-site", kept)),
+    ]
+    for option, words in commands:
+        assert_refused(modalwatch(*words), f"error: {option}: {tmp_path}", "exists: give another name, or --force")
+    assert kept.read_text(encoding="utf-8") == "mine"
+    assert_refused(modalwatch("report", LOG, "-o", kept), "--out", f"{kept} exists", "--force")
+    assert_refused(modalwatch("view", LOG, "--no-open", "-o", kept), "--out", f"{kept} exists", "--force")
+    assert modalwatch("report", LOG, "-o", kept, "--force").code == 0
+    assert kept.read_text(encoding="utf-8").startswith("<!")
+    assert_refused(modalwatch("log", "info", LOG, "--json", tmp_path / ("x" * 300)), "--json", "File name too long")
+    assert modalwatch("log", "info", LOG, "--json", "/dev/null").code == 0
+
+
 def test_view_writes_recording_to_cache_and_prints_viewer_command(modalwatch: Commands, tmp_path: Path) -> None:
     done = modalwatch("view", LOG)
     assert done.code == 0, done

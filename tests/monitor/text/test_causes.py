@@ -192,6 +192,9 @@ def test_every_parameter_that_a_model_changes_is_named() -> None:
     )
     feet = tuple(spring(axis, 5e5, 5e5, f"foot of post {k}") for k in range(5) for axis in "xy")
     assert further_changes_text(feet) == "within two deviations of the file: rotational stiffness about x, y at 5 feet"
+    joints = tuple(spring(axis, 5e5, 5e5, "joint of the posts and the beam") for _ in range(2) for axis in "xz")
+    twice = "within two deviations of the file: rotational stiffness about x, z at the joint of the posts and the beam"
+    assert further_changes_text(joints) == twice
     few = "at the foot of post 0, at the foot of post 1"
     assert further_changes_text(feet[:4]) == f"within two deviations of the file: rotational stiffness about x, y {few}"
 

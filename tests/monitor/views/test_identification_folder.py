@@ -57,7 +57,7 @@ def test_folder_contains_mode_files_and_pictures(modalwatch: Commands, log: Path
 def test_log_with_a_structure_gives_sensor_positions_and_geometry(modalwatch: Commands, tmp_path: Path) -> None:
     path = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
     (tmp_path / "tracks.png").write_text("of an earlier run with more windows")
-    done = modalwatch("identify", path, "--window", 60, "--out", tmp_path)
+    done = modalwatch("identify", path, "--window", 60, "--out", tmp_path, "--force")
     assert done.code == 0, done.err
     assert {picture.name for picture in tmp_path.glob("*.png")} == PICTURES
     header, geometry, *others = pyuff.UFF(str(tmp_path / "modes.unv")).read_sets()

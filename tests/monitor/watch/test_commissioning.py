@@ -64,7 +64,7 @@ def test_proof_with_a_known_mass_from_the_saved_state(
 
     # another mass, or elsewhere: not proven, which scales nothing and leaves the proof of before as it is
     for mass, at, failed in (("0.1", "0,0.5", ["place", "mass"]), (str(MASS), "0.3,1.48", ["place"])):
-        wrong = modalwatch(*words[:3], mass, "--position", at, "--json", tmp_path / "wrong.json")
+        wrong = modalwatch(*words[:3], mass, "--position", at, "--json", tmp_path / "wrong.json", "--force")
         reported = json.loads((tmp_path / "wrong.json").read_text(encoding="utf-8"))
         assert [check["what"] for check in reported["checks"] if not check["passed"]] == failed
         assert (wrong.code, reported["passed"], reported["modes"], "NOT proven" in wrong.out) == (1, False, [], True)

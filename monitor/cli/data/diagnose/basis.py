@@ -50,7 +50,6 @@ def _log_text(log: AnyLog) -> str:
 def calibration_facts(calibration: Calibration) -> list[tuple[str, str]]:
     """Return the model parameters that the reference logs changed significantly; nothing if none is fitted."""
     changes = calibration.changes()
-    moved = [parameter_change_text(change) for change in changes if change.listed]
-    if others := further_changes_text([change for change in changes if not change.listed]):
-        moved.append(others)
-    return [("Fitted to the reference", "; ".join(moved))] if changes else []
+    moved = "; ".join(parameter_change_text(change) for change in changes if change.listed)
+    others = further_changes_text([change for change in changes if not change.listed])
+    return [("Fitted to the reference", text) for text in (moved, others) if text]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import ExponentialWindow, From, Json, Pdf, To
+from monitor.cli.options import ExponentialWindow, Force, From, Json, Pdf, To
 
 _ReferenceTime = Annotated[
     str | None, Option(metavar="TIME", help="Range of the reference logs, like --from and --to.")
@@ -71,6 +71,7 @@ def diagnose(
     bound: Annotated[
         list[str] | None, Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable.")
     ] = None,
+    force: Force = False,
 ) -> int:
     """Diagnose a change, or the errors of a model.
 
@@ -91,10 +92,21 @@ def diagnose(
     """
     from monitor.analysis.selection import Selection
     from monitor.analysis.time_range import time_range
-    from monitor.cli.data.diagnose.diagnosis import Logs, MassLog, bound_of, diagnose_logs
+    from monitor.cli.data.diagnose.diagnosis import (
+        FOLDER_FILES,
+        Logs,
+        MassLog,
+        beside_json,
+        bound_of,
+        diagnose_logs,
+    )
+    from monitor.cli.output import check_outputs, existing_in
     from monitor.errors import ArgumentError
     from monitor.text.quantities import cause_name
 
+    check_outputs({"--out": existing_in(out, FOLDER_FILES), "--pdf": pdf, "--json": json}, force=force)
+    if not out:
+        check_outputs({"--json": beside_json(json)}, force=force)
     named = Logs(
         current=logs,
         reference=reference or (),

@@ -49,6 +49,12 @@ from updater.reference import Calibration
 from updater.structure import without_empty_segments
 
 REPORT, RECORDING, NUMBERS = "report.html", "diagnosis.rrd", "discrepancy.json"
+_ANSWER, _EXTENDED_MODEL, _RECALIBRATED_MODEL = (
+    "diagnosis.json",
+    "structure_extended.toml",
+    "structure_recalibrated.toml",
+)
+FOLDER_FILES = (REPORT, RECORDING, NUMBERS, _ANSWER, _EXTENDED_MODEL, _RECALIBRATED_MODEL)  #: that `--out` may write
 
 
 def draw(
@@ -109,7 +115,7 @@ def _record(
 def written(out: Path, diagnosis: DiagnosisAnswer) -> list[Path]:
     """Return the files in the folder, the one to be read first in front."""
     names = [REPORT, RECORDING, *([Path(diagnosis.extended_model).name] if diagnosis.extended_model else [])]
-    return [out / name for name in (*names, "diagnosis.json", NUMBERS) if (out / name).exists()]
+    return [out / name for name in (*names, _ANSWER, NUMBERS) if (out / name).exists()]
 
 
 _LIFTED = "the removed body is not in this file: its stiffness was fitted to the reference logs with the body on"
@@ -373,7 +379,7 @@ def _write_nearer(found: DiagnosisResult, structure_path: Path, logs: Logs, out:
     what = f"with its own parameters fitted the file's frequencies are off by {after} %, not by {before} %"
     if out is None:
         return f"{what}: --out DIR writes that model"
-    path = out / "structure_recalibrated.toml"
+    path = out / _RECALIBRATED_MODEL
     given = structure_path.read_text(encoding="utf-8")
     text = dump_structure(found.nearer.structure, given, note="fitted by modalwatch diagnose")
     head = (
@@ -453,12 +459,11 @@ def _write(
     found: Explanation, structure_path: Path, logs: Logs, out: Path | None, json_path: Path | None
 ) -> DiagnosisAnswer:
     """Write the requested files; return the diagnosis with the path of the extended model."""
-    diagnosis, folder = found.diagnosis, out or (json_path.parent if json_path and json_path != STDOUT else None)
-    with writing(folder or Path(), ArgumentError.of_file("--out" if out else "--json")):
+    diagnosis, path = found.diagnosis, out / _EXTENDED_MODEL if out else beside_json(json_path)
+    with writing(path.parent if path else Path(), ArgumentError.of_file("--out" if out else "--json")):
         if out:
             out.mkdir(parents=True, exist_ok=True)
-        if found.explained.extended and folder:
-            path = folder / ("structure_extended.toml" if out else f"{json_path.stem}_structure.toml")  # type: ignore[union-attr]
+        if found.explained.extended and path:
             given = structure_path.read_text(encoding="utf-8")
             own = parse_structure(given, structure_path)
             extended = without_empty_segments(found.explained.extended, own)
@@ -466,9 +471,14 @@ def _write(
             text = dump_structure(extended, given, note=_EXTENDED)
             path.write_text(_provenance(found.explained, structure_path, logs) + text, encoding="utf-8")
             diagnosis = diagnosis.model_copy(update={"extended_model": str(path)})
-    for path in filter(None, (json_path, out and out / "diagnosis.json")):
-        write_json(path, diagnosis.model_dump(mode="json"))
+    for file in filter(None, (json_path, out and out / _ANSWER)):
+        write_json(file, diagnosis.model_dump(mode="json"))
     return diagnosis
+
+
+def beside_json(path: Path | None) -> Path | None:
+    """Return where the extended model is written if --json alone names a place; None if nowhere."""
+    return path.with_name(f"{path.stem}_structure.toml") if path and path != STDOUT else None
 
 
 def bound_of(text: str) -> tuple[str, tuple[float, float]]:

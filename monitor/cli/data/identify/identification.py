@@ -37,6 +37,10 @@ if TYPE_CHECKING:
     from updater import Structure
     from updater.validation import ModelModes
 
+FOLDER_FILES = (
+    *("modes.json", "modes.unv", "responses.unv", "synthesis.unv", "stabilization.png", "singular_values.png"),
+    *("responses.png", "mac.png", "shapes.png", "complexity.png", "tracks.png"),
+)  #: that `--out` may write
 _KEPT_BYTES = 40 << 20  # of a window: 400 s of 12 channels at 1 kHz
 
 

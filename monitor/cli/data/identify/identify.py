@@ -6,7 +6,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import ANIMATIONS, DONE, METHODS, ExponentialWindow, From, Json, To, one_of
+from monitor.cli.options import ANIMATIONS, DONE, METHODS, ExponentialWindow, Force, From, Json, To, one_of
 
 
 def identify(
@@ -66,6 +66,7 @@ def identify(
         Path | None,
         Option("--out", "-o", metavar="DIR", help="Folder for modes.json, modes.unv (UFF 55) and pictures."),
     ] = None,
+    force: Force = False,
 ) -> int:
     """Identify the modes of logs, or of frequency responses.
 
@@ -85,7 +86,7 @@ def identify(
     from monitor.cli.data.identify import identification as work
     from monitor.cli.data.identify.amplitude_output import say_dependence
     from monitor.cli.data.identify.identification_output import Findings, as_json, say_modes
-    from monitor.cli.output import write_json
+    from monitor.cli.output import check_outputs, existing_in, write_json
     from monitor.cli.terminal import progress
     from monitor.errors import ArgumentError
     from oma import METHODS as IMPLEMENTED
@@ -94,6 +95,8 @@ def identify(
         raise ArgumentError("--band", f"expected 0 < low < high, found {band[0]:g} {band[1]:g}")
     if animate and animate.suffix.lower() not in ANIMATIONS:
         raise ArgumentError("--animate", f"expected a name that ends with {' or '.join(ANIMATIONS)}, found {animate}")
+    in_folder = existing_in(out, work.FOLDER_FILES)
+    check_outputs({"--json": json, "--picture": picture, "--animate": animate, "--out": in_folder}, force=force)
     if any(map(is_universal, logs)):
         from monitor.cli.data.identify.response_modes import ResponseRequest, identify_response_file  # slow to import
 

@@ -108,7 +108,7 @@ def import_(
     from daq.files import CAN_LOGS, is_table
     from monitor.cli.data.importing.can_traffic import import_can_traffic, one_sensor, site_sensors
     from monitor.cli.data.importing.measurements import columns_of, data_options, import_measurements, start_of
-    from monitor.cli.output import replacing
+    from monitor.cli.output import check_outputs, replacing
     from monitor.errors import ArgumentError
 
     bus = [path for path in data if path.suffix.lower() in CAN_LOGS]
@@ -123,6 +123,7 @@ def import_(
         raise ArgumentError(given, "not for a CAN log")
     if can and new_site is not None:
         raise ArgumentError("--new-site", "not of a CAN log, whose sensors [device.dbc] describes: give --site")
+    check_outputs({"--new-site": new_site}, force=force)
     if len(data) > 1 and start is not None:
         raise ArgumentError("--start", f"not of {len(data)} files, each with its start date")
     chosen, begin = columns_of(column or ()), None if start is None else start_of(start)
@@ -146,4 +147,4 @@ def import_(
     )
     options = data_options(others, unit, sensitivity, columns, calibration)
     with replacing(out, force=force):
-        return import_measurements(data, out, options, structure=structure, site=site, new=new_site)
+        return import_measurements(data, out, options, structure=structure, site=site, new=new_site, force=force)

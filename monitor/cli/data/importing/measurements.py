@@ -39,6 +39,7 @@ def import_measurements(
     structure: Path | None = None,
     site: Path | None = None,
     new: Path | None = None,
+    force: bool = False,
 ) -> int:
     """Write the log and print a summary.
 
@@ -46,6 +47,7 @@ def import_measurements(
     ----------
     structure, site : files to attach
     new : site to write, with the channels of the data
+    force : an existing site is replaced
     """
     if new is not None and site is not None:
         raise ArgumentError("--new-site", "expected no --site with it")
@@ -58,7 +60,7 @@ def import_measurements(
         parts, left = _of_sensors(found, _sensors(structure, site))
         work.stage("writing", [out])
         if new is not None:
-            undone.enter_context(new_site(new, structure, out, [part.recording for part in parts]))
+            undone.enter_context(new_site(new, structure, out, [part.recording for part in parts], force=force))
         recordings, notes = _write(data[0], out, parts, structure, new or site, learns=new is not None)
     _say(out, recordings, parts, new)
     if left:

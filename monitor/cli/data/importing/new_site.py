@@ -9,7 +9,9 @@ from pathlib import Path
 from statistics import median
 
 from daq import Recording
+from daq.errors import writing
 from monitor.analysis.logs import EDGE_SAMPLES
+from monitor.cli.output import replacing
 from monitor.errors import ArgumentError
 from monitor.settings import AXES, AnalysisSettings, DeviceSettings, Settings, annotated
 
@@ -17,37 +19,36 @@ _NAME = "logger"
 
 
 @contextmanager
-def new_site(path: Path, structure: Path | None, log: Path, recordings: Sequence[Recording]) -> Iterator[None]:
+def new_site(
+    path: Path, structure: Path | None, log: Path, recordings: Sequence[Recording], *, force: bool
+) -> Iterator[None]:
     """Write a site with the channels of recordings and all settings with their meaning; none if a later step fails.
 
     Parameters
     ----------
-    path : of the site, which must not be there yet
+    path : of the site
     structure : its structure file; None for none
     log : that will hold the recordings
+    force : an existing file is replaced
 
     Raises
     ------
     ArgumentError
-        If there is such a file, or it cannot be written.
+        If there is such a file, without `force`, or it cannot be written.
     """
     analysis = AnalysisSettings(window_seconds=window_of(recordings))
     devices = tuple(_devices(path, log, recordings[0]))
     settings = Settings(
         structure=None if structure is None else _from(path, structure), device=devices, analysis=analysis
     )
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(annotated(settings))
-    except FileExistsError as error:
-        raise ArgumentError("--new-site", f"{path} is there already: give it as --site") from error
-    except OSError as error:
-        raise ArgumentError("--new-site", f"{path}: cannot be written: {error.strerror}") from error
-    try:
-        yield
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+    with replacing(path, force=force, option="--new-site"):
+        with writing(path, ArgumentError.of_file("--new-site")):
+            path.write_text(annotated(settings), encoding="utf-8")
+        try:
+            yield
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
 
 
 def _devices(path: Path, log: Path, recording: Recording) -> Iterator[DeviceSettings]:

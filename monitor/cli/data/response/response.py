@@ -57,13 +57,14 @@ def response(
     """
     from monitor.analysis.time_range import time_range
     from monitor.cli.data.response.estimation import Request, estimate_response
-    from monitor.cli.output import replacing
+    from monitor.cli.output import check_outputs, replacing
     from monitor.errors import ArgumentError
 
     if not (at or stress):
         raise ArgumentError("--at, --stress", "expected a place or a section, found none")
     if not detail > 0:
         raise ArgumentError("--detail", f"expected a positive range in MPa, found {detail:g}")
+    check_outputs({"--json": json}, force=force)
     request = Request(
         structure=structure,
         logs=logs,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from typer import Argument, Option
 
-from monitor.cli.options import DONE, NEEDS_A_PERSON, Json
+from monitor.cli.options import DONE, NEEDS_A_PERSON, Force, Json
 
 
 def structure(
@@ -40,6 +40,7 @@ def structure(
     parameters: Annotated[
         bool, Option("--parameters", help="List the model parameters that may be updated, with sensitivities.")
     ] = False,
+    force: Force = False,
 ) -> int:
     """Draw a structure, and report what its sensors detect.
 
@@ -53,12 +54,15 @@ def structure(
     from monitor.cli.data.structure import detectability as work
     from monitor.cli.data.structure.parameters_output import parameters_json
     from monitor.cli.data.structure.structure_output import as_json
-    from monitor.cli.output import write_json
+    from monitor.cli.output import check_outputs, write_json
     from monitor.cli.terminal import echo, warn
     from updater import ModelError, StructureError, load_structure
     from updater.planning import look
     from updater.structure import odd_units
 
+    picture = out or (None if parameters else file.with_suffix(".png"))
+    drawn = picture is not None and (out is not None or force or not picture.exists())
+    check_outputs({"--out": out, "--json": json}, force=force)
     loaded, target = load_structure(file), work.target_of(target_mass, tolerance)
     check = check_channels(loaded, channels) if channels else None
     record = work.planned_record(record_seconds, damping, highest, check)
@@ -69,8 +73,7 @@ def structure(
         planned = work.plan_for(sight, target)
     except ModelError as error:
         raise StructureError(file, str(error)) from error
-    picture = out or (None if parameters else file.with_suffix(".png"))
-    if picture:
+    if picture and drawn:
         work.draw(sight, picture, planned)
     work.print_study(sight, planned, check)
     listed = work.list_parameters(loaded, modes) if parameters else None
@@ -79,7 +82,7 @@ def structure(
     if highest is None and check is None:
         warn(f"note: {work.USUAL_BAND}")
     if picture:
-        echo(f"picture: {picture}")
+        echo(f"picture: {picture}{'' if drawn else ' exists and was not drawn again: --force replaces it'}")
     if json:
         write_json(json, as_json(sight, planned) | ({} if listed is None else {"parameters": parameters_json(listed)}))
     return DONE if check is None or check.good else NEEDS_A_PERSON

@@ -271,7 +271,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     assert_refused(modalwatch("replay", log, "-o", watched), "watched.mcap exists: give another name, or --force")
     assert_refused(modalwatch("replay", log, "--set", "analysis.overlap=x"), "--set analysis.overlap", "found 'x'")
     other = ("import", table, "-o", tmp_path / "other.mcap", "--new-site", site, "--structure", structure)
-    assert_refused(modalwatch(*other), "site.toml is there already: give it as --site")
+    assert_refused(modalwatch(*other), "site.toml exists: give another name, or --force")
 
 
 def test_data_inconsistent_with_the_site_is_refused(modalwatch: Commands, table: Path, tmp_path: Path) -> None:

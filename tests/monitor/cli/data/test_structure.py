@@ -208,6 +208,7 @@ def test_sensors_are_compared_with_channels(modalwatch: Commands, tmp_path: Path
     done = modalwatch("structure", bar, "--channels", site, "--modes", 3)
     assert done.code == 0, done.err
     assert f"{site}: its 3 channels are the structure's sensors" in done.out
+    assert f"picture: {bar.with_suffix('.png')} exists and was not drawn again: --force replaces it" in done.out
     assert "up to 400 Hz" in done.out
     site.write_text(site.read_text(encoding="utf-8").replace("rate = 1000", "rate = 200"), encoding="utf-8")
     done = modalwatch("structure", bar, "--channels", site, "--modes", 3)

@@ -86,7 +86,7 @@ def test_self_tests_are_summarized_in_one_line(modalwatch: Commands, file: Path,
     for until, text in ((1, "150 g would raise the alarm at 3 of 24 places; none has passed"), (3, last)):
         with HistoryStore(f"sqlite:///{file}") as store:
             store.write([result_event(test) for test in tests[:until]])
-        done = modalwatch("history", file, "--json", tmp_path / "h.json")
+        done = modalwatch("history", file, "--json", tmp_path / "h.json", "--force")
         assert (text in done.out, first in done.out) == (True, until == 1)
     assert [test["json"]["detected"] for test in json.loads((tmp_path / "h.json").read_text())["self_tests"]] == [
         3,

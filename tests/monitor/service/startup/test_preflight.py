@@ -87,6 +87,12 @@ def test_insufficient_disk_space_is_reported(tmp_path: Path) -> None:
     assert (found.well, "less than recorder.min_free_gb" in found.text) == (False, True)
 
 
+def test_clock_of_the_host_is_not_checked_for_recorded_devices(tmp_path: Path) -> None:
+    recorded = 'driver = "replay"\nlog = {file = "run.mcap", device = "beam_left"}'
+    file = SITE.replace('driver = "epson-uart"\nport = "/dev/none"', recorded)
+    assert looked(tmp_path, file=file)["clock"].text == "times are those of the recorded devices"
+
+
 def test_clock_behind_the_newest_log_is_reported(tmp_path: Path) -> None:
     (tmp_path / "log").mkdir()
     newest = tmp_path / "log" / "later.mcap"
