@@ -63,15 +63,16 @@ def warn(text: str) -> None:
     console.print(text, style="yellow", soft_wrap=True, markup=False)
 
 
-_SPEED_SECONDS = 300.0  # of the latest progress, from which the time left is estimated
+SPEED_SECONDS = 300.0  #: of the latest progress, from which the time left is estimated
 _SECOND = 10**9  # ns by which a window may begin before the first scan
 _REFRESHES = 4.0  # per second
 
 
-class _Time(ProgressColumn):
+class TimeColumn(ProgressColumn):
     """Elapsed time of a stage, and the estimated time left, once it is known."""
 
     def render(self, task: Task) -> Text:
+        """Return the times of a task."""
         elapsed = f"{_clock(task.elapsed or 0.0)} elapsed"
         left = task.time_remaining
         return Text(elapsed if left is None or task.finished else f"{elapsed}, {_clock(left)} left")
@@ -197,14 +198,14 @@ def progress(text: str, files: Iterable[Path] = ()) -> Iterator[Work]:
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),
         TaskProgressColumn(show_speed=False),
-        _Time(),
+        TimeColumn(),
     )
     bar = Progress(
         *columns,
         console=shown,
         transient=True,
         refresh_per_second=_REFRESHES,
-        speed_estimate_period=_SPEED_SECONDS,
+        speed_estimate_period=SPEED_SECONDS,
         redirect_stdout=shown is console,  # else it is no terminal, and takes lines as they are
         disable=not shown.is_terminal,
     )

@@ -16,7 +16,7 @@ from typing import Any
 from rich.console import Console, Group
 from rich.live import Live
 from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TextColumn
 from rich.table import Table
 
 from daq.notebook import rounded_text
@@ -27,7 +27,7 @@ from monitor.cli.demo.score import reveal, reveal_scenario
 from monitor.cli.options import INTERRUPTED
 from monitor.cli.site.console_log import line
 from monitor.cli.site.monitoring import tell_live
-from monitor.cli.terminal import console
+from monitor.cli.terminal import SPEED_SECONDS, TimeColumn, console
 from monitor.errors import ArgumentError, StartError
 from monitor.results.windows import AlarmResult, Result, WindowResult
 from monitor.rig import Scenario, draw_t_frame, dump_scenario, load_scenario, shipped_scenarios
@@ -52,9 +52,10 @@ class Display:
         self._planned, self._stop, self._console = n_windows, stop, console
         self._bar = Progress(
             TextColumn("{task.description}"),
-            BarColumn(),
+            BarColumn(bar_width=20),
             TextColumn("window {task.completed} of {task.total}"),
-            TimeElapsedColumn(),
+            TimeColumn(),
+            speed_estimate_period=SPEED_SECONDS,
         )
         self._task = self._bar.add_task("learning ", total=n_windows)
         self._live = Live(self._bar, console=console, refresh_per_second=4)

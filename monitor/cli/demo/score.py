@@ -122,7 +122,7 @@ def _table(summary: dict[str, Any], answer: MassAnswer | None, found: str) -> Ta
         r"how much \[g]",
         f"{1000 * truth['mass']:.0f}",
         number_text(1000 * answer.mass, 1000 * answer.mass_std),
-        f"{100 * summary['mass_error']:+.1f} %",
+        f"{round(100 * summary['mass_error'], 1) + 0.0:+.1f} %",
     )
     table.add_row("alarm", "", f"{summary['alarm_after_seconds']:.0f} s after it happened", "")
     return table

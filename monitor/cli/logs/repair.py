@@ -17,9 +17,10 @@ def repair(log: Annotated[Path, Argument(metavar="LOG.mcap", help="Log; it is re
     modalwatch repair run.mcap
     """
     from daq import repair_log
-    from monitor.cli.terminal import echo
+    from monitor.cli.terminal import echo, progress
 
-    state = repair_log(log)
+    with progress("reading", [log]):
+        state = repair_log(log)
     if state.whole:
         echo(f"{log}: whole, {state.n_messages} messages; not touched")
     else:

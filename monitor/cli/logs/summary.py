@@ -12,13 +12,14 @@ from daq.log import DeviceInfo, LogInfo, files_of, log_info
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.options import DONE
 from monitor.cli.output import write_json
-from monitor.cli.terminal import console, echo, new_table
+from monitor.cli.terminal import console, echo, files_of_logs, new_table, progress
 
 
 def summarize(paths: Sequence[Path], json_path: Path | None) -> int:
     """Print a summary of a log."""
     log = one_log(paths)
-    info = log_info(log)
+    with progress("reading", files_of_logs([log])):
+        info = log_info(log)
     _say(log, info)
     if json_path:
         write_json(json_path, as_json(log, info))

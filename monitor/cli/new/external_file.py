@@ -11,7 +11,7 @@ from daq import FloatArray
 from daq.errors import writing
 from monitor.cli.options import DONE
 from monitor.cli.output import check_outputs, replacing, write_new
-from monitor.cli.terminal import echo
+from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError
 from updater import Matrices, ProgramFiles, parse_structure, read_program_files, save_matrices
 
@@ -38,9 +38,10 @@ def write_external(
     repeated = sorted(own.keys() & twice.keys())
     if repeated:
         raise ArgumentError("--doubled", f"the group {repeated[0]!r} is given by --group too")
-    matrices = read_program_files(replace(given, groups=own, doubled=twice))
-    text = "\n".join(_lines(npz, given, matrices))
-    loaded = parse_structure(text, path)
+    with progress("reading"):
+        matrices = read_program_files(replace(given, groups=own, doubled=twice))
+        text = "\n".join(_lines(npz, given, matrices))
+        loaded = parse_structure(text, path)
     check_outputs({"--out": npz}, force=force)
     write_new(path, text, force=force)
     with writing(npz, ArgumentError.of_file("--out")), replacing(npz, force=force):

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from daq.errors import writing
 from daq.notebook import rounded_text
-from monitor.cli.terminal import console, echo, new_table
+from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
 from monitor.outputs.history.summary import Found, look
@@ -34,7 +34,7 @@ def read_history(target: str, site: str, days: float | None) -> Found:
     days : counted back from now; None for all
     """
     url, own = _place(target)
-    with Reader(url, site or own) as reader:
+    with progress("reading"), Reader(url, site or own) as reader:
         if site and not reader.is_known:
             raise ArgumentError("--site-name", f"expected a site of the database, found {site!r}")
         now = time_ns()

@@ -11,8 +11,9 @@ from rich.table import Table
 from monitor.cli.logs.run_log import one_log
 from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import write_json
-from monitor.cli.terminal import console, echo, new_table
+from monitor.cli.terminal import console, echo, new_table, progress
 from monitor.errors import ArgumentError
+from monitor.results.windows import Result, WindowResult
 from monitor.service.replay import replay
 from monitor.service.site import Site, load_site
 from monitor.settings import attached_structure
@@ -25,8 +26,18 @@ def commission(path: Path, mass: float, at: str, logs: Sequence[Path], json: Pat
     """Report whether an attached mass [kg] was found; return 1 if not."""
     site, place = load_site(path), _place(at)
     structure = attached_structure(site.structure_text)
-    memory = parse_memory(replay(one_log(logs), site, lambda _: None).memory if logs else _remembered(site))
-    proof = prove(gather(memory, structure, site.settings), mass, place)
+    with progress("reading") as work:
+
+        def show(result: Result) -> None:
+            if isinstance(result, WindowResult):
+                work.window(result.end)
+
+        log = one_log(logs) if logs else None
+        if log:
+            work.windows_of("replaying", [log])
+        memory = parse_memory(replay(log, site, show).memory if log else _remembered(site))
+        work.stage("diagnosing")
+        proof = prove(gather(memory, structure, site.settings), mass, place)
     _say(proof)
     kept = json or _unused(site.state / "proofs", utc(proof.end).replace(":", "").replace(" ", "_"))
     kept.parent.mkdir(parents=True, exist_ok=True)

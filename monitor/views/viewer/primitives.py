@@ -20,6 +20,8 @@ from monitor.views.palette import FAINT, GREY, Colour
 APPLICATION = "modalwatch"
 _logged: WeakKeyDictionary[rr.RecordingStream, set[tuple[str, type]]] = WeakKeyDictionary()
 TIME, PHASE = "time", "phase"
+LEGEND_STEPS = (110.0, 32.0)  #: between two names of a legend, to the right and down
+LEGEND_COLUMNS = 6  #: of names
 _BAR_LINES = 8  # thin lines that fill a bar
 
 
@@ -219,3 +221,12 @@ def text(
         once(recording, path, points)
     else:
         recording.log(path, points)
+
+
+def legend(
+    recording: rr.RecordingStream, path: str, names: Sequence[str], colours: Sequence[Colour], *, static: bool = True
+) -> None:
+    """Write names in their colours, in rows, beside plots of series."""
+    right, down = LEGEND_STEPS
+    places = [[right * (i % LEGEND_COLUMNS), down * (i // LEGEND_COLUMNS)] for i in range(len(names))]
+    text(recording, path, places, names, colours, static=static)

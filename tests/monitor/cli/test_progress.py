@@ -86,7 +86,7 @@ def test_time_left_follows_from_what_is_done() -> None:
     work = Work(bar)
     for bar.now, done in ((0.0, 0), (2.0, 1), (4.0, 2)):
         work.advance(done, 33)
-    assert str(shown._Time().render(bar.tasks[0])) == "0:04 elapsed, 1:02 left"
+    assert str(shown.TimeColumn().render(bar.tasks[0])) == "0:04 elapsed, 1:02 left"
 
 
 def test_stage_of_unknown_length_shows_its_elapsed_time() -> None:
@@ -95,7 +95,7 @@ def test_stage_of_unknown_length_shows_its_elapsed_time() -> None:
     bar.now = 10.0
     work.stage("drawing")
     bar.now = 75.0
-    assert str(shown._Time().render(bar.tasks[0])) == "1:05 elapsed"
+    assert str(shown.TimeColumn().render(bar.tasks[0])) == "1:05 elapsed"
 
 
 @pytest.mark.parametrize("part", [False, True])

@@ -76,7 +76,8 @@ def _measured(option: str, text: str, kind: str) -> float:
 
 def list_parameters(structure: Structure, n_modes: int) -> list[ParameterSensitivity]:
     """List the parameters that may be updated with their sensitivities, and return these."""
-    _, found = parameter_sensitivities(structure, n_modes)
+    with progress("computing sensitivities"):
+        _, found = parameter_sensitivities(structure, n_modes)
     console.print(parameter_table(found) if found else "no parameter may be updated")
     if found:
         console.print(SENSITIVITY_NOTE, style="dim", soft_wrap=True)

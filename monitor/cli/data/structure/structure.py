@@ -55,7 +55,7 @@ def structure(
     from monitor.cli.data.structure.parameters_output import parameters_json
     from monitor.cli.data.structure.structure_output import as_json
     from monitor.cli.output import check_outputs, write_json
-    from monitor.cli.terminal import echo, warn
+    from monitor.cli.terminal import echo, progress, warn
     from updater import ModelError, StructureError, load_structure
     from updater.planning import look
     from updater.structure import odd_units
@@ -69,12 +69,14 @@ def structure(
     if check:
         loaded = measured_only(loaded, check)
     try:
-        sight = look(loaded, modes, record, target.within if target else None)
+        with progress("computing modes and detectability"):
+            sight = look(loaded, modes, record, target.within if target else None)
         planned = work.plan_for(sight, target)
     except ModelError as error:
         raise StructureError(file, str(error)) from error
     if picture and drawn:
-        work.draw(sight, picture, planned)
+        with progress("drawing"):
+            work.draw(sight, picture, planned)
     work.print_study(sight, planned, check)
     listed = work.list_parameters(loaded, modes) if parameters else None
     for note in odd_units(loaded):

@@ -13,6 +13,7 @@ from monitor.views.viewer.layout import view_specs as views
 from monitor.views.viewer.modes.trends import damping_span, frequency_span, shift_span
 from monitor.views.viewer.posterior import mass_span
 from monitor.views.viewer.primitives import TIME
+from monitor.views.viewer.signals.channels import channels_with_rms
 from monitor.views.viewer.signals.traces import SECONDS, signal_span
 
 _Part = rrb.View | rrb.Container
@@ -103,7 +104,7 @@ def _trends(run_results: RunResults, trends: views.TrendViews) -> rrb.Container:
                 4.0,
             )
         )
-        legend, rows = views.legend(len(run_results.tracks))
+        legend, rows = views.legend("Colours of the modes", "/legend", len(run_results.tracks) + 2)
         parts.append((legend, 0.3 + 0.4 * rows))
     elif any(w.modes for w in run_results.learning):
         parts.append((trends.series("Frequencies found while learning [Hz]", "/trend/found"), 4.0))
@@ -187,8 +188,10 @@ def _channels(run_results: RunResults, trends: views.TrendViews, *, drawn_once: 
     right: list[tuple[_Part, float]] = []
     if drawn_once and run_results.spectra:
         right.append((views.spectrogram(), 3.0))
-    if any(window.rms for window in run_results.windows):
+    if names := channels_with_rms(run_results):
         right.append((trends.series("RMS of each channel [m/s²]", "/channels/rms"), 2.0))
+        colours, rows = views.legend("Colours of the channels", "/channels/legend", len(names))
+        right.append((colours, 0.3 + 0.35 * rows))
     if run_results.temperatures:
         right.append((trends.series("Temperature [°C]", "/channels/temperature"), 1.6))
     parts: list[tuple[_Part, float]] = []

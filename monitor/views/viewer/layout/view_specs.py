@@ -15,9 +15,9 @@ from monitor.views.palette import BACKGROUND
 from monitor.views.viewer import increments as steps
 from monitor.views.viewer import posterior as change
 from monitor.views.viewer import scene, spectrum
-from monitor.views.viewer.modes import bars, shapes, trends
+from monitor.views.viewer.modes import bars, shapes
 from monitor.views.viewer.modes import mac_matrix as matrix
-from monitor.views.viewer.primitives import TIME
+from monitor.views.viewer.primitives import LEGEND_COLUMNS, LEGEND_STEPS, TIME
 from monitor.views.viewer.signals import spectra
 from monitor.views.viewer.signals import spectrogram as waterfall
 from monitor.views.viewer.signals.traces import SECONDS, signal_path
@@ -149,12 +149,12 @@ def spectrogram() -> rrb.Spatial2DView:
     return drawing_view("Spectrogram: first singular value of each window", "/spectrogram", waterfall.BOUNDS)
 
 
-def legend(n_modes: int) -> tuple[rrb.Spatial2DView, float]:
-    """Return the view of the names and colours of the trends in rows, and its height relative to that of one row."""
-    rows = math.ceil((n_modes + 2) / trends.LEGEND_COLUMNS)
-    right, down = trends.LEGEND_STEPS
-    bounds = ((-0.5 * right, (trends.LEGEND_COLUMNS - 0.5) * right), (-0.3 * down, (rows - 0.1) * down))
-    return drawing_view("Colours of the modes", "/legend", bounds), float(rows)
+def legend(name: str, origin: str, n_names: int) -> tuple[rrb.Spatial2DView, float]:
+    """Return the view of names in their colours, in rows, and its height relative to that of one row."""
+    rows = math.ceil(n_names / LEGEND_COLUMNS)
+    right, down = LEGEND_STEPS
+    bounds = ((-0.5 * right, (LEGEND_COLUMNS - 0.5) * right), (-0.3 * down, (rows - 0.1) * down))
+    return drawing_view(name, origin, bounds), float(rows)
 
 
 def plot_view(name: str, origin: str) -> rrb.TimeSeriesView:

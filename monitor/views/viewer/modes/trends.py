@@ -6,11 +6,9 @@ import rerun as rr
 from monitor.results.run_results import RunResults, find_mode
 from monitor.results.windows import ModeResult, WindowResult
 from monitor.views.palette import ALARM, GREY, OK, TEXT, mode_colour
-from monitor.views.viewer.primitives import band, ends, line, once, rule, text
+from monitor.views.viewer.primitives import band, ends, legend, line, once, rule
 
 SIGMAS = 3.0  # of the control band
-LEGEND_STEPS = (110.0, 32.0)  #: between two names of the legend, to the right and down
-LEGEND_COLUMNS = 6  #: of names
 _NAN = float("nan")
 _MIN = 1e-3  # novelty over its limit: lower is drawn here
 
@@ -125,9 +123,7 @@ def draw_legend(recording: rr.RecordingStream, run_results: RunResults, *, stati
     """Draw the names of the modes in their colours, for the plots of trends."""
     numbers = run_results.tracks
     names = [*(f"mode {number}" for number in numbers), f"usual, ± {SIGMAS:g}σ", "learning"]
-    right, down = LEGEND_STEPS
-    places = [[right * (i % LEGEND_COLUMNS), down * (i // LEGEND_COLUMNS)] for i in range(len(names))]
-    text(recording, "/legend", places, names, [*map(mode_colour, numbers), OK, GREY], static=static)
+    legend(recording, "/legend", names, [*map(mode_colour, numbers), OK, GREY], static=static)
 
 
 def _shift(recording: rr.RecordingStream, run_results: RunResults, number: int) -> None:

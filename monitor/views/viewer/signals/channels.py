@@ -9,12 +9,19 @@ from daq import Recording
 from monitor.results.residuals import ChannelResiduals
 from monitor.results.run_results import RunResults
 from monitor.views.palette import ALARM, WARN, mode_colour
-from monitor.views.viewer.primitives import ends, line, rule, times
+from monitor.views.viewer.primitives import ends, legend, line, rule, times
+
+
+def channels_with_rms(run_results: RunResults) -> list[str]:
+    """Return the channels whose RMS is known in a window."""
+    return list(dict.fromkeys(name for window in run_results.windows for name in window.rms))
 
 
 def draw_rms(recording: rr.RecordingStream, run_results: RunResults) -> None:
-    """Draw the RMS of each channel, window by window [m/s2]."""
-    names = dict.fromkeys(name for window in run_results.windows for name in window.rms)
+    """Draw the RMS of each channel, window by window [m/s2], and the names in their colours."""
+    names = channels_with_rms(run_results)
+    if names:
+        legend(recording, "/channels/legend", names, [mode_colour(number) for number, _ in enumerate(names, 1)])
     for number, name in enumerate(names, 1):
         values = [window.rms.get(name, np.nan) for window in run_results.windows]
         path = rr.new_entity_path(["channels", "rms", name])
@@ -67,5 +74,6 @@ def channels_card(signals: Recording) -> str:
             continue
         offset = float(np.nanmean(data))
         rms, peak = float(np.nanstd(data)), float(np.nanmax(np.abs(data - offset)))
-        lines.append(f"| {channel.name} | {offset:+.3g} | {rms:.3g} | {peak:.3g} | {100 * missing:.1f} |")
+        cells = (text.rstrip(".") for text in (f"{offset:+#.3g}", f"{rms:#.3g}", f"{peak:#.3g}"))
+        lines.append(f"| {channel.name} | {' | '.join(cells)} | {100 * missing:.1f} |")
     return "\n".join(lines)

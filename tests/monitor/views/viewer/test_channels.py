@@ -41,7 +41,7 @@ def test_spectral_density_of_a_sine_has_its_power_at_its_frequency() -> None:
 
 def test_table_of_channels_has_offset_rms_and_peak() -> None:
     lines = channels_card(sine(amplitude=0.2, frequency=20.0, offset=3.0)).splitlines()
-    assert lines[2] == "| a | +3e+03 | 141 | 200 | 0.0 |"  # mm/s2: 200 / sqrt(2), and 190 at the next scan
+    assert lines[2] == "| a | +3.00e+03 | 141 | 200 | 0.0 |"  # mm/s2: 200 / sqrt(2), and 190 at the next scan
     assert lines[3] == "| b | | | | 100.0 |"
 
 
