@@ -25,8 +25,9 @@ _MAX_REFUSED = 6  # causes whose refusal is listed individually
 _DOUBTFUL = 0.01  # p value under which the fit speaks against a mass
 _MARKDOWN = "text/markdown"
 _OF_CALIBRATION = (
-    "What calibration found about the model. Stiffness: factor on the file. Flexibility: times L / (E I) of the members"
-    " there, L the longest length; along an axis times L³ / (E I). Weld: share of the flexibility of the joint's zone."
+    "Model parameters by the calibration. Stiffness: factor on the value of the file. Flexibility: times L / (E I) of"
+    " the members there, L the longest length; along an axis times L³ / (E I). Weld: share of the flexibility of the"
+    " joint's zone."
 )
 
 

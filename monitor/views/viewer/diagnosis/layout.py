@@ -69,15 +69,17 @@ def reading_name(balance: BalanceResult | None) -> str:
 
 
 def _modes(found: DiscrepancyResult) -> rrb.Horizontal:
-    name = "Measured off the model [%], red without, green with the causes; white: standard deviation"
+    first, second = ("before", "now") if found.measured_before else ("model", "measured")
+    what = "Frequencies now against before" if found.measured_before else "Measured frequencies against the model"
+    name = f"{what} [%], red without, green with the causes; white: standard deviation"
     offsets = views.drawing_view(name, "/offsets", offset_bars(found).bounds)
-    mac = views.mac("MAC: simulated (down) with measured (across) modes [Hz]", "/mac")
+    mac = views.mac(f"MAC: {first} (down) with {second} (across) [Hz]", "/mac")
     left = rrb.Vertical(views.card(f"{len(found.modes)} modes", "/modes"), offsets, row_shares=[1.0, 1.2])
     return rrb.Horizontal(left, mac, column_shares=[1.0, 1.15], name="Modes")
 
 
 def _sensors(found: DiscrepancyResult) -> rrb.Horizontal:
-    residual = _bars("Sensors off the simulated shapes [%]", "noise", "/sensors/residual", residual_bars(found))
+    residual = _bars("Distance of sensors from the shapes [%]", "noise", "/sensors/residual", residual_bars(found))
     missed = missed_bars(found)
     if missed:
         error = _bars("Prediction error from the other sensors [%]", "least error", "/sensors/missed", missed)
@@ -113,7 +115,7 @@ def offset_bars(found: DiscrepancyResult) -> NamedBars:
     """Return the frequency of each pair, measured against simulated [%]."""
     pairs = [mode for mode in found.modes if mode.off_percent is not None]
     return NamedBars(
-        names=tuple(f"{mode.measured:.4g} Hz" for mode in pairs),
+        names=tuple(f"{mode.measured:#.4g} Hz" for mode in pairs),
         without=_column([mode.off_percent for mode in pairs]),
         with_causes=_column([mode.off_percent_after for mode in pairs]),
         noise=_column([mode.std_percent for mode in pairs]),

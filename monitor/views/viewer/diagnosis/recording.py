@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 
 from daq import FloatArray, Recording
+from daq.notebook import rounded_text
 from monitor.results.comparison import BalanceResult, DiagnosisAnswer, DiscrepancyResult
 from monitor.results.state_comparison import StateComparison
 from monitor.results.windows import ReferenceResult
@@ -65,7 +66,7 @@ def write_diagnosis(
         _card(recording, "/modes", modes_card(found))
         draw_evidence(recording, diagnosis)
         mac = np.array([[np.nan if value is None else value for value in row] for row in found.mac], float)
-        names = ([f"{frequency:.4g}" for frequency in frequencies] for frequencies in (found.rows, found.columns))
+        names = ([f"{frequency:#.4g}" for frequency in frequencies] for frequencies in (found.rows, found.columns))
         draw_mac(recording, "/mac", mac, *names)
         draw_named_bars(recording, "/offsets", offset_bars(found))
         if found.sensors:
@@ -104,15 +105,18 @@ def _curves(signals: Recording, names: Sequence[str], colour: Colour) -> Curves:
 
 
 def modes_card(found: DiscrepancyResult) -> str:
-    """Return the table of measured and simulated modes."""
-    lines = ["| model Hz | measured Hz | off % | σ | MAC | with causes % |", "|---:|---:|---:|---:|---:|---:|"]
+    """Return the table of the modes before and now, or of the model and measured, with digits by their deviations."""
+    first = "before Hz | now Hz | change %" if found.measured_before else "model Hz | measured Hz | off by %"
+    lines = [f"| {first} | σ | MAC | with causes % |", "|---:|---:|---:|---:|---:|---:|"]
     for m in found.modes:
-        off = "" if m.off_percent is None else f"{m.off_percent:+.3f}"
+        std = m.std_percent or 0.0
+        off = "" if m.off_percent is None else rounded_text(m.off_percent, std, sign=True)
         sigmas = "" if m.off_percent is None or not m.std_percent else f"{m.off_percent / m.std_percent:+.1f}"
-        simulated = "none" if m.simulated is None else f"{m.simulated:.3f}"
-        measured = "not identified" if m.measured is None else f"{m.measured:.3f}"
+        hertz = 0.01 * std * (m.measured or 0.0)
+        simulated = "none" if m.simulated is None else rounded_text(m.simulated, hertz)
+        measured = "not identified" if m.measured is None else rounded_text(m.measured, hertz)
         mac = "" if m.mac is None else f"{m.mac:.4f}"
-        after = "" if m.off_percent_after is None else f"{m.off_percent_after:+.3f}"
+        after = "" if m.off_percent_after is None else rounded_text(m.off_percent_after, std, sign=True)
         lines.append(f"| {simulated} | {measured} | {off} | {sigmas} | {mac} | {after} |")
     return "\n".join(lines)
 

@@ -54,7 +54,7 @@ def _places(x: float, shape: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _frequencies(mode: ModeShapes) -> str:
-    return f"{mode.frequency_before:.4g} -> {mode.frequency:.4g} Hz"
+    return f"{mode.frequency_before:#.4g} -> {mode.frequency:#.4g} Hz"
 
 
 def _macs(mode: ModeShapes) -> str:

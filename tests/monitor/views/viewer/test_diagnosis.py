@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from daq import Channel, Recording
+from daq.notebook import rounded_text
 from monitor.results.convert import bare_reference
 from monitor.results.state_comparison import ModeShapes, StateComparison
 from monitor.views.viewer import write_diagnosis
 from monitor.views.viewer.diagnosis.evidence import bar_lengths
+from monitor.views.viewer.diagnosis.recording import modes_card
 from tests.support.monitor import answers
 from tests.support.monitor.comparison import NODES, STRUCTURE, shown
 from tests.support.monitor.rrd_reader import Rrd
@@ -99,7 +101,7 @@ def test_evidence_has_a_bar_per_cause_and_the_accepted_one_first(rrd: Rrd) -> No
 def test_mac_has_the_frequencies_of_both_sides(rrd: Rrd) -> None:
     found = shown(peak=PEAK)
     names = rrd.static("/mac/names", "Points2D:labels")
-    assert names == [f"{frequency:.4g}" for frequency in (*found.columns, *found.rows)]
+    assert names == [f"{frequency:#.4g}" for frequency in (*found.columns, *found.rows)]
 
 
 def lengths(rrd: Rrd, path: str) -> np.ndarray:
@@ -115,7 +117,18 @@ def test_bars_of_frequencies_are_proportional_to_the_values(rrd: Rrd) -> None:
     drawn = lengths(rrd, "/offsets/bars")
     np.testing.assert_allclose(drawn / drawn[0], np.array(values, float) / float(values[0] or 0), rtol=1e-4)
     assert rrd.static("/offsets/values", "Points2D:labels") == [f"{value:+.3f}" for value in values]
-    assert rrd.static("/offsets/names", "Points2D:labels") == ["10.4 Hz", "37.2 Hz"]
+    assert rrd.static("/offsets/names", "Points2D:labels") == ["10.40 Hz", "37.20 Hz"]
+
+
+def test_table_of_modes_names_the_states_and_has_the_digits_of_the_deviations() -> None:
+    found = shown()
+    head, _, first, *_ = modes_card(found).splitlines()
+    assert head == "| model Hz | measured Hz | off by % | σ | MAC | with causes % |"
+    mode = found.modes[0]
+    assert f"| {rounded_text(mode.off_percent or 0.0, mode.std_percent or 0.0, sign=True)} |" in first
+    assert modes_card(found.model_copy(update={"measured_before": True})).startswith(
+        "| before Hz | now Hz | change % |"
+    )
 
 
 def test_shapes_before_and_now_are_drawn_on_one_scale(rrd: Rrd) -> None:
