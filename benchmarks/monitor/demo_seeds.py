@@ -31,7 +31,9 @@ def demo(seed: int, out: Path) -> dict[str, Any]:
     """Run one demo and return its answer.json."""
     modalwatch = Path(sys.executable).parent / "modalwatch"
     subprocess.run(
-        [str(modalwatch), "demo", "--seed", str(seed), "--out", str(out)], check=False, stdout=subprocess.DEVNULL
+        [str(modalwatch), "demo", "--seed", str(seed), "--out", str(out), "--force"],
+        check=False,
+        stdout=subprocess.DEVNULL,
     )
     answer: dict[str, Any] = json.loads((out / "answer.json").read_text(encoding="utf-8"))
     return answer
