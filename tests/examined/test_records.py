@@ -53,7 +53,7 @@ def test_overdriven_channels_are_not_diagnosed_as_cause(logs: Path, modalwatch: 
     before, after = log_of(case, logs, "before"), logs / f"overdriven-{share:g}.mcap"
     recording = overdriven(case.done.after, recorded(case.done.after, SECONDS, np.random.default_rng(8)), share)
     write_recording(after, recording)
-    done = modalwatch("diagnose", structure, after, "--reference", before, "--json", answer)
+    done = modalwatch("diagnose", structure, after, "--reference", before, "--json", answer, "--force")
     assert json.loads(answer.read_text(encoding="utf-8"))["verdict"] == "nothing_to_explain", done.out
     assert done.code == 0
     assert ("left out: clipped" in done.out) == (share > 0.02)
@@ -83,7 +83,7 @@ def test_diagnosis_from_records_matches_the_applied_change(
     structure, answer = logs / "structure.toml", logs / "answer.json"
     structure.write_text(BAR if cell.startswith("solid") else t_structure_toml(), encoding="utf-8")
     before, after = log_of(case, logs, "before"), log_of(case, logs, "after")
-    code = modalwatch("diagnose", structure, after, "--reference", before, "--json", answer).code
+    code = modalwatch("diagnose", structure, after, "--reference", before, "--json", answer, "--force").code
     found = json.loads(answer.read_text(encoding="utf-8"))
     assert code == (0 if found["verdict"] in {"explained", "nothing_to_explain"} else 1)
     judged = score(found, case.done.hidden, case.kind)
