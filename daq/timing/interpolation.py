@@ -46,8 +46,8 @@ def interpolate(scans: FloatArray, first: float, step: float, n: int, ratio: flo
     columns = np.ascontiguousarray(scans.T)
     out = np.empty((len(columns), n))
     done = _in_blocks(columns, first, step, ratio, out)
-    rest = np.flatnonzero(np.append(np.repeat(~done, _BLOCK), np.ones(n % _BLOCK, np.bool_)))
-    if len(rest):
+    if n % _BLOCK or not done.all():
+        rest = np.flatnonzero(np.append(np.repeat(~done, _BLOCK), np.ones(n % _BLOCK, np.bool_)))
         position = np.asarray(first + step * rest, np.float64)
         out[:, rest] = _one_by_one(columns, position, ratio)
     return out.T

@@ -21,7 +21,7 @@ sample properties. Journal of Econometrics 29(3), 305-325.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray
 from oma.errors import IdentificationError
@@ -75,7 +75,9 @@ def fit_resonance(frequency: FloatArray, response: ComplexArray, band: tuple[flo
     pole, spacing = np.array([peak, _DAMPING]), float(frequency[1] - frequency[0])
     near = _around(pole, frequency, spacing)
     for _ in range(_ROUNDS):
-        found = least_squares(_rest, pole, args=(frequency[near], response[near]), x_scale=[spacing, _DAMPING])
+        found = scipy.optimize.least_squares(
+            _rest, pole, args=(frequency[near], response[near]), x_scale=[spacing, _DAMPING]
+        )
         pole = np.array([found.x[0], abs(found.x[1])])
         if not band[0] <= pole[0] <= band[1] or pole[1] > _MAX_DAMPING:
             raise IdentificationError(f"{band[0]:g} to {band[1]:g} Hz: no resonance there")

@@ -1,7 +1,7 @@
 """One-to-one pairing of two sets of modes by frequency and shape."""
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy  # its parts at their first use
 
 from daq import FloatArray, IndexArray
 from oma.mac import mac_matrix
@@ -27,8 +27,12 @@ def assign(cost: FloatArray, possible: BoolArray) -> IndexArray:
     (n_rows,) array of int
         The column of each row, -1 where it has none.
     """
-    rows, columns = linear_sum_assignment(np.where(possible, cost, _IMPOSSIBLE))
     result = np.full(len(cost), -1, dtype=np.intp)
+    if max(possible.sum(0).max(initial=0), possible.sum(1).max(initial=0)) <= 1:  # no choice
+        rows, columns = np.nonzero(possible)
+        result[rows] = columns
+        return result
+    rows, columns = scipy.optimize.linear_sum_assignment(np.where(possible, cost, _IMPOSSIBLE))
     taken = possible[rows, columns]
     result[rows[taken]] = columns[taken]
     return result
@@ -46,7 +50,7 @@ def assign_gains(gain: FloatArray) -> IndexArray:
     (n_rows,) array of int
         The column of each row, -1 where it has none.
     """
-    rows, columns = linear_sum_assignment(gain.clip(0), maximize=True)
+    rows, columns = scipy.optimize.linear_sum_assignment(gain.clip(0), maximize=True)
     result = np.full(len(gain), -1, dtype=np.intp)
     taken = gain[rows, columns] > 0
     result[rows[taken]] = columns[taken]
@@ -85,7 +89,7 @@ def pair_modes(
     seen = np.flatnonzero(np.isfinite(frequency) & np.isfinite(shape).all(1))
     assurance = mac_of_moving(shape[seen], model_shape)
     distance = np.abs(np.log(frequency[seen, None] / model_frequency))
-    row, column = linear_sum_assignment(1 - assurance + distance)
+    row, column = scipy.optimize.linear_sum_assignment(1 - assurance + distance)
     near = (assurance[row, column] >= _MIN_MAC) & (distance[row, column] <= _FARTHEST)
     answers = np.full(len(frequency), -1, np.intp)
     answers[seen[row[near]]] = column[near]
