@@ -31,6 +31,7 @@ _BITS = 32
 _NARROW = 25  # low bits of a residual that four bytes contain, wherever in a byte they begin
 _NEAR = np.array([[-1], [0], [1]])
 _Unsigned = npt.NDArray[np.uint32]
+_Windows = npt.NDArray[np.uint32] | npt.NDArray[np.uint64]
 
 
 class Packed(NamedTuple):
@@ -154,10 +155,10 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
     for length in np.unique(packed.n).tolist():
         chosen = np.flatnonzero(kept & (axes.samples == length))
         table = np.zeros((len(chosen), length), np.int32)
-        place = np.flatnonzero(packed.used[chosen])
-        place = place[np.argsort(-axes.order[chosen[place]], kind="stable")]
-        if len(place):
-            table[place] = _samples(window, rest, axes, chosen[place], length).view(np.int32).T
+        used, order = packed.used[chosen], axes.order[chosen]
+        for each in np.unique(order[used]).tolist():
+            place = np.flatnonzero(used & (order == each))
+            table[place] = _samples(window, rest, axes, chosen[place], length).view(np.int32)
         blocks = np.flatnonzero(packed.n == length)
         edges = itertools.pairwise([0, *np.cumsum(n_kept[blocks]).tolist()])
         counts |= {block: table[begin:end].T for block, (begin, end) in zip(blocks.tolist(), edges, strict=True)}
@@ -245,62 +246,46 @@ def _rest(bits: Sequence[bytes], axes: _Axes) -> _Unsigned:
     return rest
 
 
-def _windows(bits: Sequence[bytes], n_low: int) -> npt.NDArray[np.uint32] | npt.NDArray[np.uint64]:
-    """Return 32 bits, or 64 if more low bits need them, from each byte of all bits on, as a view."""
+def _windows(bits: Sequence[bytes], n_low: int) -> _Windows:
+    """Return 32 bits, or 64 if more low bits need them, from each byte of all bits on."""
     size = 4 if n_low <= _NARROW else 8
     data = b"".join([*bits, bytes(8)])
-    return np.ndarray((len(data) - 7,), f">u{size}", data, strides=(1,))
+    windows = np.ndarray((len(data) - 7,), f">u{size}", data, strides=(1,))
+    return windows.astype(windows.dtype.newbyteorder("="))  # else each access would convert all
 
 
-def _samples(
-    window: npt.NDArray[np.uint32] | npt.NDArray[np.uint64],
-    rest: _Unsigned,
-    axes: _Axes,
-    chosen: IndexArray,
-    n: int,
-) -> _Unsigned:
-    """Return samples (n, n_chosen) of axes: residuals from both their parts, then summed as often as their order says.
-
-    Samples are rows, so that sums over time are sums of rows.
+def _samples(window: _Windows, rest: _Unsigned, axes: _Axes, chosen: IndexArray, n: int) -> _Unsigned:
+    """Return samples (n_chosen, n) of axes: residuals from both their parts, then summed as often as their order says.
 
     Parameters
     ----------
     window : bits from each byte on
     rest : upper parts
     axes : all
-    chosen : (n_chosen,) numbers of the axes with n samples, of falling order
+    chosen : (n_chosen,) numbers of the axes with n samples, of one order
     n : number of samples
     """
-    order = axes.order[chosen]
-    samples = np.empty((n, len(chosen)), np.uint32)
-    edges = np.append(np.flatnonzero(np.diff(order, prepend=-1)), len(chosen)).tolist()
-    for begin, end in itertools.pairwise(edges):
-        skipped = int(order[begin])
-        samples[skipped:, begin:end] = _residuals(window, rest, axes, chosen[begin:end], n - skipped).T
-        first = axes.first_start[chosen[begin:end]]
-        if not skipped:
-            samples[:, begin:end] += axes.start[first]
-        for k in range(skipped):
-            samples[k, begin:end] = axes.start[first + k]
-    for k in range(int(order[0]) - 1, -1, -1):
-        part = samples[k:, : np.count_nonzero(order > k)]
-        np.cumsum(part, axis=0, out=part, dtype=np.uint32)
+    order, first = int(axes.order[chosen[0]]), axes.first_start[chosen]
+    residuals = _residuals(window, rest, axes, chosen, n - order)
+    if not order:
+        residuals += axes.start[first][:, None]
+        return residuals
+    samples = np.empty((len(chosen), n), np.uint32)
+    samples[:, order:] = residuals
+    for k in range(order):
+        samples[:, k] = axes.start[first + k]
+    for k in range(order - 1, -1, -1):
+        np.cumsum(samples[:, k:], axis=1, out=samples[:, k:], dtype=np.uint32)
     return samples
 
 
-def _residuals(
-    window: npt.NDArray[np.uint32] | npt.NDArray[np.uint64],
-    rest: _Unsigned,
-    axes: _Axes,
-    chosen: IndexArray,
-    n: int,
-) -> _Unsigned:
+def _residuals(window: _Windows, rest: _Unsigned, axes: _Axes, chosen: IndexArray, n: int) -> _Unsigned:
     """Return n residuals (n_chosen, n) of axes of one order; else as for `_samples`."""
-    kind = window.dtype.newbyteorder("=")
+    kind = window.dtype
     n_low = axes.n_low[chosen][:, None]
     place = n_low * np.arange(n)
     place += axes.first_low[chosen][:, None]
-    u: npt.NDArray[np.unsignedinteger[Any]] = window.take(place >> 3).astype(kind)
+    u: npt.NDArray[np.unsignedinteger[Any]] = window.take(place >> 3)
     place &= 7
     u <<= place.astype(kind)
     u >>= (8 * kind.itemsize - n_low).astype(kind)  # nothing is left of none
