@@ -1,7 +1,10 @@
+import itertools
+
 import numpy as np
 import pytest
 
 from oma import pair_modes
+from oma.tracking.pairing import assign
 
 
 def test_pairing_is_one_to_one_for_equal_mac() -> None:
@@ -24,3 +27,20 @@ def test_model_mode_without_motion_at_sensors_is_not_paired(moves: float) -> Non
     measured = np.array([[0.6, 0.8]])
     model = np.array([[0.6 * moves, 0.8 * moves], [0.5, 0.9]])  # the first moves across the sensors
     assert pair_modes(np.array([10.0]), measured, np.array([10.0, 10.5]), model).tolist() == [1]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 1.0])
+def test_assignment_has_most_pairs_and_of_these_least_cost(share: float) -> None:
+    """Compared with all permutations, with and without a choice."""
+    random = np.random.default_rng(3)
+    for n_columns in (3, 4) * 20:
+        cost, possible = random.random((4, n_columns)), random.random((4, n_columns)) < share
+        columns = assign(cost, possible)
+        rows = np.flatnonzero(columns >= 0)
+        assert possible[rows, columns[rows]].all()
+        assert len(set(columns[rows])) == len(rows)
+        every = []
+        for order in itertools.permutations(range(4), n_columns):
+            pairs = possible[list(order), range(n_columns)]
+            every.append((-pairs.sum(), cost[list(order), range(n_columns)][pairs].sum()))
+        assert (-len(rows), cost[rows, columns[rows]].sum()) == pytest.approx(min(every))
