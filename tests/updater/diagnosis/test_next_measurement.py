@@ -75,12 +75,13 @@ def test_thermometer_tone_and_known_mass_are_proposed_for_common_factor() -> Non
     reference, _, event = learnt(503)
     reported = diagnose(reference, event(Change(stiffness=0.96))).next_measurement
     assert isinstance(reported, Separation)
-    assert reported.measurements[0].kind == "known_mass"
-    assert {one.instrument for one in reported.measurements[1:]} == {
+    (known,) = (one for one in reported.measurements if one.kind == "known_mass")
+    assert 3 < known.deviations < 10  # the shifts by 2 % of the mass differ by 4 % of 1.5 %, noise is 0.02 %
+    assert {one.instrument for one in reported.measurements} - {""} == {
         "A thermometer during both records",
         "A tone of known frequency in both records",
     }
-    assert re.match(r"A known mass of [\d.]+ kg at .* stiffness", next_text(reported)), reported
+    assert re.search(r"A known mass of [\d.]+ kg at .* stiffness", next_text(reported)), reported
 
 
 @pytest.mark.thorough
