@@ -24,7 +24,7 @@ from updater.causes import (
     has_unobserved_mode,
 )
 from updater.diagnosis.places import next_place
-from updater.diagnosis.weighing import Candidate, EvidenceComparison, ranked
+from updater.diagnosis.weighing import ERRS, HOPELESS, Candidate, EvidenceComparison, at_most, ranked
 from updater.inference import Fit, foreseen, pulls
 
 _MAX = 300  # alternatives of a cause that are looked at; of more, evenly many
@@ -100,13 +100,12 @@ def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strengt
     return SelectedCause(cause, row, np.maximum(np.clip(theta, -reach, reach), cause.lower[row]))
 
 
+_MANY = 100  # alternatives of which every second one is predicted to first order
 _CLOSER = 3  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
 _FURTHER = 3  # more pairs that are fitted where none of these fits
-_HOPELESS = 15.0  # predicted log evidence below the best: combinations that are not fitted ...
-_ERRS = 0.2  # ... and relative to the predicted gain of the best: error of first order
-_TURNS, _STILL = 3, 0.5  # times that all are fitted again, while log evidence grows by more than this
+_TURNS, _STILL = 3, 1.0  # times that all are fitted again, while log evidence grows by more than this
 _NEXT = 8.0  # of log density under a cause's best place: another one that is tried
 
 
@@ -225,13 +224,14 @@ class Compositions:
         n_own = len(cause.prior_std)
         theta = np.concatenate([np.zeros(n_own), *(c.theta for c in seed.chosen)])
         beside: JointHypothesis[Cause] = JointHypothesis(cause, seed.chosen)
-        cost = -foreseen(self.weighing.data, beside, theta, n_own)
-        possible = np.isfinite(beside.log_prior)
-        if not possible.any():
+        rows = np.flatnonzero(np.isfinite(beside.log_prior))
+        rows = rows[:: 2 if len(rows) > _MANY else 1]  # those in between are similar, and are fitted afterwards
+        if not len(rows):
             return None
-        gain = np.where(possible, 0.5 * (seed.chi_square - cost) + cause.log_prior, -np.inf)
-        row = int(np.argmax(gain))
-        evidence = seed.log_evidence + float(gain[row]) + self.weighing.log_prior(name)
+        cost = -foreseen(self.weighing.data, beside, theta, n_own, rows)
+        gain = 0.5 * (seed.chi_square - cost) + cause.log_prior[rows]
+        best = int(np.argmax(gain))
+        row, evidence = int(rows[best]), seed.log_evidence + float(gain[best]) + self.weighing.log_prior(name)
         return PredictedCandidate(
             (*seed.chosen, SelectedCause(cause, row, np.zeros(n_own))), evidence, seed.log_evidence
         )
@@ -266,7 +266,7 @@ class Compositions:
 
         for done, promise in enumerate(promises):
             self.weighing.on_cause(promise.names, done, len(promises))
-            keep(self.coordinate_fit(promise.chosen))
+            keep(self.likely_fit(promise.chosen, max((c.log_evidence for c in found.values()), default=-np.inf)))
         if not found:
             return []
         best = max(found.values(), key=lambda c: c.log_evidence)
@@ -286,7 +286,7 @@ class Compositions:
         And that of common causes alone, where the best has rare ones.
         """
         best = promises[0]
-        margin = _HOPELESS + _ERRS * max(best.log_evidence - best.fewer, 0.0)
+        margin = HOPELESS + ERRS * max(best.log_evidence - best.fewer, 0.0)
         few = [p for p in promises[: _CLOSER + 2 - len(best.chosen)] if p.log_evidence >= best.log_evidence - margin]
         plain = common(best.names)
         return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
@@ -307,7 +307,7 @@ class Compositions:
     def _at_next_place(self, fitted: Candidate) -> list[Candidate]:
         """Return the same with each cause in turn at its next place, which fits in turns do not reach."""
         found = []
-        room = _NEXT + _ERRS * max(fitted.chi_square - fitted.parts[0].freedom, 0.0) / 2
+        room = _NEXT + ERRS * fitted.misfit / 2
         for number, part in enumerate(fitted.parts):
             row = next_place(part, room)
             if row is not None:
@@ -327,11 +327,27 @@ class Compositions:
         """Return the causes with a common one in the place of a rare one that acts much like it."""
         found = []
         for number, one in enumerate(fitted.chosen):
-            other = self.weighing.causes.get(CATALOGUE[one.cause.name].common_form)
+            other = self.weighing.cause(CATALOGUE[one.cause.name].common_form)
             if other is not None:
                 others = fitted.chosen[:number] + fitted.chosen[number + 1 :]
                 found.append((*others, SelectedCause(other, 0, np.zeros(len(other.prior_std)))))
         return found
+
+    def likely_fit(self, chosen: tuple[SelectedCause, ...], log_evidence: float) -> Candidate | None:
+        """Return causes fitted in turn; None if the first of these fits is far below a log evidence, or one fails."""
+        *others, last = chosen
+        free = self.weighing.cause(last.cause.name)
+        if free is None:
+            return None
+        names = " and ".join(self.weighing.label(c.cause.name) for c in chosen)
+        first = self.weighing.faults.attempt(names, lambda: self.weighing.first_beside(free, tuple(others)))
+        if first is None:
+            return None
+        prior = sum(self.weighing.log_prior(c.cause.name) for c in chosen)
+        # places that the others leave open count, too: at most all of their alternatives
+        prior -= sum(float(c.cause.log_prior[c.row]) for c in others)
+        reached = at_most(first.log_evidence + prior, float(first.chi_square.min()), first.freedom)
+        return self.coordinate_fit(chosen) if reached > log_evidence else None
 
     def coordinate_fit(self, chosen: tuple[SelectedCause, ...]) -> Candidate | None:
         """Return causes fitted in turn, all alternatives of each with the best of the others, the last one first.
@@ -345,7 +361,9 @@ class Compositions:
         parts: list[Fit[Cause]] = []
         for _ in chosen:
             *others, last = chosen
-            free = self.weighing.causes[last.cause.name]
+            free = self.weighing.cause(last.cause.name)
+            if free is None:
+                raise KeyError(last.cause.name)
             found = self.weighing.fit_beside(free, tuple(others))
             chosen = found.hypotheses.best(found)
             parts.insert(0, found.hypotheses.of_free(found))

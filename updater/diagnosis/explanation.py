@@ -158,7 +158,7 @@ def _diagnosed(
     if unchanged and nothing_changed(search, singles):
         return _refused("nothing_to_explain", case, search.log_nothing, "no_change")
     alone = [c for c in singles if c.effective]
-    found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
+    search, found = stepwise(search, ranked([*alone, *beside_the_file(search, alone)]), rough=True)
     search, found = relaxed_beside(search, found) if not search.instead else unrelaxed_beside(plain, search, found)
     case = replace(case, weighing=search)
     best = max((*singles, *found), key=lambda c: c.log_evidence)
@@ -294,7 +294,7 @@ def _explained(case: Case, found: list[Candidate], searched: float) -> Diagnosis
     best = found[0]
     chosen, data = _with_all_modes(case, agreeing(case.data, best.chosen))
     chosen = as_reported(data, chosen, best)
-    chosen = (*chosen, *drift_beside(data, chosen, case.weighing.causes.get(_DRIFT)))
+    chosen = (*chosen, *drift_beside(data, chosen, case.weighing.cause(_DRIFT)))
     calibration = case.reference.file.calibration
     taken = [] if case.bare is None else removed_bodies(chosen)
     removed = [(one, body) for one, body in taken if case.bare and is_lacked(case.bare, calibration, body)]
@@ -376,7 +376,7 @@ def _next(case: Case, left_open: list[Candidate]) -> Separation | None:
     """Return the measurements that would decide between the remaining hypotheses; None if there is only one."""
     if len(left_open) < 2:
         return None
-    bodies = case.weighing.causes.get(_KNOWN_MASS)
+    bodies = case.weighing.cause(_KNOWN_MASS)
     return next_measurement(
         case.reference,
         case.event,

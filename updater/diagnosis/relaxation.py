@@ -12,13 +12,16 @@ from updater.causes import CATALOGUE, SelectedCause, has_unobserved_mode
 from updater.diagnosis.combinations import Compositions
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, WELL, Candidate, EvidenceComparison, ranked
 
+_MIN_SHARE = 0.5  # of the misfit of a cause alone, that its relaxed form must explain to replace it
+_FAR = 10.0  # times the misfit of the likeliest cause: the relaxed form of a cause with more is not tried alone
 _RIVAL = 60.0  # of log evidence below the best of the plain form: its relaxed one is not tried
 
 
 def relaxed_alone(search: EvidenceComparison, singles: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
-    """Replace the likeliest cause that has a relaxed form by it, if that is much likelier.
+    """Replace the likeliest cause that has a relaxed form by it, if it explains half of the misfit.
 
-    It is not tried where another cause fits well, unless that may absorb what the relaxed form explains.
+    Less may be due to another cause: then the relaxed form is tried in combinations. It is not tried where another
+    cause fits well, unless that may absorb what the relaxed form explains, or where another one fits far better.
     """
     plain = next((c for c in singles if CATALOGUE[c.names[0]].relaxed), None)
     if plain is None or search.nothing.p_value >= WELL:
@@ -26,19 +29,25 @@ def relaxed_alone(search: EvidenceComparison, singles: list[Candidate]) -> tuple
     rival = next((c for c in singles if not is_hidden(c)), plain)
     if rival.p_value >= WELL and plain.log_evidence < rival.log_evidence - _RIVAL:
         return search, singles
-    relaxed = _relaxed(search, plain.names[0])
-    found = next(iter(relaxed.singles(plain.names)), None)
-    if found is None or found.log_evidence < plain.log_evidence + MUCH:
+    if plain.misfit > _FAR * rival.misfit > 0:
         return search, singles
+    relaxed = _relaxed(search, plain.names[0])
+    first = next(iter(relaxed.first_fits(plain.names)), None)
+    if first is None or first.log_evidence < plain.log_evidence + MUCH + _MIN_SHARE * plain.misfit / 2:
+        return search, singles
+    found = relaxed.refined(first) or first
     return relaxed, ranked([found, *(c for c in singles if c is not plain)])
 
 
 def relaxed_beside(search: EvidenceComparison, found: list[Candidate]) -> tuple[EvidenceComparison, list[Candidate]]:
-    """Relax a cause in the best combination that has it, or add it relaxed to another cause, if much likelier."""
-    considered = () if search.instead or not found else search.causes
+    """Relax a cause in the best combination that has it, or add it relaxed to another cause, if much likelier.
+
+    It is not tried where the causes fit well.
+    """
+    considered = () if search.instead or not found or found[0].p_value >= WELL else search.causes
     for name in (name for name in considered if CATALOGUE[name].relaxed):
         relaxed = _relaxed(search, name)
-        if name not in relaxed.causes:  # groups of external matrices have no other form
+        if relaxed.cause(name) is None:  # groups of external matrices have no other form
             continue
         several = Compositions(relaxed)
         fitted = [several.coordinate_fit(chosen) for chosen in _combined(relaxed, name, found)]
@@ -59,7 +68,7 @@ def unrelaxed_beside(
     for name in search.instead:
         if best is None or len(best.chosen) == 1 or best.names.count(name) != 1:
             continue
-        other = Compositions(plain).coordinate_fit(_last(best.chosen, name))
+        other = Compositions(plain).likely_fit(_last(best.chosen, name), best.log_evidence)
         if other is not None and best.log_evidence < other.log_evidence + MUCH:
             return plain, ranked([other, *(c for c in found if c is not best)])
     return search, found
@@ -97,7 +106,7 @@ def _combined(relaxed: EvidenceComparison, name: str, found: list[Candidate]) ->
     if best is not None and best.log_evidence >= found[0].log_evidence - _RIVAL:
         tried.append(_last(best.chosen, name))
     alone = next((c for c in found if len(c.chosen) == 1 and not is_hidden(c)), None)
-    form = relaxed.causes.get(name)
+    form = relaxed.cause(name)
     if alone is None or form is None or alone.names == (name,):
         return tried
     if alone.p_value < DOUBTFUL and found[0].p_value < WELL and name not in found[0].names:

@@ -19,7 +19,7 @@ from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.naming import MIN_P, WORTH_NAMING
 from updater.diagnosis.relaxation import is_hidden, is_relaxed_doubtful, relaxed_beside
-from updater.diagnosis.weighing import DOUBTFUL, MUCH, SURE, WELL, Candidate, EvidenceComparison, ranked
+from updater.diagnosis.weighing import DOUBTFUL, MUCH, N_SEEDS, SURE, WELL, Candidate, EvidenceComparison, ranked
 from updater.inference import Comparison, compare, fit, freedom_of_frequencies
 from updater.modal_data import Circumstances, ModalMean
 from updater.reference import Reference
@@ -35,7 +35,6 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 # are 0.71 times the error of shapes
 _LESS = 0.71
 _MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
-_SEEDS = 3  # best candidates to which another cause is added
 _MAX = 3  # causes at once, besides the parameters of a file
 
 
@@ -89,9 +88,10 @@ def closer(case: Case, found: list[Candidate], good: Comparison) -> list[Candida
     good : the event, compared with the error of a good model
     """
     weighing = replace(case.weighing, data=good)
-    sought = stepwise(weighing, _again(weighing, found), rough=False)
+    weighing, sought = stepwise(weighing, _again(weighing, found), rough=False)
     closer = [c for c in sought if within_noise(good, c.chosen)][:_MAX_JUDGED]
-    again = [Compositions(case.weighing).coordinate_fit(c.chosen) for c in closer]
+    actual = Compositions(replace(weighing, data=case.data))
+    again = [actual.coordinate_fit(c.chosen) for c in closer]
     return ranked([fitted for fitted in again if fitted is not None]) or found
 
 
@@ -197,7 +197,7 @@ def judged(case: Case, found: list[Candidate], data: Comparison) -> tuple[Case, 
     again = _again(weighing, found)
     if not again:
         return case, found
-    weighing, judged = relaxed_beside(weighing, stepwise(weighing, again, rough=False))
+    weighing, judged = relaxed_beside(*stepwise(weighing, again, rough=False))
     evidence, searched = (
         judged[0].log_evidence + data.log_det_of_shapes,
         found[0].log_evidence + case.data.log_det_of_shapes,
@@ -216,12 +216,12 @@ def _again(weighing: EvidenceComparison, found: list[Candidate]) -> list[Candida
     several = Compositions(weighing)
     near = [c for c in found if c.log_evidence > found[0].log_evidence - _WORTH_JUDGING][:_MAX_JUDGED]
     if is_hidden(near[0]):
-        near += [c for c in found if not is_hidden(c) and c not in near][: _SEEDS - 1]
+        near += [c for c in found if not is_hidden(c) and c not in near][: N_SEEDS - 1]
     again = ranked([fitted for fitted in (several.coordinate_fit(c.chosen) for c in near) if fitted is not None])
     free = bool(again) and is_relaxed_doubtful(weighing, again[0])
     if free:
         (name,) = again[0].names
-        others = [c for c in found if name not in c.names and not is_hidden(c) and c not in near][: _SEEDS - 1]
+        others = [c for c in found if name not in c.names and not is_hidden(c) and c not in near][: N_SEEDS - 1]
         again += [fitted for fitted in (several.coordinate_fit(c.chosen) for c in others) if fitted is not None]
     rare = any(len(c.names) == 1 and CATALOGUE[c.names[0]].common_form for c in again)
     if free or (rare and not _explains_alone(weighing, again[0])):
@@ -237,24 +237,28 @@ def _explains_alone(weighing: EvidenceComparison, best: Candidate) -> bool:
     return not promises or promises[0].log_evidence < best.log_evidence - _NO_EFFECT
 
 
-def stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: bool) -> list[Candidate]:
+def stepwise(
+    weighing: EvidenceComparison, found: list[Candidate], *, rough: bool
+) -> tuple[EvidenceComparison, list[Candidate]]:
     """Return single causes and, if a further one promises a large gain, combinations while the evidence grows.
+
+    Before a third cause is sought, the relaxed form of one of two is tried.
 
     Parameters
     ----------
     rough : whether it is sufficient that the result is no misfit, whatever a further cause would gain
     """
-    several = Compositions(weighing)
-    start = len(found[0].chosen) if not rough and several.of_the_file_alone(found[0]) else 1
+    start = len(found[0].chosen) if not rough and Compositions(weighing).of_the_file_alone(found[0]) else 1
     for number in range(start, _MAX + bool(weighing.of_the_file)):
         as_many = [c for c in found if len(c.chosen) == number]
-        seeds = as_many[:_SEEDS]
-        seeds += [c for c in as_many[_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
+        seeds = as_many[:N_SEEDS]
+        seeds += [c for c in as_many[N_SEEDS:] if sorted(c.names) == common(seeds[0].names)]
         doubted = found[0].p_value < DOUBTFUL or is_hidden(found[0]) or is_relaxed_doubtful(weighing, found[0])
         if not seeds or len(found[0].chosen) < number or (rough and found[0].p_value >= DOUBTFUL):
             break
         if len(found[0].chosen) > number and not doubted:
             break
+        several = Compositions(weighing)
         promises = several.rank_by_linear_prediction(seeds if doubted else seeds[:1])
         least = 0.0 if several.of_the_file_alone(found[0]) else MUCH
         if not promises or (not doubted and promises[0].log_evidence < found[0].log_evidence + least):
@@ -266,7 +270,9 @@ def stepwise(weighing: EvidenceComparison, found: list[Candidate], *, rough: boo
                 more += several.further(promises)
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
-    return found
+        if found[0].p_value < DOUBTFUL:
+            weighing, found = relaxed_beside(weighing, found)
+    return weighing, found
 
 
 def _as_good(one: Candidate, other: Candidate) -> bool:

@@ -15,10 +15,12 @@ from updater.inference.residuals import residual
 
 _SHARES = (1.0, 0.3, 0.1, 0.03)  # of a step, tried until the fit is better
 _ENOUGH = 0.01  # of chi-square: a step that gains less is an alternative's last
-_AT_REST = 1e-4  # of chi-square: a step that is predicted to gain less is not evaluated
+_AT_REST = 1e-3  # of chi-square: a step that is predicted to gain less is not evaluated: 0.03 standard deviations
+# of the exponent of an alternative's density relative to the best: gains of improbable alternatives count for less
+_CAUTION = 0.5
 # chi-square over the best, after the predicted step, within which a step is evaluated
 _REACH = (1000.0, 300.0, 60.0, 60.0, 60.0, 60.0)
-_REACH_NEAR = (100.0, 60.0, 60.0, 60.0, 60.0, 60.0)  # likewise, of alternatives that begin near their best
+_REACH_NEAR = (60.0, 30.0, 30.0, 30.0, 30.0, 30.0)  # likewise, of alternatives that begin near their best
 _FEW = 150  # alternatives that are continued after the first step: those with the best predictions
 _HOPELESS = 300.0  # of chi-square over the best: alternatives that begin near their best are not fitted
 _SHARE = 0.01  # of the chance that a right cause is refused: for its frequencies alone, which many shapes would drown
@@ -228,10 +230,13 @@ def _fit(comparison: Comparison, hypotheses: H, start: FloatArray, *, near: bool
     slope[begun] = slopes(comparison, hypotheses, point, begun)
     for number, reach in enumerate(_REACH_NEAR if near else _REACH):
         step, promised = _newton(slope, point.residual, point.theta - hypotheses.lower)
-        least = point.cost - promised
-        alive = np.flatnonzero(moving & (least < point.cost.min() + reach))
+        over = point.cost - promised - point.cost.min()
+        worth = moving & (over < reach)
+        if near or number > 1:  # else the prediction is of too large a step
+            worth &= promised * np.exp(-_CAUTION * np.maximum(over, 0.0) / 2) > _AT_REST
+        alive = np.flatnonzero(worth)
         if number:
-            alive = np.sort(alive[np.argsort(least[alive], kind="stable")[:_FEW]])
+            alive = np.sort(alive[np.argsort(over[alive], kind="stable")[:_FEW]])
         if not len(alive):
             break
         before = point.cost[alive]

@@ -114,18 +114,20 @@ def linearised(comparison: Comparison, hypotheses: Hypotheses) -> tuple[FloatArr
     return point.residual[:, :n_data], slopes(comparison, hypotheses, point, everything)[:, :n_data]
 
 
-def foreseen(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> FloatArray:
-    """Return minus the chi-square that each alternative would come to, to first order (n_alternatives,).
+def foreseen(
+    comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int, rows: IndexArray
+) -> FloatArray:
+    """Return minus the chi-square that each alternative would come to, to first order (len(rows),).
 
     Parameters
     ----------
     theta : (n_parameters,) where the first `n_own` have no effect yet; the others are fitted with them
+    rows : alternatives
     """
-    n = len(hypotheses.log_prior)
     if not n_own:  # all or nothing: the slope is zero
-        whole = evaluate(comparison, hypotheses, np.tile(theta, (n, 1)), np.arange(n))
+        whole = evaluate(comparison, hypotheses, np.tile(theta, (len(rows), 1)), rows)
         return -whole.cost
-    one, own = _besides(comparison, hypotheses, theta, n_own)
+    one, own = _besides(comparison, hypotheses, theta, n_own, rows)
     score = own.transpose(0, 2, 1) @ one.residual[0]
     gain = np.einsum("pj,pj->p", score, np.linalg.solve(normal(own), score[..., None])[..., 0])
     return np.asarray(gain - one.cost[0])
@@ -140,17 +142,19 @@ def size_deviations(comparison: Comparison, hypotheses: Hypotheses, theta: Float
     ----------
     theta : (n_parameters,) where the first `n_own` have no effect; those after them are fitted too
     """
-    one, own = _besides(comparison, hypotheses, theta, n_own)
+    one, own = _besides(comparison, hypotheses, theta, n_own, np.arange(len(hypotheses.log_prior)))
     n_data = one.residual.shape[1] - len(theta)
     information = (own[:, :, 0] ** 2).sum(1) - own[:, n_data, 0] ** 2
     return np.asarray(np.maximum(information, _MIN_INFORMATION) ** -0.5)
 
 
-def _besides(comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int) -> tuple[Point, FloatArray]:
-    """Return the state at theta, and derivatives (n_alternatives, n_residuals, n_own) beyond the other parameters'."""
-    n, n_all = len(hypotheses.log_prior), len(theta)
+def _besides(
+    comparison: Comparison, hypotheses: Hypotheses, theta: FloatArray, n_own: int, rows: IndexArray
+) -> tuple[Point, FloatArray]:
+    """Return the state at theta, and derivatives (len(rows), n_residuals, n_own) beyond the other parameters'."""
+    n_all = len(theta)
     one = evaluate(comparison, hypotheses, theta[None], np.zeros(1, np.intp))
-    own = slopes(comparison, hypotheses, one.rows(np.zeros(n, np.intp)), np.arange(n), range(n_own))
+    own = slopes(comparison, hypotheses, one.rows(np.zeros(len(hypotheses.log_prior), np.intp)), rows, range(n_own))
     if n_all > n_own:
         others = slopes(comparison, hypotheses, one, np.zeros(1, np.intp), range(n_own, n_all))[0]
         basis = np.linalg.qr(others)[0]

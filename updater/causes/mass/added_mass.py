@@ -39,6 +39,7 @@ _MAX = 5000  # positions that are all fitted; of more, on a structure's nodes, t
 _KEPT = 100  # nodes, each of which may be on several members
 _NEAR = 30.0  # of log density under the best: a centimetre may hide a posterior of a millimetre
 _ARRIVED = 300.0  # log density below the best: alternatives below it may not have converged
+_LEFT_OUT = 60.0  # of log density under the best: positions that are not fitted again, e^-60 times as likely
 _MAX_FINE = 120  # fine positions on one member
 _MAX_FINE_IN_ALL = 480
 _FILED = 0.1  # m on a frame of 1.5 m: a body of the file as near as this is the one that was taken off, if as heavy
@@ -136,11 +137,12 @@ class AddedMass:
         )
 
     def refined(self, log_density: FloatArray, theta: FloatArray) -> "AddedMass | None":
-        """Return the positions and, where one comes near the best, many more about it; none if it is near everywhere.
+        """Return the likely positions and, where one comes near the best, many more about it.
 
-        They start from the fitted values of neighbouring alternatives that have converged.
+        They start from the fitted values of neighbouring alternatives that have converged. None if the density is near
+        the best everywhere.
         """
-        near, arrived = (log_density > log_density.max() - less for less in (_NEAR, _ARRIVED))
+        near, kept, arrived = (log_density > log_density.max() - less for less in (_NEAR, _LEFT_OUT, _ARRIVED))
         most = min(_MAX_FINE, _MAX_FINE_IN_ALL // max(len(np.unique(self.member[near])), 1))
         members = np.unique(self.member).tolist()
         spacing = {m: max(self._fine, 2 * self.gap * near[self.member == m].sum() / most) for m in members}
@@ -148,10 +150,10 @@ class AddedMass:
         if not refined.any():
             return None
         grids, starts = {}, []
-        for m in members:
-            here = self.member == m
-            grids[m] = _closer(self.position[here], refined[here], self.gap, spacing[m])
-            known = here & arrived if near[here].any() else here
+        for m in np.unique(self.member[kept]).tolist():
+            here, known = ((self.member == m) & which for which in (kept, arrived))
+            ends = self.position[self.member == m][[0, -1]]
+            grids[m] = _closer(self.position[here], refined[here], self.gap, spacing[m], ends)
             starts.append([np.interp(grids[m], self.position[known], values) for values in theta[known].T])
         return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)
 
@@ -407,9 +409,9 @@ def _lengths(position: FloatArray, gap: float) -> FloatArray:
     return np.minimum(np.gradient(position), gap) if len(position) > 1 else np.array([gap])
 
 
-def _closer(position: FloatArray, near: FloatArray, gap: float, spacing: float) -> FloatArray:
+def _closer(position: FloatArray, near: FloatArray, gap: float, spacing: float, ends: FloatArray) -> FloatArray:
     if not near.any():
         return position
     steps = np.arange(-gap, gap + spacing / 2, spacing)
-    fine = np.clip((position[near][:, None] + steps).ravel(), position[0], position[-1])
+    fine = np.clip((position[near][:, None] + steps).ravel(), *ends)
     return np.unique(np.round(np.concatenate([position, fine]), 6))
