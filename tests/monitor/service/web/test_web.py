@@ -275,7 +275,7 @@ def test_report_of_an_alarm_is_made_from_the_history(source: Source) -> None:
     assert page is not None
     assert "bridge &lt;b&gt;" in page
     assert f"<td>Alarm raised</td><td>{utc(raised)}</td>" in page
-    assert "302 ± 5 g added on the crossbeam" in page
+    assert "302 ± 5 g added on the crossbeam" in page.replace("\N{NO-BREAK SPACE}", " ")
     assert alarm_page("bridge", source.url, "", raised + 1) is None
 
 
