@@ -60,6 +60,7 @@ THOROUGH = [
     ("amplitude_softening", 314),
     ("axial_force", 307),
     ("sensor_dead", 320),
+    ("local_stiffness + added_mass", 156),  # fourth to first order; a foot with a stretch fits too, at p = 0.6
     ("local_stiffness + added_mass", 684200013),  # the best of either alone is on the wrong member
     ("local_stiffness + added_mass", 684200006),  # 102 g beside two thirds of a member's stiffness
     ("local_stiffness + added_mass", 2657985167017),  # the stretch promises little beside the body that fits best alone

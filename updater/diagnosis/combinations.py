@@ -101,7 +101,7 @@ def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strengt
 
 
 _MANY = 100  # alternatives of which every second one is predicted to first order
-_CLOSER = 3  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
+_CLOSER = 5  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
 _FURTHER = 3  # more pairs that are fitted where none of these fits
