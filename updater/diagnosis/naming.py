@@ -283,7 +283,7 @@ def mass_tests_of(data: Comparison, chosen: Sequence[SelectedCause]) -> tuple[Ma
             )
             for k, row in enumerate(test.rows.tolist())
         ]
-        p_value = float(chdtrc(len(off), off @ off))
+        p_value = float(chdtrc(len(off), off @ off)) if len(off) else 1.0
         found.append(MassTestFit(mass=test.mass, position=test.position, modes=tuple(shifts), p_value=p_value))
     return tuple(found)
 

@@ -139,8 +139,8 @@ def covariance_root(spread: FloatArray) -> FloatArray:
     return np.asarray(left[:, kept] * value[kept])
 
 
-def seen_tracks(reference: Reference, paired: IndexArray, event: ModalMean) -> IndexArray:
-    """Return the tracks of an event that have a shape and a mode of the reference.
+def seen_tracks(reference: Reference, paired: IndexArray, event: ModalMean) -> tuple[ModalMean, IndexArray]:
+    """Return an event at the baseline's channels, and its tracks that have a shape and a mode of the reference.
 
     Raises
     ------
@@ -149,16 +149,17 @@ def seen_tracks(reference: Reference, paired: IndexArray, event: ModalMean) -> I
     PairingError
         If no mode can be compared.
     ValueError
-        If the channels are not the baseline's.
+        If a channel of the baseline is missing.
     """
     expected = reference.baseline.channels
-    if event.channels != expected:
+    if not set(expected) <= set(event.channels):
         raise ModalDataError(
             f"channels: expected the baseline's {', '.join(expected)}, found {', '.join(event.channels)}"
         )
+    event = event.at(expected)
     shaped = np.isfinite(event.log_frequency) & np.isfinite(event.shape).all(1) & event.shape.any(1)
     tracks = np.flatnonzero(shaped & (paired >= 0))
     if not len(tracks):
         raise PairingError("no measured mode is paired with one of the reference")
     check_event(reference.baseline.only(tracks), event.only(tracks))
-    return tracks
+    return event, tracks

@@ -70,7 +70,7 @@ class MassUpdater:
 
         Parameters
         ----------
-        event : (n_tracks,) mean of windows, channels as in the baseline
+        event : (n_tracks,) mean of windows, at the baseline's channels at least
 
         Raises
         ------
@@ -79,10 +79,10 @@ class MassUpdater:
         PairingError
             If no mode can be compared, or two are the same in the model's modes.
         ValueError
-            If the channels are not the baseline's.
+            If a channel of the baseline is missing.
         """
         at = self._at
-        tracks = seen_tracks(self._reference, at.paired, event)
+        event, tracks = seen_tracks(self._reference, at.paired, event)
         found = self._increments(event, self._reference.baseline, tracks)
         share = at.share(at.paired[tracks])
         normalised = normalised_increments(found.value, 1 / at.mass, share / at.mass)

@@ -60,7 +60,7 @@ class StiffnessUpdater:
 
         Parameters
         ----------
-        event : (n_tracks,) mean of windows, channels as in the baseline
+        event : (n_tracks,) mean of windows, at the baseline's channels at least
 
         Raises
         ------
@@ -69,9 +69,9 @@ class StiffnessUpdater:
         PairingError
             If no mode can be compared.
         ValueError
-            If the channels are not the baseline's.
+            If a channel of the baseline is missing.
         """
-        tracks = seen_tracks(self._reference, self._at.paired, event)
+        event, tracks = seen_tracks(self._reference, self._at.paired, event)
         found = self._increments(event, self._reference.baseline, tracks)
         updated = _by_mode(self._at, self._hinges.rows, self._at.paired[tracks])
         share = (updated**2).sum(1) / self._flexibility

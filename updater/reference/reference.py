@@ -90,9 +90,13 @@ class Reference:
         return np.asarray((apart < NEAR).any(1))
 
     def comparable(self, channels: tuple[str, ...]) -> tuple[str, ...]:
-        """Return channels of an event at which its shapes can be compared: the baseline's, then further sensors."""
-        first = [c for c in self.baseline.channels if c in channels]
-        return (*first, *(c for c in self.structure.channels if c in channels and c not in first))
+        """Return channels of an event at which its shapes can be compared: the baseline's, then further sensors.
+
+        A file without reference logs is compared at the channels of the logs for which its modes were computed.
+        """
+        first = tuple(c for c in self.baseline.channels if c in channels)
+        further = () if self.of_file else self.structure.channels
+        return (*first, *(c for c in further if c in channels and c not in first))
 
     def unmeasured(self, channels: tuple[str, ...]) -> npt.NDArray[np.bool_]:
         """Return a mask of channels (n_channels,) that the baseline did not measure: its shapes are the model's."""

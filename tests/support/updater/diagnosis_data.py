@@ -21,6 +21,7 @@ from updater import (
     diagnose,
     learn_reference,
     matched,
+    nominal_reference,
     stack_tracks,
 )
 from updater.modal_data import KnownMass
@@ -130,6 +131,15 @@ class MeasuredAgain:
         weighed = mass * (1 + _WEIGHED * self._random.standard_normal())
         heavier = self._change.of(self._bare).structure.with_bodies((Body(at=at, mass=weighed),))
         return self._answer(self._now, mass=(mass, at, self._windows(heavier, 5)))
+
+    def of_file_with_held_out_sensor(self, at: tuple[float, float, float]) -> DiagnosisResult:
+        """Return the answer without reference logs; a held-out record has a further sensor."""
+        further = Sensor(channel="further", at=at, direction=(0.0, 0.0, 1.0))
+        kept = self._windows(self._change.of(self._bare).structure, 5, further)
+        logs, held_out = (stack_tracks(windows, [TRACK] * 5) for windows in (self._now, kept))
+        reference = nominal_reference(self._with(t_frame(), further), logs)
+        events = [matched(reference.baseline, reference.mean_of(modes)) for modes in (logs, held_out)]
+        return diagnose(reference, events[0], heldout=events[1])
 
     def _answer(
         self,

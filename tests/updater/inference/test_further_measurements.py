@@ -1,11 +1,14 @@
 """A sensor or a known mass is added after the change, where the diagnosis advises it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.support.updater.diagnosis_data import COLUMN, HALF, TOP, Change, MeasuredAgain
-from updater import Body, DiagnosisResult
+from tests.support.updater.diagnosis_data import COLUMN, HALF, TOP, Change, MeasuredAgain, learnt
+from updater import Body, Circumstances, DiagnosisResult, diagnose
 from updater.diagnosis import Measurement, Separation
+from updater.modal_data import KnownMass
 
 
 def body_on_the_crossbeam(seed: int) -> Body:
@@ -85,6 +88,28 @@ def test_known_mass_where_it_is_advised_decides_between_stiffness_and_density(se
     other = {"stiffness": "global_density", "density": "global_stiffness"}[name]
     assert f"global_{name}" in {cause.cause, *cause.cannot_be_told_from}
     assert other not in {cause.cause, *cause.cannot_be_told_from}
+
+
+def test_known_mass_without_a_common_mode_decides_nothing() -> None:
+    """No datum: the probability of larger differences is one, and a mode with the mass is not required."""
+    reference, _, event = learnt(1)
+    now = event(Change((Body(at=(0.2, 0.0, TOP), mass=0.2),)))
+    unseen = replace(now, log_frequency=np.full(len(now.n), np.nan))
+    known = KnownMass(mass=0.15, position=(0.3, 0.0, TOP), modes=unseen)
+    found = diagnose(reference, now, circumstances=Circumstances(known_masses=(known,)), only=("added_mass",))
+    (test,) = found.diagnosis.mass_tests
+    assert (test.modes, test.p_value) == ((), 1.0)
+    alone = diagnose(reference, now, only=("added_mass",))
+    assert found.diagnosis.causes == alone.diagnosis.causes
+
+
+def test_held_out_record_of_a_file_may_have_a_further_sensor() -> None:
+    """The modes of a file are those at the sensors of the logs: the held-out record is compared at these."""
+    site = MeasuredAgain(1, Change((Body(at=(0.3, 0.0, TOP), mass=0.3),)), COLUMN)
+    diagnosis = site.of_file_with_held_out_sensor((0.2, 0.0, TOP)).diagnosis
+    assert diagnosis.failed == ()
+    assert diagnosis.gain is not None
+    assert diagnosis.gain.heldout
 
 
 @pytest.mark.thorough

@@ -10,7 +10,16 @@ from daq import FloatArray
 from tests.support.thorough import few_of
 from tests.support.updater.frames import t_frame, unmoved
 from tests.support.updater.one_step import LOCATION_1, N_BASELINE, N_EVENT, Rig
-from updater import Body, MassUpdater, ModalDataError, PairingError, learn_reference, mean_modes, stack_tracks
+from updater import (
+    Body,
+    MassUpdater,
+    ModalDataError,
+    PairingError,
+    StiffnessUpdater,
+    learn_reference,
+    mean_modes,
+    stack_tracks,
+)
 from updater.modal_data import COMMON_STD
 from updater.one_step import expand_changes, expand_shapes
 from updater.one_step.lumped_mass import lump
@@ -121,6 +130,18 @@ def test_event_without_modes_is_refused(rig: Rig) -> None:
 def test_event_with_other_channels_is_refused(rig: Rig) -> None:
     with pytest.raises(ValueError, match="channels: expected the baseline's col_037_x"):
         MassUpdater(rig.reference).update(replace(rig.reference.baseline, channels=("a",)))
+
+
+@pytest.mark.parametrize("updater", [MassUpdater, StiffnessUpdater])
+def test_channel_that_the_baseline_lacks_is_left_out(rig: Rig, updater: type[MassUpdater | StiffnessUpdater]) -> None:
+    """The shapes are divided by their norm again: rounding of 1e-15 times cond(t), relative to the largest."""
+    event = rig.reference.mean_of(stack_tracks(rig.windows(rig.loaded, N_EVENT, 7), unmoved(N_EVENT)))
+    parts = {name: getattr(event, name) for name in ("shape", "shape_std", "imaginary", "imaginary_std")}
+    further = replace(
+        event, channels=("further", *event.channels), **{k: v[:, [0, *range(12)]] for k, v in parts.items()}
+    )
+    found, alone = (updater(rig.reference).update(one).increment for one in (further, event))
+    np.testing.assert_allclose(found, alone, rtol=0, atol=1e-10 * np.abs(alone).max())
 
 
 @pytest.mark.parametrize(("loaded", "draws"), few_of([(True, 30), (True, 100), (False, 100)], n=0))
