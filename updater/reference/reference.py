@@ -92,10 +92,11 @@ class Reference:
     def comparable(self, channels: tuple[str, ...]) -> tuple[str, ...]:
         """Return channels of an event at which its shapes can be compared: the baseline's, then further sensors.
 
-        A file without reference logs is compared at the channels of the logs for which its modes were computed.
+        Only the baseline's where fewer than two of them would scale the model's shapes, and of a file without reference
+        logs, whose modes are known at the channels of the logs.
         """
         first = tuple(c for c in self.baseline.channels if c in channels)
-        further = () if self.of_file else self.structure.channels
+        further = () if self.of_file or len(first) < 2 else self.structure.channels
         return (*first, *(c for c in further if c in channels and c not in first))
 
     def unmeasured(self, channels: tuple[str, ...]) -> npt.NDArray[np.bool_]:

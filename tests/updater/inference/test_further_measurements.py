@@ -112,6 +112,15 @@ def test_held_out_record_of_a_file_may_have_a_further_sensor() -> None:
     assert diagnosis.gain.heldout
 
 
+def test_one_channel_of_the_baseline_is_too_few_with_a_further_sensor() -> None:
+    """The shapes of the model are scaled by those of the baseline: at one channel, these have no information."""
+    reference, _, _ = learnt(1)
+    reference = replace(reference, baseline=reference.baseline.at(COLUMN))
+    further = next(c for c in reference.structure.channels if c not in COLUMN)
+    assert reference.comparable((further, *COLUMN[:2])) == (*COLUMN[:2], further)
+    assert reference.comparable((further, COLUMN[0])) == COLUMN[:1]
+
+
 @pytest.mark.thorough
 def test_p_values_of_known_masses_are_uniform() -> None:
     """On an unchanged frame, anywhere on the crossbeam: at most one in ten is below 0.1, within its own scatter."""

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from monitor.cli.data.structure.parameters_output import changes_table
 from monitor.cli.options import DONE, NEEDS_A_PERSON
 from monitor.cli.output import STDOUT, write_json
 from monitor.cli.terminal import Work, console, echo, progress, warn
-from monitor.errors import ArgumentError, ResultsError, StateError
+from monitor.errors import ArgumentError, ResultsError, State, StateError
 from monitor.optional import run_optional
 from monitor.results.comparison import DiagnosisAnswer, DiscrepancyResult
 from monitor.results.convert import bare_reference
@@ -178,9 +179,14 @@ class Logs:
     heldout_within: TimeRange = WHOLE
     exponential_window: float | None = None  #: time constant, of frequency responses [s]
 
+    def of_state(self, state: State) -> Sequence[Path]:
+        """Return the logs of a state of the structure."""
+        known = {"current": self.current, "reference": self.reference, "heldout": self.heldout}
+        return known[state] if state in known else [one.path for one in self.mass]
+
     def check_window(self) -> None:
         """Refuse an exponential window of no length, or of no frequency responses."""
-        window, paths = self.exponential_window, [*self.current, *self.reference, *self.heldout]
+        window, paths = self.exponential_window, [path for state in get_args(State) for path in self.of_state(state)]
         if window is not None and not window > 0:
             raise ArgumentError("--exponential-window", f"expected a positive time in s, found {window:g}")
         if window is not None and not any(map(is_universal, paths)):
@@ -242,10 +248,11 @@ def diagnose_logs(
             )
             found = explain_record(explained, before, after, heldout)
         except StateError as error:
-            raise LogError(", ".join(map(str, getattr(logs, error.state))), str(error)) from error
+            raise LogError(", ".join(map(str, logs.of_state(error.state))), str(error)) from error
     diagnosis = _write(found, structure_path, logs, out, json_path)
     nearer = _write_nearer(found.explained, structure_path, logs, out)
-    for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout)):
+    heavier = [([known.path], one.observation) for known, one in zip(logs.mass, with_mass, strict=True)]
+    for paths, one in ((logs.current, after), (logs.reference, before), (logs.heldout, heldout), *heavier):
         for text in left_out_texts({c: str(fault) for c, fault in given_up(one).items()}) if one else ():
             warn(f"warning: {_names(paths)}: {text}")
     for step in diagnosis.reference_steps:
