@@ -198,9 +198,9 @@ def written_gain(
     written : the structure without causes, and with them written into it
     known : fit of the latter to `measured`, if it is known
     """
-    unused = compare(reference, heldout.event) if heldout else None
-    if heldout and unused is not None and unused.channels == data.channels:
-        change, data, modes = change_gain_on(unused, chosen), unused, heldout
+    if heldout and set(data.channels) <= set(heldout.event.channels):
+        data, modes = compare(reference, heldout.event.at(data.channels)), heldout
+        change = change_gain_on(data, chosen)
     else:
         change, modes = change_gain_left_out(data, chosen), measured
     before = fit_of_written(reference, data, modes, written[0], None)

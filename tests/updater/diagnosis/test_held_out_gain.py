@@ -71,6 +71,15 @@ def test_a_held_out_record_may_lack_a_mode_or_a_channel() -> None:
     assert not gain.heldout
 
 
+def test_a_held_out_record_may_have_a_further_channel() -> None:
+    """Whether the baseline has it, or it is a further sensor: it is left out."""
+    reference, _, event = learnt(305)
+    found, kept = event(CHANGE), event(CHANGE)
+    fewer = replace(reference, baseline=reference.baseline.at(kept.channels[:-1]))
+    gains = [diagnose(one, found.at(kept.channels[:-1]), heldout=kept, only=ONLY) for one in (reference, fewer)]
+    assert [found.diagnosis.gain is not None and found.diagnosis.gain.heldout for found in gains] == [True, True]
+
+
 def test_each_left_out_mode_is_predicted_by_the_others() -> None:
     """A mode that is left out is predicted within four stated deviations; not closer than noise allows."""
     reference, _, event = learnt(303)
