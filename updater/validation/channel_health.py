@@ -39,7 +39,7 @@ class SensorHealth:
     channels: tuple[str, ...]
     gain: FloatArray  #: (n_channels,) relative to the previous gain; negative: reversed polarity [-]
     gain_std: FloatArray  #: (n_channels,) [-]
-    delay: FloatArray  #: (n_channels,) later than it was [s]; NaN where phases are not known
+    delay: FloatArray  #: (n_channels,) later than it was [s]; NaN where phases are not known, as of a further sensor
     delay_std: FloatArray  #: (n_channels,) [s]
 
     @property
@@ -94,7 +94,8 @@ def sensor_health(reference: Reference, event: ModalMean, circumstances: Circums
         ),
     )
     theta, std = _beside_most(found.theta[0], found.covariance[0], np.repeat(_WIDE, n), np.repeat(_USUAL, n))
-    known = np.where(data.phased.any(), 1.0, np.nan)
+    phased = data.phased.any() & (reference.of_file | ~reference.unmeasured(data.channels))
+    known = np.where(phased, 1.0, np.nan)
     return SensorHealth(
         channels=data.channels,
         gain=1 + theta[:n],

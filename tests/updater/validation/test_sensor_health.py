@@ -9,7 +9,7 @@ from daq import FloatArray
 from oma import ModalEstimate
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
-from updater import Model, build_model, learn_reference, sensor_health, stack_tracks
+from updater import Model, build_model, learn_reference, matched, sensor_health, stack_tracks
 from updater.validation import SensorHealth
 
 TRACK = np.arange(8)
@@ -97,3 +97,22 @@ def test_gains_are_found_where_phases_are_unknown() -> None:
     assert found.reversed == (CHANNELS[3],)
     assert np.all(np.abs(found.gain - gain) < 4 * found.gain_std)
     assert np.isnan(found.delay).all()
+
+
+def test_delay_of_a_further_sensor_is_not_known() -> None:
+    """The baseline has no phase of it to compare with."""
+    random, bare = np.random.default_rng(521), true_model(np.random.default_rng(522))
+    known = CHANNELS[:-2]
+
+    def measured(channels: tuple[str, ...], n: int) -> list[ModalEstimate]:
+        windows = [measure(bare, random, np.ones(12)) for _ in range(n)]
+        k = len(channels)
+        return [replace(w, channels=channels, shape=w.shape[:, :k], shape_std=w.shape_std[:, :k]) for w in windows]
+
+    reference = learn_reference(t_frame(), measured(known, 8), [TRACK] * 8)
+    event = matched(reference.baseline, reference.mean_of(stack_tracks(measured(CHANNELS, 5), [TRACK] * 5)))
+    health = sensor_health(reference, event)
+    assert health.channels == CHANNELS
+    assert np.isnan(health.delay).tolist() == [False] * 10 + [True] * 2
+    assert np.isnan(health.delay_std).tolist() == [False] * 10 + [True] * 2
+    assert (np.abs(health.gain - 1) < 4 * health.gain_std).all()
