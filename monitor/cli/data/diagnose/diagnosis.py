@@ -299,7 +299,7 @@ def _facts(found: Explanation, structure_path: Path, logs: Logs) -> list[tuple[s
         *log_facts("Logs", logs.current, logs.within),
         *log_facts("Reference", logs.reference, logs.reference_within),
         *log_facts("Held-out", logs.heldout, logs.heldout_within),
-        *((f"With {one.mass:g} kg", one.path.name) for one in logs.mass),
+        *(fact for one in logs.mass for fact in log_facts(f"With {one.mass:g} kg", [one.path])),
         *calibration_facts(found.explained.calibration or found.reference.calibration),
     ]
 
