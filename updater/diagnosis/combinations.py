@@ -101,7 +101,8 @@ def _begun(weighing: EvidenceComparison, columns: _Columns, number: int, strengt
 
 
 _MANY = 100  # alternatives of which every second one is predicted to first order
-_CLOSER = 5  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
+_CLOSER = 3  # pairs that are fitted, of all that are predicted to first order; one fewer of more causes
+_LATER = 2  # pairs after these that are fitted too
 _MODES_EACH = 4  # frequencies that each cause that changes them must have, from the third cause on
 _DATA_EACH = 2  # data of all kinds that each must have, from the second one on: a place and a size
 _FURTHER = 3  # more pairs that are fitted where none of these fits
@@ -240,6 +241,17 @@ class Compositions:
         """Fit the best predictions; two causes of one kind are two, and failing ones are left out."""
         return self._fitted(self._worth_fitting(promises))
 
+    def later(self, promises: Sequence[PredictedCandidate], fitted: Sequence[Candidate]) -> list[Candidate]:
+        """Fit the best predictions after those of `together`, where others than these causes are fitted.
+
+        The error of first order may exceed what separates the predictions.
+        """
+        tried, fits = [sorted(c.names) for c in fitted], self._worth_fitting(promises)
+        left = [p for p in promises[: len(fits) + _LATER] if p not in fits and self._is_near(promises[0], p)]
+        most = max((c.log_evidence for c in fitted), default=-np.inf)
+        found = [self.likely_fit(p.chosen, most) for p in left if sorted(p.names) not in tried]
+        return [again for c in found if c is not None and (again := self._refit_until_converged(c)) is not None]
+
     def further(self, promises: Sequence[PredictedCandidate]) -> list[Candidate]:
         """Fit the best of those left out by `together`, each with other causes: the error of first order may be larger.
 
@@ -286,10 +298,15 @@ class Compositions:
         And that of common causes alone, where the best has rare ones.
         """
         best = promises[0]
-        margin = HOPELESS + ERRS * max(best.log_evidence - best.fewer, 0.0)
-        few = [p for p in promises[: _CLOSER + 2 - len(best.chosen)] if p.log_evidence >= best.log_evidence - margin]
+        few = [p for p in promises[: _CLOSER + 2 - len(best.chosen)] if self._is_near(best, p)]
         plain = common(best.names)
         return few + [p for p in promises if common(p.names) == sorted(p.names) == plain and p not in few][:1]
+
+    @staticmethod
+    def _is_near(best: PredictedCandidate, other: PredictedCandidate) -> bool:
+        """Return whether a prediction may exceed the best one within the error of first order."""
+        margin = HOPELESS + ERRS * max(best.log_evidence - best.fewer, 0.0)
+        return other.log_evidence >= best.log_evidence - margin
 
     def _refit_until_converged(self, fitted: Candidate | None) -> Candidate | None:
         """Refit each cause with the others at their present values while the fit improves."""

@@ -268,6 +268,8 @@ def stepwise(
             more += [c for c in several.at_once() if not any(_as_good(m, c) for m in more)]
             if not any(c.p_value >= DOUBTFUL for c in more):
                 more += several.further(promises)
+        if number == 1:
+            more += several.later(promises, more)
         more = [c for c in more if c.earned(found)]
         found = ranked([*found, *more])
         if found[0].p_value < DOUBTFUL:
