@@ -85,6 +85,6 @@ def test_diagnosis_from_modes_matches_the_applied_change(cell: str, seed: int) -
 
 
 def test_pair_that_is_fourth_to_first_order_is_named() -> None:
-    """A foot with a stretch fits too, with p = 0.6. The place of the body is 2.5 deviations off."""
+    """A foot with a stretch fits too, with p = 0.6."""
     case = draw("local_stiffness + added_mass", 156)
     assert sorted(cause["cause"] for cause in answer(case)["causes"]) == ["added_mass", "local_stiffness"]
