@@ -72,7 +72,7 @@ def test_a_held_out_record_may_lack_a_mode_or_a_channel() -> None:
 
 
 def test_a_held_out_record_may_have_a_further_channel() -> None:
-    """Whether the baseline has it, or it is a further sensor: it is left out."""
+    """A channel of the baseline, or a further sensor: it is left out."""
     reference, _, event = learnt(305)
     found, kept = event(CHANGE), event(CHANGE)
     fewer = replace(reference, baseline=reference.baseline.at(kept.channels[:-1]))
