@@ -18,9 +18,10 @@ COLUMNS = (
 )
 HEAD = f"""# Five demos
 
-Written by `make bench-seeds`: results of five complete demos, started with the command for users. The rig of each demo
-is random, determined by its seed. `found` means an error of at most 0.10 m and 15 %, or 2 of its own
-standard deviations, and no alarm before the addition of the body. Positions are points on the member axis, in m.
+Does the demo find a body that it does not know? Five complete demos are run with the command `modalwatch demo`, each
+with a random rig determined by its seed. `make bench-seeds` writes this page, with all failures. `found`: the errors are at most 0.10 m
+and 15 %, or two stated standard deviations, and no alarm was raised before the body was added. Positions are points on the member
+axis, in m.
 
 | {" | ".join(COLUMNS.split()).replace("_", " ")} |
 |---:|:--|---:|:--|---:|---:|---:|---:|---:|---:|---:|:--|
