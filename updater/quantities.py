@@ -46,22 +46,22 @@ class Quantity(PlainValue):
 
 
 class Where(PlainValue):
-    """Place of a cause on the structure, or the channels of one that sits in the measuring chain."""
+    """Position of a cause on the structure, or the channels of a sensor fault."""
 
     member: str | None = None
     position: Vector | None = None  #: position on the member's axis [m]
-    position_std: float | None = None  #: along the member [m]
-    region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 %, from and to [m]
+    position_std: float | None = None  #: standard deviation along the member [m]
+    region: tuple[tuple[Vector, Vector], ...] = ()  #: 95 % credible region: start and end of each stretch [m]
     channels: tuple[str, ...] = ()
-    name: str = ""  #: of the place, such as `foot of the right post`; empty where there is none
+    name: str = ""  #: name of the place, such as `foot of the right post`; empty if it has none
 
 
 class Breathing(PlainValue):
     """Closing of a crack or a connection that is softer under one sign of the moment than under the other."""
 
-    share: Quantity  #: of the flexibility added on average that is absent while it is closed [-]
+    share: Quantity  #: share of the mean added flexibility that is absent while the crack is closed [-]
     open_time: Quantity | None  #: share of the time in which it is open; None if it does not open and close [-]
-    p_value: float  #: probability of as large a nonlinear part of a linear structure
+    p_value: float  #: probability of an equal or larger nonlinear part of a linear structure
 
     @property
     def significant(self) -> bool:
@@ -77,15 +77,15 @@ class ParameterChange(PlainValue):
     of: str  #: material, support, joint, section or body that it belongs to
     position: Vector | None  #: position of the support, the joint, the weld or the body [m]
     unit: str  #: Pa, N m/rad, N/m, kg, or - for a factor
-    before: float | None  #: None for a connection that was rigid
+    before: float | None  #: None if the connection was rigid
     after: float
     std: float  #: standard deviation of `after`; 0 at a bound
     before_std: float = 0.0  #: standard deviation of `before`; 0 for a value of the file
-    place: str = ""  #: name of the place, such as `foot of the right post`; empty where there is none
+    place: str = ""  #: name of the place, such as `foot of the right post`; empty if it has none
     member: str = ""  #: member that a rotational spring holds; empty if not known
-    member_stiffness: float | None = None  #: of this member's end: 4 E I / L in bending, G J / L in twist [N m/rad]
-    twists: bool = False  #: whether the spring holds this member against twist
-    at_bound: bool = False  #: whether `after` is a bound of the parameter, beyond which the data would move it
+    member_stiffness: float | None = None  #: stiffness of this member's end: 4 E I / L, twist G J / L [N m/rad]
+    twists: bool = False  #: true if the spring holds this member against twist
+    at_bound: bool = False  #: true if `after` is a bound, and the best value without it is beyond
 
     @property
     def added_flexibility(self) -> tuple[float, float]:

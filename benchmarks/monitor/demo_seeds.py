@@ -19,9 +19,9 @@ COLUMNS = (
 HEAD = f"""# Five demos
 
 Does the demo find a body that it does not know? Five complete demos are run with the command `modalwatch demo`, each
-with a random rig determined by its seed. `make bench-seeds` writes this page, with all failures. `found`: the errors are at most 0.10 m
-and 15 %, or two stated standard deviations, and no alarm was raised before the body was added. Positions are points on the member
-axis, in m.
+with a random rig determined by its seed. `make bench-seeds` writes this page, with all failures. `found`: the errors
+are at most 0.10 m and 15 %, or two stated standard deviations, and no alarm was raised before the body was added.
+Positions are points on the member axis, in m.
 
 | {" | ".join(COLUMNS.split()).replace("_", " ")} |
 |---:|:--|---:|:--|---:|---:|---:|---:|---:|---:|---:|:--|

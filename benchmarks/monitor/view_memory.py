@@ -95,7 +95,7 @@ def site(text: str, port: int) -> str:
 def main() -> None:
     """Read the arguments, show, and print the resources of the process."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("log", type=Path, nargs="+", help="files of a run that has learnt its reference")
+    parser.add_argument("log", type=Path, nargs="+", help="files of a run that has learned its reference")
     parser.add_argument("--windows", type=int, default=1000)
     parser.add_argument("--client", action="store_true")
     asked = parser.parse_args()

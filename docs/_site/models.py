@@ -162,16 +162,22 @@ def described(
         if text.startswith(f"{model.__name__}("):  # made by dataclass
             text = ""
         found = [
-            (key, written(kind), default, meaning) if of_a_file else (key, kind, meaning)
+            (key, written(kind), default, meaning) if of_a_file else (key, kind, in_json(meaning))
             for key, kind, default, meaning in rows(model)
         ]
         head = ("key", "type", "default", "meaning") if of_a_file else ("key", "type", "meaning")
+        text = text if of_a_file else in_json(text)
         sections += [heading(level, model.__name__), text, table(head, found) if found else "No fields."]
         waiting = [part for kind in _kinds(model) for part in models_in(kind)] + waiting
     text = "\n\n".join(section for section in sections if section)
     for model, page in elsewhere.items():
         text = text.replace(f"(#{anchor(model.__name__)})", f"({page})")
     return text
+
+
+def in_json(text: str) -> str:
+    """Return a text about values of Python as one about values in JSON."""
+    return re.sub(r"\bNone\b", "null", text)
 
 
 def written(kind: str) -> str:

@@ -23,7 +23,7 @@ from updater.modal_data import NOTHING_REMOVED, SynchronizedWindows, choose_trac
 _PERIODS = 250  # periods of the structure's first mode in a window, required for identification
 _FEWEST_PERIODS = 100  # in a window in which identification seeks the first mode at all
 _MAX_WINDOWS = 24
-_MIN_WINDOWS = 3  # from which their own scatter is learnt
+_MIN_WINDOWS = 3  # from which their own scatter is learned
 _IN_TIME: Mapping[str, float] = MappingProxyType({})
 
 

@@ -25,7 +25,7 @@ from monitor.detection.window_variance import Scatter, ScatterState, first_scatt
 
 WEIGHTS = (0.2, 0.02)  #: weight of the newest window, in the quick and the slow average
 DETECTORS: tuple[DetectorName, ...] = ("jump", "quick drift", "slow drift")
-GUARD = 72  #: windows that must stay calm before older ones are learnt from
+GUARD = 72  #: windows that must stay calm before older ones are learned from
 
 _FREEDOMS = 1.25  # ratio of the degrees of freedom that limits are computed for
 

@@ -1,7 +1,7 @@
 """Windows in which one mode alone is inconsistent: a temporary wrong pole, or a change of one mode.
 
 A wrong pole often stays for several windows, so that a few windows in a row do not distinguish the two. How long such
-runs last is learnt from those that have ended: the number of windows to wait follows from the stated false alarm rate.
+runs last is learned from those that have ended: the number of windows to wait follows from the stated false alarm rate.
 """
 
 from dataclasses import dataclass

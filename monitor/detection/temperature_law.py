@@ -131,7 +131,7 @@ class Law:
     def by_temperature(self, terms: FloatArray) -> FloatArray:
         """Return deviations of modes (..., n_windows, 4, n_tracks) by those of the regressors.
 
-        The thermometer's, as it is learnt, holds above freezing only.
+        The thermometer's, as it is learned, holds above freezing only.
         """
         one = np.ones_like(self.thermometer)
         std = np.stack([self.thermometer, one, one, THERMOMETER_STD * one], axis=-1)
@@ -383,7 +383,7 @@ def _parts(law: Law, covariance: FloatArray) -> FloatArray:
 def _reweighted(law: Law, age: float) -> Law:
     """Return the law, its windows so far weighted by the present variance of movements.
 
-    It was assumed to be larger when the first windows were learnt from.
+    It was assumed to be larger when the first windows were learned from.
     """
     moving, alike = _moving(law), _alike(law, age)[..., None]
     before, now = (law.fast[..., None] + (alike * m).sum(-2) for m in (law.sums.moving, moving))
@@ -419,7 +419,7 @@ def _own_share(law: Law, terms: FloatArray, variance: FloatArray) -> FloatArray:
 
 
 def _scattered(law: Law, residual: FloatArray, lag: int, variance: FloatArray, share: FloatArray) -> Law:
-    """Return the law with its scatter learnt from the residuals too, which are weighted by the inverse variance."""
+    """Return the law with its scatter learned from the residuals too, which are weighted by the inverse variance."""
     seen = np.isfinite(residual)
     there = np.where(seen, residual, 0.0) * np.sqrt(share / variance)[..., None]
     means, weights, shares = _means(residual, variance, share)

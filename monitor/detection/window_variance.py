@@ -1,7 +1,7 @@
 """Variance of a window's frequencies, common to all modes, from stated deviations, the RMS, and its own recent past.
 
 The log variance is linear in the logarithms of the stated variance and of the squared RMS, with coefficients that are
-learnt, plus a part that decays within hours. It is observed through differences between windows, which a change of the
+learned, plus a part that decays within hours. It is observed through differences between windows, which a change of the
 structure enters once. Three Kalman filters, each with another size of that part, are weighted by their likelihood.
 
 References

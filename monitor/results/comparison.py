@@ -8,17 +8,17 @@ from updater.quantities import PlainValue, Vector
 
 
 class RejectedCause(PlainValue):
-    """One cause that was tried and refused."""
+    """A cause that was tried and rejected."""
 
     cause: str
-    log_evidence: float  #: against the best one [-]
+    log_evidence: float  #: relative to the best one [-]
     why: str
 
 
 class CoursePoint(PlainValue):
     """A window of a record within which the structure changed."""
 
-    time: int  #: its middle [ns UTC]
+    time: int  #: middle of the window [ns UTC]
     share: float  #: share of the change that it shows: 0 as at the start, 1 as at the end [-]
     std: float  #: standard deviation of `share` [-]
 
@@ -27,7 +27,7 @@ class ChangeRate(PlainValue):
     """Mean rate of a gradual change."""
 
     cause: str
-    parameter: str  #: of the cause, or of the model
+    parameter: str  #: parameter of the cause, or of the model
     per_hour: float  #: [unit/h]
     std: float  #: [unit/h]
     unit: str
@@ -39,13 +39,13 @@ class WithinRecord(PlainValue):
     kind: Literal["sudden", "gradual"]
     start: int  #: mean time of the windows of the first state [ns UTC]
     end: int  #: mean time of the windows of the last state [ns UTC]
-    of_all: bool  #: whether the diagnosis is of the mean of all windows; else of the last state
-    verdict: Verdict  #: on the change from the first to the last state
-    causes: tuple[Cause, ...]  #: of this change
-    rates: tuple[ChangeRate, ...]  #: of a gradual change
+    of_all: bool  #: true if the mean of all windows is diagnosed; otherwise the last state
+    verdict: Verdict  #: verdict on the change from the first to the last state
+    causes: tuple[Cause, ...]  #: causes of this change
+    rates: tuple[ChangeRate, ...]  #: rates of a gradual change
     step: tuple[int, int] | None  #: times between which a sudden change happened [ns UTC]
     course: tuple[CoursePoint, ...]
-    p_value: float  #: probability of as clear a change in windows of one state [-]
+    p_value: float  #: probability of an equal or clearer change in windows of one state [-]
 
 
 class DiagnosisAnswer(Diagnosis):
@@ -63,20 +63,20 @@ class ModeComparison(PlainValue):
 
     simulated: float | None  #: frequency without the causes [Hz]
     measured: float | None  #: [Hz]
-    off_percent: float | None  #: measured against simulated, without the causes [%]
+    off_percent: float | None  #: measured relative to simulated frequency, without the causes [%]
     std_percent: float | None  #: standard deviation: noise, and expected errors of the model [%]
     mac: float | None  #: [-]
     off_percent_after: float | None = None  #: the same with the causes [%]
     mac_after: float | None = None  #: [-]
-    compared: bool = True  #: whether causes are sought with it: the reference has it, and the match is certain
+    compared: bool = True  #: true if the diagnosis uses it: the reference has it, and the match is certain
 
 
 class ChannelHealth(PlainValue):
     """State of a channel relative to the baseline, or to the model, and to the other channels."""
 
-    gain: float  #: negative where its polarity is turned [-]
+    gain: float  #: negative if the polarity is reversed [-]
     gain_std: float  #: [-]
-    delay: float | None = None  #: [s]; None where phases are not known
+    delay: float | None = None  #: [s]; None if phases are not known
     delay_std: float | None = None  #: [s]
 
 
@@ -98,11 +98,11 @@ class SensorComparison(PlainValue):
 class BalanceResult(PlainValue):
     """Model error at each node from residual forces, in the order of the reference; None where nothing is known."""
 
-    loss: tuple[float | None, ...]  #: stiffness that the model has too much, over its own [-]
+    loss: tuple[float | None, ...]  #: excess stiffness of the model, relative to its stiffness [-]
     loss_std: tuple[float | None, ...]
-    added: tuple[float | None, ...]  #: mass that the model lacks, over its own [-]
+    added: tuple[float | None, ...]  #: missing mass of the model, relative to its mass [-]
     added_std: tuple[float | None, ...]
-    log_odds: float  #: log evidence of errors of mass over that of errors of stiffness [-]
+    log_odds: float  #: log evidence of errors of mass minus that of errors of stiffness [-]
 
 
 class SignalComparison(PlainValue):
@@ -110,7 +110,7 @@ class SignalComparison(PlainValue):
 
     channel: str
     start: float  #: time of the samples from the start of the log's window [s]
-    step: float  #: between samples [s]
+    step: float  #: interval of the samples [s]
     measured: tuple[float, ...]  #: [m/s2]
     predicted: tuple[float, ...]  #: [m/s2]
     frequency: tuple[float | None, ...]  #: frequencies of the spectra, None between resonances [Hz]
@@ -120,7 +120,7 @@ class SignalComparison(PlainValue):
 
 
 class FrequencyTrend(PlainValue):
-    """A mode's frequency over another quantity, per window, with a straight line."""
+    """Frequency of a mode per window, as a linear function of another quantity."""
 
     mode: float  #: mean frequency [Hz]
     over: str  #: temperature or amplitude
@@ -142,7 +142,7 @@ class PlaceDensity(PlainValue):
 
 
 class DiscrepancyResult(PlainValue):
-    """All of it."""
+    """Comparison of measured and simulated modes, sensors and signals."""
 
     modes: tuple[ModeComparison, ...]  #: pairs and unpaired simulated modes, then unpaired measured ones
     rows: tuple[float, ...]  #: simulated frequencies of the MAC's rows [Hz]
@@ -154,8 +154,8 @@ class DiscrepancyResult(PlainValue):
     trends: tuple[FrequencyTrend, ...] = ()
     places: tuple[PlaceDensity, ...] = ()
     gain_std: Gain | None = None  #: standard deviations of the gain, if it is significant
-    note: str = ""  #: why a part is missing
-    measured_before: bool = False  #: whether the simulated modes are those of the reference logs; else of the model
+    note: str = ""  #: reason why a part is missing
+    measured_before: bool = False  #: true if `simulated` are the modes of the reference logs
 
     @property
     def listed(self) -> tuple[ModeComparison, ...]:

@@ -178,7 +178,7 @@ def _geometry(model: Model) -> dict[str, Any]:
 
 
 def bare_reference(structure: Structure) -> ReferenceResult:
-    """Return a structure as it can be drawn, with nothing learnt about it."""
+    """Return a structure as it can be drawn, with nothing learned about it."""
     return ReferenceResult(time=0, n_windows=0, modes=[], calibrated={}, **_geometry(build_model(structure)))
 
 

@@ -91,35 +91,35 @@ class Counters(_Status):
     history_dropped: int = 0  #: items that the history did not store or spool
     disk_free: int = 0  #: free space of the disk of the log [bytes]
     waiting: dict[str, int] = {}  #: items in each queue
-    bad_bytes: dict[str, int] = {}  #: outside valid frames, by device
+    bad_bytes: dict[str, int] = {}  #: bytes outside valid frames, by device
     thread_failures: dict[str, int] = {}  #: unforeseen exceptions, by thread
 
 
 class SiteStatus(_Status):
     """Status of a monitor; ages are those at the time of writing."""
 
-    time: float  #: of writing [s since 1970]
-    started: float  #: [s since 1970]
+    time: float  #: time of writing [s since 1970]
+    started: float  #: start of the monitor [s since 1970]
     pid: int
-    memory_use: dict[str, int] = {}  #: of the process
+    memory_use: dict[str, int] = {}  #: memory of the process
     state: State | Literal["learning"]
-    learning: LearningProgress | None = None  #: of the baseline, from its first usable window on
+    learning: LearningProgress | None = None  #: progress of the baseline, from its first usable window on
     step_seconds: float  #: interval of windows in wall time [s]
     window_age: float  #: time since the last window [s]
     window_overdue: bool
     window: WindowStatus | None = None
-    trend: TrendResult | None = None  #: of the last evaluated window, as the next
-    detectable: DetectableChange | None = None
-    blind: str | None = None  #: report of windows in a row without a usable result
+    trend: TrendResult | None = None  #: trend at the last evaluated window
+    detectable: DetectableChange | None = None  #: smallest changes detectable in the last evaluated window
+    blind: str | None = None  #: report of successive windows without a usable result
     missing_channels: list[str] = []  #: reports of channels without data
     overload: str | None = None  #: report of windows that were left out
-    windows_left_out: int = 0  #: since the start
+    windows_left_out: int = 0  #: number since the start
     temperature: float | None = None  #: last reading of the site's thermometer; None if it has none [degC]
-    latency: dict[str, float] = {}  #: of the last window and alarm, since their last sample [s of wall time]
-    residuals: ChannelResiduals | None = None  #: of the last block of signals; None before they are learned
+    latency: dict[str, float] = {}  #: from the last sample to the result or alarm [s of wall time]
+    residuals: ChannelResiduals | None = None  #: residuals of the last block of signals; None before they are learned
     residual_course: list[float] = []  #: largest deviation of each of the last blocks [-]
-    self_test: SelfTestResult | None = None  #: last one of the present baseline
-    identities: dict[str, dict[str, Any]] = {}  #: of devices, over restarts
+    self_test: SelfTestResult | None = None  #: last self-test with the present baseline
+    identities: dict[str, dict[str, Any]] = {}  #: identities of the devices, kept over restarts
     devices: dict[str, DeviceStatus] = {}
     problems: PartProblems = PartProblems()
     counters: Counters = Counters()

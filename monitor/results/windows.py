@@ -47,7 +47,7 @@ class ModeResult(_Result):
     damping: Number  #: [-]
     damping_std: Number  #: [-]
     shift_percent: float | None = None  #: shift of frequency relative to the baseline [%]
-    shift_std_percent: float | None = None  #: its standard deviation, baseline's share included [%]
+    shift_std_percent: float | None = None  #: its standard deviation, including that of the baseline [%]
     shape: list[float]  #: real part at each channel, unit norm [-]
 
 
@@ -56,20 +56,19 @@ class DetectorFigure(_Result):
 
     detector: DetectorName
     value: Number  #: squared distance from the prediction of the law, divided by the number of modes [-]
-    limit: Number  #: limit that it exceeds by chance at the rate below [-]
-    false_alarms_per_year: float  #: its share of the stated rate
+    limit: Number  #: limit that `value` exceeds by chance at the rate `false_alarms_per_year` [-]
+    false_alarms_per_year: float  #: share of this detector in the stated rate
 
 
 class Unsure(_Result):
-    """Result of a window where the law is uncertain, as at temperatures not seen before."""
+    """Result of a window for which the temperature law is uncertain, as outside the temperatures of the baseline."""
 
-    least_percent: float  #: smallest change of all frequencies alike that would have been a jump [%]
+    least_percent: float  #: smallest common change of all frequencies that would have been a jump [%]
     temperature: Number  #: temperature of the window [degC]
     coldest: Number  #: lowest temperature of the baseline's windows [degC]
-    warmest: Number  #: [degC]
-    silent_hours: float | None = (
-        None  #: time since the last temperature reading, if there was one and the window has none [h]
-    )
+    warmest: Number  #: highest temperature of the baseline's windows [degC]
+    #: time since the last temperature reading, if there was one and the window has none [h]
+    silent_hours: float | None = None
 
     @property
     def outside(self) -> bool:
@@ -78,11 +77,11 @@ class Unsure(_Result):
 
 
 class SingleMode(_Result):
-    """Mode that alone would put windows over a limit, which a wrong pole does, too, for some windows."""
+    """Mode that alone exceeds a limit, as also a wrong pole does for some windows."""
 
     mode: int  #: identity
     windows: int  #: consecutive windows so far
-    needed: int  #: number from which on it counts as a change
+    needed: int  #: number of windows from which on it counts as a change
 
 
 class ModeTrend(_Result):
@@ -94,35 +93,35 @@ class ModeTrend(_Result):
 
 
 class TrendResult(_Result):
-    """Slow trend of the frequencies since the baseline, the effects of temperature and season removed."""
+    """Slow trend of the frequencies since the baseline, without the effects of temperature and season."""
 
     weeks: float  #: weeks of data
     percent_per_year: float  #: rate of the mean over all modes
     std_percent_per_year: float
-    modes: list[ModeTrend]  #: null rates of those that too few weeks show
+    modes: list[ModeTrend]  #: rates of the modes; not finite for modes with too few weeks
 
 
 class DetectableChange(_Result):
-    """Smallest lasting changes of frequency that bring a detector to its limit, with the present law."""
+    """Smallest lasting changes of frequency that reach the limit of a detector, with the present temperature law."""
 
-    alike_percent: Number  #: change of all modes alike [%]
-    #: change of each mode alone, by identities from 1 on, not finite where not detectable [%]
+    alike_percent: Number  #: common change of all modes [%]
+    #: change of each mode alone, by identities from 1 on; not finite if not detectable [%]
     modes_percent: list[Number]
-    thermometer: bool  #: whether the baseline has temperatures
+    thermometer: bool  #: true if the baseline has temperatures
 
 
 class Novelty(_Result):
     """Distance of a window from the baseline."""
 
     t2: Number  #: value of the detector nearest to its limit, or farthest above it [-]
-    limit: Number  #: limit of the same [-]
-    modes: list[int]  #: identities of the modes that entered
-    detectors: list[DetectorFigure] = []  #: all of them; in logs of before there were several, none
-    #: if changes must be at least three times as large as with a certain law to be detected
+    limit: Number  #: limit of this detector [-]
+    modes: list[int]  #: identities of the modes that were used
+    detectors: list[DetectorFigure] = []  #: results of all detectors; empty in logs of older versions
+    #: set if the uncertainty of the law makes the smallest detectable change at least three times as large
     unsure: Unsure | None = None
-    single_mode: SingleMode | None = None  #: if one mode alone is inconsistent, not yet for long enough to be a change
-    detectable: DetectableChange | None = None  #: in the conditions of the window
-    trend: TrendResult | None = None  #: significant slow trend, unless forgiven; it is no part of the distance
+    single_mode: SingleMode | None = None  #: set if one mode alone deviates, for too few windows yet
+    detectable: DetectableChange | None = None  #: smallest changes detectable in this window
+    trend: TrendResult | None = None  #: significant slow trend, unless forgiven; not part of the distance
 
     @property
     def level(self) -> float:
@@ -143,7 +142,7 @@ class ProfilePoint(_Result):
 
     member: str
     position: Vector  #: [m]
-    density: float  #: probability a metre [1/m]
+    density: float  #: probability per metre [1/m]
     mass: float  #: best mass at this place [kg]
 
 
@@ -152,8 +151,8 @@ class OtherPlace(_Result):
 
     member: str
     position: Vector  #: position on the member's axis [m]
-    position_std: Number  #: along the member [m]
-    mass: float  #: mass if it is there [kg]
+    position_std: Number  #: standard deviation along the member [m]
+    mass: float  #: mass at this place [kg]
     mass_std: Number  #: [kg]
     probability: float  #: probability of the place [-]
 
@@ -163,20 +162,20 @@ class MassAnswer(_Result):
 
     member: str
     position: Vector  #: position on the member's axis [m]
-    position_std: Number  #: along the member [m]
+    position_std: Number  #: standard deviation along the member [m]
     mass: float  #: [kg]
     mass_std: Number  #: [kg]
-    region: list[Interval]  #: 95 % credible
+    region: list[Interval]  #: 95 % credible region
     member_probability: float  #: probability that it is on this member [-]
     p_value: Number  #: probability of a worse fit if a mass is the cause [-]
-    n_windows: int  #: windows that entered
+    n_windows: int  #: number of windows used
     profile: list[ProfilePoint]
     outlook: str = ""  #: accuracy with more windows, and its limit
-    others: list[OtherPlace] = []  #: places that the data leave open besides, as on a symmetric frame's other arm
+    others: list[OtherPlace] = []  #: other possible places, such as the mirror image on a symmetric frame
 
 
 class FlaggedDof(_Result):
-    """Node and direction with a mass increment beyond those of undisturbed windows."""
+    """Node and direction with a significant mass increment."""
 
     node: int  #: index into `ReferenceResult.nodes`
     direction: Literal["x", "y", "z"]
@@ -186,13 +185,13 @@ class FlaggedDof(_Result):
 class IncrementPlace(_Result):
     """Position of one point mass that explains the increments of all nodes best."""
 
-    located: bool  #: whether one mass fits and its 95 % region is short; else no place is claimed
-    fits: bool  #: whether one mass explains the increments
+    located: bool  #: true if one mass fits and its 95 % region is short; otherwise no place is stated
+    fits: bool  #: true if one mass explains the increments
     member: str
     position: Vector  #: [m]
     radius: float  #: distance to the farthest end of the region [m]
-    region: list[Interval]  #: 95 %
-    mass: float  #: mass of the order of the change [kg]
+    region: list[Interval]  #: 95 % confidence region
+    mass: float  #: order of magnitude of the mass [kg]
     p_value: float  #: probability of a worse fit if one mass is the cause [-]
 
 
@@ -206,9 +205,9 @@ class MassIncrements(_Result):
     normalised_std: list[tuple[float | None, float | None, float | None]]  #: [kg]
     totals: Vector  #: sums of the normalised increments: of the order of the mass, not an estimate of it [kg]
     totals_std: Vector  #: [kg]
-    z_limit: float  #: |z| that one undisturbed window in 100 passes anywhere (family-wise 1 %) [-]
-    flagged: list[FlaggedDof]  #: by distance from the place
-    n_windows: int  #: windows that entered
+    z_limit: float  #: largest |z| of all nodes that one in 100 undisturbed windows exceeds (family-wise 1 %) [-]
+    flagged: list[FlaggedDof]  #: sorted by the distance from the place
+    n_windows: int  #: number of windows used
 
 
 class ModeChange(_Result):
@@ -217,19 +216,19 @@ class ModeChange(_Result):
     id: int  #: identity
     frequency: float  #: frequency of the baseline [Hz]
     shift_percent: Number  #: shift of the frequency relative to the expected one at the temperature of the windows [%]
-    shift_std_percent: Number  #: its standard deviation, baseline's share included [%]
+    shift_std_percent: Number  #: its standard deviation, including that of the baseline [%]
     damping: Number  #: damping of the baseline [-]
     damping_shift: Number  #: damping minus that of the baseline [-]
     damping_shift_std: Number  #: [-]
     mac: Number  #: MAC of the shape with that of the baseline [-]
-    changed: list[ModalQuantity]  #: significant changes: all modes together have one in 100 by chance
+    changed: list[ModalQuantity]  #: significant changes; all modes together have one by chance in 1 of 100 cases
 
 
 class ModalChange(_Result):
     """Change of the measured modes since the baseline, at a site without a structure file."""
 
     modes: list[ModeChange]
-    n_windows: int  #: windows that entered
+    n_windows: int  #: number of windows used
 
 
 class Spectrum(_Result):
@@ -246,7 +245,7 @@ class LearningProgress(_Result):
     """Progress of the baseline that is being learned."""
 
     windows: int  #: usable windows so far, this one included
-    target: int  #: windows from which the baseline is learned; it grows if they do not suffice
+    target: int  #: number of windows from which the baseline is learned; it is increased if they are too few
 
 
 class WindowResult(_Result):
@@ -257,52 +256,52 @@ class WindowResult(_Result):
     end: int  #: [ns UTC]
     phase: Phase
     channels: list[str]  #: channels of the shapes
-    faults: dict[str, str] = {}  #: channels that are not among those, and why
+    faults: dict[str, str] = {}  #: channels left out, with the reason
     modes: list[ModeResult]
     novelty: Novelty | None = None
     answer: MassAnswer | None = None
     increments: MassIncrements | None = None
     diagnosis: DiagnosisAnswer | None = None  #: diagnosis since the baseline
-    change: ModalChange | None = None  #: in place of these, without a structure file
+    change: ModalChange | None = None  #: change of the modes, at a site without a structure file
     discrepancy: DiscrepancyResult | None = None  #: basis of the diagnosis
     spectrum: Spectrum | None = None
-    sensors: dict[str, ChannelHealth] = {}  #: at intervals, over the windows since the last time
+    sensors: dict[str, ChannelHealth] = {}  #: state of the channels, at intervals, over the windows since the last one
     rms: dict[str, float] = {}  #: rms of each channel [m/s2]
-    problem: str | None = None  #: why the window gave no modes
-    learning: LearningProgress | None = None  #: of a usable window, before the baseline is learned
-    skipped: bool = False  #: whether it was left out because the analysis was behind; a replay leaves it out too
+    problem: str | None = None  #: reason why no modes were identified
+    learning: LearningProgress | None = None  #: progress at a usable window, until the baseline is learned
+    skipped: bool = False  #: true if left out because the analysis was behind; a replay leaves it out too
 
 
 class ReferenceMode(_Result):
-    """A mode of the reference; without a structure file of the measured baseline."""
+    """A mode of the reference; without a structure file, a mode of the measured baseline."""
 
     id: int
     frequency: float  #: [Hz]
     frequency_std: Number  #: deviation of the baseline mean [Hz]
     damping: Number  #: [-]
     model_frequency: Number = math.nan  #: frequency of the structure file before calibration [Hz]; null without one
-    mac: Number = math.nan  #: measured against model before the update [-]; likewise
+    mac: Number = math.nan  #: MAC of the measured shape with that of the model before the update [-]; null without one
     displacement: list[Vector] = []  #: displacement of each node, largest 1 [-]
     rotation: list[Vector] = []  #: rotation of each node in the same scale [rad/m]; none in older logs
     shape: list[float] = []  #: measured shape at each of `channels`, without a structure file; or none [-]
 
 
 class AcceptedShift(_Result):
-    """A change of the structure accepted by a person: provenance, and the steps of the frequencies of the modes."""
+    """A change of the structure that a person accepted, with the shifts of the frequencies."""
 
-    time: int  #: when it became the reference [ns UTC]
-    raised: int  #: when the alarm was [ns UTC]
-    cause: str  #: cause in a person's words
+    time: int  #: time at which it became the reference [ns UTC]
+    raised: int  #: time of the alarm [ns UTC]
+    cause: str  #: cause as stated by the person
     by: str
     found: str  #: text of the diagnosis
     n_windows: int  #: number of windows of the new reference
     #: shift of each mode's frequency; None for a hidden mode, which is not monitored [%]
     shift_percent: list[float | None]
-    shift_std_percent: list[float | None]  #: likewise [%]
+    shift_std_percent: list[float | None]  #: standard deviation of each shift [%]
 
 
 class ReferenceResult(_Result):
-    """The reference learnt from the baseline, with the geometry to draw it, if there are positions of the sensors."""
+    """The reference learned from the baseline, with the geometry to draw it, if there are positions of the sensors."""
 
     time: int  #: [ns UTC]
     n_windows: int
@@ -338,14 +337,14 @@ class ReferenceResult(_Result):
 
 
 class SelfTestResult(_Result):
-    """Test that a mass would be noticed: it is put into copies of the newest windows, at random places."""
+    """Self-test: a simulated mass is added to copies of the newest windows, at random places."""
 
     time: int  #: [ns UTC]
     mass: float  #: [kg]
     places: int  #: number of places tried
     detected: int  #: number of places at which the alarm would have been raised within six windows
-    passed: bool  #: whether these are at least half
-    last_passed: int | None  #: when a test has last passed, this one included [ns UTC]
+    passed: bool  #: true if these are at least half of the places
+    last_passed: int | None  #: time of the last test that passed, including this one [ns UTC]
 
     @property
     def probability(self) -> float:
@@ -366,11 +365,11 @@ class AlarmResult(_Result):
     time: int  #: end of the window that caused it, or when a person acknowledged it [ns UTC]
     state: State  #: new state
     text: str
-    window: Annotated[int, Field(ge=0)]  #: the last one analysed by then
+    window: Annotated[int, Field(ge=0)]  #: last window analysed by then
     kind: Kind = "state"  #: further event
     lasted: float | None = None  #: duration of an alarm that ends [s]
-    quiet: bool = False  #: no notice is needed: it flaps, or continues
-    since: int | None = None  #: for an alarm that continues over a restart: when it was raised [ns UTC]
+    quiet: bool = False  #: true if no notice is needed: the alarm flaps, or continues
+    since: int | None = None  #: time at which an alarm that continues over a restart was raised [ns UTC]
 
     @property
     def raised(self) -> bool:

@@ -323,7 +323,7 @@ class LogAndAnalysis:
         if not self._kept:
             return ""
         structure = attached_structure(self.site.structure_text)
-        found = saved.check_saved_state(self._kept, "what was learnt", structure, self.site.settings)
+        found = saved.check_saved_state(self._kept, "what was learned", structure, self.site.settings)
         self._refused, self._kept = found.refused, found.text or ""
         return self._kept
 

@@ -56,7 +56,7 @@ class AnalysisSettings(Section):
 
     @property
     def first_windows(self) -> int:
-        """Windows that are learnt from at least."""
+        """Windows that are learned from at least."""
         return (
             min(_BASELINE_WINDOWS, self.baseline_windows_max)
             if self.baseline_windows is None
@@ -65,7 +65,7 @@ class AnalysisSettings(Section):
 
     @property
     def most_windows(self) -> int:
-        """Windows that are learnt from at most."""
+        """Windows that are learned from at most."""
         return self.baseline_windows_max if self.baseline_windows is None else self.baseline_windows
 
 

@@ -57,10 +57,10 @@ def acknowledged_text(change: Change, request: Acknowledged) -> str:
     return f"acknowledged{who}{after}{why}"
 
 
-def resumed_text(n_windows: int, learnt: int, since: int | None) -> str:
+def resumed_text(n_windows: int, learned: int, since: int | None) -> str:
     """Return the text of a restart, with an alarm active `since` [ns UTC] if there is one."""
     alarm = f"; the alarm raised {utc(since)} is still active" if since is not None else ""
-    return f"monitoring continues with the baseline of {n_windows} windows learnt until {utc(learnt)}{alarm}"
+    return f"monitoring continues with the baseline of {n_windows} windows learned until {utc(learned)}{alarm}"
 
 
 def model_added_text(hidden: list[int]) -> str:
@@ -75,11 +75,11 @@ def acceptance_text(change: AcceptedShift) -> str:
     hidden = _hidden(change)
     moved = ", ".join(_moved(change, mode) for mode in shown)
     by = f" by {change.by}" if change.by else ""
-    learnt = f"the reference from now on, learnt from {change.n_windows} windows"
+    learned = f"the reference from now on, learned from {change.n_windows} windows"
     gone = (
         f"; {_modes(hidden)} not identified, and not monitored until identified in most windows again" if hidden else ""
     )
-    return f"accepted{by} as {change.cause!r} ({change.found}): {learnt}; frequencies moved by {moved}{gone}"
+    return f"accepted{by} as {change.cause!r} ({change.found}): {learned}; frequencies moved by {moved}{gone}"
 
 
 def restored_text(before: AcceptedShift, now: AcceptedShift) -> str:

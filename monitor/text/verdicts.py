@@ -87,7 +87,7 @@ def headline(run_results: RunResults, diagnosis: Diagnosis | None) -> str:
         return f"No large change: {unsure}{f'; {trend}' if trend else ''}."
     if trend:
         return f"No sudden change in {n} windows; {trend}."
-    return f"Nothing has changed in {n} windows." if n else "A baseline is learnt; no window has been evaluated yet."
+    return f"Nothing has changed in {n} windows." if n else "A baseline is learned; no window has been evaluated yet."
 
 
 def _what(run_results: RunResults, diagnosis: Diagnosis | None) -> str:

@@ -134,7 +134,7 @@ def gather(memory: Memory, structure: Structure | None, settings: Settings) -> E
     Raises
     ------
     ProofError
-        If no baseline is learnt, no change is seen, too little is known of it, or there is no structure file.
+        If no baseline is learned, no change is seen, too little is known of it, or there is no structure file.
     """
     learned, changed_windows = _learned(memory, structure, settings)
     if learned.model is None or structure is None:
@@ -203,7 +203,7 @@ def _learned(memory: Memory, structure: Structure | None, settings: Settings) ->
     """Return the learned state, and the windows with the mass; the first may hold both states."""
     if memory.detector is None:
         n, of = len(memory.baseline), memory.target
-        raise ProofError(f"the baseline is being learnt, {n} of {of} windows: attach the mass once it is")
+        raise ProofError(f"the baseline is being learned, {n} of {of} windows: attach the mass once it is")
     minutes = settings.step_seconds * (1 + settings.alarm.hold_windows) / 60
     if not memory.out:
         again = f"attach the mass, and repeat after {minutes:.3g} min; a mass that was attached earlier is not detected"

@@ -41,7 +41,7 @@ class DetectorState:
 
     watched: LawState
     before: int  #: start of the last window [ns UTC]
-    calm: tuple[ScoredWindows, ...] = ()  #: not learnt from yet
+    calm: tuple[ScoredWindows, ...] = ()  #: not learned from yet
     out: tuple[ScoredWindows, ...] = ()  #: windows above the limit, without interruption, the newest `MAX_OUT`
     trend: TrendWatch = NO_TREND
 

@@ -49,7 +49,7 @@ def explain_windows(
 
     Parameters
     ----------
-    reference : learnt from the baseline
+    reference : learned from the baseline
     before, now : conditions in the baseline's windows, and in these
     windows : modes of these, their devices' delays removed
     signals : of a window of the baseline's state, and of the last of these

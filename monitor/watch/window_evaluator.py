@@ -171,7 +171,7 @@ class WindowEvaluator:
         yield AlarmResult(time=time, state=alarm.state, text=text, window=last, kind="resumed", quiet=True, since=since)
 
     def _tracked(self, window: Window) -> tuple[IndexArray, IndexArray]:
-        """Return the window's modes, or -1, and the tracks that they are on; all of them while a baseline is learnt."""
+        """Return the window's modes, or -1, and their tracks; all of them while a baseline is learned."""
         if self._learned:
             return self._learned.modes_of(window.synchronized), self._learned.watched
         return np.arange(window.synchronized.n_modes), np.arange(window.synchronized.n_modes)

@@ -1,4 +1,4 @@
-"""A reference learnt from baseline windows, or made from the structure file alone.
+"""A reference learned from baseline windows, or made from the structure file alone.
 
 Modes of baseline windows are averaged, the model is calibrated, then one-step updated. A reference made from the file
 alone is for errors of the file against measured modes. If the file is far off - by more than 5 % in the median
@@ -119,7 +119,7 @@ def with_bodies_on(reference: Reference, bodies: Sequence[Body], *, shaped: bool
 
     Parameters
     ----------
-    reference : learnt from that baseline with a model without the bodies
+    reference : learned from that baseline with a model without the bodies
     bodies : that were there
     shaped : whether shapes were measured
     """
@@ -133,7 +133,7 @@ def with_springs_at(reference: Reference, springs: Mapping[str, float], *, shape
 
     Parameters
     ----------
-    reference : learnt from that baseline
+    reference : learned from that baseline
     springs : flexibility by the key of its parameter, in the unit of the parameter
     shaped : whether shapes were measured
     """
@@ -244,7 +244,7 @@ def nominal_reference(
     windows : (n_windows, n_tracks) modes that the model is to be compared with
     devices : that sampled the channels; the model has them in time, as well as devices are
     n_modes : of the model to keep, at least
-    stated : whether the windows' standard deviations are taken at their word; else their scatter is learnt
+    stated : whether the windows' standard deviations are taken at their word; else their scatter is learned
 
     Raises
     ------

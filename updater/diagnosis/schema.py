@@ -29,17 +29,17 @@ class Alternative(FittedCause):
 class Cause(FittedCause):
     """One accepted cause."""
 
-    probability: float  #: probability that it, or one of `cannot_be_told_from`, is true
+    probability: float  #: probability that this cause, or one of `cannot_be_told_from`, is right
     cannot_be_told_from: tuple[str, ...] = ()
-    alternatives: tuple[Alternative, ...] = ()  #: those of `cannot_be_told_from` that were fitted
-    breathing: Breathing | None = None  #: of a loss of stiffness; None where signals were not tested
+    alternatives: tuple[Alternative, ...] = ()  #: fitted causes of `cannot_be_told_from`
+    breathing: Breathing | None = None  #: opening and closing of a loss of stiffness; None if not tested
 
 
 class Rejected(PlainValue):
-    """One cause that was tried and refused."""
+    """A cause that was tried and rejected."""
 
     cause: str
-    log_evidence: float  #: against the best one [-]
+    log_evidence: float  #: relative to the best one [-]
     reason: Reason  #: a model that is assumed to be worse has a larger error of its predictions
     p_value: float  #: of its fit
 
@@ -58,12 +58,12 @@ class Measurement(PlainValue):
 
 
 class SmallestChange(PlainValue):
-    """Smallest change of one kind that these data would have shown beside the errors of the structure file."""
+    """Smallest change of one kind that these data distinguish from errors of the structure file."""
 
     cause: str
     parameter: str
-    value: float | None  #: smallest magnitude at half of all places or channels; None where none would be seen
-    value_at_most_places: float | None  #: at nine of ten
+    value: float | None  #: smallest magnitude at half of all places or channels; None if no size is detectable
+    value_at_most_places: float | None  #: smallest magnitude at nine of ten places or channels
     unit: str
     extent: float | None = None  #: length of the stretch [m]; None for other kinds
 
@@ -123,7 +123,7 @@ class MassShift(PlainValue):
 
     frequency: float  #: measured without the mass [Hz]
     measured_percent: float
-    std_percent: float  #: of the difference, by noise and errors of the model
+    std_percent: float  #: standard deviation of the difference: noise, and errors of the model
     predicted_percent: float
 
 
@@ -133,21 +133,21 @@ class MassTestFit(PlainValue):
     mass: float  #: [kg]
     position: Vector  #: [m]
     modes: tuple[MassShift, ...]
-    p_value: float  #: probability of as large differences if the causes are right [-]
+    p_value: float  #: probability of equal or larger differences if the causes are right [-]
 
 
 class Gain(PlainValue):
-    """The gain of the written model over the same model without the causes, on data that were not used if `heldout`."""
+    """Errors of the same model without and with the causes; on held-out data if `heldout` is true."""
 
     heldout: bool
-    frequency_error_percent: Pair  #: root mean square over the modes measured that the written model has
-    one_minus_mac: Pair  #: mean
+    frequency_error_percent: Pair  #: root mean square over the measured modes that the written model has
+    one_minus_mac: Pair  #: mean over these modes
     log_likelihood: Pair
     change_error_percent: Pair | None = None  #: root mean square error of predicted changes since the baseline
-    n_modes: int = 0  #: measured modes that the written model has
-    n_measured: int = 0  #: all that were measured
-    noise_percent: float | None = None  #: frequency error that measurement noise alone would leave
-    exceeds_noise: bool = False  #: whether the residual of the written model is larger
+    n_modes: int = 0  #: number of measured modes that the written model has
+    n_measured: int = 0  #: number of measured modes
+    noise_percent: float | None = None  #: frequency error caused by the noise of the measurement alone
+    exceeds_noise: bool = False  #: true if the error of the written model is larger than noise explains
 
 
 class ReferenceStep(PlainValue):
@@ -160,7 +160,7 @@ class ReferenceStep(PlainValue):
     frequency: tuple[float, ...]  #: frequency of each mode measured in both states [Hz]
     shift_percent: tuple[float, ...]  #: shift of these modes relative to the windows that are used [%]
     shift_std_percent: tuple[float, ...]  #: [%]
-    p_value: float  #: probability of as clear a step in windows of one state [-]
+    p_value: float  #: probability of an equal or clearer step without a change [-]
 
 
 class PairedModes(PlainValue):
@@ -171,7 +171,7 @@ class PairedModes(PlainValue):
 
 
 class CalibrationSummary(PlainValue):
-    """Calibration of the model that causes are sought about, to the reference or to the measured modes."""
+    """Calibration of the model to the reference or to the measured modes, before causes are sought."""
 
     modes_measured: int
     modes_paired: PairedModes
@@ -185,9 +185,9 @@ class Diagnosis(PlainValue):
     causes: tuple[Cause, ...]
     modes: tuple[ModeFit, ...]
     gain: Gain | None
-    calibration: CalibrationSummary | None = None  #: None where the structure file was taken as it is
+    calibration: CalibrationSummary | None = None  #: None if the structure file was not calibrated
     failed: tuple[Failed, ...] = ()  #: parts left out because of internal faults
-    #: by kinds, where a structure file is compared and no change is named beside its errors
+    #: per kind, if a structure file is compared and only errors of the file are named
     smallest_changes: tuple[SmallestChange, ...] = ()
     mass_tests: tuple[MassTestFit, ...] = ()  #: records with a known mass, and what the best causes predict
 

@@ -42,7 +42,7 @@ def compare(
 
     Parameters
     ----------
-    reference : learnt before
+    reference : learned before
     event : (n_tracks,) mean of the windows since; NaN where a track is not seen, or only its frequency is known
     circumstances : further knowledge of the event
     model_error : error of the reference at any point, relative to a mode's typical displacement; a larger one gives a

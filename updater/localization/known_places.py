@@ -36,7 +36,7 @@ _NEAR = 30.0  # ... of sets so near the best in log evidence
 class BodyRecord:
     """One record from before and after the change."""
 
-    reference: Reference  #: learnt before the change, of the structure as this record has it
+    reference: Reference  #: learned before the change, of the structure as this record has it
     event: ModalMean  #: (n_tracks,) mean of the windows since the change
     position: FloatArray  #: (n_candidates, 3) places of the candidates in this record [m]
 

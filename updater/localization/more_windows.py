@@ -43,7 +43,7 @@ def sharpening(reference: Reference, event: ModalMean) -> AccuracyForecast:
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     event : (n_tracks,) mean of the windows since the change
 
     Raises

@@ -42,7 +42,7 @@ def spread_mass(reference: Reference, event: ModalMean) -> NodalMasses:
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     event : (n_tracks,) mean of the windows since the change
 
     Raises

@@ -94,7 +94,7 @@ def locate_mass(reference: Reference, event: ModalMean) -> MassChange:
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     event : (n_tracks,) mean of the windows since the change
 
     Raises

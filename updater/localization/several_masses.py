@@ -45,7 +45,7 @@ def locate_masses(reference: Reference, event: ModalMean, *, most: int = 3) -> M
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     event : (n_tracks,) mean of the windows since the change
     most : largest number to try
 

@@ -1,4 +1,4 @@
-"""Scatter of windows about their mean: the law of a single window, learnt or stated."""
+"""Scatter of windows about their mean: the law of a single window, learned or stated."""
 
 from dataclasses import dataclass
 

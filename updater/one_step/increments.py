@@ -42,7 +42,7 @@ Method = Callable[[ModalMean, ModalMean, IndexArray], Increments]
 
 
 class NullDistribution:
-    """Distribution of increments without a change, learnt from the baseline.
+    """Distribution of increments without a change, learned from the baseline.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ class IncrementLocator:
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     at : the reference with particle masses
     """
 

@@ -55,7 +55,7 @@ class MassUpdater:
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     expansion : `expand_changes`, or `expand_shapes` to follow the paper to the letter
     """
 

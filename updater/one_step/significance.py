@@ -40,7 +40,7 @@ def z_limit(noise: FloatArray, common: FloatArray, degrees_of_freedom: int) -> f
     ----------
     noise : (n, n_inputs) effect of one standard deviation of each input on each increment
     common : (n,) the same for a common change of all frequencies, about which windows give no information
-    degrees_of_freedom : of the variances learnt from windows: one fewer than there are; 0 if none were
+    degrees_of_freedom : of the variances learned from windows: one fewer than there are; 0 if none were
     """
     every = -(-len(noise) // _MAX_PLACES)
     noise, common = noise[::every], common[::every]

@@ -45,7 +45,7 @@ class StiffnessUpdater:
 
     Parameters
     ----------
-    reference : learnt before the change
+    reference : learned before the change
     """
 
     def __init__(self, reference: Reference) -> None:

@@ -71,7 +71,7 @@ def sensor_health(reference: Reference, event: ModalMean, circumstances: Circums
 
     Parameters
     ----------
-    reference : learnt before
+    reference : learned before
     event : (n_tracks,) mean of windows since, devices' delays beyond the baseline's left in
     circumstances : devices of the channels, with the known variation of their clocks
 

@@ -57,7 +57,7 @@ def replay_log(
     elif not (report.logged or note):
         console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
     if not report.from_beginning:
-        warn("note: not compared with what was found live: the baseline is learnt from the beginning of the range")
+        warn("note: not compared with what was found live: the baseline is learned from the beginning of the range")
     if report.logged and not (site or given):
         echo(report.comparison.text)
     return _exit_code(report.found)
@@ -120,11 +120,11 @@ def _nothing_watched(report: ReplayReport) -> str:
         )
     if any(isinstance(result, ReferenceResult) for result in report.found) or windows[-1].phase != "learning":
         return ""
-    learnt = sum(bool(window.modes) for window in windows)
+    n_learned = sum(bool(window.modes) for window in windows)
     short = ""
-    if learnt < len(windows) / 2:
+    if n_learned < len(windows) / 2:
         short = f"; are records shorter than a window of {report.window_seconds:g} s (analysis.window_seconds)?"
-    return f"the log ended while the watch was still learning: {learnt} of {len(windows)} windows gave modes{short}"
+    return f"the log ended while the watch was still learning: {n_learned} of {len(windows)} windows gave modes{short}"
 
 
 def _say(result: Result) -> None:

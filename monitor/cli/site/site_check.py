@@ -119,7 +119,7 @@ def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
 
 
 def _baseline_text(settings: Settings) -> str:
-    """Return how many windows are learnt from, and for how long."""
+    """Return how many windows are learned from, and for how long."""
     analysis, hours = settings.analysis, settings.learning_seconds / 3600
     text = f"{analysis.first_windows} windows, {hours:.2g} h"
     if analysis.most_windows > analysis.first_windows:

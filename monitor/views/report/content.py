@@ -138,7 +138,7 @@ def _facts(run: Run) -> list[tuple[str, str]]:
 
 
 def _windows(run: Run) -> str:
-    """Return the number of windows that are reported; of a range, apart from those that the baseline is learnt from."""
+    """Return the number of reported windows; of a range, without those of the baseline."""
     learning, watched = len(run.results.learning), len(run.results.watched)
     if not isinstance(run.log, LogExcerpt):
         return f"{learning} baseline, {watched} monitored"

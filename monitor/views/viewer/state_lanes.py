@@ -64,7 +64,7 @@ def daemon_states(run_results: RunResults) -> Iterator[tuple[int, str]]:
 
 
 def structure_states(run_results: RunResults) -> Iterator[tuple[int, str]]:
-    """Return when the structure's state changed [ns UTC], and to which; unknown until a baseline is learnt."""
+    """Return when the structure's state changed [ns UTC], and to which; unknown until a baseline is learned."""
     reference = run_results.reference
     changes = [(run_results.start, "unknown")] if reference is None or reference.time > run_results.start else []
     if reference:

@@ -206,7 +206,7 @@ class BaselineLearning:
             is_first, self.target = self.target == self._first, longer
             return None, extended_text(n, lacking, longer, self._settings) if is_first else ""
         self.windows, self.restarts = [], 0
-        text = f"baseline learnt from {n} windows"
+        text = f"baseline learned from {n} windows"
         text += f", though {change[1].partition(';')[0]}" if change else ""
         text += f"; {too_short_text(lacking)}" if lacking else ""
         return learned, text if learned.detector.has_thermometer else f"{text}; {NO_THERMOMETER}"

@@ -33,10 +33,10 @@ class Memory:
 
     state_fingerprint: dict[str, str]  #: dependencies, each as a text (see `state_fingerprint`)
     n_windows: int  #: so far
-    baseline: tuple[Window, ...]  #: learnt from, or so far
+    baseline: tuple[Window, ...]  #: learned from, or so far
     target: int  #: windows to learn from
     restarts: int  #: restarts of learning, by changes of the structure within the baseline
-    detector: DetectorState | None  #: None while the baseline is being learnt
+    detector: DetectorState | None  #: None while the baseline is being learned
     alarm: Alarm
     accepted: tuple[AcceptedChange, ...]  #: changes of the structure since the baseline
     wanted: AcceptanceRequest | None  #: an acceptance that waits for windows

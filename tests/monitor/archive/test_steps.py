@@ -30,7 +30,7 @@ def sooner(site: str) -> str:
 
 
 def test_results_from_steps_equal_results_from_blocks(log: Path) -> None:
-    """To the last digit, through the packed bytes; the baseline is learnt, and windows are evaluated after it."""
+    """To the last digit, through the packed bytes; the baseline is learned, and windows are evaluated after it."""
     attached = read_attachments(log)
     structure, settings = parse_structure(attached["structure.toml"]), parse_attached(sooner(attached["site.toml"]))
     direct, later = Pipeline(structure, settings), Pipeline(structure, settings)

@@ -105,14 +105,14 @@ def test_temperature_effect_is_removed_or_widens_limits_if_not_learned() -> None
     size = np.diagonal(watched.law.lasting(cold.terms), axis1=-2, axis2=-1).mean(-1)
     known = accept(watched, cold.terms, cold.whitened)
     after = np.diagonal(known.law.lasting(cold.terms), axis1=-2, axis2=-1).mean(-1)
-    print(f"seed 6, variance allowed for: warm {size[0]:.1f}, first cold {size[-1]:.1f}, once learnt {after[-1]:.1f}")
+    print(f"seed 6, variance allowed for: warm {size[0]:.1f}, first cold {size[-1]:.1f}, once learned {after[-1]:.1f}")
     assert size[-1] > 100 * size[0]
     assert after[-1] < 0.01 * size[-1]
 
 
 @pytest.mark.thorough
 def test_temperature_slopes_learned_in_12_hours_keep_the_false_alarm_rate() -> None:
-    """Each mode by another slope, up to 2e-3 per kelvin, learnt in twelve hours; Poisson's bound at 1e-4."""
+    """Each mode by another slope, up to 2e-3 per kelvin, learned in twelve hours; Poisson's bound at 1e-4."""
     random, n_sites, n_baseline = np.random.default_rng(10), 200, 24
     hours = np.arange(n_baseline + 72) / 2
     air = 12 + 8 * np.sin(2 * np.pi * (hours / 24 + random.random((n_sites, 1))))

@@ -1,4 +1,4 @@
-"""Frost after a baseline without any: hardly a false alarm, and limits that are narrow again once it is learnt."""
+"""Frost after a baseline without any: hardly a false alarm, and limits that are narrow again once it is learned."""
 
 import numpy as np
 import pytest
@@ -54,7 +54,7 @@ def test_frost_absent_from_the_baseline_widens_limits_until_learned() -> None:
     judged, watched = judge(watched, frequencies(cold), cold, np.full(len(hours), STEP))
     watched = accept(watched, judged.terms, judged.teaching, judged.variance)
     learnt = least(-4.0)
-    print(f"seed 3: at -4 degC {unseen} unseen, {learnt} once learnt")
+    print(f"seed 3: at -4 degC {unseen} unseen, {learnt} once learned")
     assert unseen is not None
     assert unseen > 0.01
     assert learnt is None or learnt < unseen / 4

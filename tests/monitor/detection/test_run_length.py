@@ -12,7 +12,7 @@ from monitor.detection.scores import distance, normal_score, tamed
 
 @pytest.mark.parametrize("freedom", [20.0, 200.0])
 def test_limit_for_one_window_is_the_f_quantile(freedom: float) -> None:
-    """The predictive distribution of a learnt variance; 0.2 % is the table's interpolation."""
+    """The predictive distribution of a learned variance; 0.2 % is the table's interpolation."""
     found = jump_limit(5, 0, freedom, DetectionSettings(rate=1e-4, overlap=0.0, hold=1))
     assert found == pytest.approx(f_distribution.isf(1e-4, 5, freedom), rel=2e-3)
 

@@ -63,7 +63,7 @@ def test_changed_cause_in_the_diagnosis_sends_an_update() -> None:
     ("events", "kinds"),
     [
         ([change(1, "watch"), change(2, "normal")], []),
-        ([change(1, "normal", "baseline learnt")], []),
+        ([change(1, "normal", "baseline learned")], []),
         ([change(1, "alarm"), change(2, "normal", lasted=1.0)], ["alarm", "recovery"]),
         (
             [change(1, "alarm"), change(2, "alarm", kind="latched"), change(3, "normal")],

@@ -38,7 +38,7 @@ def test_detectable_change_is_stated_per_window_and_missing_thermometer_once(mon
     windows = (replace(w, temperature=np.nan) for w in played.windows(BASELINE + 2))
     results = run(played.pipeline(), windows)
     reported = [r.text for r in results if isinstance(r, AlarmResult)]
-    assert reported == [f"baseline learnt from {BASELINE} windows; {NO_THERMOMETER}"]
+    assert reported == [f"baseline learned from {BASELINE} windows; {NO_THERMOMETER}"]
     last = WindowResult.model_validate(judged(results)[-1].payload())
     assert last.novelty is not None
     assert last.novelty.detectable is not None

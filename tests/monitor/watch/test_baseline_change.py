@@ -37,7 +37,7 @@ def test_live_learning_restarts_at_a_change(seed: int, monkeypatch: pytest.Monke
     assert "learning begins anew with the 5 windows since" in text
     pipeline = played.pipeline(parse_memory(memory_text(pipeline.memory)))  # a restart loses nothing of that
     learnt = run(pipeline, played.windows(BASELINE - 5))
-    assert texts(learnt) == [f"baseline learnt from {BASELINE} windows"]
+    assert texts(learnt) == [f"baseline learned from {BASELINE} windows"]
     later = run(pipeline, played.windows(6))
     assert not [r for r in later if isinstance(r, AlarmResult) and r.raised]
     levels = [w.novelty.level for w in judged(later) if w.novelty]
@@ -56,11 +56,11 @@ def test_baseline_of_a_repeatedly_changing_structure_is_finally_learnt(monkeypat
     for k in range(12):
         played.put(PUMP if k % 2 else None)
         reported += texts(run(pipeline, played.windows(5)))
-        if reported and reported[-1].startswith("baseline learnt"):
+        if reported and reported[-1].startswith("baseline learned"):
             break
     print(*reported, sep="\n")
     assert sum("begins anew" in text for text in reported) == 3
-    assert reported[-1].startswith(f"baseline learnt from {BASELINE} windows, though the structure changed within")
+    assert reported[-1].startswith(f"baseline learned from {BASELINE} windows, though the structure changed within")
 
 
 def observation(seed: int, bodies: list[Body | None]) -> Observation:

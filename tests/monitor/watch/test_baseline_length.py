@@ -109,7 +109,7 @@ def test_extended_learning_is_reported_once_and_continues_after_a_restart(monkey
     assert not texts(run(pipeline, warmed(site.windows(23), celsius[24:47])))
     (last,) = texts(run(pipeline, warmed(site.windows(1), celsius[47:])))
     assert last == (
-        "baseline learnt from 48 windows; too short: it covers 8 h of a daily cycle (the temperature moved by 6.0 K)"
+        "baseline learned from 48 windows; too short: it covers 8 h of a daily cycle (the temperature moved by 6.0 K)"
     )
 
 
@@ -130,5 +130,5 @@ def test_configured_baseline_length_is_kept_and_its_shortcoming_reported(monkeyp
     site = Played(6, monkeypatch)
     (text,) = texts(run(site.pipeline(), warmed(site.windows(BASELINE), np.linspace(10.0, 13.0, BASELINE))))
     assert text == (
-        "baseline learnt from 12 windows; too short: it covers 2 h of a daily cycle (the temperature moved by 3.0 K)"
+        "baseline learned from 12 windows; too short: it covers 2 h of a daily cycle (the temperature moved by 3.0 K)"
     )

@@ -88,7 +88,7 @@ def test_values_of_a_wrong_type_are_named(place: str, value: object, reported: s
 
 @pytest.mark.parametrize("stops", [(3, BASELINE - 1, BASELINE, BASELINE + 3, BASELINE + 4)])
 def test_restarts_do_not_change_the_results(stops: tuple[int, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same windows with restarts between them: while a baseline is learnt; before, in and after a hold."""
+    """The same windows with restarts between them: while a baseline is learned; before, in and after a hold."""
     played = Played(5, monkeypatch)
     without_answers(monkeypatch)
     windows = list(played.windows(BASELINE + 5))

@@ -111,7 +111,7 @@ class Site:
         return int(np.argmin(np.linalg.norm(self.model.nodes - place, axis=1)))
 
     def reference(self, time: int, n_windows: int) -> ReferenceResult:
-        """Return the reference as learnt at a time [ns UTC]."""
+        """Return the reference as learned at a time [ns UTC]."""
         frequency, displacement = self.modal
         return ReferenceResult(
             time=time,
@@ -259,7 +259,7 @@ def whole_run(site: Site, *, n_learning: int = 8, n_before: int = 4, n_after: in
         "reference": site.reference(windows[n_learning - 1].end, n_learning),
         "windows": windows,
         "alarms": [
-            alarm(windows[n_learning - 1], "normal", f"baseline learnt from {n_learning} windows"),
+            alarm(windows[n_learning - 1], "normal", f"baseline learned from {n_learning} windows"),
             alarm(windows[n_learning + n_before], "watch", "one window over the limit: novelty 19.0, limit 5.5"),
             alarm(windows[n_learning + n_before + 1], "alarm", "ALARM: the structure has changed " + 12 * "indeed "),
         ],

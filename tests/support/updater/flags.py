@@ -24,7 +24,7 @@ _HEAVIEST = 0.04  # of the structure's mass
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Specimen:
-    """A frame as it is, and the reference learnt from it."""
+    """A frame as it is, and the reference learned from it."""
 
     state: State
     reference: Reference

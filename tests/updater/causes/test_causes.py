@@ -24,7 +24,7 @@ from updater.modal_data import Trend
 from updater.reference import channel_rows
 
 TRACK = np.arange(8)
-OF_FILES = ("mesh_error", "model_parameters")  # asked where nothing was learnt: they have tests of their own
+OF_FILES = ("mesh_error", "model_parameters")  # asked where nothing was learned: they have tests of their own
 
 
 @pytest.fixture(scope="module")

@@ -75,7 +75,7 @@ def test_number_positions_and_masses_of_bodies_are_found(loaded: Loaded, bodies:
 
 @pytest.mark.thorough
 def test_moved_mass_is_one_removed_and_one_added_mass() -> None:
-    """200 g were at (0.3, 0, 1.48) while the reference learnt, and are at (0, 0, 0.8) now."""
+    """200 g were at (0.3, 0, 1.48) while the reference learned, and are at (0, 0, 0.8) now."""
     random = np.random.default_rng(302)
     gain = 1 + 0.005 * random.standard_normal(12)
     before = true_model(np.random.default_rng((302, 1)), Body(at=(0.3, 0, 1.48), mass=0.2))

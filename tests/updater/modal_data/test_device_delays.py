@@ -62,7 +62,7 @@ def test_constant_delays_are_recovered_within_their_deviation(stated: float) -> 
         off = np.array(list(learnt.seconds.values())) - DELAYS
         # deviations about a common mean have 5/6 of a free one's variance, six of them five degrees of freedom
         chi_square += float((off**2 / np.array(list(learnt.std.values())) ** 2).sum()) * 5 / 6
-    # the deviation is learnt from 10 windows (45 degrees of freedom), as in an F of that kind: mean 45 / 43
+    # the deviation is learned from 10 windows (45 degrees of freedom), as in an F of that kind: mean 45 / 43
     assert chi_square == pytest.approx(200 * 45 / 43, abs=4 * 20 * np.sqrt(1 + 5 / 45) * 45 / 43)
 
 

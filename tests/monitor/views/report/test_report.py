@@ -222,9 +222,9 @@ def test_lost_data_are_reported(page: Page) -> None:
 
 CASES = {
     "learning": (made.learning_run(SITE), "Still learning: 5 windows so far, no window has been evaluated yet."),
-    "learnt": (
+    "learned": (
         WHOLE | {"windows": WHOLE["windows"][:8], "alarms": WHOLE["alarms"][:1]},
-        "A baseline is learnt; no window has been evaluated yet.",
+        "A baseline is learned; no window has been evaluated yet.",
     ),
     "normal": (
         WHOLE | {"windows": WHOLE["windows"][:12], "alarms": WHOLE["alarms"][:1]},
@@ -289,7 +289,7 @@ def test_each_state_of_a_run_has_a_verdict(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", few_of(["learning", "nothing identified", "footbridge", "learnt", "no answer", "one mode"], 3)
+    "name", few_of(["learning", "nothing identified", "footbridge", "learned", "no answer", "one mode"], 3)
 )
 def test_each_kind_of_run_has_a_page(name: str, tmp_path: Path) -> None:
     run, words = CASES[name]

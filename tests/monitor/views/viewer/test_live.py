@@ -64,7 +64,7 @@ channels = {{y = "beam_left_y"}}
 
 
 def results() -> Iterator[Event]:
-    """Yield the run's results in the order of time; the reference first, as one that an earlier run has learnt."""
+    """Yield the run's results in the order of time; the reference first, as one that an earlier run has learned."""
     yield result_event(RUN["reference"])
     yield from sorted(map(result_event, [*RUN["windows"], *RUN["alarms"]]), key=lambda event: event.time)
 
