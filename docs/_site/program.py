@@ -49,8 +49,10 @@ def _command(path: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Escape what Markdown would read as markup."""
-    return re.sub(r"([*_<>\[\]])", r"\\\1", " ".join(text.split()))
+    """Escape what Markdown would read as markup, except in code."""
+    parts = " ".join(text.split()).split("`")
+    parts[::2] = [re.sub(r"([*_<>\[\]])", r"\\\1", part) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def _code(text: str, language: str = "console") -> str:

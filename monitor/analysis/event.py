@@ -20,7 +20,7 @@ _MIN_WINDOWS = 3  # in which new modes are looked for: in fewer, one may be an e
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Conditions:
-    """Conditions during some windows, and results of identification besides modes."""
+    """Conditions during some windows, and results of identification other than modes."""
 
     temperature: FloatArray  #: (n_windows,) [degC], NaN where no device has a sensor
     rms: FloatArray  #: (n_windows,) of the acceleration, over all channels [m/s2]

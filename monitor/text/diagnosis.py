@@ -167,7 +167,7 @@ def _joint(causes: Iterable[str], word: str = " and ") -> str:
 
 
 def smallest_changes_text(found: Sequence[SmallestChange], *, unchanged: bool = False) -> str:
-    """Return the smallest changes that would have been seen beside the errors of a structure file; empty if unknown.
+    """Return the smallest changes that differ from errors of a structure file; empty if unknown.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from daq import FloatArray
-from monitor.results.windows import MassAnswer, ProfilePoint
+from monitor.results.windows import MassAnswer, ProfilePoint, ReferenceResult
 from updater.quantities import Vector
 
 _GAP = 0.06  # of all members' length, between two members
@@ -21,6 +21,14 @@ def has_profile(answer: MassAnswer) -> bool:
 def places(answer: MassAnswer) -> Iterator[tuple[str, Vector]]:
     """Yield member and position of the profile's points."""
     return ((p.member, p.position) for p in answer.profile)
+
+
+def axis_of(answer: MassAnswer, reference: ReferenceResult | None) -> "Unrolled":
+    """Return the axis of the members of a profile, each from its start to its end where its geometry is known."""
+    if reference is None or not reference.has_model:
+        return Unrolled(places(answer))
+    members = dict.fromkeys(p.member for p in answer.profile)
+    return Unrolled((member, reference.nodes[n]) for member in members for n in reference.lines[member])
 
 
 def sigmas(points: list[ProfilePoint]) -> FloatArray:

@@ -35,7 +35,7 @@ _FARTHEST = 3.0  # prior standard deviations that a fit begins from
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """Effect of a unit of each parameter of each alternative on the data, besides a drift common to all frequencies."""
+    """Effect of a unit of each parameter of each alternative on the data, without a drift common to all frequencies."""
 
     names: list[str]  #: names of the causes
     effect: FloatArray  #: (n, n_data) whitened
@@ -212,7 +212,7 @@ class Compositions:
     def _is_full(self, seed: Candidate, cause: Cause) -> bool:
         """Return whether one more cause that changes frequencies would have as many parameters as data.
 
-        Feet and joints beside the parameters of a file are errors of the file, which are not counted.
+        Feet and joints together with parameters of a file are errors of the file, which are not counted.
         """
         most = min(
             max(2, len(self.weighing.data.log_ratio) // _MODES_EACH),

@@ -204,7 +204,7 @@ _LARGEST_LOSS = 0.9  # a larger one is not stated: a stretch is then a hinge
 
 
 def smallest_changes(data: Comparison, causes: Mapping[str, Cause], chosen: Hypothesis) -> tuple[SmallestChange, ...]:
-    """Return the smallest changes that the data would have shown beside the chosen causes.
+    """Return the smallest changes that the data would have shown in addition to the chosen causes.
 
     To first order, with all parameters of these fitted too.
 

@@ -35,7 +35,7 @@ _NO_EFFECT = 5.0  # of log evidence lost by a second body: 7 to 9 where there is
 # are 0.71 times the error of shapes
 _LESS = 0.71
 _MASSES = {"added_mass", "distributed_mass"}  # causes that are masses
-_MAX = 3  # causes at once, besides the parameters of a file
+_MAX = 3  # causes at once, in addition to the parameters of a file
 
 
 def nothing_changed(weighing: EvidenceComparison, singles: list[Candidate]) -> bool:

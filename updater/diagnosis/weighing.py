@@ -174,7 +174,7 @@ class EvidenceComparison:
     faults : collects failures; a cause that has failed alone is not considered further
     proposed : causes made so far, by their data and label
     fitted : first alternatives of causes fitted alone so far, by label
-    first : fits of a cause's first alternatives beside those of others so far, by data, cause and the others' effects
+    first : fits of a cause's first alternatives with those of others so far, by data, cause and effects of the others
     joint : fits of refined alternatives, by those of the first
     neighbours : fits of first alternatives, by names and types of the others and of the cause
     """

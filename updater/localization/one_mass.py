@@ -46,7 +46,7 @@ class Alternative:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyShape:
-    """Properties of the located body besides its mass; those that the data do not determine stay at their prior."""
+    """Properties of the located body other than its mass; those that the data do not determine stay at their prior."""
 
     offset: FloatArray  #: (3,) of its centre from the member's axis, global axes [m]
     offset_std: FloatArray  #: (3,) [m], 0 along the member

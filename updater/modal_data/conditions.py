@@ -1,4 +1,4 @@
-"""Conditions of an event besides its tracked modes: temperature, tones, new modes, amplitude.
+"""Conditions of an event in addition to its tracked modes: temperature, tones, new modes, amplitude.
 
 All of it compares now with before. It is optional: unknown values are NaN or empty, and have no effect.
 """

@@ -105,7 +105,7 @@ class DetectabilityStudy:
     def bound(self, mass: float) -> tuple[FloatArray, FloatArray]:
         """Return the Cramér-Rao bounds of place [m] and mass [kg] at each place (n_places,).
 
-        Unknown besides: two offsets of the body's centre and a change common to all frequencies, both with a prior.
+        Also unknown: two offsets of the body's centre and a change common to all frequencies, both with a prior.
         """
         return sharpest(self._data, self.places, mass)
 

@@ -18,7 +18,7 @@ _ALIKE = 0.9  # MAC at the sensors of two modes that are as good as one
 def seen_by(model: Model, modes: Modes) -> FloatArray:
     """Return each mode's largest motion at a sensor over its largest at a node (n_modes,) [-], at most 1.
 
-    A sensor beside the axis of a member that turns may move more than any node: its mode is fully visible, too.
+    A sensor off the axis of a member that turns may move more than any node: its mode is then also fully visible.
     """
     at_sensors = model.sensor_rows @ modes.shape
     ratio = np.abs(at_sensors).max(axis=0, initial=0.0) / largest_motion(model, modes)
@@ -132,7 +132,7 @@ def shape_covariance(error: FloatArray, blur: FloatArray) -> FloatArray:
     Parameters
     ----------
     error : (n, n_modes, n_channels) along other modes, a standard deviation each
-    blur : (n,) of each component besides
+    blur : (n,) additional deviation of each component
     """
     return np.asarray(np.einsum("ikc,ikd->icd", error, error) + blur[:, None, None] ** 2 * np.eye(error.shape[2]))
 

@@ -146,7 +146,7 @@ def print_labels(beam: Cantilever, measured: Layouts, plain: Fitted, best: Fitte
         fit: [fitted(beam, Hypothesis(free=fit.hypothesis.free, off=k), measured, starts=3) for k in range(6)]
         for fit in (plain, best)
     }
-    print("\n| taken off | plain: chi-square | log probability | extended: chi-square | log probability |")
+    print("\n| removed | plain: chi-square | log probability | extended: chi-square | log probability |")
     print("| --- | --- | --- | --- | --- |")
     for k, label in enumerate(LABELS):
         columns = []
@@ -298,13 +298,13 @@ def draw(path: Path, measured: Layouts, off: int, before: Heldout, after: Heldou
     for k, axes in enumerate(panels):
         axes.axhline(0, color="#cfd8dc", linewidth=0.8)
         axes.plot(place, 100 * before.shift[:, k], "^", color=PLAINLY, markersize=4, alpha=0.8, label="plain beam")
-        axes.plot(place, 100 * after.shift[:, k], "s", color=FULLY, markersize=4, alpha=0.8, label="clamp extended")
+        axes.plot(place, 100 * after.shift[:, k], "s", color=FULLY, markersize=4, alpha=0.8, label="extended beam")
         axes.plot(place, 100 * measured.shift[:, k], "o", color=MEASURED, markersize=4, label="measured")
         axes.set_title(f"mode {k + 1}: {np.exp(measured.before[:, k].mean()):.1f} Hz", fontsize=11)
-        axes.set_xlabel(f"place of {LABELS[off]} [cm]")
+        axes.set_xlabel(f"position of {LABELS[off]} [cm]")
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
-    panels[0].set_ylabel("shift when it is taken off [%]")
+    panels[0].set_ylabel("shift by its removal [%]")
     panels[0].legend(frameon=False, fontsize=9, loc="upper left")
     figure.savefig(path, dpi=100)
 

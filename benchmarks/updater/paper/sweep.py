@@ -1,7 +1,7 @@
 """The paper's own question: how far the one-step update's totals, peaks and eq. 13 carry, for 0.1 to 10 % of mass.
 
-A body at the paper's two locations, the same body smeared over the structure, and 304 g smeared over ever longer
-stretches; ten frames that differ from the reference in kind, eight windows before, four after. Prints the tables of
+A body at the paper's two locations, the same body distributed over the structure, and 304 g distributed over ever
+longer stretches; ten frames that differ from the reference in kind, eight windows before, four after. Prints the tables of
 the documentation and draws docs/pictures/paper_sweep.png.
 
 Usage: python benchmarks/updater/paper/sweep.py [FOLDER for the picture], or make bench-paper
@@ -28,7 +28,7 @@ PERCENT = (0.1, 0.2, 0.5, 1.0, 2.0, 4.05, 7.0, 10.0)
 PLACES = {"location 1": (0.25, 0.0, 1.48), "location 2": (0.0, 0.0, 0.92)}
 SEEDS = range(3, 13)
 NEXT_TO_NONE = 1e-4
-STRETCHES = {  # member, from, to [m]: 304 g at location 1, smeared ever farther about it
+STRETCHES = {  # member, from, to [m]: 304 g at location 1, distributed ever farther about it
     "a point": ("crossbeam", 0.65, 0.65),
     "0.1 m of the crossbeam": ("crossbeam", 0.60, 0.70),
     "0.3 m of it": ("crossbeam", 0.50, 0.80),
@@ -50,7 +50,7 @@ class Told:
     refused: bool  #: whether one body does not explain it (p under 0.001)
 
 
-def smeared(kilograms: float, member: str, start: float, stop: float) -> list[Body]:
+def distributed(kilograms: float, member: str, start: float, stop: float) -> list[Body]:
     """Return bodies every centimetre of a stretch, so that each centimetre weighs the same."""
     line = t_frame().member_named(member)
     n = max(1, round((stop - start) / 0.01))
@@ -62,7 +62,7 @@ def everywhere(kilograms: float) -> list[Body]:
     """Return the same over all of the structure."""
     members = t_frame().member
     whole = sum(m.length for m in members)
-    return [b for m in members for b in smeared(kilograms * m.length / whole, m.name, 0.0, m.length)]
+    return [b for m in members for b in distributed(kilograms * m.length / whole, m.name, 0.0, m.length)]
 
 
 def relative(rig: Rig, update: MassUpdate) -> FloatArray:
@@ -165,10 +165,10 @@ def _free(model: Model) -> tuple[IndexArray, IndexArray]:
 
 
 def draw(swept: dict[str, list[Case]], stretched: list[Case]) -> Figure:
-    """Return totals over the mass by its size and by how far it is smeared, and eq. 13's error."""
+    """Return totals over the mass by its size and by how far it is distributed, and eq. 13's error."""
     figure = Figure(figsize=(12, 4.2), layout="constrained")
     totals, lengths, stiffness = figure.subplots(1, 3)
-    colours = {"location 1": "#cc3340", "location 2": "#2f6fcc", "smeared": "#239a68"}
+    colours = {"location 1": "#cc3340", "location 2": "#2f6fcc", "distributed": "#239a68"}
     for name, cases in swept.items():
         middle = np.array([np.median([t.totals for t in quiet], axis=0) for quiet, _ in cases])
         for axis, style in enumerate(("-", "--", ":")):
@@ -183,11 +183,11 @@ def draw(swept: dict[str, list[Case]], stretched: list[Case]) -> Figure:
         axes.set_ylabel("total by eq. 14 over the mass")
     totals.legend(fontsize=7, frameon=False, ncol=3, loc=(0.02, 0.4), handlelength=1.5, columnspacing=1.0)
     lengths.legend(fontsize=8, frameon=False, loc="lower left")
-    totals.set(xscale="log", xlabel="mass added, % of the structure's", title="By size")
-    lengths.set_title("304 g, smeared")
+    totals.set(xscale="log", xlabel="added mass, % of the structure's mass", title="By mass")
+    lengths.set_title("304 g, distributed")
     lengths.set_xticks(np.arange(len(stretched)), [*STRETCHES, "all of the frame"], rotation=30, ha="right", fontsize=8)
     stiffness.set(xscale="log", yscale="log", ylim=(1e-6, 30), title="Eq. 13: equal modal stiffness")
-    stiffness.set(xlabel="mass added, % of the structure's", ylabel="worst mode's error, %")
+    stiffness.set(xlabel="added mass, % of the structure's mass", ylabel="largest error of a mode, %")
     stiffness.legend(fontsize=8, frameon=False)
     return figure
 
@@ -196,7 +196,7 @@ def main() -> int:
     """Print the tables; draw if a folder is given."""
     rigs = [Rig(seed) for seed in SEEDS]
     swept: dict[str, list[Case]] = {}
-    for name in (*PLACES, "smeared"):
+    for name in (*PLACES, "distributed"):
         print(f"\n{name}\n\n" + HEAD.format("mass, % of 7.5 kg"))
         swept[name] = []
         for percent in PERCENT:
@@ -204,10 +204,10 @@ def main() -> int:
             bodies = [Body(at=PLACES[name], mass=kilograms)] if name in PLACES else everywhere(kilograms)
             swept[name].append(case(rigs, bodies))
             print(line(f"{percent:g}", swept[name][-1]), flush=True)
-    print("\n304 g smeared about location 1\n\n" + HEAD.format("over"))
+    print("\n304 g distributed about location 1\n\n" + HEAD.format("over"))
     stretched = []
     for stated, (member, start, stop) in STRETCHES.items():
-        stretched.append(case(rigs, smeared(0.304, member, start, stop)))
+        stretched.append(case(rigs, distributed(0.304, member, start, stop)))
         print(line(stated, stretched[-1]), flush=True)
     stretched.append(case(rigs, everywhere(0.304)))
     print(line("all of the frame", stretched[-1]))

@@ -15,6 +15,7 @@ import numpy as np
 
 from daq.drivers.serial.buffered_port import BufferedPort
 from daq.drivers.serial.line import open_line
+from daq.errors import system_reason
 from daq.protocol import slcan
 from daq.protocol.can_library import can
 from daq.protocol.frames import EXTENDED, NUMBER, REMOTE, CanFrames, can_frames
@@ -51,7 +52,7 @@ class SlcanBus(can.BusABC):
             # the empty line ends whatever an earlier owner began
             self._port.write(b"\r" + slcan.CLOSE + slcan.NO_STAMPS + slcan.BITRATES[bitrate] + slcan.OPEN)
         except OSError as error:
-            raise can.CanInitializationError(f"{channel}: {error}") from error
+            raise can.CanInitializationError(f"{channel}: {system_reason(error)}") from error
         self._decoder = slcan.SlcanDecoder()
         self._waiting: deque[can.Message] = deque()
         self._bites = BufferedPort(self._port.fileno(), most_seconds=_GATHER_SECONDS, least_rate=_MIN_RATE)
@@ -82,7 +83,7 @@ class SlcanBus(can.BusABC):
             batch = timeout is None or timeout > _GATHER_SECONDS
             return self._decoder.feed(self._bites.read(timeout, batch=batch))
         except OSError as error:
-            raise can.CanOperationError(f"{self._port.name}: {error}") from error
+            raise can.CanOperationError(f"{self._port.name}: {system_reason(error)}") from error
 
     @property
     def arrived(self) -> int:
@@ -107,7 +108,7 @@ class SlcanBus(can.BusABC):
         try:
             self._port.write(slcan.encode(frames_of([msg])))
         except OSError as error:
-            raise can.CanOperationError(f"{self._port.name}: {error}") from error
+            raise can.CanOperationError(f"{self._port.name}: {system_reason(error)}") from error
 
     def fileno(self) -> int:
         """Return the descriptor that becomes readable when frames may be there."""
@@ -121,6 +122,12 @@ class SlcanBus(can.BusABC):
         with suppress(OSError):  # it is gone
             self._port.write(slcan.CLOSE)
         self._port.close()
+
+
+def bus_reason(error: Exception) -> str:
+    """Return the text of an error of a bus; if the system caused it, the reason alone, without port and number."""
+    cause = error.__cause__
+    return system_reason(cause if isinstance(cause, OSError) else error)
 
 
 @dataclass(frozen=True, eq=False)

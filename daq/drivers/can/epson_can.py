@@ -7,6 +7,7 @@ import numpy as np
 from canopen.sdo.exceptions import SdoAbortedError, SdoError
 
 from daq.drivers.base import CanAddress, Scans, known_rate
+from daq.drivers.can.bus import bus_reason
 from daq.drivers.can.epson_can_setup import configure, end_sync, identify, produce_sync
 from daq.drivers.can.heartbeat import HeartbeatConsumer
 from daq.drivers.can.hub import GATHER_SECONDS, DeviceFrames, Member, SyncPart, join_bus, leave_bus
@@ -120,7 +121,7 @@ class EpsonCan:
             identity = self._begin(member, node)
         except _ERRORS as error:
             self.close()
-            raise DriverError(str(self._address), f"no M-A552 answers: {error}") from error
+            raise DriverError(str(self._address), f"no M-A552 answers: {bus_reason(error)}") from error
         self._was_open = True
         return identity
 
@@ -183,7 +184,7 @@ class EpsonCan:
         try:
             thermometer.ask_if_due()
         except _ERRORS as error:
-            raise DeviceLost(str(self._address), f"its temperature cannot be read: {error}") from error
+            raise DeviceLost(str(self._address), f"its temperature cannot be read: {bus_reason(error)}") from error
 
     def _chunks(self, member: Member) -> list[DeviceFrames]:
         """Wait for frames and return those that are numbered by one start of SYNC."""

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from daq.drivers.base import OURS, CanPlace
-from daq.drivers.can.bus import Chunk, SlcanBus, read_frames
+from daq.drivers.can.bus import Chunk, SlcanBus, bus_reason, read_frames
 from daq.drivers.can.sync_count import SyncCount
 from daq.errors import DeviceLost, DriverError
 from daq.protocol.can_library import can
@@ -87,7 +87,7 @@ class Member:
         except queue.Empty:
             pass
         if not chunks and self.hub.failure is not None:
-            raise DeviceLost(str(self.place), f"the bus is not available: {self.hub.failure}")
+            raise DeviceLost(str(self.place), f"the bus is not available: {bus_reason(self.hub.failure)}")
         return chunks
 
     def gather(self, seconds: float) -> None:
@@ -181,7 +181,7 @@ def _open_bus(place: CanPlace) -> can.BusABC:
         channel = int(place.channel) if place.interface == "gs_usb" and place.channel.isdigit() else place.channel
         return can.Bus(interface=place.interface, channel=channel, bitrate=place.bitrate)
     except raised as error:
-        raise DriverError(str(place), f"the bus cannot be opened: {error}") from error
+        raise DriverError(str(place), f"the bus cannot be opened: {bus_reason(error)}") from error
 
 
 _HUBS: dict[tuple[str, str], CanHub] = {}  # a bus can be opened once in a process

@@ -7,6 +7,7 @@ import canopen
 from canopen.sdo.exceptions import SdoError
 
 from daq.drivers.base import OURS, CanAddress, CanPlace, Found, PortAnswer
+from daq.drivers.can.bus import bus_reason
 from daq.drivers.can.epson_can_setup import identify
 from daq.drivers.can.hub import join_bus, leave_bus
 from daq.drivers.serial.base import PORT_ERRORS
@@ -68,7 +69,7 @@ def find_nodes(bus: CanPlace) -> list[Found]:
                 found.append(Found(driver="epson-can", place=address, identity=identity))
         return found
     except (can.CanError, OSError) as error:
-        raise DriverError(f"{bus.interface}:{bus.channel}", f"nodes cannot be queried: {error}") from error
+        raise DriverError(f"{bus.interface}:{bus.channel}", f"nodes cannot be queried: {bus_reason(error)}") from error
     finally:
         leave_bus(member)
 

@@ -5,6 +5,7 @@ import time
 import numpy as np
 
 from daq.drivers.base import CanAddress, Scans, known_rate
+from daq.drivers.can.bus import bus_reason
 from daq.drivers.can.hub import Member, join_bus, leave_bus
 from daq.errors import DeviceLost, DriverError
 from daq.protocol import witmotion as wit
@@ -54,7 +55,7 @@ class WitmotionCan:
             self._wait_for_scan(member)
         except (can.CanError, OSError, ValueError) as error:
             self.close()
-            raise DriverError(str(self._address), f"no WT901 answers: {error}") from error
+            raise DriverError(str(self._address), f"no WT901 answers: {bus_reason(error)}") from error
         return DeviceIdentity(product="WT901")
 
     def _wait_for_scan(self, member: Member) -> None:

@@ -144,7 +144,9 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan, name: 
         f"[bold]modalwatch demo[/], seed {scenario.seed}: {minutes:.0f} minutes of a virtual T-frame, "
         f"{limit}{speed:g}x speed"
     )
-    hidden = f"The rig plays the scenario {name};" if name else "Sometime, somewhere, the rig will add a body;"
+    hidden = (
+        f"The rig plays the scenario {name};" if name else "At a random time and position, the rig will add a body;"
+    )
     console.print(f"Six emulated Epson accelerometers: four serial, two CAN. {hidden}")
     console.print(f"the monitor has no information on {'it' if name else 'time, place or mass'}.\n")
     _clear(out)
@@ -168,7 +170,7 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan, name: 
         interrupted = display.n_windows < plan.windows and not rig.over  # a busy machine leaves windows out
         done = rig.finish()
     if interrupted:
-        console.print(f"\nstopped after {display.n_windows} windows; the log is whole: {report.log}", soft_wrap=True)
+        console.print(f"\nstopped after {display.n_windows} windows; the log is complete: {report.log}", soft_wrap=True)
         return INTERRUPTED
     if name is not None:
         structure = parse_structure(t_structure_toml())

@@ -44,7 +44,7 @@ def play_rig(scenario: str, *, speed: float, ports: Path, report: Path, site: Pa
         for event in sorted(loaded.event, key=lambda event: event.at):
             echo(f"{event.at:g} s after all devices sample: {_event_text(event)}")
         if not loaded.event:
-            echo("nothing happens to the structure")
+            echo("no change of the structure")
         echo(f"ports: {ports}; stop with Ctrl-C")
         if site is None:
             return

@@ -113,18 +113,18 @@ def _table(summary: dict[str, Any], answer: MassAnswer | None, found: str) -> Ta
     place = ", ".join(f"{v:.3f}" for v in truth["position"])
     located = ", ".join(f"{v:.3f}" for v in answer.position)
     table.add_row(
-        r"where \[m]",
+        r"position \[m]",
         place,
         f"{located} ± {answer.position_std:.3f} ({answer.member})",
         f"{1000 * summary['distance']:.0f} mm",
     )
     table.add_row(
-        r"how much \[g]",
+        r"mass \[g]",
         f"{1000 * truth['mass']:.0f}",
         number_text(1000 * answer.mass, 1000 * answer.mass_std),
         f"{round(100 * summary['mass_error'], 1) + 0.0:+.1f} %",
     )
-    table.add_row("alarm", "", f"{summary['alarm_after_seconds']:.0f} s after it happened", "")
+    table.add_row("alarm", "", f"{summary['alarm_after_seconds']:.0f} s after the change", "")
     return table
 
 
@@ -140,12 +140,12 @@ def _write_pictures(out: Path, report: RunReport) -> None:
 
 
 def _say_next(console: Console, out: Path, report: RunReport) -> None:
-    console.print("Read the report: ", f"{out}/report.html", soft_wrap=True)
-    console.print("Look at it:      ", f".venv/bin/rerun {out}/overview.rrd", soft_wrap=True)
+    console.print("Report:              ", f"{out}/report.html", soft_wrap=True)
+    console.print("Viewer:              ", f".venv/bin/rerun {out}/overview.rrd", soft_wrap=True)
     console.print(
-        "Run it again:    ",
+        "Repeat the analysis: ",
         f".venv/bin/modalwatch replay {report.log}",
         "   (the same modes and alarm, to the last digit)",
         soft_wrap=True,
     )
-    console.print("The whole answer:", f"{out}/answer.json", soft_wrap=True)
+    console.print("All results:         ", f"{out}/answer.json", soft_wrap=True)

@@ -21,7 +21,7 @@ def export_signals(paths: Sequence[Path], out: Path, within: TimeRange) -> int:
     with progress("reading", files_of_logs([log])) as work:
         recordings = list(log_recordings(log, late=late))
         if not recordings:
-            raise LogError(str(log), "holds less than the two seconds that the clocks need")
+            raise LogError(str(log), "is shorter than the two seconds that the clocks need")
         work.stage("writing", [out])
         export_recording(out, recordings[0])
     found = recordings[0]
@@ -50,4 +50,4 @@ def _say_late(late: Mapping[str, float]) -> None:
     """Print the delays that were removed."""
     if late:
         text = ", ".join(f"{device} {1e3 * seconds:+.3f} ms" for device, seconds in late.items())
-        echo(f"removed, as the baseline found devices late: {text}")
+        echo(f"device delays of the baseline, removed: {text}")

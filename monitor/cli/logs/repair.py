@@ -22,7 +22,7 @@ def repair(log: Annotated[Path, Argument(metavar="LOG.mcap", help="Log; it is re
     with progress("reading", [log]):
         state = repair_log(log)
     if state.whole:
-        echo(f"{log}: whole, {state.n_messages} messages; not touched")
+        echo(f"{log}: complete, {state.n_messages} messages; not changed")
     else:
         echo(f"{log}: repaired, {state.n_messages} messages kept; it was {state}")
     return DONE

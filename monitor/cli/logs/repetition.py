@@ -55,9 +55,11 @@ def replay_log(
             write_watched(log, watched, report)
         echo(f"written: {watched}, for `report` and `view`")
     elif not (report.logged or note):
-        console.print("note: `-o WATCHED.mcap` writes a log with this, for `report` and `view`", style="yellow")
+        console.print(
+            "note: `-o WATCHED.mcap` writes a log with these results, for `report` and `view`", style="yellow"
+        )
     if not report.from_beginning:
-        warn("note: not compared with what was found live: the baseline is learned from the beginning of the range")
+        warn("note: not compared with the live results: the baseline is learned from the start of the range")
     if report.logged and not (site or given):
         echo(report.comparison.text)
     return _exit_code(report.found)
@@ -98,7 +100,7 @@ def _replay_series(
     if not any(isinstance(result, ReferenceResult) for result in found):
         n, target = len(series.time), used.settings.analysis.first_windows
         warn(
-            f"note: no baseline is learned: {n} rows, expected {target} with modes or more (analysis.baseline_windows)"
+            f"note: no baseline is learned: {n} rows, expected {target} or more with modes (analysis.baseline_windows)"
         )
     if watched:
         write_series(watched, series, used, found)
@@ -116,7 +118,7 @@ def _nothing_watched(report: ReplayReport) -> str:
     windows = [result for result in report.found if isinstance(result, WindowResult)]
     if not windows:
         return (
-            f"there is no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing was looked at"
+            f"there is no whole window of {report.window_seconds:g} s (analysis.window_seconds): nothing was analysed"
         )
     if any(isinstance(result, ReferenceResult) for result in report.found) or windows[-1].phase != "learning":
         return ""
@@ -124,7 +126,7 @@ def _nothing_watched(report: ReplayReport) -> str:
     short = ""
     if n_learned < len(windows) / 2:
         short = f"; are records shorter than a window of {report.window_seconds:g} s (analysis.window_seconds)?"
-    return f"the log ended while the watch was still learning: {n_learned} of {len(windows)} windows gave modes{short}"
+    return f"the log ended before the baseline was complete: {n_learned} of {len(windows)} windows gave modes{short}"
 
 
 def _say(result: Result) -> None:

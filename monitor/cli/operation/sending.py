@@ -34,8 +34,8 @@ def send_command(site: Site, command: Command) -> None:
     end = time.monotonic() + _WAIT
     while path.exists() and time.monotonic() < end:
         time.sleep(_LOOK)
-    left = f"left for the monitor, which has not taken it within {_WAIT:g} s: {path}"
-    echo(left if path.exists() else "the monitor has taken it")
+    left = f"the monitor has not received it within {_WAIT:g} s: {path}"
+    echo(left if path.exists() else "the monitor has received it")
 
 
 def active_alarm(site: Site, given: str | None) -> AlarmRow:

@@ -66,7 +66,7 @@ def _place(at: str) -> tuple[float, float, float]:
 def _remembered(site: Site) -> str:
     found = recall(site.state, attached_structure(site.structure_text), site.settings)
     if found.text is None:
-        raise ProofError(f"the watch has no baseline: {found.refused or 'it has never run'}")
+        raise ProofError(f"the monitor has no baseline: {found.refused or 'it has never run'}")
     return found.text
 
 

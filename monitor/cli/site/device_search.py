@@ -33,7 +33,7 @@ def list_devices(paths: Sequence[str], json_path: Path | None, *, probe: bool, e
     adapters = [] if paths else can_adapters()
     analog = [] if paths else daqmx_devices()
     wanted = [port for port in ports if probe and (paths or every or port.is_usb)]
-    with progress(f"asking at {len(wanted)} ports"):
+    with progress(f"querying {len(wanted)} ports"):
         seen = dict(zip((port.path for port in wanted), _asked_at_once(wanted, bitrate), strict=True))
     console.print(_table(ports, adapters, analog, seen))
     found = [device for answer in seen.values() if isinstance(answer, PortAnswer) for device in answer.devices]

@@ -33,7 +33,7 @@ def check_site(path: Path, given: Sequence[str]) -> int:
     """
     site = load_site(path, given)
     _say_plan(site)
-    with progress(f"asking {len(site.settings.device)} devices"):
+    with progress(f"querying {len(site.settings.device)} devices"):
         found = probe_devices(site.settings)
     console.print(_table(site, found))
     silent = [f"device {name}: {what}" for name, what in found.items() if isinstance(what, str)]
@@ -57,7 +57,7 @@ def _has_thermometer(found: Probe | str) -> bool:
 
 
 def _say_around(site: Site) -> bool:
-    """Print the requirements of a run besides devices; return whether all are met."""
+    """Print the requirements of a run other than devices; return whether all are met."""
     well = True
     for found in look_around(site):
         (echo if found.well else warn)(f"{found.what + ':':<13}{found.text}")
@@ -70,7 +70,7 @@ def _say_plan(site: Site) -> None:
     folder = site.folder / settings.recorder.folder
     free = shutil.disk_usage(next(p for p in (folder, *folder.absolute().parents) if p.exists())).free
     structure = (
-        "none: changes are stated as modes that moved"
+        "none: changed modes are stated, without a cause"
         if settings.structure is None
         else str(site.folder / settings.structure)
     )
@@ -114,7 +114,7 @@ def _problems(device: DeviceSettings, found: Probe | str) -> list[str]:
     if found.lost or found.bad_bytes:
         problems.append(f"device {device.name}: {found.lost} scans lost, {found.bad_bytes} damaged bytes in a second")
     still = [name for axis, name in device.channels.items() if found.rms[AXES.index(axis)] == 0]
-    problems += [f"device {device.name}: channel {name} does not move at all" for name in still]
+    problems += [f"device {device.name}: channel {name} is constant" for name in still]
     return problems
 
 

@@ -1,4 +1,4 @@
-"""Requirements of a run besides its devices, checked before it starts: history, notices, ports, disk, clock."""
+"""Requirements of a run other than its devices, checked before it starts: history, notices, ports, disk, clock."""
 
 import ctypes
 import os

@@ -82,7 +82,7 @@ class Unit:
 
 @dataclass(frozen=True, kw_only=True)
 class Access:
-    """Resources that a unit may use besides the files that it may read."""
+    """Resources that a unit may use in addition to the files that it may read."""
 
     user: str  #: user of the service; not used by the user's manager
     writable: tuple[Path, ...]  #: folders, absolute

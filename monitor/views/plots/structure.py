@@ -29,11 +29,13 @@ _UPRIGHT = 0.7  # sine of the slope from which a member is upright
 _LABELS = 30  # sensors up to which each has its name
 _COLOURS = "viridis_r"
 _BLIND, _LINE, _NAME, _FAINT = "#c62828", "#1565c0", "#37474f", "#cfd8dc"
+_BACKGROUND = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}  # of a text over coloured lines
 _NAMED = 8  # members up to which each has its name at the curves
 _USUAL, _BEYOND_USUAL = 0.9, 5.0  # share of the places, and times their most, that colours and curves reach up to
 _SUBS = (1.0, 2.0, 5.0)
-_TIMES = (10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400)  # s
+_TIMES = (10, 20, 60, 120, 300, 600, 1200, 3600, 7200, 21600, 86400)  # s; further apart than their labels are high
 _TICKS = 4  # along the longest side
+_ARROW = 0.07  # length of a sensor's arrow, as a share of the structure's size
 SWAY = 0.12  #: largest displacement drawn, as a share of the structure's size
 
 
@@ -77,7 +79,7 @@ def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
     if structure.sensor:
         at = np.array([s.at for s in structure.sensor])
         way = np.array([np.asarray(s.direction) / np.linalg.norm(s.direction) for s in structure.sensor])
-        tip = at + 0.07 * extent * way
+        tip = at + _ARROW * extent * way
         axes.quiver(*at.T, *(tip - at).T, color=_SENSOR, linewidth=1.5, arrow_length_ratio=0.35, label="sensor")
         _label_sensors(axes, structure, extent)
     for support in structure.support[:_LABELS]:
@@ -88,7 +90,7 @@ def _draw_parts(axes: Axes3D, sight: ModeVisibility) -> None:
 
 
 def _label_sensors(axes: Axes3D, structure: Structure, extent: float) -> None:
-    """Write the channels of each place once: beside an upright member, below another."""
+    """Write the channels of each place once: to the right of an upright member, above the arrows of another."""
     channels: dict[Vector, list[str]] = {}
     for sensor in structure.corrected_sensors[:_LABELS]:
         channels.setdefault(sensor.at, []).append(sensor.channel)
@@ -98,7 +100,8 @@ def _label_sensors(axes: Axes3D, structure: Structure, extent: float) -> None:
             text = "\n" + "\n".join(f"    {name}" for name in names)
             axes.text(x, y, z, text, fontsize=7, color=_SENSOR, va="top", ha="left")
         else:
-            axes.text(x, y, z - 0.03 * extent, "\n".join(names), fontsize=7, color=_SENSOR, va="top", ha="center")
+            above = z + (_ARROW + 0.02) * extent
+            axes.text(x, y, above, "\n".join(names), fontsize=7, color=_SENSOR, va="bottom", ha="center")
 
 
 def _held(support: Support) -> str:
@@ -172,7 +175,8 @@ def _extremes(axes: Axes3D, sight: ModeVisibility, outlook: DetectabilityStudy) 
         least = here[np.argmin(sight.weakest[here])]
         if len(np.unique(outlook.member)) <= _NAMED and np.isfinite(sight.weakest[least]):
             x, y, z = outlook.point[least] + [0, 0, 0.05 * size(sight.model)]
-            axes.text(x, y, z, mass_words(float(sight.weakest[least])), fontsize=9, color=_NAME, ha="center")
+            text = mass_words(float(sight.weakest[least]))
+            axes.text(x, y, z, text, fontsize=9, color=_NAME, ha="center", bbox=_BACKGROUND)
 
 
 def _places(outlook: DetectabilityStudy) -> Iterator[tuple[str, Vector]]:

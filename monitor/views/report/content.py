@@ -159,7 +159,7 @@ def _pictures(run_results: RunResults, diagnosis: DiagnosisAnswer | None) -> dic
         "shapes": picture(lambda: shapes_figure(reference) if reference else None, "Mode shapes of the baseline"),
         "overview": picture(lambda: trends.overview_figure(run_results), "Novelty and frequency shifts over time"),
         "profile": picture(
-            lambda: places.profile_figure(answer, run_results.mass_unit) if answer else None,
+            lambda: places.profile_figure(answer, reference, run_results.mass_unit) if answer else None,
             "Misfit of every other place compared with the best one, in standard deviations",
         ),
         "shifts": picture(lambda: trends.shifts_figure(run_results), "Frequency shift of every mode over time, ± 1σ"),

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from daq import FloatArray
 from monitor.results.windows import MassAnswer, MassIncrements, ReferenceResult
-from monitor.views.member_axis import Unrolled, has_profile, places, sigmas
+from monitor.views.member_axis import Unrolled, axis_of, has_profile, sigmas
 from monitor.views.report.structure_figure import Frame
 from monitor.views.report.svg import ADDED, REGION, SOFT, mode_colour, new_figure
 
@@ -28,13 +28,13 @@ def structure_figure(reference: ReferenceResult, answer: MassAnswer | None) -> F
     return figure
 
 
-def profile_figure(answer: MassAnswer, unit: tuple[float, str]) -> Figure | None:
+def profile_figure(answer: MassAnswer, reference: ReferenceResult | None, unit: tuple[float, str]) -> Figure | None:
     """Return how much worse each place is and the mass that would fit best there, along all members."""
     if not has_profile(answer):
         return None
     figure = new_figure(5.2, 4.4)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[1.7, 1.0])
-    unrolled, far = Unrolled(places(answer)), sigmas(answer.profile)
+    unrolled, far = axis_of(answer, reference), sigmas(answer.profile)
     worst = min(_MAX_SIGMAS, max(3.0, float(far.max())))
     for number, member in enumerate(unrolled.length):
         mine = [i for i, p in enumerate(answer.profile) if p.member == member]

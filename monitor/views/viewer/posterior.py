@@ -8,7 +8,7 @@ import rerun as rr
 from daq import FloatArray
 from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import MassAnswer
-from monitor.views.member_axis import Unrolled, has_profile, places, sigmas, ticks
+from monitor.views.member_axis import Unrolled, axis_of, has_profile, sigmas, ticks
 from monitor.views.palette import ALARM, REGION, TEXT, WARN, Colour
 from monitor.views.viewer.components import write_posterior
 from monitor.views.viewer.primitives import Axes, at, band, line, text, times
@@ -36,7 +36,8 @@ def draw_answers(recording: rr.RecordingStream, run_results: RunResults, *, stat
     line(recording, "/answer/place", "place, standard deviation [mm]", WARN, column, place)
     drawn = [(w, a) for w, a in thin(run_results.answers) if has_profile(a)]
     if drawn:
-        draw_posteriors(recording, [(w.end, a) for w, a in drawn], run_results.mass_unit, static=static)
+        unrolled = axis_of(drawn[-1][1], run_results.geometry)
+        draw_posteriors(recording, unrolled, [(w.end, a) for w, a in drawn], run_results.mass_unit, static=static)
 
 
 def mass_span(run_results: RunResults) -> tuple[float, float]:
@@ -48,17 +49,22 @@ def mass_span(run_results: RunResults) -> tuple[float, float]:
 
 
 def draw_posteriors(
-    recording: rr.RecordingStream, answers: list[tuple[int, MassAnswer]], unit: tuple[float, str], *, static: bool
+    recording: rr.RecordingStream,
+    unrolled: Unrolled,
+    answers: list[tuple[int, MassAnswer]],
+    unit: tuple[float, str],
+    *,
+    static: bool,
 ) -> None:
     """Draw how many standard deviations worse each place is, and under it the mass that would fit best there.
 
     Parameters
     ----------
+    unrolled : axis of the members
     answers : with their times [ns UTC]
     unit : of mass: how many are a kilogram, and its name
     static : whether the axes are permanent
     """
-    unrolled = Unrolled(places(answers[-1][1]))
     top, low = _panels(unrolled, [a for _, a in answers], unit[0])
     _frames(recording, unrolled, (top, low), unit[1], static=static)
     for time, answer in answers:

@@ -226,7 +226,7 @@ def text(
 def legend(
     recording: rr.RecordingStream, path: str, names: Sequence[str], colours: Sequence[Colour], *, static: bool = True
 ) -> None:
-    """Write names in their colours, in rows, beside plots of series."""
+    """Write names in their colours, in rows, next to plots of series."""
     right, down = LEGEND_STEPS
     places = [[right * (i % LEGEND_COLUMNS), down * (i // LEGEND_COLUMNS)] for i in range(len(names))]
     text(recording, path, places, names, colours, static=static)

@@ -14,6 +14,7 @@ from monitor.text.quantities import share_text
 from monitor.views.geometry import Geometry, screen
 from monitor.views.palette import ALARM, DIM, GREY, LIGHTER, REGION, SENSOR, STEEL, TEXT, heat
 from monitor.views.viewer.primitives import at, once
+from updater.quantities import Vector
 
 TUBE = 0.0095  # of the structure's size, radius of its members
 SIDE = (24.0, 12.0)  # degrees: azimuth and elevation of the viewer
@@ -202,16 +203,31 @@ def _brackets(geometry: Geometry, answer: MassAnswer) -> list[list[FloatArray]]:
     return brackets
 
 
+def _outside(nodes: FloatArray, places: list[Vector]) -> list[FloatArray]:
+    """Return the parts of a member on both sides of places in order along it; the whole member if there are none."""
+    if not places:
+        return [nodes]
+    first, last = np.array(places[0]), np.array(places[-1])
+    along, least = np.linalg.norm(nodes - nodes[0], axis=1), 1e-9 * float(np.ptp(nodes, axis=0).max())
+    before = nodes[along < np.linalg.norm(first - nodes[0]) - least]
+    after = nodes[along > np.linalg.norm(last - nodes[0]) + least]
+    ends = [np.vstack([before, first])] if len(before) else []
+    return [*ends, np.vstack([last, after])] if len(after) else ends
+
+
 def heated_members(geometry: Geometry, answer: MassAnswer) -> tuple[list[FloatArray], npt.NDArray[np.uint8]]:
-    """Return the members in stretches, coloured by the square root of the posterior's density over its largest."""
-    segments, level, located = [], [], {p.member for p in answer.profile}
+    """Return the members in stretches, coloured by the square root of the posterior's density over its largest.
+
+    A profile may cover the surroundings of the best place alone.
+    """
+    segments, level = [], []
     for a, b in zip(answer.profile[:-1], answer.profile[1:], strict=True):
         if a.member == b.member:
             segments.append(np.array([a.position, b.position]))
             level.append((a.density + b.density) / 2)
     for member, nodes in geometry.lines.items():
-        if member not in located:
-            segments.append(geometry.nodes[nodes])
-            level.append(0.0)
+        cold = _outside(geometry.nodes[nodes], [p.position for p in answer.profile if p.member == member])
+        segments += cold
+        level += [0.0] * len(cold)
     share = np.array(level) / max(max(level, default=0.0), 1e-12)
     return segments, heat(np.sqrt(share))

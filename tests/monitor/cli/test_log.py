@@ -61,7 +61,7 @@ def test_repair_fixes_a_cut_log_and_skips_an_intact_one(modalwatch: Commands, lo
     assert done.code == 0, done.err
     assert f"{log}: repaired, 6 messages kept; it was cut, 100 bytes of an unfinished chunk" in done.out
     content = log.read_bytes()
-    assert f"{log}: whole, 6 messages; not touched" in modalwatch("repair", log).out
+    assert f"{log}: complete, 6 messages; not changed" in modalwatch("repair", log).out
     assert log.read_bytes() == content
     done = modalwatch("log", "info", log)
     assert "state: whole" in done.out

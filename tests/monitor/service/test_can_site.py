@@ -67,7 +67,7 @@ WRONG_SETTINGS = {
     ),
 }
 CANNOT_START = {
-    "no such port": ("node = 1", "node = 1", "slcan:PORT node 1: the bus cannot be opened: PORT: "),
+    "no such port": ("node = 1", "node = 1", "slcan:PORT node 1: the bus cannot be opened: No such file or directory"),
     "no such bit rate": ("node = ", "bitrate = 123, node = ", "bitrate of PORT: expected one of [10000, "),
     "no such network": ('"slcan"', '"socketcan"', "socketcan:PORT node 1: the bus cannot be opened: "),
     "no vendor's library": ('"slcan"', '"kvaser"', "kvaser:PORT node 1: the bus cannot be opened: "),

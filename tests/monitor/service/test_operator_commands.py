@@ -106,7 +106,7 @@ def test_command_waits_until_the_monitor_has_received_it(
     state = site.parent / "state"
     MonitorStatus(state / FILE_NAME, (), Pace(step=600.0, window=600.0), SystemClock()).write(*WELL)
     monkeypatch.setattr("monitor.cli.operation.sending._WAIT", 0.2)
-    assert "has not taken it within 0.2 s" in modalwatch("acknowledge", site).out
+    assert "has not received it within 0.2 s" in modalwatch("acknowledge", site).out
     monkeypatch.setattr("monitor.cli.operation.sending._WAIT", 10.0)
     stop, inbox = threading.Event(), Inbox(state)
 
@@ -117,7 +117,7 @@ def test_command_waits_until_the_monitor_has_received_it(
     thread = threading.Thread(target=take)
     thread.start()
     try:
-        assert "the monitor has taken it" in modalwatch("acknowledge", site).out
+        assert "the monitor has received it" in modalwatch("acknowledge", site).out
     finally:
         stop.set()
         thread.join()

@@ -45,7 +45,7 @@ def test_proof_with_a_known_mass_from_the_saved_state(
     (tmp_path / "site.toml").write_text(played.text, encoding="utf-8")
     words = ("prove", tmp_path / "site.toml", "--mass", str(MASS), "--position", "0,0.9")
     refused = modalwatch(*words)
-    assert (refused.code, "the watch has no baseline: it has never run" in refused.err) == (2, True)
+    assert (refused.code, "the monitor has no baseline: it has never run" in refused.err) == (2, True)
 
     (tmp_path / "state").mkdir()
     (tmp_path / "state" / MEMORY).write_text(memory_text(pipeline.memory), encoding="utf-8")

@@ -57,7 +57,7 @@ class ResponseEstimate:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ResponseModel:
-    """Reference with the excitation and noise of a record: a model that is run beside the structure.
+    """Reference with the excitation and noise of a record: a model that runs in parallel to the structure.
 
     The signals are those in a band about the measured modes. Each standard deviation combines three errors: that of the
     Kalman filter, which follows the level of the innovations; that of the expanded shapes; that of the devices' clocks,

@@ -278,8 +278,8 @@ def diagnose_logs(
         warn(f"note: {note}")
     if before and _EXTENDED in structure_path.read_text(encoding="utf-8"):
         console.print(
-            f"note: {structure_path} holds what an earlier diagnosis found. Reference logs from before that show a "
-            "structure without it: what was found then is found again, or its opposite. Give logs recorded since.",
+            f"note: {structure_path} contains the causes of an earlier diagnosis. Older reference logs are of the "
+            "structure without them: these causes, or their opposite, are then found again. Give logs recorded since.",
             style="yellow",
         )
     if out or pdf:

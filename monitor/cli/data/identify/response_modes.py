@@ -145,18 +145,18 @@ def _coherence_line(identified: IdentifiedFile) -> str:
     """Return what of the coherence was used."""
     coherence = identified.responses.coherence
     if coherence is None:
-        return "coherence: none in the file; all lines weigh alike"
+        return "coherence: none in the file; all lines weighted equally"
     known = np.isfinite(coherence).all(axis=0)
     if not known.all():
-        return f"coherence: of {known.sum()} of {counted(known.size, 'response')}, not used; all lines weigh alike"
+        return f"coherence: of {known.sum()} of {counted(known.size, 'response')}, not used; all lines weighted equally"
     low, high = identified.modes.band
     inside = (identified.responses.frequency >= low) & (identified.responses.frequency <= high)
     median = np.median(coherence[inside], axis=0)
     if not identified.modes.weighted:
-        return "coherence: one in most lines, as of a single blow, not used; all lines weigh alike"
+        return "coherence: one in most lines, as of a single blow, not used; all lines weighted equally"
     row, column = np.unravel_index(int(np.argmin(median)), median.shape)
     worst = f"{identified.responses.outputs[row]}, force {identified.responses.inputs[column]}"
-    return escape(f"coherence: lines and responses weigh by it; lowest median {median.min():.3f} ({worst})")
+    return escape(f"coherence: weight of lines and responses; lowest median {median.min():.3f} ({worst})")
 
 
 def _mass_notes(found: ResponseIdentification) -> list[str]:

@@ -44,7 +44,7 @@ def site_sensors(path: Path) -> CanSource:
     sensors = []
     for device in site.settings.device:
         if device.dbc is None:
-            raise ArgumentError("--site", f"{path}: device {device.name!r} has no `dbc`: a CAN log holds none of it")
+            raise ArgumentError("--site", f"{path}: device {device.name!r} has no `dbc`: the log has no data of it")
         sensors.append(LoggedSensor(device=device.name, rate=device.rate, sensor=device.dbc.sensor))
     return CanSource(sensors=sensors, channels=site.settings.channels, attachments=site.attachments)
 

@@ -104,7 +104,7 @@ def _say(out: Path, recordings: Sequence[Recording], parts: Sequence[Measured], 
     if len(recordings) > 1:
         echo(_sequence(recordings))
     if new_site is not None:
-        echo(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` watches the log")
+        echo(f"written: {new_site}, to be edited: `modalwatch replay {out} --site {new_site}` monitors the log")
     for remark in parts[0].remarks:
         echo(f"{'first file: ' if len(parts) > 1 else ''}{remark}")
 

@@ -95,11 +95,11 @@ def learning_notes(settings: Settings, seconds: float, site: Path) -> Iterator[s
     """Return notes on suitable windows for a logger that pauses, and on too short a record [s]."""
     window = settings.analysis.window_seconds
     if window != AnalysisSettings().window_seconds:
-        yield f"the logger pauses: window_seconds = {window:g} in {site}, so that its records hold whole windows"
+        yield f"the logger pauses: window_seconds = {window:g} in {site}, so that its records contain whole windows"
     if seconds >= settings.learning_seconds:
         return
     analysis = settings.analysis
     yield (
-        f"by {site} a watch learns for {settings.learning_seconds:g} s ({analysis.first_windows} windows of "
-        f"{analysis.window_seconds:g} s), the log has {seconds:.6g} s: shorten window_seconds or baseline_windows there"
+        f"with {site} the baseline takes {settings.learning_seconds:g} s ({analysis.first_windows} windows of "
+        f"{analysis.window_seconds:g} s), but the log has {seconds:.6g} s: reduce window_seconds or baseline_windows"
     )

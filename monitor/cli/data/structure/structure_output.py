@@ -53,7 +53,7 @@ def clearer_words(sight: ModeVisibility) -> Iterator[str]:
     gains += ["distinguishes " + _pairs(separated)] if separated else []
     then_alike = sorted(set(then.pairs_alike) - set(sight.pairs_alike))
     if gains and then_alike:
-        gains.append("which leaves alike " + _pairs(then_alike))
+        gains.append("but does not distinguish " + _pairs(then_alike))
     if gains:
         yield f"a sensor at {_at(sensor)} {', '.join(gains)}"
 

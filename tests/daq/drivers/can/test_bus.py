@@ -1,5 +1,6 @@
 """Our SLCAN bus on a pty: blocks and messages, damage, a pulled plug."""
 
+import errno
 import os
 import re
 import time
@@ -8,7 +9,7 @@ import can
 import pytest
 
 from daq.drivers import CanPlace
-from daq.drivers.can.bus import SlcanBus, frames_of, messages_of, read_frames
+from daq.drivers.can.bus import SlcanBus, bus_reason, frames_of, messages_of, read_frames
 from daq.drivers.can.hub import _open_bus
 from daq.protocol.frames import can_frames
 from daq.protocol.slcan import encode
@@ -100,6 +101,16 @@ def test_failure_to_open_names_the_port_in_the_error() -> None:
         pytest.raises(can.CanInitializationError, match=re.escape(port)),
     ):
         SlcanBus(port)
+
+
+def test_reason_of_a_bus_error_has_no_port_and_no_number() -> None:
+    unsupported = OSError(errno.EAFNOSUPPORT, os.strerror(errno.EAFNOSUPPORT))  # socketcan without the kernel's module
+    assert bus_reason(unsupported) == "Address family not supported by protocol"
+    with pytest.raises(can.CanInitializationError) as missing:
+        SlcanBus("/dev/none")
+    assert str(missing.value) == "/dev/none: No such file or directory"
+    assert bus_reason(missing.value) == "No such file or directory"
+    assert bus_reason(can.CanOperationError("of a backend")) == "of a backend"
 
 
 def test_python_can_opens_slcan_bus_by_interface_name() -> None:

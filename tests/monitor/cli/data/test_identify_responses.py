@@ -69,7 +69,7 @@ def test_modes_masses_and_pictures_of_responses(modalwatch: Commands, hammer: Pa
     assert content["agreement"]["4_x"]["4_x"] > 0.999
     assert content["method"]["weighted_by_coherence"]
     assert content["method"]["header"]["description"] == "hammer test of a tower"
-    assert "coherence: lines and responses weigh by it; lowest median 0.86" in done.out
+    assert "coherence: weight of lines and responses; lowest median 0.86" in done.out
     assert "header of the file: hammer test of a tower, modalwatch, " in done.out
     measured, source = read_responses(folder / "responses.unv"), read_responses(hammer)
     np.testing.assert_allclose(measured.response, source.response, rtol=1e-5)
@@ -128,5 +128,5 @@ def test_record_that_is_cut_is_remarked(modalwatch: Commands, tmp_path: Path) ->
     pyuff.UFF(str(tmp_path / "cut.uff")).write_sets(sets, "overwrite")
     done = modalwatch("identify", tmp_path / "cut.uff", "--band", 2, 40)
     assert done.code == 0, done
-    assert "coherence: none in the file; all lines weigh alike" in done.out
+    assert "coherence: none in the file; all lines weighted equally" in done.out
     assert "mode 1 has 11 % of its motion left at the end of a record of 8 s" in done.out

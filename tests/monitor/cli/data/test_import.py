@@ -249,7 +249,7 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     done = modalwatch(*asked, "--structure", structure)
     assert done.code == 0, done.err
     assert f"written: {site}, to be edited" in done.out
-    assert "learns for 14400 s (24 windows of 600 s), the log has 20 s" in done.out
+    assert "the baseline takes 14400 s (24 windows of 600 s), but the log has 20 s" in done.out
     settings = load_settings(site)
     assert [(d.name, d.rate, list(d.channels.values())) for d in settings.device] == [
         ("logger-1", 200.0, names[:3]),

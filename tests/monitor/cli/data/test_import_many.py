@@ -84,7 +84,7 @@ def test_window_length_of_a_new_site_fits_intermittent_records(
     replayed = modalwatch("replay", log, "--site", site).out
     assert "window   2 learning" in replayed
     assert "window   3" not in replayed
-    assert "still learning: 0 of 2 windows gave modes; are records shorter than a window of 4.6 s" in replayed
+    assert "0 of 2 windows gave modes; are records shorter than a window of 4.6 s" in replayed
 
 
 def test_channel_with_a_gap_in_one_file_becomes_a_separate_device(tables: list[Path], tmp_path: Path) -> None:

@@ -127,7 +127,7 @@ def test_site_without_a_structure(modalwatch: Commands, tmp_path: Path) -> None:
     path.write_text(SITE, encoding="utf-8")
     site = load_site(path)
     assert (site.name, set(site.attachments)) == ("bridge-7", {"site.toml"})
-    assert_refused(modalwatch("prove", path, "--mass", "0.1", "--position", "0,0"), "the watch has no baseline")
+    assert_refused(modalwatch("prove", path, "--mass", "0.1", "--position", "0,0"), "the monitor has no baseline")
 
 
 def test_table_becomes_a_log_that_can_be_replayed_without_a_structure(modalwatch: Commands, tmp_path: Path) -> None:

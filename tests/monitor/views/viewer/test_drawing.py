@@ -13,11 +13,11 @@ from daq import FloatArray
 from monitor.results.run_results import RunResults, thin
 from monitor.results.windows import ProfilePoint, ReferenceResult
 from monitor.views.geometry import FIELD_OF_VIEW, Geometry, screen
-from monitor.views.member_axis import Unrolled, places, side_by_side, sigmas, ticks
+from monitor.views.member_axis import Unrolled, axis_of, places, side_by_side, sigmas, ticks
 from monitor.views.palette import heat, mode_colour
 from monitor.views.viewer.layout.view_specs import best_grid
 from monitor.views.viewer.primitives import Axes
-from monitor.views.viewer.scene import common_name
+from monitor.views.viewer.scene import common_name, heated_members
 from monitor.views.viewer.spectrum import spectrum_axes
 from tests.support.monitor import results as made
 
@@ -98,6 +98,21 @@ def test_members_are_unrolled_one_after_another() -> None:
     end = unrolled.along("crossbeam", np.array([0.4, 0.0, 1.48]))
     assert float(end) == pytest.approx(unrolled.total, abs=1e-9)
     assert all(0 <= x <= unrolled.total for x, _ in unrolled.ticks())
+
+
+def test_profile_near_the_best_place_is_drawn_on_whole_members() -> None:
+    """Refined answers have a profile of some centimetres: distances are those from the start of the member."""
+    whole = SITE.answer(SITE.mass * SITE.sensitivity[:, SITE.node(SITE.place)], 4)
+    near = [p for p in whole.profile if p.member == "crossbeam" and abs(p.position[0] - 0.2) < 0.11]
+    answer = whole.model_copy(update={"profile": near})
+    unrolled = axis_of(answer, REFERENCE)
+    assert unrolled.length == pytest.approx({"crossbeam": 0.8}, abs=1e-9)
+    assert float(unrolled.along("crossbeam", np.array([0.2, 0.0, 1.48]))) == pytest.approx(0.6, abs=1e-9)
+    assert axis_of(answer, None).length["crossbeam"] < 0.25
+    for profile in (near, whole.profile):
+        drawn, _ = heated_members(Geometry(REFERENCE), answer.model_copy(update={"profile": profile}))
+        length = sum(float(np.linalg.norm(np.diff(part, axis=0), axis=1).sum()) for part in drawn)
+        assert length == pytest.approx(1.48 + 0.8, abs=1e-9)
 
 
 def test_synthetic_answer_lies_at_the_mass_or_its_mirror_image() -> None:

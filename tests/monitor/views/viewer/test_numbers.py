@@ -7,7 +7,7 @@ import pytest
 
 from daq import FloatArray
 from monitor.results.windows import MassAnswer, OtherPlace, WindowResult
-from monitor.views.member_axis import Unrolled, places, sigmas
+from monitor.views.member_axis import axis_of, sigmas
 from monitor.views.viewer import write_recording
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
@@ -71,7 +71,7 @@ def test_credible_region_is_read_back(rrd: Rrd) -> None:
 
 def test_drawn_region_agrees_with_the_numbers(rrd: Rrd) -> None:
     """The drawing is 200 wide; members lie one after another."""
-    unrolled = Unrolled(places(LAST))
+    unrolled = axis_of(LAST, RUN["reference"])
     _, strips = rrd.rows("/posterior/region", "LineStrips2D:strips")
     drawn = [[float(p[0]) for p in strip] for strip in strips[-1]]
     reported = [
@@ -87,7 +87,7 @@ def test_drawn_likelihood_agrees_with_the_numbers(rrd: Rrd) -> None:
     worst = min(30.0, max(3.0, *(float(f.max()) for f in far)))
     _, strips = rrd.rows("/posterior/place/curves", "LineStrips2D:strips")
     drawn = np.concatenate([np.array(strip, float) for strip in strips[-1]])
-    unrolled = Unrolled(places(LAST))
+    unrolled = axis_of(LAST, RUN["reference"])
     inside = [k for k, f in enumerate(far[-1]) if f < worst]
     assert len(inside) > 1
     for k in inside:
