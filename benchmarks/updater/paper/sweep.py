@@ -1,8 +1,8 @@
 """The paper's own question: how far the one-step update's totals, peaks and eq. 13 carry, for 0.1 to 10 % of mass.
 
 A body at the paper's two locations, the same body distributed over the structure, and 304 g distributed over ever
-longer stretches; ten frames that differ from the reference in kind, eight windows before, four after. Prints the tables of
-the documentation and draws docs/pictures/paper_sweep.png.
+longer stretches; ten frames that differ from the reference in kind, eight windows before, four after. Prints the
+tables of the documentation and draws docs/pictures/paper_sweep.png.
 
 Usage: python benchmarks/updater/paper/sweep.py [FOLDER for the picture], or make bench-paper
 """

@@ -143,7 +143,7 @@ def say_modes(logs: Sequence[AnyLog], found: Findings, *, setups: bool) -> None:
     if windows.problems:
         console.print(f"{len(windows.problems)} windows gave no modes: {escape(windows.problems[0])}")
     if fused.scatter is not None:
-        console.print(f"frequencies scatter {fused.scatter:.2f} times what the windows state")
+        console.print(f"scatter of the frequencies between windows: {fused.scatter:.2f} times the stated deviations")
 
 
 def _marks(found: Findings) -> Iterator[str]:
@@ -194,7 +194,7 @@ def _table(title: str, found: Findings) -> Table:
     uncertain, complex_shape = found.may_be_tone, found.is_complex
     shaped = len(estimate.channels) > 1  # one channel has no shapes
     names = ["mode", "frequency [Hz]", "damping [%]", "MPC"]
-    names += ["seen", "model", "MAC"] if compared else ["MPD [°]", "seen"]
+    names += ["windows", "model", "MAC"] if compared else ["MPD [°]", "windows"]
     table = new_table(right=names, no_wrap=True, title=title)
     frequencies = aligned_numbers(zip(estimate.frequency, estimate.frequency_std, strict=True))
     dampings = aligned_numbers(zip(100 * estimate.damping, 100 * estimate.damping_std, strict=True))
