@@ -122,7 +122,7 @@ def _say(sight: ModeVisibility, planned: Plan | None) -> None:
         f"{len(structure.sensor)} sensors"
     )
     console.print(
-        f"measured: largest motion at a sensor divided by the largest anywhere; similar: MAC at the sensors above {ALIKE}"
+        f"measured: motion at a sensor divided by the largest anywhere; similar: MAC at the sensors above {ALIKE}"
     )
     for words in clearer_words(sight):
         console.print(escape(words))
