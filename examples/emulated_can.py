@@ -91,4 +91,4 @@ line = np.exp(-2j * np.pi * frequency * np.arange(len(recording.data)) / rate) @
 late = -float(np.angle(line[0] / line[1])) / (2 * np.pi * frequency)
 print(f"scans {scans}, gaps {gaps}")
 print(f"rms {rms[0]:.4f} and {rms[1]:.4f} m/s2, exactly {amplitude / np.sqrt(2):.4f}")
-print(f"left is later than right by {1e3 * late:.2f} ms, as arrivals tell it")
+print(f"left is later than right by {1e3 * late:.2f} ms, from the arrival times")
