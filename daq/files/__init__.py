@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from daq.files.can.traffic import import_can_log as import_can_log
     from daq.files.columns.calibration import Calibration as Calibration
     from daq.files.columns.calibration import read_calibration as read_calibration
+    from daq.files.columns.headings import temperatures_of as temperatures_of
+    from daq.files.columns.temperatures import celsius as celsius
     from daq.files.columns.time_column import TIME_UNITS as TIME_UNITS
     from daq.files.columns.time_column import date_column as date_column
     from daq.files.columns.time_column import header_unit as header_unit

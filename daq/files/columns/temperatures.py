@@ -33,15 +33,27 @@ def mean_temperature(path: Path, names: Sequence[str], values: FloatArray, rate:
     """
     total, count = np.zeros(len(values)), np.zeros(len(values))
     for name, column in zip(names, values.T, strict=True):
-        found = _between(_celsius(path, name, column), rate)
+        found = _between(celsius(path, name, column), rate)
         known = np.isfinite(found)
         total[known] += found[known]
         count += known
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def _celsius(path: Path, name: str, values: FloatArray) -> FloatArray:
-    """Return temperatures [degC] of a column; another unit is part of its name."""
+def celsius(path: Path, name: str, values: FloatArray) -> FloatArray:
+    """Return temperatures [degC] of a column; another unit is part of its name.
+
+    Parameters
+    ----------
+    path : of its file
+    name : of the column, perhaps with a unit
+    values : (n,) as in the file, NaN where there is no reading
+
+    Raises
+    ------
+    DataError
+        If the unit is not a unit of temperature, or a value is implausible.
+    """
     unit = parted(name)[1]
     worth, zero = TEMPERATURES.get(plain(unit), (0.0, 0.0)) if unit else (1.0, 0.0)
     if not worth:

@@ -11,11 +11,13 @@ from daq import FloatArray, IndexArray, LogError
 from daq.files import (
     DAMAGED_FILE,
     TIME_UNITS,
+    celsius,
     date_column,
     header_unit,
     read_mat,
     read_rows,
     table_layout,
+    temperatures_of,
     time_column,
 )
 from monitor.analysis.window import IdentifiedModes, IdentifiedWindow, RecordedWindow
@@ -27,7 +29,7 @@ _COLUMN = re.compile(
     r"(?:[ _](?P<rest>.+?))??(?P<std>[ _]std)?(?:\s*[\[(](?P<unit>[^\])]*)[\])])?",
     re.IGNORECASE,
 )
-_TEMPERATURE = re.compile(r"(?P<name>temperature|temp|t_air|air)(?:\s*[\[(].*[\])])?", re.IGNORECASE)
+_AIR = re.compile(r"(t_)?air", re.IGNORECASE)  # names of temperatures, in addition to those of all tables
 _QUANTITY = {"f": "frequency", "freq": "frequency", "d": "damping", "xi": "damping", "zeta": "damping", "phi": "shape"}
 _UNITS = {
     "frequency": {"Hz": 1.0, "kHz": 1e3, "rad/s": 0.5 / np.pi},
@@ -109,9 +111,9 @@ def read_series(path: Path) -> ModalSeries:
 
     Columns of a CSV table: `time` (dates, or a number with its unit, as `time [h]`); `f1 [Hz]`, `f2`, ... or
     `frequency_1`; if known `f1_std`, `damping_1 [%]`, `damping_1_std`, `shape_1_CHANNEL`, `shape_1_CHANNEL_std`,
-    `temperature [degC]`. Empty cells are missing modes. Arrays of a MAT file: `time` (n,) likewise, or `datenum`;
-    `frequency` (n, m), and if known `frequency_std`, `damping`, `damping_std` (n, m), `shape`, `shape_std` (n, m, c),
-    `channels` (c names), `temperature` (n,).
+    `temperature`, or columns with a unit of temperature. Empty cells are missing modes. Arrays of a MAT file: `time`
+    (n,) likewise, or `datenum`; `frequency` (n, m), and if known `frequency_std`, `damping`, `damping_std` (n, m),
+    `shape`, `shape_std` (n, m, c), `channels` (c names), `temperature` (n,).
 
     Raises
     ------
@@ -129,8 +131,9 @@ def _of_csv(path: Path) -> ModalSeries:
         raise LogError(path, f"expected a column 'time', found {', '.join(header)}")
     day = date_column(header, first, time)
     found = {name: match for name in header if name not in (time, day) and (match := _COLUMN.fullmatch(name))}
-    warm = next((name for name in header if name not in found and _TEMPERATURE.fullmatch(name)), None)
-    wanted = [*found, *(name for name in (time, day, warm) if name)]
+    others = [name for name in header if name not in (*found, time, day)]
+    warm = [*temperatures_of(path, others, None), *(name for name in others if _AIR.fullmatch(name))]
+    wanted = [*found, *(name for name in (time, day) if name), *warm]
     places = [header.index(name) for name in wanted]
     table = read_rows(path, layout, places, header.index(time), None if day is None else header.index(day))
     column = dict(zip(wanted, table.values.T, strict=True))
@@ -153,7 +156,18 @@ def _of_csv(path: Path) -> ModalSeries:
         for key in arrays
     }
     ignored = tuple(name for name in header if name not in wanted)
-    return _series(path, seconds, parts, channels, column[warm] if warm else None, ignored)
+    return _series(
+        path, seconds, parts, channels, _mean_temperature(path, {name: column[name] for name in warm}), ignored
+    )
+
+
+def _mean_temperature(path: Path, columns: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Return the mean of columns of temperatures (n_windows,) [degC], NaN where none is known; None without columns."""
+    if not columns:
+        return None
+    found = np.array([celsius(path, name, values) for name, values in columns.items()])
+    count = np.isfinite(found).sum(0)
+    return np.where(count > 0, np.nansum(found, axis=0) / np.maximum(count, 1), np.nan)
 
 
 def _stacked(

@@ -98,14 +98,23 @@ def _replay_series(
         results = [result.payload() for result in found]
         write_json(json_path, {"same_as_live": None, "comparison": None, "results": results})
     if not any(isinstance(result, ReferenceResult) for result in found):
-        n, target = len(series.time), used.settings.analysis.first_windows
-        warn(
-            f"note: no baseline is learned: {n} rows, expected {target} or more with modes (analysis.baseline_windows)"
-        )
+        warn(f"note: {_nothing_learned(found, used.settings.analysis.first_windows)}")
     if watched:
         write_series(watched, series, used, found)
         echo(f"written: {watched}, for `report` and `view`")
     return _exit_code(found)
+
+
+def _nothing_learned(found: Sequence[Result], first: int) -> str:
+    """Return how many rows a series lacks for a baseline.
+
+    Parameters
+    ----------
+    first : rows with modes that the baseline has at least
+    """
+    learning = [result.learning for result in found if isinstance(result, WindowResult) and result.learning]
+    n, needed = (learning[-1].windows, learning[-1].target) if learning else (0, first)
+    return f"no baseline is learned: {n} rows with modes, expected {needed} or more (analysis.baseline_windows)"
 
 
 def _exit_code(found: Sequence[Result]) -> int:

@@ -81,6 +81,24 @@ def test_mat_file_holds_the_same(tmp_path: Path) -> None:
     assert why(path) == f"{path}: time[2]: expected a time after that of the row before"
 
 
+@pytest.mark.parametrize(
+    ("heading", "cells", "expected"),
+    [
+        ("Wetter [°C]", ("8.5", "", "-3"), [8.5, np.nan, -3.0]),
+        ("Temp [K]", ("273.15", "283.15", "293.15"), [0.0, 10.0, 20.0]),
+        ("air", ("1", "2", "3"), [1.0, 2.0, 3.0]),
+        ("deck [°F],sky [°C]", ("32,10", "50,", ","), [5.0, 10.0, np.nan]),  # the mean of all that are known
+    ],
+)
+def test_columns_of_temperatures_are_those_of_all_tables(
+    heading: str, cells: tuple[str, ...], expected: list[float], tmp_path: Path
+) -> None:
+    rows = "\n".join(f"{k},{cell},{3 + 0.01 * k}" for k, cell in enumerate(cells))
+    series = read_series(written(tmp_path, f"time [h],{heading},f1\n{rows}\n"))
+    np.testing.assert_allclose(series.temperature, expected, atol=1e-12)
+    assert series.ignored == ()
+
+
 def why(path: Path) -> str:
     with pytest.raises(DaqError) as caught:
         read_series(path)
@@ -99,6 +117,7 @@ def why(path: Path) -> str:
         ("time [h],f1,damping_2\n1,2,1\n3,2,1\n", "damping 2: there is no frequency of this mode"),
         ("time [h],f1,damping_1\n1,2,1.2\n3,2,1.2\n", "damping: expected ratios, found 1.2"),
         ("time [h],f1\n1,-2\n3,2\n", "row 1, mode 1: expected a frequency over 0, found -2"),
+        ("time [h],f1,temperature\n1,2,280\n3,2,281\n", "column 'temperature': expected temperatures of -90 to 150"),
         ("time [h],f1\n1,2\n3,fast\n", "line 3, column 'f1': expected a number, found 'fast'"),
     ],
 )

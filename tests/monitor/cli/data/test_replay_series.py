@@ -1,6 +1,7 @@
 """A site without a model on the command line: series of modes replayed, tables imported, settings checked."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -103,6 +104,20 @@ def test_series_of_modes_is_watched(shapes: bool, modalwatch: Commands, tmp_path
     assert ("Mode shapes of the baseline" in page) == shapes
     done = modalwatch("view", log, "--no-open", "--out", tmp_path / "view.rrd")
     assert done.code == 0, done.err
+
+
+def test_series_that_is_too_short_states_how_many_rows_it_lacks(modalwatch: Commands, tmp_path: Path) -> None:
+    """Rows that follow an unknown temperature are correlated: the baseline is extended beyond the rows that exist."""
+    random, path = np.random.default_rng(95), tmp_path / "modes.csv"
+    daily = 0.005 * np.sin(2 * np.pi * np.arange(30) / 24)[:, None]
+    frequency = FREQUENCY * (1 + daily + 0.001 * random.standard_normal((30, 4)))
+    rows = [f"{hour}," + ",".join(f"{f:.4f}" for f in row) for hour, row in enumerate(frequency)]
+    path.write_text("time [h],f1,f2,f3,f4\n" + "\n".join(rows), encoding="utf-8")
+    done = modalwatch("replay", path)
+    assert done.code == 0, done.err
+    found = re.search(r"no baseline is learned: 30 rows with modes, expected (\d+) or more", " ".join(done.out.split()))
+    assert found
+    assert int(found[1]) > 30
 
 
 def test_series_that_does_not_fit_the_site_is_refused(modalwatch: Commands, tmp_path: Path) -> None:
