@@ -94,13 +94,22 @@ def _ratio_text(log_ratio: float) -> str:
 def next_text(found: NextMeasurement) -> str:
     """Return in sentences what to measure next."""
     if isinstance(found, Misfit):
+        of_mesh = _mesh_text(*found.mesh) if found.mesh else ""
         return (
-            "Check the sensors and the structure file, and measure again. "
+            f"{of_mesh}Check the sensors and the structure file, and measure again. "
             f"The best hypothesis ({_joint(found.causes)}) leaves {_misfit_text(found)}."
         )
     if isinstance(found, Separation):
         return _separation_text(found)
     return _SITUATIONS[found] if isinstance(found, str) else " ".join(found)
+
+
+def _mesh_text(error: float, elements: int) -> str:
+    """Return the advice for a coarse mesh."""
+    return (
+        f"The mesh of the matrices is coarse: its error of these frequencies is up to {100 * error:.1f} %, shapes are "
+        f"wrong accordingly. Use elements 1/{elements} as long, and diagnose again. "
+    )
 
 
 def _misfit_text(found: Misfit) -> str:

@@ -35,7 +35,7 @@ from updater.diagnosis.schema import (
     Reason,
     Rejected,
 )
-from updater.inference import Comparison, beside, residual
+from updater.inference import MODEL_ERROR, Comparison, beside, residual
 from updater.modal_data import ModalMean
 from updater.quantities import SIGNIFICANT, ParameterChange, Quantity, Vector, Where
 from updater.reference import ModelFit, Reference, match_nominal_modes
@@ -53,6 +53,7 @@ MIN_P = 1e-3  #: p of chi-square below which a fit is refused
 WORTH_NAMING = 0.05  #: share of the best one's posterior
 #: chance that a certain answer is wrong by what is not modelled: of 763 sealed ones four were (rule of succession)
 _UNMODELLED = 5 / 765
+_COARSE_MESH = 2 * MODEL_ERROR  # of frequencies: a mesh with more is named as a reason why nothing fits
 _SAME_SHAPE = 0.9995  # MAC that is printed as 1.000
 _BESIDE = 0.04  # m, on a structure of 1.5 m, of a foot or joint: where a stretch is one with it
 _WORTH_AN_ALIAS = 1e-3  # relative to it, if the data cannot distinguish the two: rarer places with the same effect
@@ -377,7 +378,9 @@ def misfit(data: Comparison, chosen: Sequence[SelectedCause]) -> Misfit:
         if mac[least] < _SAME_SHAPE:
             shape = float(hertz[least]), float(mac[least]), data.channels[int(np.argmax(off))]
     far = (float(hertz[worst]), float(score[worst])) if score[worst] >= SIGNIFICANT else None
-    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape)
+    error = float(data.mesh_error.max())
+    mesh = (error, int(np.ceil(np.sqrt(error / MODEL_ERROR)))) if error > _COARSE_MESH else None
+    return Misfit(causes=tuple(c.cause.name for c in chosen), frequency=far, shape=shape, mesh=mesh)
 
 
 def as_written(cause: Cause, structure: Structure, file: Structure) -> Cause:

@@ -82,6 +82,9 @@ class Misfit(PlainValue):
     causes: tuple[str, ...]  #: names of the causes of the hypothesis
     frequency: tuple[float, float] | None  #: of a mode in the reference [Hz], and its distance in standard deviations
     shape: tuple[float, float, str] | None  #: frequency of the mode [Hz], MAC and channel with the largest residual
+    #: largest relative error of the model's frequencies by a coarse mesh, and how many elements for one give that
+    #: of a good model; None if the mesh is not coarse
+    mesh: tuple[float, int] | None = None
 
 
 #: what is to be measured next; of an explanation that nothing is to be separated from, the advice of its causes

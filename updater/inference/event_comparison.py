@@ -20,6 +20,7 @@ from updater.inference.shape_covariance import (
     mixed_by_change,
     nearer_modes,
     own_phases,
+    shape_error_of_mesh,
     shape_whiteners,
     turned_by_noise,
 )
@@ -65,8 +66,10 @@ def compare(
     base, event = base.only(tracks), event.only(tracks)
     check_event(base, event)
     base = without_sensor_errors(reference, tracks, base)
-    mesh_error = reference.calibration.mesh_error[reference.paired[tracks]]
-    error = np.hypot(model_error * reference.model_error_factor, mesh_error)
+    of_mesh = reference.calibration.mesh_error
+    mesh_error = of_mesh[reference.paired[tracks]]
+    mixed = shape_error_of_mesh(reference.frequency, of_mesh)[reference.paired[tracks]]
+    error = np.sqrt((model_error * reference.model_error_factor) ** 2 + mesh_error**2 + mixed**2)
     overdispersion, scatter = reference.scatter.shape_overdispersion, _scatter_of_both(reference, base, event)
     late = unsure_of(reference, base, event, circumstances)
     ratio = event.log_frequency - base.log_frequency

@@ -13,6 +13,9 @@ _MAX_TURNED = 0.5  # rad: largest rotation of close modes into each other by suc
 _MIXED = 0.05  # rad: from about where on noise turns modes into each other most of all
 _MIN_GAP = 1e-6  # of squared frequencies, and of shapes
 _MAX_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not known
+#: between errors of two modes by a mesh, as a root mean square; measured on four plates
+#: (docs/validation/model/mesh_error.md)
+_COHERENCE = 1 / 3
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
 
@@ -43,6 +46,26 @@ def foreign_modes(
     coupling = 2 * error[:, None] * np.sqrt(max(shift.mean(), typical_shift) * (shifts[paired, None] + shifts))
     closeness = np.maximum(*_closeness(reference.frequency, paired, ratio))
     return _towards(np.minimum(coupling * closeness, _MAX_TURNED), paired, at_channels)
+
+
+def shape_error_of_mesh(frequency: FloatArray, mesh_error: FloatArray) -> FloatArray:
+    """Return the standard deviation (n_modes,) of shapes by the error of a mesh, relative to typical displacements.
+
+    A mesh adds a positive semidefinite error D to the stiffness, of which phi_i^T D phi_i = 2 e_i omega_i^2 is known
+    from the error e_i of the frequency. By the inequality of Cauchy and Schwarz, |phi_i^T D phi_k| is at most
+    2 (e_i e_k)^1/2 omega_i omega_k. To first order, a shape has that over omega_k^2 - omega_i^2 of mode k, times the
+    coherence of the two errors.
+
+    Parameters
+    ----------
+    frequency : (n_modes,) of the reference [Hz]
+    mesh_error : (n_modes,) relative error of its frequencies by the mesh
+    """
+    amplitude = np.sqrt(2 * mesh_error) * frequency
+    apart = np.abs(frequency[:, None] ** 2 - frequency**2)
+    bound = np.outer(amplitude, amplitude) / np.maximum(apart, _MIN_GAP * frequency**2)
+    np.fill_diagonal(bound, 0.0)
+    return _COHERENCE * np.asarray(np.linalg.norm(np.minimum(bound, _MAX_TURNED), axis=1))
 
 
 def mixed_by_change(reference: Reference, tracks: IndexArray, ratio: FloatArray) -> FloatArray:

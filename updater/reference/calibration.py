@@ -195,19 +195,22 @@ def calibrate(structure: Structure, measured: ModalMean, *, n_modes: int = 30) -
             f"of the model's {np.round(modes.frequency[:12], 2).tolist()} Hz: check the structure and the "
             "channel map"
         )
+    mesh_error = nominal.mesh_error(modes.shape)
     knobs, alike = (
         model_parameters_of(structure),
         np.flatnonzero(share_within(measured, answers, modes.frequency, seen) > _ALIKE),
     )
     if 3 <= len(alike) < n_nominal:  # others are paired better by a model that is nearly right
-        first = fit_parameters(_Misfit(structure, knobs, measured.only(alike), n_modes), _prior(knobs))
+        rough = _Misfit(structure, knobs, measured.only(alike), mesh_error[answers[alike]], n_modes)
+        first = fit_parameters(rough, _prior(knobs))
         nearer = best_model(apply_parameters(structure, knobs, first.value))
         close = nearer.modes(len(modes.frequency))
         read = (channel_rows(nearer, measured.channels) @ close.shape).T
         answers = pair_modes(frequency, measured.shape, close.frequency, read)
         answers = np.where(share_within(measured, answers, close.frequency, read) > UNLIKE, answers, -1)
     tracks = np.flatnonzero(answers >= 0)
-    misfit = _Misfit(structure, knobs, measured.only(tracks), int(answers.max()) + 1 + _BEYOND)
+    n_fitted = int(answers.max()) + 1 + _BEYOND
+    misfit = _Misfit(structure, knobs, measured.only(tracks), mesh_error[answers[tracks]], n_fitted)
     fit = fit_parameters(misfit, _prior(knobs))
     model, _, paired = misfit.solved(fit.value)
     value = [np.exp(x) if k.kind == "stiffness" else x for k, x in zip(knobs, fit.value, strict=True)]
@@ -288,12 +291,20 @@ def _prior(knobs: list[ModelParameter]) -> Prior:
 class _Misfit:
     """Log frequencies of the structure with parameters x over the measured ones.
 
-    A parameter may move a mode across another, so that partners are searched again at each x.
+    A parameter may move a mode across another, so that partners are searched again at each x. The error of a mesh
+    (n_tracks,) is part of the tolerance: parameters that replaced it would make the shapes wrong.
     """
 
-    def __init__(self, structure: Structure, knobs: list[ModelParameter], measured: ModalMean, n_modes: int) -> None:
+    def __init__(
+        self,
+        structure: Structure,
+        knobs: list[ModelParameter],
+        measured: ModalMean,
+        mesh_error: FloatArray,
+        n_modes: int,
+    ) -> None:
         self._structure, self._knobs, self._measured, self._n_modes = structure, knobs, measured, n_modes
-        self._tolerance = np.hypot(measured.log_frequency_std, FREQUENCY_ERROR)
+        self._tolerance = np.hypot(np.hypot(measured.log_frequency_std, FREQUENCY_ERROR), mesh_error)
         self._solved = lru_cache(2)(self._solve)  # a step that failed, and the parameters before it
 
     def _solve(self, *x: float) -> tuple[Model, Modes, IndexArray]:

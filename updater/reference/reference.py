@@ -74,12 +74,14 @@ class Reference:
     def model_error_factor(self) -> float:
         """Factor on the model error, relative to a model that agrees with the baseline as it should.
 
-        At least 1. Errors of the model in the undisturbed state increase it, such as a body missing in the file. An
-        uncertain baseline is weak evidence for a good model.
+        At least 1. Errors of the model in the undisturbed state increase it, such as a body missing in the file; those
+        of its mesh are expected, and are an error of their own. An uncertain baseline is weak evidence for a good
+        model.
         """
+        expected = np.hypot(_GOOD, self.calibration.mesh_error[self.paired])
         calibrated = np.log(self.calibration.modes.frequency[self.paired])
         off = np.maximum(np.abs(calibrated - self.baseline.log_frequency), self.baseline.log_frequency_std)
-        return float(max(np.sqrt(np.mean(off**2)) / _GOOD, 1.0))
+        return float(max(np.sqrt(np.mean((off / expected) ** 2)), 1.0))
 
     @property
     def ambiguous_tracks(self) -> npt.NDArray[np.bool_]:

@@ -95,7 +95,9 @@ def test_frequency_slope_with_respect_to_modulus_is_one_half() -> None:
 def test_calibration_slope_matches_finite_differences(rig: Rig) -> None:
     """Central differences of a thousandth: (1e-3)^2 of curvatures of a few times the slope."""
     knobs = model_parameters_of(t_frame())
-    problem = _Misfit(t_frame(), knobs, rig.reference.baseline, int(rig.reference.paired.max()) + 1)
+    baseline = rig.reference.baseline
+    no_mesh = np.zeros(len(baseline.log_frequency))
+    problem = _Misfit(t_frame(), knobs, baseline, no_mesh, int(rig.reference.paired.max()) + 1)
     x = np.array([0.02, *np.full(len(knobs) - 1, 0.01)])
     slope, step = problem.slope(x), 1e-3 * np.array([1.0, *np.full(len(knobs) - 1, 0.01)])
     for i in range(len(knobs)):

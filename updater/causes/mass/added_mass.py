@@ -308,7 +308,7 @@ class AddedMass:
 
 def scale_error(comparison: Comparison) -> float:
     """Return the relative standard deviation of all masses, by the density of the model and by its mesh."""
-    return float(np.hypot(DENSITY_STD, comparison.mass_error))
+    return float(np.hypot(DENSITY_STD, comparison.size_error))
 
 
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:

@@ -188,7 +188,7 @@ class AttachedOscillator:
         magnitude = self._magnitude(fit.theta[own, 0], np.sqrt(fit.covariance[own, 0, 0]))
         mass = float(share @ magnitude.mean)
         variance = float(share @ (magnitude.variance + (magnitude.mean - mass) ** 2))
-        std = float(np.hypot(np.sqrt(variance), self.comparison.mass_error * mass))
+        std = float(np.hypot(np.sqrt(variance), self.comparison.size_error * mass))
         each = self.log_frequency[self.mode[own]] + fit.theta[own, 1]
         variances = fit.covariance[own, 1, 1]
         if self.new is None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
+from scipy import sparse
 
 from daq import FloatArray, IndexArray, IntArray
 from updater.causes.base import BoolArray, Cause, Discrete
@@ -33,6 +34,9 @@ class GroupStiffness(StiffnessLoss, Discrete):
     corner: FloatArray  #: (n, 2, 3) least and greatest coordinates of its nodes [m]
     middle: FloatArray  #: (n, 3) mean of its nodes [m]
     compliance: FloatArray  #: (n, n_modes + n_stress, same) of each group
+    #: (n,) whether it has only springs to the ground, which the error of displacements by a mesh concerns; strains of a
+    #: part of the mesh have the error that those of the whole have
+    grounded: BoolArray
     begun: FloatArray  #: (n, 1) where the fit begins
     name: str = "local_stiffness"
     advice: str = "Inspect this part for a crack, loose bolts or a loose connection."
@@ -85,7 +89,8 @@ class GroupStiffness(StiffnessLoss, Discrete):
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the share of stiffness that is lost, negative where it has grown."""
         left = float(np.exp(-fit.theta[fit.best, 0]))
-        std = left * float(np.sqrt(fit.covariance[fit.best, 0, 0]))
+        by_mesh = (1 - left) * self.comparison.size_error if self.grounded[fit.best] else 0.0
+        std = left * float(np.hypot(np.sqrt(fit.covariance[fit.best, 0, 0]), by_mesh))
         return {"loss": Quantity(value=1 - left, std=std, unit="-")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
@@ -116,11 +121,20 @@ def propose_group_stiffness(reference: Reference, comparison: Comparison) -> Gro
         corner=np.tile(corner, (2, 1, 1)),
         middle=np.tile(middle, (2, 1)),
         compliance=np.tile(compliance, (2, 1, 1)),
+        grounded=np.array(2 * [_is_grounded(model.dofs, part) for part in model.groups.values()]),
         begun=np.concatenate([np.zeros(first.shape), first]),
         prior_std=np.array([LOSS_STD]),
         lower=np.full((2 * len(nodes), 1), STIFFEST),
         drifting=True,
     )
+
+
+def _is_grounded(dofs: IntArray, part: sparse.csc_array) -> bool:
+    """Return whether the stiffness of a group couples no two nodes."""
+    node = np.empty(part.shape[0], np.intp)
+    node[dofs[dofs >= 0]] = np.nonzero(dofs >= 0)[0]
+    row, column = part.nonzero()
+    return bool((node[row] == node[column]).all())
 
 
 def _nodes_of(dofs: IntArray, held: BoolArray) -> IndexArray:

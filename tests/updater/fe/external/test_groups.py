@@ -154,7 +154,7 @@ def test_effects_are_named_or_refused_and_deviations_state_the_errors(
         errors = _errors(effect, found)
         print(effect, seed, found.diagnosis.verdict, _named(found), errors)
         size += errors or []
-        assert errors is not None or (mesh is not None and found.diagnosis.verdict == "unexplained")
+        assert errors is not None or (mesh is not None and found.diagnosis.verdict in {"unexplained", "ambiguous"})
     within = [sum(abs(error) < n for error in size) for n in (1, 2)]
     print(f"{len(size)} sizes, {within[0]} within one deviation, {within[1]} within two")
     assert within[1] >= 0.8 * len(size)

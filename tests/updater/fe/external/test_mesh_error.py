@@ -1,15 +1,19 @@
 """Errors of frequencies by the mesh of external matrices: closed form, and a table of two meshes."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from monitor.text.diagnosis import next_text
 from tests.support.opensees import needs_opensees
 from tests.support.thorough import few_of
+from tests.support.updater import plates
 from tests.support.updater.frames import unmoved
-from tests.support.updater.plates import COARSE, LINES, MODULUS, N_MODES, Table, windows, write_table
+from tests.support.updater.plates import COARSE, MODULUS, N_MODES, Table, windows, write_table
 from updater import (
+    Reference,
     build_model,
     diagnose,
     learn_reference,
@@ -18,9 +22,48 @@ from updater import (
     nominal_reference,
     stack_tracks,
 )
+from updater.diagnosis import Misfit
 from updater.fe.external.faces import Faces
+from updater.inference.shape_covariance import shape_error_of_mesh
 
 pytestmark = needs_opensees
+
+#: other tables: size, springs, places of feet and sensors, lines of bodies, and a coarse mesh
+OTHERS: dict[str, dict[str, Any]] = {
+    "broad": {
+        "LENGTH": 1.2,
+        "WIDTH": 1.0,
+        "THICKNESS": 0.012,
+        "FOOT": 6e5,
+        "FEET": {"foot_sw": (0.2, 0.2), "foot_se": (1.0, 0.1), "foot_nw": (0.1, 0.9), "foot_ne": (1.1, 0.8)},
+        "SENSORS": [(x, y) for x in (0.0, 0.4, 0.8, 1.2) for y in (0.0, 0.5, 1.0)],
+        "LINES": (0.3, 0.7),
+        "COARSE": (np.array([0, 0.1, 0.2, 0.45, 0.7, 1.0, 1.1, 1.2]), np.array([0, 0.1, 0.2, 0.5, 0.8, 0.9, 1.0])),
+    },
+    "long": {
+        "LENGTH": 2.4,
+        "WIDTH": 0.6,
+        "THICKNESS": 0.005,
+        "FOOT": 3e4,
+        "FEET": {"foot_sw": (0.3, 0.0), "foot_se": (2.0, 0.1), "foot_nw": (0.2, 0.6), "foot_ne": (2.2, 0.5)},
+        "SENSORS": [(x, y) for x in (0.0, 0.8, 1.6, 2.4) for y in (0.0, 0.3, 0.6)],
+        "LINES": (0.2, 0.4),
+        "COARSE": (
+            np.array([0, 0.2, 0.3, 0.6, 0.9, 1.2, 1.5, 1.75, 2.0, 2.2, 2.4]),
+            np.array([0, 0.1, 0.3, 0.5, 0.6]),
+        ),
+    },
+    "thick": {
+        "LENGTH": 1.0,
+        "WIDTH": 0.7,
+        "THICKNESS": 0.020,
+        "FOOT": 2e7,
+        "FEET": {"foot_sw": (0.0, 0.0), "foot_se": (1.0, 0.0), "foot_nw": (0.1, 0.7), "foot_ne": (0.8, 0.6)},
+        "SENSORS": [(x, y) for x in (0.2, 0.4, 0.6, 0.9) for y in (0.1, 0.4, 0.7)],
+        "LINES": (0.2, 0.5),
+        "COARSE": (np.array([0, 0.1, 0.3, 0.5, 0.65, 0.8, 1.0]), np.array([0, 0.2, 0.4, 0.6, 0.7])),
+    },
+}
 
 
 @pytest.mark.parametrize("triangles", [False, True])
@@ -74,15 +117,65 @@ def test_error_is_that_of_a_finer_mesh(tmp_path: Path) -> None:
     assert ((ratio > 0.4) & (ratio < 2.5)).all()
 
 
-def _mass_error(folder: Path, seed: int) -> float | None:
-    """Return the error of a body's mass on the coarse mesh over its deviation; None if it is not named alone."""
+def test_shape_error_is_the_bound_of_the_coupling_times_the_coherence() -> None:
+    """Two modes with e = 1 % each at 10 and 20 Hz: 2 e f g / (g^2 - f^2) = 0.0133; close modes: 0.5 at most."""
+    error = np.array([0.01, 0.01, 0.0])
+    expected = 2 * 0.01 * 10 * 20 / (20**2 - 10**2) / 3
+    np.testing.assert_allclose(shape_error_of_mesh(np.array([10.0, 20.0, 30.0]), error), [expected, expected, 0])
+    np.testing.assert_allclose(shape_error_of_mesh(np.array([10.0, 10.0, 30.0]), error)[:2], 0.5 / 3)
+
+
+def _learnt(folder: Path, seed: int) -> Reference:
+    random = np.random.default_rng(seed)
+    before = windows(Table().modes(), 8, random)
+    file = write_table(folder, mesh=plates.COARSE)
+    return learn_reference(load_structure(file), before, unmoved(8, N_MODES))
+
+
+def test_groups_do_not_replace_the_error_of_a_mesh(tmp_path: Path) -> None:
+    """The whole takes up the mean. Without the error in the tolerance, panels were 0.80 to 1.19, a foot 1.55."""
+    factors = {p.name: p.value for p in _learnt(tmp_path, 1).calibration.parameters}
+    print(factors)
+    assert all(abs(value - 1) < 0.05 for name, value in factors.items() if "panel" in name)
+    assert all(abs(value - 1) < 0.3 for name, value in factors.items() if "foot" in name)
+
+
+def test_coarse_mesh_is_named_as_a_reason_why_nothing_fits(tmp_path: Path) -> None:
+    """Two panels and a foot are more than this mesh permits to explain."""
+    random = np.random.default_rng(1)
+    truth = Table(factors={"panel_00": 0.5, "panel_11": 0.6, "foot_ne": 0.2}, mass=(0.4, 0.6, 0.6))
+    reference = _learnt(tmp_path, 1)
+    event = reference.mean_of(stack_tracks(windows(truth.modes(), 4, random), unmoved(4, N_MODES)))
+    found = diagnose(reference, event, only=("added_mass",))
+    assert found.diagnosis.verdict == "unexplained"
+    assert isinstance(found.next_measurement, Misfit)
+    assert found.next_measurement.mesh
+    error, elements = found.next_measurement.mesh
+    assert error == pytest.approx(reference.calibration.mesh_error[reference.paired].max())
+    assert error / elements**2 <= 0.01 < error / (elements - 1) ** 2  # of order h^2
+    text = next_text(found.next_measurement)
+    print(text)
+    assert f"up to {100 * error:.1f} %" in text
+    assert f"elements 1/{elements} as long" in text
+
+
+def _mass_error(folder: Path, seed: int, share: tuple[float, float] = (0.0058, 0.0231)) -> float | None:
+    """Return the error of a body's mass on the coarse mesh over its deviation; None if it is not named alone.
+
+    Parameters
+    ----------
+    share : of the table's mass, least and most
+    """
     random = np.random.default_rng(seed)
     modulus = MODULUS * (1 + 0.02 * random.standard_normal())
-    body = (random.uniform(0.2, 1.3), random.choice(LINES), np.exp(random.uniform(np.log(0.15), np.log(0.6))))
+    total = plates.LENGTH * plates.WIDTH * plates.THICKNESS * plates.DENSITY
+    place = random.uniform(0.13, 0.87) * plates.LENGTH, float(random.choice(plates.LINES))
+    body = (*place, total * float(np.exp(random.uniform(*np.log(share)))))
     before = windows(Table(modulus=modulus).modes(), 8, random)
     after = windows(Table(modulus=modulus, mass=body).modes(), 4, random)
-    reference = learn_reference(load_structure(write_table(folder, mesh=COARSE)), before, unmoved(8, N_MODES))
-    found = diagnose(reference, reference.mean_of(stack_tracks(after, unmoved(4, N_MODES))), only=("added_mass",))
+    reference = learn_reference(load_structure(write_table(folder, mesh=plates.COARSE)), before, unmoved(8, N_MODES))
+    tracks = reference.calibration.tracks
+    found = diagnose(reference, reference.mean_of(stack_tracks(after, [tracks] * 4)), only=("added_mass",))
     named = [(c, c.where and c.where.member) for c in found.diagnosis.causes]
     print(f"seed {seed}: {found.diagnosis.verdict}, {[(c.parameters['mass'], place) for c, place in named]}, {body}")
     if len(named) != 1 or named[0][1] != f"y = {body[1]}":
@@ -92,18 +185,28 @@ def _mass_error(folder: Path, seed: int) -> float | None:
     return float((mass.value - body[2]) / mass.std)
 
 
-def test_mass_on_a_coarse_mesh_has_a_deviation_that_contains_its_error(tmp_path: Path) -> None:
-    """Without the error of the mesh it was -2.3 deviations in the mean."""
-    error = _mass_error(tmp_path, 2)
+@pytest.mark.parametrize(("seed", "share"), [(2, (0.0058, 0.0231)), (111, (0.0231, 0.0232))])
+def test_mass_on_a_coarse_mesh_has_a_deviation_that_contains_its_error(
+    tmp_path: Path, seed: int, share: tuple[float, float]
+) -> None:
+    """Without the error of the mesh it was -2.3 deviations in the mean, and a body of 2.3 % was unexplained."""
+    error = _mass_error(tmp_path, seed, share)
     assert error is not None
     assert abs(error) < 2
 
 
 @pytest.mark.thorough
 @pytest.mark.timeout(1200)
-def test_masses_on_a_coarse_mesh_are_within_two_deviations(tmp_path: Path) -> None:
+@pytest.mark.parametrize("table", ["", *OTHERS])
+def test_masses_on_a_coarse_mesh_are_within_two_deviations(
+    tmp_path: Path, table: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Of ten with a probability of 0.95 each, seven or fewer have a chance of 1 %."""
+    for name, value in OTHERS.get(table, {}).items():
+        monkeypatch.setattr(plates, name, value)
     errors = [error for seed in range(3, 13) if (error := _mass_error(tmp_path, seed)) is not None]
+    print(f"{len(errors)} of 10 named, {sum(abs(e) < 1 for e in errors)} and {sum(abs(e) < 2 for e in errors)} within")
+    assert len(errors) >= 7
     assert sum(abs(error) < 2 for error in errors) > 0.7 * len(errors)
 
 
