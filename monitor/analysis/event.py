@@ -11,7 +11,7 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from oma import ChannelFault
 from updater import Circumstances, ModalMean, Reference, stack_tracks
-from updater.modal_data import SynchronizedWindows, is_steady, tone_ratios, trend_of
+from updater.modal_data import Effort, SynchronizedWindows, is_steady, tone_ratios, trend_of
 from updater.reference import matched_and_new, matched_surely
 
 THERMOMETER_STD = 0.5  # K, of the mean of a log
@@ -59,6 +59,7 @@ def event_of(
     late = reference.mean_of(stack_tracks(delayed, tracks)) if delayed else None
     found, new = matched_and_new(reference, measured)
     there = {channel for estimate in windows.estimates for channel in estimate.channels}
+    hours = sum(estimate.end - estimate.start for estimate in windows.estimates) * 1e-9 / 3600
     known = {*there, *(before.left_out if before else ())}
     return Event(
         measured=measured,
@@ -72,6 +73,7 @@ def event_of(
             devices=windows.devices,
             wander=windows.delays.wander,
             faults={channel: fault for channel, fault in now.left_out.items() if channel not in known},
+            effort=Effort(record=hours) if hours else Effort(),
             steady=is_steady(modes, reference.scatter, now.rms, now.temperature),
         ),
     )

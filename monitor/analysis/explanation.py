@@ -28,7 +28,7 @@ from updater import (
     sensor_health,
 )
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
-from updater.modal_data import KnownMass
+from updater.modal_data import Effort, KnownMass
 from updater.structure import Updating
 from updater.validation import SensorHealth, breathing, with_acting
 
@@ -91,6 +91,7 @@ def explain(
     only: Collection[str] = (),
     without: Collection[str] = (),
     with_mass: Sequence[MassRecord] = (),
+    effort: Effort | None = None,
 ) -> Explanation:
     """Explain the change since reference logs; without them, the errors of the structure file.
 
@@ -104,6 +105,7 @@ def explain(
     only, without : causes to which the search is limited, and that are left out; without `model_parameters` the file's
         own parameters are taken as they are
     with_mass : further records of the state that is explained
+    effort : of further measurements; their record is as long as that of `now`
 
     Raises
     ------
@@ -129,7 +131,8 @@ def explain(
         )
     with _blamed_on("current"):
         event = _event(reference, now, before)
-        event = replace(event, circumstances=replace(event.circumstances, known_masses=known))
+        work = replace(effort or Effort(), record=event.circumstances.effort.record)
+        event = replace(event, circumstances=replace(event.circumstances, known_masses=known, effort=work))
         explained = diagnose(
             reference,
             event.modes,

@@ -3,7 +3,7 @@
 from typing import Literal
 
 from updater import Cause, Diagnosis, Gain
-from updater.diagnosis import ReferenceStep, Verdict
+from updater.diagnosis import ReferenceStep, Separation, Verdict
 from updater.quantities import PlainValue, Vector
 
 
@@ -48,11 +48,21 @@ class WithinRecord(PlainValue):
     p_value: float  #: probability of an equal or clearer change in windows of one state [-]
 
 
+class FollowUp(PlainValue):
+    """Hypotheses left open by an earlier diagnosis and by this one: equally probable ones of the same entropy."""
+
+    before: float  #: by the earlier one [-]
+    now: float  #: [-]
+    expected: float | None  #: by the advice of the earlier one; None where it did not advise this measurement [-]
+
+
 class DiagnosisAnswer(Diagnosis):
     """The whole JSON of a diagnosis."""
 
     rejected: tuple[RejectedCause, ...]
     next_measurement: str
+    separation: Separation | None = None  #: the measurements that would decide; None unless causes are left open
+    follows: FollowUp | None = None  #: an earlier diagnosis, whose advice was followed
     extended_model: str | None = None  #: path of the structure.toml with the causes written in
     reference_steps: tuple[ReferenceStep, ...] = ()  #: changes of the structure within the reference logs
     within_record: WithinRecord | None = None  #: change of the structure within the logs that are diagnosed

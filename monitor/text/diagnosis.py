@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from daq.notebook import number_text
-from monitor.results.comparison import ChangeRate, DiagnosisAnswer, WithinRecord
+from monitor.results.comparison import ChangeRate, DiagnosisAnswer, FollowUp, WithinRecord
 from monitor.text.cause_list import listed_causes
 from monitor.text.causes import cause_text
 from monitor.text.quantities import MIN_P, mass_words, plain, share_text, two_digits, utc
@@ -53,7 +53,9 @@ _SPOKEN_UNITS = _RATE_UNITS | {"m": (1000.0, "mm")}
 def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = ()) -> DiagnosisAnswer:
     """Return a diagnosis, and changes of the structure within the reference logs, with their sentences."""
     rejected = [r.model_dump(include={"cause", "log_evidence"}) | {"why": rejection_text(r)} for r in found.rejected]
-    own = {"rejected": rejected, "next_measurement": next_text(found.next_measurement), "reference_steps": steps}
+    own: dict[str, object] = {"rejected": rejected, "reference_steps": steps}
+    own["next_measurement"] = next_text(found.next_measurement)
+    own["separation"] = found.next_measurement if isinstance(found.next_measurement, Separation) else None
     return DiagnosisAnswer.model_validate(dict(found.diagnosis) | own)
 
 
@@ -123,18 +125,23 @@ def _misfit_text(found: Misfit) -> str:
 
 
 def _separation_text(found: Separation) -> str:
+    """Return a sentence for each measurement that separates hypotheses which those before it do not."""
     names = _distinctive(found.hypotheses)
-    sentences = [
-        f"{_measurement_text(m)}: expected to separate {_pairs_text(names, m.pairs)} by {m.deviations:.1f} standard "
-        "deviations."
-        for m in found.measurements
-    ]
+    sentences, separated = [], set[tuple[int, int]]()
+    for m in found.measurements:
+        if pairs := [pair for pair in m.pairs if pair not in separated]:
+            what = _pairs_text(names, pairs)
+            sentences.append(
+                f"{measurement_text(m)}: expected to separate {what} by {m.deviations:.1f} standard deviations."
+            )
+        separated.update(m.pairs)
     if found.inseparable:
         sentences.append(f"None of the measurements considered separates {_pairs_text(names, found.inseparable)}.")
     return " ".join(sentences)
 
 
-def _measurement_text(found: Measurement) -> str:
+def measurement_text(found: Measurement) -> str:
+    """Return what is measured, and where."""
     at = "({:.2f}, {:.2f}, {:.2f}) m".format(*found.position) if found.position else ""
     return {
         "sensor": f"A sensor at {at} along {found.axis}",
@@ -142,6 +149,20 @@ def _measurement_text(found: Measurement) -> str:
         "longer_record": f"{found.length} times the record",
         "instrument": found.instrument,
     }[found.kind]
+
+
+def plan_rows(found: Separation | None) -> list[tuple[str, str, str]]:
+    """Return a row for each further measurement: what, causes that it is expected to leave open, and hours."""
+    if found is None:
+        return []
+    of = f" of {found.open:.1f}"
+    return [(measurement_text(m), f"{m.leaves:.1f}{of}", f"{m.hours:.1f} h") for m in found.measurements]
+
+
+def follow_text(found: FollowUp) -> str:
+    """Return how many causes an earlier diagnosis left open, and how many are left with the further measurement."""
+    expected = f", {found.expected:.1f} were expected" if found.expected else ""
+    return f"The earlier diagnosis left {found.before:.1f} causes open; {found.now:.1f} are left{expected}."
 
 
 def _pairs_text(names: Sequence[str], pairs: Sequence[tuple[int, int]]) -> str:
@@ -156,7 +177,7 @@ def _pairs_text(names: Sequence[str], pairs: Sequence[tuple[int, int]]) -> str:
         own = [name for name in order if partners[name] == others]
         texts.append(f"{' or '.join(own)} from {' or '.join(others)}")
         left -= {frozenset((a, b)) for a in own for b in others}
-    return "; ".join(texts + [f"the alternative places of the {name}" for name in places])
+    return ", and ".join(texts + [f"the alternative places of the {name}" for name in places])
 
 
 def _distinctive(hypotheses: Sequence[Sequence[str]]) -> list[str]:

@@ -28,6 +28,7 @@ ROOT = Path(__file__).parents[2]
 HOWTO = ROOT / "docs" / "howto"
 RATE, SECONDS, SEED = 64.0, 450, 5  # Hz, s
 MASS = 8.0  # of the body that was added [kg]
+SOFTER = 0.05  # of the stiffness of the whole mast
 #: commands that are parsed only (tests/contracts/test_pages.py), and what they need
 NOT_RUN = {
     "accept": "a running monitor",
@@ -86,9 +87,21 @@ fixed = ["x", "y", "z", "rx", "ry", "rz"]
 )
 
 
-def recorded(seed: int, added: float = 0.0, seconds: float = SECONDS, known: float = 0.0) -> Recording:
-    """Return accelerations of the mast under ambient forces, with a body at 6 m and a known mass at 3.5 m."""
+def recorded(
+    seed: int, added: float = 0.0, seconds: float = SECONDS, known: float = 0.0, softer: float = 0.0
+) -> Recording:
+    """Return accelerations of the mast under ambient forces, with a body at 6 m and a known mass at 3.5 m.
+
+    `softer` is the share of its stiffness that is lost throughout.
+    """
     structure = parse_structure(MAST)
+    lost = {
+        name: steel.model_copy(
+            update={key: getattr(steel, key) * (1 - softer) for key in ("youngs_modulus", "shear_modulus")}
+        )
+        for name, steel in structure.material.items()
+    }
+    structure = structure.model_copy(update={"material": lost})
     loaded = structure.with_bodies([Body(at=(0, 0, z), mass=mass) for z, mass in ((6.0, added), (3.5, known)) if mass])
     model = build_model(loaded, shear_flexible=True, mass="consistent")
     damping = np.full((model.modes(8).frequency < 0.49 * RATE).sum(), 0.006)
@@ -110,11 +123,12 @@ def log_of(
     seconds: float = SECONDS,
     places: tuple[str, ...] = ("top", "mid", "low", "deck"),
     known: float = 0.0,
+    softer: float = 0.0,
 ) -> Callable[[Path], None]:
     """Return a function that writes a log of the sensors at some places."""
 
     def write(path: Path) -> None:
-        whole = recorded(seed, added, seconds, known)
+        whole = recorded(seed, added, seconds, known, softer)
         keep = [k for k, channel in enumerate(whole.channels) if channel.name.partition("_")[0] in places]
         part = replace(whole, channels=tuple(whole.channels[k] for k in keep), data=whole.data[:, keep])
         write_recording(path, part, {"structure.toml": MAST})
@@ -276,6 +290,8 @@ MAKERS: dict[str, Callable[[Path], None]] = {
     "repaired.mcap": log_of(SEED + 4),
     "reference.mcap": log_of(SEED, places=("top", "mid", "low")),
     "with_mass.mcap": log_of(SEED + 5, MASS, known=5.0),
+    "softer.mcap": log_of(SEED + 6, softer=SOFTER),
+    "softer_with_mass.mcap": log_of(SEED + 7, known=5.0, softer=SOFTER),
     "measured.mcap": log_of(SEED),
     "setup_1.mcap": log_of(SEED, seconds=100, places=("top", "mid")),
     "setup_2.mcap": log_of(SEED + 1, seconds=100, places=("top", "low")),
@@ -324,6 +340,8 @@ def is_slow(line: str) -> bool:
 def codes_of(line: str) -> set[int]:
     """Return the exit codes that a command may end with."""
     command = line.removeprefix("modalwatch ")
+    if "softer" in command:
+        return {1}  # indistinguishable from heavier
     if command.startswith("diagnose") and "--reference" not in command:
         return {0, 1}  # without reference logs a body and a loss of stiffness may be indistinguishable here
     return {next((code for start, code in ALARM.items() if command.startswith(start) and is_slow(line)), 0)}

@@ -31,6 +31,7 @@ from updater.diagnosis.naming import (
     modes_of,
     named_causes,
     rejected_causes,
+    shares,
     with_place_names,
 )
 from updater.diagnosis.next_measurement import next_measurement, smallest_changes
@@ -376,11 +377,13 @@ def _next(case: Case, left_open: list[Candidate]) -> Separation | None:
     """Return the measurements that would decide between the remaining hypotheses; None if there is only one."""
     if len(left_open) < 2:
         return None
+    considered = left_open[:_MAX_OPEN]
     bodies = case.weighing.cause(_KNOWN_MASS)
     return next_measurement(
         case.reference,
         case.event,
         case.data,
         bodies if isinstance(bodies, AddedMass) else None,
-        [c.chosen for c in left_open[:_MAX_OPEN]],
+        [c.chosen for c in considered],
+        shares(considered),
     )

@@ -1,8 +1,8 @@
 """Choice of the next measurement: each one is tried on the predictions of the remaining hypotheses.
 
-A further sensor, four times the record, a known mass, a thermometer, a tone of known frequency: the hypotheses predict
-the result of each measurement. The distance of the predictions in standard deviations measures how well it would
-decide. Where nothing is to be decided, the smallest changes that the data would have shown.
+A further sensor, a longer record, a known mass, a thermometer, a tone of known frequency: the hypotheses predict the
+result of each measurement. The distance of the predictions in standard deviations gives the expected information, and
+this per hour of work the order. Where nothing is to be decided, the smallest changes that the data would have shown.
 """
 
 import itertools
@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.causes import (
     AddedMass,
     Cause,
@@ -26,17 +26,20 @@ from updater.causes import (
 )
 from updater.diagnosis.schema import Measurement, Separation, SmallestChange
 from updater.inference import (
+    DRIFT,
     MODEL_ERROR,
     Changed,
     Comparison,
     Effect,
     compare,
+    entropy,
+    expected_information,
     picked,
     reanalyse,
     residual,
     size_deviations,
 )
-from updater.modal_data import ModalMean
+from updater.modal_data import Effort, ModalMean
 from updater.quantities import vector
 from updater.reference import Reference
 from updater.structure import size
@@ -44,9 +47,10 @@ from updater.structure import size
 _DECIDES = 3.0  # standard deviations
 _NEAR = 0.03  # m, on a structure of 1.5 m, within which one sensor is as good as another
 _SPACING = 0.1  # of a member's length, between places that are tried
-_SHARE = 0.02  # added mass relative to the structure's
-_LONGER = 4  # times the record
-_MAX = 3  # measurements that are named
+_SHARES = (0.01, 0.02, 0.04)  # known masses relative to the structure's
+_ENOUGH = 0.9  # of the information of the heaviest mass: the lightest one that gives it is proposed
+_LONGER = (2, 4, 8, 16)  # times the record
+_DEVIATIONS = ("log_frequency_std", "shape_std", "damping_std")  # that a longer record lowers
 _WORTHLESS = 1.0  # standard deviations under which a measurement is not named
 
 
@@ -56,36 +60,64 @@ _Trial = tuple[Measurement, FloatArray]
 
 
 def next_measurement(
-    reference: Reference, event: ModalMean, data: Comparison, bodies: AddedMass | None, open_ones: Sequence[Hypothesis]
+    reference: Reference,
+    event: ModalMean,
+    data: Comparison,
+    bodies: AddedMass | None,
+    open_ones: Sequence[Hypothesis],
+    probability: FloatArray,
 ) -> Separation:
-    """Return the measurements that would decide between hypotheses.
+    """Return the measurements that would decide between hypotheses, by expected information per hour of work.
 
     Parameters
     ----------
     bodies : positions where a known mass may be clamped on
-    open_ones : two or more hypotheses that the data do not separate
+    open_ones : (n,) two or more hypotheses that the data do not separate
+    probability : (n,) of these, their sum is 1
     """
     trials = [
         *_sensors(reference, event, data, open_ones),
-        *([_known_mass(data, bodies, open_ones)] if bodies is not None else []),
-        _longer(reference, event, data, open_ones),
+        *(_known_masses(data, bodies, open_ones, probability) if bodies is not None else []),
+        *_longer(reference, event, data, open_ones),
         *_known_beside(data, open_ones),
     ]
-    found: list[Measurement] = []
-    left = set(itertools.combinations(range(len(open_ones)), 2))
-    while left and trials and len(found) < _MAX:
-        best = max(trials, key=lambda trial: sum(min(trial[1][p], 2 * _DECIDES) for p in left))
-        measurement, distance = best
-        widest = max(distance[p] for p in left)
-        if widest < _WORTHLESS:
-            break
-        pairs = [p for p in sorted(left) if distance[p] >= min(_DECIDES, 0.99 * widest)]
-        own = {"pairs": tuple(pairs), "deviations": min(float(distance[p]) for p in pairs)}
-        found.append(measurement.model_copy(update=own))
-        left -= set(pairs)
-        trials = [trial for trial in trials if trial is not best]
+    widest = np.max([distance for _, distance in trials], axis=0)
+    open_now = float(entropy(probability))
+    weighed: dict[str, Measurement] = {}  # the best of each kind
+    for measurement, distance in trials:
+        if distance.max() < _WORTHLESS:
+            continue
+        apart = np.argwhere(np.triu(distance >= min(_DECIDES, 0.99 * distance.max()), 1))
+        information = expected_information(probability, distance)
+        own = {
+            "pairs": tuple((int(i), int(j)) for i, j in apart),
+            "deviations": min(float(distance[i, j]) for i, j in apart),
+            "information": information,
+            "leaves": 2 ** max(0.0, open_now - information),
+            "hours": _hours(measurement, data.circumstances.effort),
+        }
+        found = measurement.model_copy(update=own)
+        best = weighed.setdefault(found.kind + found.instrument, found)
+        if found.information_per_hour > best.information_per_hour:
+            weighed[found.kind + found.instrument] = found
+    planned = sorted(weighed.values(), key=lambda one: -one.information_per_hour)
     names = tuple(tuple(part.cause.name for part in chosen) for chosen in open_ones)
-    return Separation(hypotheses=names, measurements=tuple(found), inseparable=tuple(sorted(left)))
+    never = np.argwhere(np.triu(widest < _WORTHLESS, 1))
+    return Separation(
+        hypotheses=names,
+        measurements=tuple(planned),
+        inseparable=tuple((int(i), int(j)) for i, j in never),
+        open=2**open_now,
+    )
+
+
+def _hours(planned: Measurement, effort: Effort) -> float:
+    """Return work and recording of a measurement [h]."""
+    if planned.kind == "longer_record":
+        return planned.length * effort.record
+    return {"sensor": effort.sensor, "known_mass": effort.known_mass, "instrument": effort.instrument}[
+        planned.kind
+    ] + effort.record
 
 
 def _apart(values: FloatArray, std: FloatArray) -> FloatArray:
@@ -143,12 +175,28 @@ def _taken(reference: Reference, point: FloatArray, axis: int) -> bool:
     )
 
 
-def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothesis]) -> _Trial:
-    """Try a known mass at places of every member; return the best one."""
+def _known_masses(
+    data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothesis], probability: FloatArray
+) -> list[_Trial]:
+    """Try a known mass at places of every member, then others at the best place; return the lightest that is enough."""
     step = max(1, len(bodies.position) // 40)
     rows = np.arange(0, len(bodies.position), step)
     members = bodies.reference.structure.member
-    mass = _SHARE * bodies.reference.model.total_mass()
+    total = bodies.reference.model.total_mass()
+    distance = _with_mass(data, bodies, open_ones, rows, np.full(len(rows), _SHARES[1] * total))
+    row = rows[int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))]
+    masses = np.array(_SHARES) * total
+    there = _with_mass(data, bodies, open_ones, np.full(len(masses), row), masses)
+    information = np.array([expected_information(probability, one) for one in there])
+    k = int(np.argmax(information >= _ENOUGH * information[-1]))
+    at = vector(members[bodies.member[row]].point(bodies.position[row]))
+    return [(Measurement(kind="known_mass", mass=float(masses[k]), position=at), there[k])]
+
+
+def _with_mass(
+    data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothesis], rows: IndexArray, mass: FloatArray
+) -> FloatArray:
+    """Return the distances (n_rows, n, n) of hypotheses by the shifts that masses (n_rows,) at places cause."""
     theta = np.zeros((len(rows), len(bodies.prior_std)))
     theta[:, 0] = mass
     on = bodies.effect(theta, rows)
@@ -157,13 +205,11 @@ def _known_mass(data: Comparison, bodies: AddedMass, open_ones: Sequence[Hypothe
         bare = picked(_solved(data, chosen))[0][:, :n]
         shift.append(-0.5 * np.log(picked(_solved(data, chosen, on))[0][:, :n] / bare))
     shifts = np.array(shift)  # (n, n_rows, n_modes)
-    std = np.sqrt(2) * data.log_frequency_std
-    distance = np.stack(
-        [_apart(here, np.hypot(std, MODEL_ERROR * _typical(here))) for here in shifts.transpose(1, 0, 2)]
-    )
-    best = int(np.argmax(np.minimum(distance, 2 * _DECIDES).sum((1, 2))))
-    at = members[bodies.member[rows[best]]].point(bodies.position[rows[best]])
-    return (Measurement(kind="known_mass", mass=mass, position=vector(at)), distance[best])
+    noise, found = 2 * data.log_frequency_std**2, []
+    for here in shifts.transpose(1, 0, 2):
+        covariance = np.diag(noise + (MODEL_ERROR * _typical(here)) ** 2) + DRIFT**2
+        found.append(_apart(here @ np.linalg.inv(np.linalg.cholesky(covariance)).T, np.ones(n)))
+    return np.stack(found)
 
 
 def _typical(shift: FloatArray) -> FloatArray:
@@ -172,13 +218,17 @@ def _typical(shift: FloatArray) -> FloatArray:
     return np.asarray(2 * np.sqrt(size * size.mean()))
 
 
-def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones: Sequence[Hypothesis]) -> _Trial:
-    """Try a longer record: less noise, the same errors of the baseline and of the model."""
-    less = {name: getattr(event, name) / np.sqrt(_LONGER) for name in ("log_frequency_std", "shape_std", "damping_std")}
-    longer = compare(reference, replace(event, **less), circumstances=data.circumstances)
-    whitener = longer.drifting if all(any(c.cause.drifting for c in h) for h in open_ones) else longer.plain
-    rest = np.array([residual(longer, prediction(longer, chosen), whitener)[0] for chosen in open_ones])
-    return (Measurement(kind="longer_record", length=_LONGER), _apart(rest, np.ones(rest.shape[1])))
+def _longer(reference: Reference, event: ModalMean, data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:
+    """Try longer records: less noise, the same errors of the baseline and of the model."""
+    drifting = all(any(c.cause.drifting for c in h) for h in open_ones)
+    found = []
+    for factor in _LONGER:
+        less = {name: getattr(event, name) / np.sqrt(factor) for name in _DEVIATIONS}
+        longer = compare(reference, replace(event, **less), circumstances=data.circumstances)
+        whitener = longer.drifting if drifting else longer.plain
+        rest = np.array([residual(longer, prediction(longer, chosen), whitener)[0] for chosen in open_ones])
+        found.append((Measurement(kind="longer_record", length=factor), _apart(rest, np.ones(rest.shape[1]))))
+    return found
 
 
 def _known_beside(data: Comparison, open_ones: Sequence[Hypothesis]) -> list[_Trial]:

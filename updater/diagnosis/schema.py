@@ -53,8 +53,16 @@ class Measurement(PlainValue):
     mass: float = 0.0  #: [kg]
     length: int = 1  #: of the record, relative to the present one
     instrument: str = ""  #: as the cause states it
-    pairs: tuple[tuple[int, int], ...] = ()  #: hypotheses that it separates
+    pairs: tuple[tuple[int, int], ...] = ()  #: hypotheses that it separates, by their places in `hypotheses`
     deviations: float = 0.0  #: by at least so many standard deviations
+    information: float = 0.0  #: expected reduction of the entropy of the hypotheses [bit]
+    leaves: float = 0.0  #: expected number of equally probable hypotheses with the entropy afterwards [-]
+    hours: float = 0.0  #: work and recording [h]
+
+    @property
+    def information_per_hour(self) -> float:
+        """Expected information over the effort [bit/h]."""
+        return self.information / self.hours if self.hours > 0 else float("inf")
 
 
 class SmallestChange(PlainValue):
@@ -72,8 +80,9 @@ class Separation(PlainValue):
     """Measurements that would decide between hypotheses."""
 
     hypotheses: tuple[tuple[str, ...], ...]  #: names of the causes of each
-    measurements: tuple[Measurement, ...]  #: the most decisive first
+    measurements: tuple[Measurement, ...]  #: of each kind the best, by expected information per hour
     inseparable: tuple[tuple[int, int], ...]  #: hypotheses that no measurement considered separates
+    open: float = 0.0  #: number of equally probable hypotheses with the same entropy [-]
 
 
 class Misfit(PlainValue):

@@ -5,6 +5,9 @@ from updater.inference.comparison import NewModes as NewModes
 from updater.inference.comparison import Whitener as Whitener
 from updater.inference.event_comparison import MODEL_ERROR as MODEL_ERROR
 from updater.inference.event_comparison import compare as compare
+from updater.inference.information import entropy as entropy
+from updater.inference.information import expected_information as expected_information
+from updater.inference.known_mass import DRIFT as DRIFT
 from updater.inference.laplace_fit import BoolArray as BoolArray
 from updater.inference.laplace_fit import Fit as Fit
 from updater.inference.laplace_fit import Hypotheses as Hypotheses

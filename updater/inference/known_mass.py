@@ -17,7 +17,7 @@ from updater.inference.comparison import MassTest, frequencies_with_mass
 from updater.modal_data import KnownMass, ModalMean
 from updater.reference import Reference
 
-_DRIFT = 2e-4  # of log frequencies, common to all: 1 K between two records that follow each other, 0.018 %/K of steel
+DRIFT = 2e-4  #: of log frequencies, common to all: 1 K between two records that follow each other, 0.018 %/K of steel
 
 
 def mass_tests(
@@ -56,7 +56,7 @@ def mass_tests(
                 position=test.position,
                 rows=rows,
                 log_ratio=ratio,
-                covariance=np.diag(variance) + _DRIFT**2,
+                covariance=np.diag(variance) + DRIFT**2,
                 noise=event.log_frequency_std[rows] ** 2,
                 translation=translation,
                 correction=(whole - part)[rows],

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from updater.modal_data.averaging import merge_setups as merge_setups
     from updater.modal_data.conditions import NOTHING_KNOWN as NOTHING_KNOWN
     from updater.modal_data.conditions import Circumstances as Circumstances
+    from updater.modal_data.conditions import Effort as Effort
     from updater.modal_data.conditions import KnownMass as KnownMass
     from updater.modal_data.conditions import Trend as Trend
     from updater.modal_data.conditions import tone_ratios as tone_ratios

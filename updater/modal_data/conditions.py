@@ -41,6 +41,16 @@ class KnownMass:
     modes: ModalMean  #: (n_tracks,) with the mass, in the order of the baseline's tracks
 
 
+@dataclass(frozen=True, kw_only=True)
+class Effort:
+    """Time that further measurements take [h]."""
+
+    sensor: float = 2.0  #: to fix one more sensor
+    known_mass: float = 0.5  #: to fix a known mass, and to remove it
+    instrument: float = 1.0  #: to connect a thermometer, or a source of a tone
+    record: float = 1 / 6  #: to record as long as before
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Circumstances:
     """Of an event, against the baseline."""
@@ -54,6 +64,7 @@ class Circumstances:
     faults: Mapping[str, ChannelFault] = field(default_factory=dict)  #: faults of channels that were left out since
     wander: float = 0.0  #: standard deviation of a window's delay about its device's constant, in these windows [s]
     known_masses: tuple[KnownMass, ...] = ()  #: further records of the event's state
+    effort: Effort = field(default_factory=Effort)  #: of further measurements
     steady: bool = True  #: whether the event's windows are of one state (`updater.modal_data.states.stationarity`)
 
 

@@ -2,18 +2,27 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import norm
 
 from tests.support.updater.diagnosis_data import COLUMN, HALF, TOP, Change, MeasuredAgain
 from updater import Body, Cause, DiagnosisResult
-from updater.diagnosis import Separation
+from updater.diagnosis import Measurement, Separation
 
 _MASS = 0.15  # kg, 2 % of the frame
 _FACTORS = ("global_stiffness", "global_density")
 
-#: verdict of a draw, such as "right", and the p values of records with a known mass
-_Drawn = tuple[str, tuple[float, ...]]
+_ODDS = np.log(4)  # of a cause that is named: 80 %
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    verdict: str
+    p_values: tuple[float, ...] = ()  #: of records with a known mass
+    expected: float = float("nan")  #: probability of a decision, by the distance that the advice states
+    open: tuple[float, float, float] | None = None  #: causes left open before, as expected, and with the measurement
 
 
 def _body(random: np.random.Generator) -> Body:
@@ -25,19 +34,31 @@ def _anywhere(random: np.random.Generator) -> tuple[float, float, float]:
     return float(random.uniform(-HALF, HALF)), 0.0, TOP
 
 
-def _advised(found: DiagnosisResult, kind: str) -> list[tuple[tuple[float, float, float], str, float]]:
-    """Return place, axis and mass of the advised measurement; empty if another kind is advised."""
+def _advised(found: DiagnosisResult, kind: str) -> Measurement | None:
+    """Return the advised measurement of a kind."""
     advice = found.next_measurement
     measurements = advice.measurements if isinstance(advice, Separation) else ()
-    return [(m.position, m.axis, m.mass) for m in measurements if m.kind == kind and m.position][:1]
+    return next((m for m in measurements if m.kind == kind), None)
 
 
-def _side(found: DiagnosisResult, body: Body) -> _Drawn:
+def _decided(advice: Measurement) -> float:
+    """Return how probable a decision between two equally probable causes is: log odds of d^2/2 with deviation d."""
+    return float(norm.cdf(advice.deviations / 2 - _ODDS / advice.deviations))
+
+
+def _followed(verdict: str, first: DiagnosisResult, advice: Measurement, found: DiagnosisResult) -> _Drawn:
+    """Return a draw in which advice was followed."""
+    assert isinstance(first.next_measurement, Separation)
+    now = found.next_measurement.open if isinstance(found.next_measurement, Separation) else 1.0
+    left = (first.next_measurement.open, advice.leaves, now)
+    return _Drawn(verdict, _p_values(found), _decided(advice), left)
+
+
+def _side(found: DiagnosisResult, body: Body) -> str:
     """Return whether all places that are named are on the side of the body."""
     places = [c.where.position for c in found.diagnosis.causes if c.where and c.where.position]
     sides = {bool(np.sign(place[0]) == np.sign(body.at[0])) for place in places}
-    verdict = "right" if sides == {True} else "wrong" if sides == {False} else "open"
-    return verdict, _p_values(found)
+    return "right" if sides == {True} else "wrong" if sides == {False} else "open"
 
 
 def _p_values(found: DiagnosisResult) -> tuple[float, ...]:
@@ -51,32 +72,46 @@ def _named(cause: Cause) -> set[str]:
 def _sensor(seed: int) -> _Drawn:
     body = _body(np.random.default_rng((seed, 0)))
     site = MeasuredAgain(seed, Change((body,)), COLUMN)
-    where = _advised(site.answer(), "sensor")
-    return _side(site.with_sensor(*where[0][:2]), body) if where else ("not advised", ())
+    advice = _advised(first := site.answer(), "sensor")
+    if advice is None or advice.position is None:
+        return _Drawn("not advised")
+    found = site.with_sensor(advice.position, advice.axis)
+    return _followed(_side(found, body), first, advice, found)
+
+
+def _advised_mass(seed: int) -> _Drawn:
+    body = _body(np.random.default_rng((seed, 0)))
+    site = MeasuredAgain(seed, Change((body,)), COLUMN)
+    advice = _advised(first := site.answer(), "known_mass")
+    if advice is None or advice.position is None:
+        return _Drawn("not advised")
+    found = site.with_mass(advice.position, advice.mass)
+    return _followed(_side(found, body), first, advice, found)
 
 
 def _mass(seed: int) -> _Drawn:
     random = np.random.default_rng((seed, 0))
     body = _body(random)
-    return _side(MeasuredAgain(seed, Change((body,)), COLUMN).with_mass(_anywhere(random), _MASS), body)
+    found = MeasuredAgain(seed, Change((body,)), COLUMN).with_mass(_anywhere(random), _MASS)
+    return _Drawn(_side(found, body), _p_values(found))
 
 
 def _factor(seed: int) -> _Drawn:
     random = np.random.default_rng((seed, 0))
     kind, value = int(random.integers(2)), float(1 + random.choice([-1, 1]) * random.uniform(0.02, 0.06))
     site = MeasuredAgain(seed, Change(density=value) if kind else Change(stiffness=value))
-    where = _advised(site.answer(), "known_mass")
-    if not where:
-        return "not advised", ()
-    at, _, mass = where[0]
-    found = site.with_mass(at, mass)
+    advice = _advised(first := site.answer(), "known_mass")
+    if advice is None or advice.position is None:
+        return _Drawn("not advised")
+    found = site.with_mass(advice.position, advice.mass)
     names = set().union(*(_named(cause) for cause in found.diagnosis.causes)) & set(_FACTORS)
     truth = {_FACTORS[kind]}
-    return "right" if names == truth else "open" if truth <= names else "wrong", _p_values(found)
+    verdict = "right" if names == truth else "open" if truth <= names else "wrong"
+    return _followed(verdict, first, advice, found)
 
 
 def _nothing(found: DiagnosisResult) -> _Drawn:
-    return "right" if found.diagnosis.verdict == "nothing_to_explain" else "wrong", _p_values(found)
+    return _Drawn("right" if found.diagnosis.verdict == "nothing_to_explain" else "wrong", _p_values(found))
 
 
 def _no_change_sensor(seed: int) -> _Drawn:
@@ -90,6 +125,7 @@ def _no_change_mass(seed: int) -> _Drawn:
 
 _KINDS: dict[str, Callable[[int], _Drawn]] = {
     "body left or right | sensor where it is advised": _sensor,
+    "body left or right | known mass where it is advised": _advised_mass,
     "body left or right | known mass anywhere on the crossbeam": _mass,
     "stiffness or density | known mass where it is advised": _factor,
     "no change | further sensor anywhere on the crossbeam": _no_change_sensor,
@@ -102,16 +138,25 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", default="", help="part of the names of the kinds that are drawn")
     options = parser.parse_args()
-    print("| truth | measurement | draws | right | still open | wrong | p below 0.1 |")
-    print("| --- | --- | ---: | ---: | ---: | ---: | ---: |")
+    print("| truth | measurement | draws | right | still open | wrong | expected right | causes open | p below 0.1 |")
+    print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for kind, draw in _KINDS.items():
-        found = [draw(seed) for seed in range(options.seed, options.seed + options.draws)]
-        verdicts = [verdict for verdict, _ in found if verdict != "not advised"]
-        counts = " | ".join(str(verdicts.count(verdict)) for verdict in ("right", "open", "wrong"))
-        p_values = [p for _, values in found for p in values]
-        low = f"{sum(p < 0.1 for p in p_values)} of {len(p_values)}" if p_values else ""
-        print(f"| {kind} | {len(verdicts)} | {counts} | {low} |", flush=True)
+        if options.only in kind:
+            drawn = [draw(seed) for seed in range(options.seed, options.seed + options.draws)]
+            print(f"| {kind} | {_row([one for one in drawn if one.verdict != 'not advised'])} |", flush=True)
+
+
+def _row(drawn: list[_Drawn]) -> str:
+    """Return the cells of one kind; numbers of open causes are geometric means."""
+    counts = [str(sum(one.verdict == verdict for one in drawn)) for verdict in ("right", "open", "wrong")]
+    expected = sum(one.expected for one in drawn)
+    left = [one.open for one in drawn if one.open]
+    mean = ", ".join(f"{number:.2f}" for number in np.exp(np.log(left).mean(0))) if left else ""
+    p_values = [p for one in drawn for p in one.p_values]
+    low = f"{sum(p < 0.1 for p in p_values)} of {len(p_values)}" if p_values else ""
+    return " | ".join([str(len(drawn)), *counts, "" if np.isnan(expected) else f"{expected:.1f}", mean, low])
 
 
 if __name__ == "__main__":

@@ -31,7 +31,14 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.detection import last_detectable, standing_trend, unsure_ever, unsure_now
-from monitor.text.diagnosis import mass_test_text, record_change_texts, smallest_changes_text, within_record_text
+from monitor.text.diagnosis import (
+    follow_text,
+    mass_test_text,
+    plan_rows,
+    record_change_texts,
+    smallest_changes_text,
+    within_record_text,
+)
 from monitor.text.modal_change import modal_change_text
 from monitor.text.quantities import optional, plain, share_text, utc
 from monitor.text.sensors import health_rows
@@ -324,6 +331,8 @@ def _diagnosis(
         "gain": _gain(diagnosis, found.gain_std if found else None),
         "extended_model": diagnosis.extended_model,
         "next_measurement": diagnosis.next_measurement,
+        "plan": plan_rows(diagnosis.separation),
+        "follows": follow_text(diagnosis.follows) if diagnosis.follows else "",
         "mass_tests": [mass_test_text(test) for test in diagnosis.mass_tests],
         "smallest": smallest_changes_text(
             diagnosis.smallest_changes, unchanged=diagnosis.verdict == "nothing_to_explain"

@@ -212,6 +212,6 @@ def test_next_measurement_compares_oscillator_with_added_mass(learnt: tuple[Refe
     open_ones = [singles[("attached_oscillator",)], singles[("added_mass",)]]
     bodies = weighing.causes["added_mass"]
     assert isinstance(bodies, AddedMass)
-    reported = next_measurement(reference, event, weighing.data, bodies, open_ones)
+    reported = next_measurement(reference, event, weighing.data, bodies, open_ones, np.full(2, 0.5))
     assert reported.hypotheses == (("attached_oscillator",), ("added_mass",))
     assert reported.measurements or reported.inseparable

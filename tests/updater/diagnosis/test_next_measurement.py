@@ -51,21 +51,25 @@ def test_proposed_sensor_on_the_crossbeam_separates_left_from_right() -> None:
     beam = [m.name for m in structure.member].index("crossbeam")
     rows = [int(np.argmin(np.abs(masses.position - at) + 10 * (masses.member != beam))) for at in (0.2, 0.6)]
     left_or_right = [(SelectedCause(masses, row, np.array([0.15, 0, 0, 0])),) for row in rows]
-    reported = next_measurement(reference, event, data, masses, left_or_right)
-    (found,) = reported.measurements
+    equal = np.full(2, 0.5)
+    reported = next_measurement(reference, event, data, masses, left_or_right, equal)
+    found, known = sorted(reported.measurements, key=lambda one: one.kind, reverse=True)
+    assert (found.kind, known.kind) == ("sensor", "known_mass")
     assert found.position is not None
     assert abs(found.position[0]) > 0.1
     assert found.position[1:] == pytest.approx((0.0, 1.48))
     assert found.deviations > 3
+    assert reported.measurements[0] is known  # in less time
+    assert found.leaves < 1.1 < 1.9 < reported.open
     assert re.match(
         r"A sensor at \(-?[\d.]+, 0.00, 1.48\) m along [yz]: "
         r"expected to separate the alternative places of the added mass by [\d.]+ standard deviations\.$",
-        next_text(reported),
+        next_text(reported.model_copy(update={"measurements": (found,)})),
     )
     axis = found.axis
     there = Sensor(channel="there", at=(found.position[0] + 0.02, 0.0, 1.48), direction=AXES[axis])
     calibration = replace(reference.calibration, structure=with_sensors(reference.structure, there))
-    reported = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right)
+    reported = next_measurement(replace(reference, calibration=calibration), event, data, masses, left_or_right, equal)
     others = [m.position for m in reported.measurements if m.position and m.axis == axis]
     assert all(abs(other[0] - there.at[0]) > 0.03 for other in others), reported
 

@@ -32,6 +32,8 @@ ADDED = {
     "within_record",
     "smallest_changes",
     "mass_tests",
+    "separation",
+    "follows",
 }  # since the contract was agreed
 WHOLE = {"verdict", "causes", "rejected", "modes", "gain", "extended_model", "next_measurement"} | ADDED
 PAIR = {"before", "after"}

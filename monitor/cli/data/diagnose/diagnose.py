@@ -71,6 +71,17 @@ def diagnose(
     bound: Annotated[
         list[str] | None, Option(metavar="NAME=MIN:MAX", help="Bounds of a model parameter, in its unit. Repeatable.")
     ] = None,
+    effort: Annotated[
+        list[str] | None,
+        Option(
+            metavar="KIND=HOURS",
+            help="Work of a further measurement: sensor=2, known_mass=0.5, instrument=1 unless given. Repeatable.",
+        ),
+    ] = None,
+    follows: Annotated[
+        Path | None,
+        Option(metavar="FILE", help="JSON of an earlier diagnosis whose advice was followed: what it left open."),
+    ] = None,
     force: Force = False,
 ) -> int:
     """Diagnose a change, or the errors of a model.
@@ -99,6 +110,7 @@ def diagnose(
         beside_json,
         bound_of,
         diagnose_logs,
+        effort_of,
     )
     from monitor.cli.output import check_outputs, existing_in
     from monitor.errors import ArgumentError
@@ -128,4 +140,7 @@ def diagnose(
         fixed=tuple(fix or ()),
         bounds=dict(map(bound_of, bound or ())),
     )
-    return diagnose_logs(structure, named, selection, window=window, out=out, json_path=json, pdf=pdf)
+    work = effort_of(effort or ())
+    return diagnose_logs(
+        structure, named, selection, window=window, out=out, json_path=json, pdf=pdf, effort=work, follows=follows
+    )

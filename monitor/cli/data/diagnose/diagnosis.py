@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -25,6 +25,7 @@ from monitor.analysis.time_range import WHOLE, TimeRange
 from monitor.analysis.trends import trends_beside
 from monitor.cli.data.diagnose.basis import calibration_facts, log_facts
 from monitor.cli.data.diagnose.diagnosis_output import say_answer, say_evidence
+from monitor.cli.data.diagnose.follow_up import earlier_diagnosis, follow_up, measured_since
 from monitor.cli.data.diagnose.held_out import check_independent
 from monitor.cli.data.log_observation import observe_logs
 from monitor.cli.data.structure.parameters_output import changes_table
@@ -46,6 +47,7 @@ from monitor.views.report import diagnosis_report, load_typst
 from updater import DiagnosisResult, ModelError, Structure, build_model, dump_structure, load_structure, parse_structure
 from updater.diagnosis import allowed_causes
 from updater.errors import SelectionError
+from updater.modal_data import Effort
 from updater.reference import Calibration
 from updater.structure import without_empty_segments
 
@@ -202,12 +204,15 @@ def diagnose_logs(
     out: Path | None,
     json_path: Path | None,
     pdf: Path | None = None,
+    effort: Effort | None = None,
+    follows: Path | None = None,
 ) -> int:
     """Diagnose; 0 if it is clear, 1 if a person must decide."""
     logs.check_window()
     structure = selected_structure(structure_path, selection)
     for known in logs.mass:
         known.check_place(structure)
+    earlier = earlier_diagnosis(follows)
     if pdf:
         try:
             load_typst()
@@ -245,10 +250,14 @@ def diagnose_logs(
                 only=selection.only,
                 without=selection.without,
                 with_mass=with_mass,
+                effort=effort,
             )
             found = explain_record(explained, before, after, heldout)
         except StateError as error:
             raise LogError(", ".join(map(str, logs.of_state(error.state))), str(error)) from error
+    if earlier:
+        follow = follow_up(earlier, found.diagnosis, measured_since(before, after, len(with_mass)))
+        found = replace(found, diagnosis=found.diagnosis.model_copy(update={"follows": follow}))
     diagnosis = _write(found, structure_path, logs, out, json_path)
     nearer = _write_nearer(found.explained, structure_path, logs, out)
     heavier = [([known.path], one.observation) for known, one in zip(logs.mass, with_mass, strict=True)]
@@ -505,3 +514,25 @@ def bound_of(text: str) -> tuple[str, tuple[float, float]]:
     if not name or not 0 < values[0] < values[1]:
         raise ArgumentError("--bound", f"expected NAME=MIN:MAX, such as steel.E=200e9:215e9, found {text!r}")
     return name, values
+
+
+def effort_of(texts: Sequence[str]) -> Effort:
+    """Return the effort of further measurements, written as `sensor=2` in hours.
+
+    Raises
+    ------
+    ArgumentError
+        If a text is not written like that.
+    """
+    kinds = tuple(field.name for field in fields(Effort) if field.name != "record")
+    given: dict[str, float] = {}
+    for text in texts:
+        name, _, hours = text.partition("=")
+        kind = name.strip().replace("-", "_").replace(" ", "_")
+        try:
+            given[kind] = float(hours)
+        except ValueError:
+            given[kind] = -1.0
+        if kind not in kinds or not 0 <= given[kind] < math.inf:
+            raise ArgumentError("--effort", f"expected KIND=HOURS with one of {', '.join(kinds)}, found {text!r}")
+    return Effort(**given)

@@ -27,7 +27,14 @@ from monitor.text.causes import (
     probability_text,
     unmeasured_text,
 )
-from monitor.text.diagnosis import mass_test_text, record_change_texts, smallest_changes_text, within_record_text
+from monitor.text.diagnosis import (
+    follow_text,
+    mass_test_text,
+    plan_rows,
+    record_change_texts,
+    smallest_changes_text,
+    within_record_text,
+)
 from monitor.text.quantities import optional, plain
 from monitor.text.sensors import health_text, worst_sensor_text
 from monitor.text.verdicts import verdict_text
@@ -51,6 +58,13 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
+    if diagnosis.follows:
+        console.print(follow_text(diagnosis.follows))
+    if rows := plan_rows(diagnosis.separation):
+        table = new_table(("further measurement",), ("leaves open", "effort"), pad_edge=False)
+        for row in rows:
+            table.add_row(*map(escape, row))
+        console.print(table)
     if unseen := smallest_changes_text(diagnosis.smallest_changes, unchanged=diagnosis.verdict == "nothing_to_explain"):
         console.print(escape(unseen))
 
