@@ -75,7 +75,7 @@ def diagnose(
         list[str] | None,
         Option(
             metavar="KIND=HOURS",
-            help="Work of a further measurement: sensor=2, known_mass=0.5, instrument=1 unless given. Repeatable.",
+            help="Hours of work. Default: sensor=2, known_mass=0.5, instrument=1. Repeatable.",
         ),
     ] = None,
     follows: Annotated[

@@ -7,8 +7,6 @@ from monitor.errors import ArgumentError, ResultsError
 from monitor.results.comparison import DiagnosisAnswer, FollowUp
 from monitor.views.report import load_diagnosis
 
-_OPTION = "--follows"
-
 
 def earlier_diagnosis(path: Path | None) -> DiagnosisAnswer | None:
     """Return the earlier diagnosis, which left causes open.
@@ -23,9 +21,9 @@ def earlier_diagnosis(path: Path | None) -> DiagnosisAnswer | None:
     try:
         found = load_diagnosis(path)
     except ResultsError as error:
-        raise ArgumentError(_OPTION, str(error)) from error
+        raise ArgumentError("--follows", str(error)) from error
     if found.separation is None:
-        raise ArgumentError(_OPTION, f"{path}: no causes were left open ({found.verdict})")
+        raise ArgumentError("--follows", f"{path}: no causes were left open ({found.verdict})")
     return found
 
 
