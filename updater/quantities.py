@@ -1,6 +1,7 @@
 """Quantities, places and parameters as plain values, in the units of engineers."""
 
 import math
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
@@ -56,12 +57,34 @@ class Where(PlainValue):
     name: str = ""  #: name of the place, such as `foot of the right post`; empty if it has none
 
 
+class Opening(PlainValue):
+    """Member, axis and moments of a place that opens and closes; flexibilities over 1 / (E I) or 1 / (G J)."""
+
+    member: str  #: member whose moment opens it
+    position: Vector  #: [m]
+    axis: Literal["x", "y", "z"]  #: local axis of the member that the moment acts about; x: torque
+    flexibility: Quantity  #: rotation per moment while it is open [m]
+    closed: Quantity  #: the same while it is closed [m]
+    mean: Quantity  #: mean over time, which the modes show [m]
+    moment: Quantity  #: moment at which it opens [N m]
+    opens: Literal["above", "below"]  #: side of that moment on which it is open
+
+
+class NonlinearGain(PlainValue):
+    """Prediction of the nonlinear part of signals that were not used; the linear model predicts none of it."""
+
+    variance_explained: Quantity | None  #: share of its variance; None if there is none [-]
+    log_likelihood: Quantity  #: gain over the linear model [-]
+
+
 class Breathing(PlainValue):
     """Closing of a crack or a connection that is softer under one sign of the moment than under the other."""
 
     share: Quantity  #: share of the mean added flexibility that is absent while the crack is closed [-]
     open_time: Quantity | None  #: share of the time in which it is open; None if it does not open and close [-]
     p_value: float  #: probability of an equal or larger nonlinear part of a linear structure
+    opening: Opening | None = None  #: None if it does not open and close, or not under one moment of a member
+    heldout: NonlinearGain | None = None  #: None without held-out signals
 
     @property
     def significant(self) -> bool:

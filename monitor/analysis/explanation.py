@@ -30,7 +30,7 @@ from updater import (
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
 from updater.modal_data import Effort, KnownMass
 from updater.structure import Updating
-from updater.validation import SensorHealth, breathing, with_acting
+from updater.validation import SensorHealth, breathing, with_acting, with_cracks
 
 _FILE_MAY_BE_OFF = "model_parameters"
 
@@ -145,7 +145,8 @@ def explain(
             without=without,
         )
     if before and now.sample:
-        explained = with_breathing(explained, event.modes, now.sample, before.sample)
+        signals = BreathingSignals(now.sample, before.sample, heldout.sample if heldout else None)
+        explained = with_breathing(explained, reference, event.modes, signals)
     return Explanation(
         explained=explained,
         sought=reference,
@@ -156,10 +157,20 @@ def explain(
     )
 
 
+@dataclass(frozen=True)
+class BreathingSignals:
+    """Signals with which a loss of stiffness is tested for opening and closing."""
+
+    now: Recording  #: of a window with the loss
+    before: Recording | None  #: of a window without it
+    heldout: Recording | None = None  #: of a further window with it, which is predicted
+
+
 def with_breathing(
-    found: DiagnosisResult, event: ModalMean, sample: Recording, before: Recording | None
+    found: DiagnosisResult, reference: Reference, event: ModalMean, signals: BreathingSignals
 ) -> DiagnosisResult:
-    """Return a diagnosis whose losses of stiffness state how far they close, from the signals of a window."""
+    """Return a diagnosis whose losses of stiffness state how far they close; the extended model contains the cracks."""
+    recordings = signals.now, signals.before, signals.heldout
 
     def of(cause: Cause) -> Cause:
         where = cause.where.position if cause.where else None
@@ -167,13 +178,18 @@ def with_breathing(
             own = part.hypotheses.where(part)
             if part.hypotheses.name == cause.cause and (own.position if own else None) == where:
                 closing = run_optional(
-                    "the test whether it opens and closes", partial(breathing, event, part, sample, before)
+                    "the test whether it opens and closes", partial(breathing, reference, event, part, *recordings)
                 )
                 return cause.model_copy(update={"breathing": closing})
         return cause
 
     causes = tuple(map(of, found.diagnosis.causes))
-    return replace(found, diagnosis=found.diagnosis.model_copy(update={"causes": causes}))
+    cracks = [c.breathing.opening for c in causes if c.breathing and c.breathing.opening]
+    return replace(
+        found,
+        diagnosis=found.diagnosis.model_copy(update={"causes": causes}),
+        extended=with_cracks(found.extended, cracks) if found.extended else None,
+    )
 
 
 def reference_of(structure: Structure, before: Observation) -> Reference:

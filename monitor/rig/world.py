@@ -104,18 +104,20 @@ class World:
         self._origin: int | None = None
 
     def _state(self, events: Sequence[RigEvent]) -> tuple[Model, Crack | None]:
-        """Return the structure after some events."""
+        """Return the structure after some events; a crack takes the place of one before it, also of the file's."""
         bodies = [event.body for event in events if event.body]
         model = build_model(self._true.with_bodies(bodies), shear_flexible=True, mass="consistent")
         cracks = [event.crack for event in events if event.crack]
-        return model, Crack(**cracks[-1].model_dump()) if cracks else None
+        return model, Crack(**cracks[-1].model_dump()) if cracks else Crack.of(self._true)
 
     def _stationary_response(self) -> AmbientResponse:
         """Return the response once it swings as it always has."""
-        (model, _), damping = self._states[0], np.array(self._scenario.truth.damping)
+        (model, crack), damping = self._states[0], np.array(self._scenario.truth.damping)
         read = np.concatenate([model.read(np.array(device.at))[:3] for device in self._scenario.device])
         seed = int(np.random.SeedSequence((self._scenario.seed, 2)).generate_state(1)[0])
         response = AmbientResponse(model, read, damping, self._ambient(), rate=self.rate, seed=seed)
+        if crack:
+            response.change(model, crack)
         slowest = float(np.min(damping * model.modes(len(damping)).omega))
         if _SETTLED / slowest > _LONGEST_SETTLING:
             raise ModelError(

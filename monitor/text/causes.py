@@ -13,7 +13,7 @@ from monitor.text.cause_list import listed_causes
 from monitor.text.quantities import MIN_P, counted, plain, share_text
 from updater import Cause, Diagnosis, Gain
 from updater.diagnosis import CalibrationSummary, Failed, FittedCause, Pair
-from updater.quantities import ECCENTRIC, FREQUENCY_STD, ParameterChange, Quantity, Vector, Where
+from updater.quantities import ECCENTRIC, FREQUENCY_STD, NonlinearGain, ParameterChange, Quantity, Vector, Where
 
 if TYPE_CHECKING:
     from updater import MassChange, Structure
@@ -275,10 +275,22 @@ def breathing_text(cause: FittedCause) -> str:
     if found.open_time and found.significant:
         open_time = number_text(100 * found.open_time.value, 100 * found.open_time.std)
         absent = f"{share} % of the added flexibility is absent while it is closed"
-        return f"it opens and closes: open {open_time} % of the time; {absent}"
+        return f"it opens and closes: open {open_time} % of the time; {absent}{_heldout_text(found.heldout)}"
     if found.share.value + _BOUND * found.share.std < _CONSTANT:
         return f"it does not open and close: {share} % of the added flexibility is absent under one sign of the load"
     return ""
+
+
+def _heldout_text(found: NonlinearGain | None) -> str:
+    """Return how well the nonlinear part of held-out signals is predicted, after a semicolon; empty if not known."""
+    if found is None:
+        return ""
+    gained = number_text(found.log_likelihood.value, found.log_likelihood.std, sign=True)
+    explained = found.variance_explained
+    if explained is None:
+        return f"; log likelihood of held-out signals {gained}"
+    percent = number_text(100 * explained.value, 100 * explained.std)
+    return f"; it explains {percent} % of the nonlinear variance of held-out signals (log likelihood {gained})"
 
 
 def probability_text(cause: Cause) -> str:

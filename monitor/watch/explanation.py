@@ -6,7 +6,7 @@ import numpy as np
 
 from daq import IndexArray, Recording
 from monitor.analysis.event import Conditions, Event, event_of
-from monitor.analysis.explanation import with_breathing
+from monitor.analysis.explanation import BreathingSignals, with_breathing
 from monitor.analysis.window import Window
 from monitor.results.comparison import ChannelHealth, DiscrepancyResult
 from monitor.results.correlation import discrepancy_result
@@ -66,7 +66,7 @@ def explain_windows(
     found = diagnose(reference, event.modes, every=event.measured, circumstances=event.circumstances)
     if signals:
         before_change, last = signals
-        found = with_breathing(found, event.modes, last, before_change)
+        found = with_breathing(found, reference, event.modes, BreathingSignals(last, before_change))
     return found, event
 
 

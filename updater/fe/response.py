@@ -8,9 +8,11 @@ import scipy  # its parts at their first use
 
 from daq import FloatArray
 from oma import ComplexArray
+from updater.errors import ModelError
 from updater.fe.eigen import Modes
 from updater.fe.model import Model
-from updater.fe.section_forces import weighted_actions
+from updater.fe.section_forces import section_rigidity, weighted_actions
+from updater.structure import BreathingCrack, Structure
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,23 +26,57 @@ class Ambient:
 
 @dataclass(frozen=True, kw_only=True)
 class Crack:
-    """A crack of a member that opens under a positive moment about a local axis, and closes under a negative one.
+    """A crack of a member that is open on one side of a moment about a local axis, and closed on the other.
 
-    It adds flexibility to the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over omega^2.
+    It changes the flexibility of the model, in its modes: F' = Lambda^-1 + c a a^T, with the modes' moments a over
+    omega^2, and c the difference from what the model contains.
     """
 
     member: str
     distance: float  #: from the member's start [m]
-    axis: Literal["y", "z"]
-    flexibility: float  #: rotation per moment while it is open, over 1 / (E I) [m]
+    axis: Literal["x", "y", "z"]
+    flexibility: float  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
     closed: float = 0.0  #: the same while it is closed [m]
+    mean: float = 0.0  #: the same in the model [m]
+    moment: float = 0.0  #: moment at which it opens [N m]
+    opens: Literal["above", "below"] = "above"  #: side of that moment on which it is open
 
-    def actions(self, model: Model, modes: Modes) -> FloatArray:
-        """Return the moments (n_modes,) for unit modal displacements, over the root of E I."""
-        names = [member.name for member in model.structure.member]
-        m = names.index(self.member)
-        found = weighted_actions(model, modes, {m: np.array([self.distance])})[m]
-        return np.asarray(found[0, {"y": 4, "z": 5}[self.axis]])
+    @classmethod
+    def of(cls, structure: Structure) -> "Crack | None":
+        """Return the crack of a structure file; None if it has none.
+
+        Raises
+        ------
+        ModelError
+            If there are several.
+        """
+        found = structure.breathing_crack
+        if len(found) > 1:
+            raise ModelError(f"breathing_crack: expected at most one in a simulation, found {len(found)}")
+        return next((cls._of(structure, crack) for crack in found), None)
+
+    @classmethod
+    def _of(cls, structure: Structure, crack: BreathingCrack) -> "Crack":
+        start = structure.member_named(crack.member).start
+        known = {key: value for key, value in crack if key != "at"}
+        return cls(distance=float(np.linalg.norm(np.subtract(crack.at, start))), **known)
+
+    @property
+    def side(self) -> float:
+        """1 if it opens above its moment, -1 if below."""
+        return 1.0 if self.opens == "above" else -1.0
+
+    def actions(self, model: Model, modes: Modes) -> tuple[FloatArray, float]:
+        """Return the moments (n_modes,) for unit modal displacements, and that at which it opens, over root E I.
+
+        Positive on the side on which it is open.
+        """
+        structure, at, action = model.structure, np.array([self.distance]), 3 + "xyz".index(self.axis)
+        m = [member.name for member in structure.member].index(self.member)
+        found = weighted_actions(model, modes, {m: at})[m][0, action]
+        own = section_rigidity(model, structure.member[m], at)[0, action]  # segments of the place included
+        rigidity = structure.rigidity(structure.member[m])[action - 3]
+        return self.side * np.sqrt(own / rigidity) * found, self.side * self.moment / float(np.sqrt(rigidity))
 
 
 class AmbientResponse:
@@ -110,32 +146,40 @@ class AmbientResponse:
 
 
 class _CrackedModes:
-    """Modes of a structure that a crack couples: their transitions over a sample, open and closed."""
+    """Modes of a structure that a crack couples: their transitions over a sample, open and closed.
+
+    Its rotation beyond that of the model is d m - e under a moment m, with d its flexibility less that of the model,
+    and e = 0 while it is closed, (flexibility - closed) m0 while it is open. For displacements q the moment is a^T q -
+    g (d m - e), with g = a^T Lambda^-1 a.
+    """
 
     def __init__(self, model: Model, modes: Modes, damping: FloatArray, crack: Crack, rate: float) -> None:
         n, omega = len(modes.omega), modes.omega
-        self._action = crack.actions(model, modes)
+        self._action, opens = crack.actions(model, modes)
+        own = float((self._action / omega) @ (self._action / omega))
+        self._opens = opens * (1 + (crack.closed - crack.mean) * own)  # in a^T q
         self._steps = []
-        for flexibility in (crack.closed, crack.flexibility):
+        for flexibility, offset in ((crack.closed, 0.0), (crack.flexibility, crack.flexibility - crack.closed)):
             # (Lambda^-1 + c a a^T)^-1 by the matrix inversion lemma, with the actions Lambda a for displacements
-            share = flexibility / (1 + flexibility * float((self._action / omega) @ (self._action / omega)))
+            share = (flexibility - crack.mean) / (1 + (flexibility - crack.mean) * own)
+            constant = -offset * opens / (1 + (flexibility - crack.mean) * own) * self._action
             stiffness = np.diag(omega**2) - share * np.outer(self._action, self._action)
             rates = np.zeros((3 * n, 3 * n))
             rates[:n, n : 2 * n] = np.eye(n)
             rates[n : 2 * n] = np.hstack([-stiffness, -np.diag(2 * damping * omega), np.eye(n)])
             over = scipy.linalg.expm(rates / rate)
-            self._steps.append((over[: 2 * n, : 2 * n], over[: 2 * n, 2 * n :], rates[n : 2 * n, : 2 * n]))
+            self._steps.append((over[: 2 * n, : 2 * n], over[: 2 * n, 2 * n :], rates[n : 2 * n, : 2 * n], constant))
 
     def run(self, state: ComplexArray, pole: ComplexArray, force: FloatArray) -> tuple[FloatArray, ComplexArray]:
         """Return accelerations (n, n_modes) by modal forces (n, n_modes), and the state (n_modes,) afterwards."""
         n = len(pole)
         now = np.concatenate([state.imag / pole.imag, (pole * state).imag / pole.imag])
-        pushed = [force @ push.T for _, push, _ in self._steps]
+        pushed = [(force + constant) @ push.T for _, push, _, constant in self._steps]
         acceleration = np.empty_like(force)
         for k, own in enumerate(force):
-            open_now = int(self._action @ now[:n] > 0)  # the moment has this sign, open or closed
+            open_now = int(self._action @ now[:n] > self._opens)  # the moment is on this side, open or closed
             now = self._steps[open_now][0] @ now + pushed[open_now][k]
-            open_now = int(self._action @ now[:n] > 0)
-            acceleration[k] = self._steps[open_now][2] @ now + own
+            open_now = int(self._action @ now[:n] > self._opens)
+            acceleration[k] = self._steps[open_now][2] @ now + own + self._steps[open_now][3]
         q, dq = now[:n], now[n:]
         return acceleration, dq - pole.real * q + 1j * pole.imag * q

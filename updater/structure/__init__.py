@@ -6,6 +6,7 @@ from updater.structure.base import meant as meant
 from updater.structure.entries import AXES as AXES
 from updater.structure.entries import Axis as Axis
 from updater.structure.entries import Body as Body
+from updater.structure.entries import BreathingCrack as BreathingCrack
 from updater.structure.entries import External as External
 from updater.structure.entries import Joint as Joint
 from updater.structure.entries import Material as Material
@@ -49,6 +50,7 @@ from updater.structure.toml_file import load_structure as load_structure
 from updater.structure.toml_file import parse_structure as parse_structure
 from updater.structure.toml_file import portable_text as portable_text
 from updater.structure.toml_file import t_structure_toml as t_structure_toml
+from updater.structure.validation import mean_flexibilities as mean_flexibilities
 from updater.structure.validation import odd_units as odd_units
 from updater.structure.written_structure import is_negligible as is_negligible
 from updater.structure.written_structure import rounded as rounded

@@ -234,6 +234,33 @@ class Oscillator(Entry):
         return self
 
 
+class BreathingCrack(Entry):
+    """A crack, or a connection that gapes, which opens and closes under the moment of its member.
+
+    Members, supports and joints of the file have the mean flexibility: linear analyses use it. A simulation in time
+    (`modalwatch rig`) opens and closes the crack.
+    """
+
+    member: str
+    at: Vector  #: place on the member [m]
+    #: local axis of the member that the moment acts about; x: torque
+    axis: Literal["x", "y", "z"]
+    flexibility: Positive  #: rotation per moment while it is open, over 1 / (E I) or 1 / (G J) [m]
+    closed: NotNegative = 0.0  #: the same while it is closed [m]
+    mean: Positive  #: mean over time, which the rest of the file contains [m]
+    moment: Number = 0.0  #: moment at which it opens [N m]
+    opens: Literal["above", "below"] = "above"  #: side of that moment on which it is open
+
+    @model_validator(mode="after")
+    def _mean_is_in_between(self) -> Self:
+        if not self.closed <= self.mean <= self.flexibility:
+            raise ValueError(
+                f"breathing_crack of {self.member}: expected closed <= mean <= flexibility, "
+                f"found {self.closed:g}, {self.mean:g}, {self.flexibility:g}"
+            )
+        return self
+
+
 class Recorder(Entry):
     """Recorder of the sensors."""
 
@@ -268,6 +295,7 @@ class Entries(Entry):
     segment: tuple[Segment, ...] = ()
     body: tuple[Body, ...] = ()
     oscillator: tuple[Oscillator, ...] = ()
+    breathing_crack: tuple[BreathingCrack, ...] = ()
     sensor: tuple[Sensor, ...] = ()  #: sensors as mounted
     #: corrections of their channels, by the sensor's own name
     sensors: dict[str, Correction] = Field(default_factory=dict)
@@ -298,6 +326,13 @@ class Entries(Entry):
     def member_named(self, name: str) -> Member:
         """Return the member of that name."""
         return next(member for member in self.member if member.name == name)
+
+    def rigidity(self, member: Member) -> Vector:
+        """Return G J, and E I about the local y and z axes, of a member without its segments [N m2]."""
+        material, section = self.material[member.material], self.section[member.section]
+        about_y, about_z = section.second_moment
+        modulus = material.youngs_modulus
+        return material.shear_modulus * section.torsion_constant, modulus * about_y, modulus * about_z
 
     def segments_of(self, member: Member) -> list[tuple[float, float, Segment]]:
         """Return a member's segments, each with its start and end along the member [m]."""

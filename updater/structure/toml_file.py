@@ -12,6 +12,7 @@ from updater.errors import StructureError
 from updater.structure.base import not_known
 from updater.structure.entries import (
     Body,
+    BreathingCrack,
     External,
     Joint,
     Material,
@@ -40,6 +41,7 @@ _ENTRIES: dict[str, type[BaseModel]] = {
     "segment": Segment,
     "body": Body,
     "oscillator": Oscillator,
+    "breathing_crack": BreathingCrack,
     "sensor": Sensor,
     "sensors": Correction,
     "recorder": Recorder,
@@ -146,8 +148,8 @@ def dump_structure(structure: Structure, onto: str | None = None, *, note: str =
     ----------
     structure : to write
     onto : text of a structure file; only differences are changed, and its comments are kept
-    note : comment in each support, joint, segment, body, oscillator, member or sensor that the text does not have, and
-        at each value of a sensor that differs
+    note : comment in each support, joint, segment, body, oscillator, crack, member or sensor that the text does not
+        have, and at each value of a sensor that differs
 
     Raises
     ------

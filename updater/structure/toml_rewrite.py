@@ -25,6 +25,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "segment": ("member", "at", "extent"),
     "body": ("at",),
     "oscillator": ("at", "direction"),
+    "breathing_crack": ("member", "at", "axis"),
 }
 
 

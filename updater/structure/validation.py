@@ -56,6 +56,8 @@ def check_names(structure: Entries) -> None:
     names = [member.name for member in structure.member]
     for segment in structure.segment:
         _known("segment at", str(list(segment.at)), "member", segment.member, names)
+    for crack in structure.breathing_crack:
+        _known("breathing_crack at", str(list(crack.at)), "member", crack.member, names)
     for joint in structure.joint:
         _known("joint at", str(list(joint.at)), "member", joint.member, names)
     joints = [f"joint of {joint.member} at {list(joint.at)}" for joint in structure.joint]
@@ -90,6 +92,8 @@ def check_places(structure: Entries) -> None:
             raise ValueError("joint: matrices from elsewhere have their joints in them")
         if structure.segment:
             raise ValueError("segment: matrices from elsewhere have their members' stiffness and mass in them")
+        if structure.breathing_crack:
+            raise ValueError("breathing_crack: matrices from elsewhere have no members that it could be in")
         return
     places = [(f"sensor {sensor.channel}", sensor.at) for sensor in structure.sensor]
     places += [("support", s.at) for s in structure.support] + [("body", b.at) for b in structure.body]
@@ -99,6 +103,9 @@ def check_places(structure: Entries) -> None:
     for what, at in places:
         if _distance(np.asarray(at), start, along).min() >= ON_MEMBER:
             raise ValueError(f"{what}: {list(at)} lies on no member")
+    for crack in structure.breathing_crack:
+        if not structure.member_named(crack.member).passes(crack.at):
+            raise ValueError(f"breathing_crack of {crack.member}: {list(crack.at)} does not lie on it")
     for joint in structure.joint:
         _check_joint(joint, structure, _distance(np.asarray(joint.at), start, along) < ON_MEMBER)
     _check_segments(structure)
@@ -199,3 +206,12 @@ def odd_units(structure: Entries) -> list[str]:
                 "is it in m, m2, m4?"
             )
     return notes
+
+
+def mean_flexibilities(structure: Entries) -> list[str]:
+    """Return a line for each crack that opens and closes: linear analyses have its mean flexibility."""
+    return [
+        f"breathing_crack of {crack.member} at {list(crack.at)}: modes are those of its mean flexibility; "
+        "`modalwatch rig` opens and closes it"
+        for crack in structure.breathing_crack
+    ]

@@ -6,6 +6,7 @@ from daq.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from updater.validation.breathing_crack import breathing as breathing
+    from updater.validation.breathing_crack import with_cracks as with_cracks
     from updater.validation.channel_health import SensorHealth as SensorHealth
     from updater.validation.channel_health import sensor_health as sensor_health
     from updater.validation.channel_health import with_acting as with_acting

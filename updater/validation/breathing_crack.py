@@ -20,6 +20,7 @@ Price, R. (1958). A useful theorem for nonlinear devices having Gaussian inputs.
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,7 +35,10 @@ from updater.causes import Cause, LocalStiffness, Springs
 from updater.errors import ModalDataError
 from updater.inference import Comparison, Effect, Fit, no_effect, reanalyse
 from updater.modal_data import ModalMean
-from updater.quantities import BREATHES, Breathing, Quantity
+from updater.quantities import BREATHES, Breathing, NonlinearGain, Opening, Quantity, rounded_value
+from updater.reference import Reference
+from updater.structure import BreathingCrack, Structure, with_few_digits
+from updater.validation.member_moment import member_moment
 from updater.validation.response.modal_system import NYQUIST, ModalSystem, band_about, damping_of_all
 from updater.validation.virtual_sensors import gapless_part
 
@@ -62,7 +66,12 @@ _LEAST_UNKNOWN = 0.05  # standard deviation of r over that of s, at least
 
 
 def breathing(
-    event: ModalMean, part: Fit[Cause], recording: Recording, before: Recording | None = None
+    reference: Reference,
+    event: ModalMean,
+    part: Fit[Cause],
+    recording: Recording,
+    before: Recording | None = None,
+    heldout: Recording | None = None,
 ) -> Breathing | None:
     """Return how far a loss of stiffness closes; None for other causes, short records or too few channels.
 
@@ -72,11 +81,13 @@ def breathing(
 
     Parameters
     ----------
+    reference : of the structure without the loss
     event : (n_tracks,) modes of the window
     part : fit of the cause
     recording : signals of the window, the delays of devices removed; of the longest stretch without a gap the last 2^16
         samples
     before : likewise, of a window without the loss
+    heldout : likewise, of a window with the loss, which is predicted
     """
     cause = part.hypotheses
     if not isinstance(cause, LocalStiffness | Springs):
@@ -92,7 +103,7 @@ def breathing(
     motion, force = window.modal_motion(states[0])
     prior = part.log_density + cause.log_prior
     tests = [
-        _ActionTest(window, state, motion, force, action, float(prior[row]))
+        _ActionTest(window, state, (motion, force), action, float(prior[row]), at_best=row == part.best)
         for row, effect, state in zip(places, effects, states, strict=True)
         for action in _actions(comparison, effect)
     ]
@@ -105,9 +116,75 @@ def breathing(
         earlier = _Window.of(undisturbed, comparison, before)
         if earlier is None:
             return None
-        usual = _ActionTest(earlier, undisturbed, *earlier.modal_motion(undisturbed), best.action)
+        usual = _ActionTest(earlier, undisturbed, earlier.modal_motion(undisturbed), best.action)
     bias, of_bias, p_value = best.against(usual)
-    return _mean(tests, (bias, of_bias), min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
+    posterior = _Posterior.of(tests, (bias, of_bias), min(1.0, len(tests) * p_value), 1 / cause.deviations(part))
+    if not posterior.closes:
+        return posterior.breathing
+    unused = None if heldout is None else _Window.of(posterior.best.test.state, comparison, heldout)
+    more = {
+        "opening": _opening(reference, cause, part, posterior, tests),
+        "heldout": None if unused is None else posterior.best.predicted(unused),
+    }
+    return posterior.breathing.model_copy(update=more)
+
+
+def _opening(
+    reference: Reference,
+    cause: LocalStiffness | Springs,
+    part: Fit[Any],
+    posterior: "_Posterior",
+    tests: "Sequence[_ActionTest]",
+) -> Opening | None:
+    """Return the moment that opens the place; None if it is not one of a member."""
+    position, std = cause.where(part).position, 1 / cause.deviations(part)
+    here = [test for test in tests if test.at_best]
+    if position is None or not here:
+        return None
+    test = max(here, key=lambda one: one.log_density)
+    found = member_moment(reference, cause.comparison, position, test.action.value)
+    if found is None:
+        return None
+    share, open_time = posterior.breathing.share, posterior.breathing.open_time
+    assert open_time
+    mean = found.coefficient**2 * test.action.relief
+    of_moment = test.moment_std * found.root_rigidity / (abs(found.coefficient) * test.action.relief)
+    more = (1 - open_time.value) / open_time.value
+    of_open = np.hypot(more * share.std, share.value * open_time.std / open_time.value**2)
+    side = test.side(posterior.bias) * float(np.sign(found.coefficient))
+    flexibility, closed = (1 + share.value * more) * mean, (1 - share.value) * mean
+    threshold, of_threshold = posterior.threshold
+    return Opening(
+        member=found.member,
+        position=position,
+        axis=found.axis,
+        flexibility=Quantity(value=flexibility, std=float(np.hypot(of_open * mean, std * flexibility)), unit="m"),
+        closed=Quantity(value=closed, std=float(np.hypot(share.std * mean, std * closed)), unit="m"),
+        mean=Quantity(value=mean, std=std * mean, unit="m"),
+        moment=Quantity(value=side * threshold * of_moment, std=of_threshold * of_moment, unit="N m"),
+        opens="above" if side > 0 else "below",
+    )
+
+
+def with_cracks(structure: Structure, openings: Sequence[Opening]) -> Structure:
+    """Return a structure with cracks whose mean flexibility it contains; numbers rounded by their deviations."""
+    cracks = [
+        BreathingCrack(
+            member=one.member,
+            at=one.position,
+            axis=one.axis,
+            **{name: _rounded(getattr(one, name)) for name in ("flexibility", "closed", "mean")},
+            moment=round(one.moment.value, 1 - math.floor(math.log10(one.moment.std))) + 0.0,
+            opens=one.opens,
+        )
+        for one in openings
+    ]
+    own = structure.model_copy(update={"breathing_crack": (*structure.breathing_crack, *cracks)})
+    return with_few_digits(own, structure)
+
+
+def _rounded(quantity: Quantity) -> float:
+    return rounded_value(quantity.value, quantity.std)
 
 
 def _places(cause: LocalStiffness | Springs, part: Fit[Any]) -> list[int]:
@@ -147,34 +224,82 @@ def _actions(comparison: Comparison, effect: Effect) -> list[_Action]:
     return found
 
 
-def _mean(tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: float, std: float) -> Breathing:
-    """Return the mean over places, unknown parts of the moment and, if it is significant, thresholds.
+@dataclass(frozen=True)
+class _Setting:
+    """A place, a moment at which it opens, and a standard deviation of the unknown part of the moment."""
 
-    Parameters
-    ----------
-    bias : size without a loss, and its variance
-    p_value : of all places
-    std : of the mean flexibility, relative [-]
-    """
-    closes = p_value < BREATHES
-    grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), range(len(_UNKNOWN))))
-    most = max(test.log_density for test in tests)
-    kept = [test for test in tests if test.log_density > most - _PROBABLE]
-    log, share, variance, often = np.array([test.fitted(*bias, *values) for test in kept for values in grid]).T
-    variance += (std**2 + _MODEL_STD**2) * share**2
-    if closes:
-        log, share, variance = _within_bounds(log, share, variance)
-    weight = np.exp(log - log.max())
-    weight /= weight.sum()
-    mean, open_time = float(weight @ share), float(weight @ often)
-    spread = float(weight @ (variance + (share - mean) ** 2))
-    resolved = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1) * scipy.stats.norm.pdf(0.0)
-    of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12) ** 0.5
-    return Breathing(
-        share=Quantity(value=mean, std=spread**0.5, unit="-"),
-        open_time=Quantity(value=open_time, std=of_time, unit="-") if closes else None,
-        p_value=p_value,
-    )
+    test: "_ActionTest"
+    threshold: float  #: over the standard deviation of the whole moment [-]
+    unknown: int  #: number of the deviation of the unknown part, relative to that by the model
+    size: float  #: of the nonlinear part, as for the mean flexibility [-]
+
+    @property
+    def whole(self) -> float:
+        """Standard deviation of the whole moment over that of the known part."""
+        return self.test.whole(self.unknown)
+
+    def predicted(self, window: "_Window") -> NonlinearGain:
+        """Return how well the nonlinear part of signals is predicted that were not used."""
+        state, action = self.test.state, self.test.action
+        other = _ActionTest(window, state, window.modal_motion(state), action)
+        ratio = self.whole * self.test.moment_std / (other.whole(self.unknown) * other.moment_std)
+        return other.predicted_by(self.size, self.threshold * ratio, self.unknown)
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Mean over places, unknown parts of the moment and, if it is significant, thresholds."""
+
+    breathing: Breathing
+    bias: float  #: size without a loss
+    threshold: tuple[float, float]  #: over the standard deviation of the known moment, and its own deviation [-]
+    best: _Setting  #: the most probable one
+
+    @property
+    def closes(self) -> bool:
+        """True if the place opens and closes."""
+        return self.breathing.significant
+
+    @classmethod
+    def of(cls, tests: "Sequence[_ActionTest]", bias: tuple[float, float], p_value: float, std: float) -> "_Posterior":
+        """Return the posterior.
+
+        Parameters
+        ----------
+        bias : size without a loss, and its variance
+        p_value : of all places
+        std : of the mean flexibility, relative [-]
+        """
+        closes = p_value < BREATHES
+        grid = list(itertools.product(_THRESHOLDS if closes else (0.0,), range(len(_UNKNOWN))))
+        most = max(test.log_density for test in tests)
+        cells = [(test, *values) for test in tests if test.log_density > most - _PROBABLE for values in grid]
+        log, share, variance, often = np.array([test.fitted(*bias, *values) for test, *values in cells]).T
+        variance += (std**2 + _MODEL_STD**2) * share**2
+        if closes:
+            log, share, variance = _within_bounds(log, share, variance)
+        weight = np.exp(log - log.max())
+        weight /= weight.sum()
+        mean, open_time = float(weight @ share), float(weight @ often)
+        spread = float(weight @ (variance + (share - mean) ** 2))
+        cell = float(np.ptp(_THRESHOLDS)) / (len(_THRESHOLDS) - 1)
+        resolved = cell * scipy.stats.norm.pdf(0.0)
+        of_time = float(weight @ (often - open_time) ** 2 + resolved**2 / 12) ** 0.5
+        opens = np.array([threshold * test.whole(unknown) for test, threshold, unknown in cells])
+        threshold = float(weight @ opens)
+        best = int(np.argmax(weight))
+        test, opening, unknown = cells[best]
+        size = test.side(bias[0]) * float(share[best] / (often[best] * test.action.relief))
+        return cls(
+            breathing=Breathing(
+                share=Quantity(value=mean, std=spread**0.5, unit="-"),
+                open_time=Quantity(value=open_time, std=of_time, unit="-") if closes else None,
+                p_value=p_value,
+            ),
+            bias=bias[0],
+            threshold=(threshold, float(weight @ (opens - threshold) ** 2 + cell**2 / 12) ** 0.5),
+            best=_Setting(test, opening, unknown, size),
+        )
 
 
 def _within_bounds(
@@ -421,24 +546,28 @@ class _ActionTest:
     ----------
     window : signals
     state : modes that a rotation moves
-    motion, force : (n_lines, n_modes) and (n_lines,) of the window
+    modal_motion : (n_lines, n_modes) and (n_lines,) of the window
     action : at the place
     prior : log density of the place
+    at_best : whether it is the most probable place by the modes
     """
 
     def __init__(
         self,
         window: _Window,
         state: _ModalState,
-        motion: ComplexArray,
-        force: FloatArray,
+        modal_motion: tuple[ComplexArray, FloatArray],
         action: _Action,
         prior: float = 0.0,
+        *,
+        at_best: bool = False,
     ) -> None:
-        self.action, self._window, self._prior = action, window, prior
+        self.action, self.state, self.at_best, self._window, self._prior = action, state, at_best, window, prior
+        motion, force = modal_motion
         known, of_modes = motion @ action.value, state.of_displacements(action.value)
         self._moment, self._unknown = window.fine(known), window.unknown_part(state, of_modes, force, known)
         self._product, self._own = window.response(state, of_modes)
+        self.moment_std = float(self._moment.std())  #: of the known part
         along, weight = self._fit(0.0, self._unknown)
         self._size = float(along.sum() / weight.sum())
         scatter = float(((along - self._size * weight) ** 2).sum()) * _BLOCKS / (_BLOCKS - 1)
@@ -453,6 +582,42 @@ class _ActionTest:
         score = abs(self._size - bias) / np.sqrt(self._variance + variance)
         return bias, variance, float(2 * scipy.stats.t.sf(score, _BLOCKS - 1))
 
+    def side(self, bias: float) -> float:
+        """Return 1 if it opens under a positive moment, -1 under a negative one; by the size without a loss."""
+        return 1.0 if self._size >= bias else -1.0
+
+    def whole(self, unknown: int) -> float:
+        """Return the standard deviation of the whole moment over that of the known part; as for `fitted`."""
+        return float(np.hypot(1.0, self._unknown * _UNKNOWN[unknown]))
+
+    def predicted_by(self, size: float, threshold: float, unknown: int) -> NonlinearGain:
+        """Return how well a size from other signals predicts the nonlinear part of these.
+
+        With y predicted and d measured, both whitened, the square of the residual is 2 d y - y^2 less than without the
+        prediction. Deviations are those of the jackknife over blocks.
+
+        Parameters
+        ----------
+        size : with its sign
+        threshold, unknown : as for `fitted`
+        """
+        along, weight = self._fit(threshold, self._unknown * float(_UNKNOWN[unknown]), float(np.sign(size)))
+        kept = ~np.eye(_BLOCKS, dtype=bool)
+        left_out = [self._gain(size, along[k], weight[k]) for k in kept]
+        (log_likelihood, explained), others = self._gain(size, along, weight), np.array(left_out)
+        scaled = others * [_BLOCKS / (_BLOCKS - 1), 1.0]  # a sum, and a ratio
+        std = np.sqrt((_BLOCKS - 1) * scaled.var(0))
+        return NonlinearGain(
+            variance_explained=Quantity(value=explained, std=float(std[1]), unit="-") if explained > -np.inf else None,
+            log_likelihood=Quantity(value=log_likelihood, std=float(std[0]), unit="-"),
+        )
+
+    def _gain(self, size: float, along: FloatArray, weight: FloatArray) -> tuple[float, float]:
+        """Return the gain of log likelihood in blocks, and the share of the variance of their nonlinear part."""
+        gained = float(2 * size * along.sum() - size**2 * weight.sum())
+        variance = float(along.sum() ** 2 / weight.sum()) - self._spread
+        return gained / (2 * self._spread), gained / variance if variance > 0 else -np.inf
+
     def fitted(self, bias: float, of_bias: float, threshold: float, unknown: int) -> tuple[float, float, float, float]:
         """Return the log density, the share of the mean flexibility and its variance, and the time when open.
 
@@ -462,7 +627,7 @@ class _ActionTest:
         threshold : as for a rotation
         unknown : number of the standard deviation of the unknown part, relative to that by the model
         """
-        side = 1.0 if self._size >= bias else -1.0  # it opens under a positive moment, or under a negative one
+        side = self.side(bias)
         std = self._unknown * float(_UNKNOWN[unknown])
         along, weight = (float(part.sum()) for part in self._fit(threshold, std, side))
         open_time = float(scipy.stats.norm.sf(threshold))

@@ -12,6 +12,7 @@ import pytest
 from monitor.text.diagnosis import diagnosis_answer
 from tests.support.updater.diagnosis_data import Change, learnt
 from updater import Body, Circumstances, diagnose
+from updater.quantities import Breathing, NonlinearGain, Opening
 
 KINDS = {
     "nothing_to_explain": (201, Change()),
@@ -22,6 +23,8 @@ KINDS = {
 FACTORS = ("global_stiffness", "global_density")
 OWN = {"probability", "cannot_be_told_from", "alternatives", "breathing"}  # keys that alternatives have not
 CAUSE = OWN | {"cause", "where", "parameters", "changes", "advice"}
+BREATHING = {"share", "open_time", "p_value", "opening", "heldout"}
+OPENING = {"member", "position", "axis", "flexibility", "closed", "mean", "moment", "opens"}
 WHERE = {"member", "position", "position_std", "region", "channels", "name"}
 GAIN_PAIRS = {"frequency_error_percent", "one_minus_mac", "log_likelihood", "change_error_percent"}
 GAIN = {"heldout", "n_modes", "n_measured", "noise_percent", "exceeds_noise", *GAIN_PAIRS}
@@ -123,3 +126,9 @@ def test_located_cause_has_a_region_and_common_factor_no_location() -> None:
     (factor,) = answer("ambiguous")["causes"]
     assert factor["where"] is None
     assert factor["cannot_be_told_from"]
+
+
+def test_breathing_has_the_keys_of_the_contract() -> None:
+    assert set(Breathing.model_fields) == BREATHING
+    assert set(Opening.model_fields) == OPENING
+    assert set(NonlinearGain.model_fields) == {"variance_explained", "log_likelihood"}

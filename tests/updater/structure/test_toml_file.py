@@ -78,7 +78,8 @@ ROOT = Path(__file__).parents[3]
         (
             "[[support]]",
             "[[suport]]",
-            "suport: not a known key, did you mean 'support'?; known here are body, external, joint, material, member",
+            "suport: not a known key, did you mean 'support'?; known here are body, breathing_crack, external, joint, "
+            "material, member",
         ),
         (
             "elements = 37",
@@ -283,3 +284,39 @@ def test_sensor_corrections_apply_to_gain_delay_and_channel() -> None:
 def test_invalid_sensor_corrections_are_refused_with_the_reason(entry: str, what: str) -> None:
     with pytest.raises(StructureError, match=re.escape(what)):
         parse_structure(t_structure_toml() + "\n" + entry)
+
+
+CRACK = """
+[[breathing_crack]]
+member = "column"
+at = [0.0, 0.0, 0.3]
+axis = "y"
+flexibility = 0.05
+mean = 0.0155
+moment = -0.0016
+opens = "below"
+"""
+
+
+def test_crack_is_read_and_written() -> None:
+    structure = parse_structure(t_structure_toml() + CRACK)
+    assert parse_structure(dump_structure(structure)) == structure
+    added = dump_structure(structure, t_structure_toml(), note="found")
+    assert added.startswith(t_structure_toml().rstrip())
+    assert parse_structure(added) == structure
+    assert structure.breathing_crack[0].closed == 0.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "entry"),
+    [
+        ("mean = 0.0155", "mean = 0.06", "expected closed <= mean <= flexibility, found 0, 0.06, 0.05"),
+        ('"column"', '"colum"', "member 'colum' is not defined"),
+        ("0.0, 0.3]", "0.1, 0.3]", "[0.0, 0.1, 0.3] does not lie on it"),
+        ('"below"', '"under"', "breathing_crack.0.opens"),
+    ],
+)
+def test_invalid_crack_is_named(old: str, new: str, entry: str) -> None:
+    with pytest.raises(StructureError) as caught:
+        parse_structure(t_structure_toml() + CRACK.replace(old, new))
+    assert entry in str(caught.value)

@@ -58,7 +58,7 @@ def structure(
     from monitor.cli.terminal import echo, progress, warn
     from updater import ModelError, StructureError, load_structure
     from updater.planning import look
-    from updater.structure import odd_units
+    from updater.structure import mean_flexibilities, odd_units
 
     picture = out or (None if parameters else file.with_suffix(".png"))
     drawn = picture is not None and (out is not None or force or not picture.exists())
@@ -79,7 +79,7 @@ def structure(
             work.draw(sight, picture, planned)
     work.print_study(sight, planned, check)
     listed = work.list_parameters(loaded, modes) if parameters else None
-    for note in odd_units(loaded):
+    for note in (*odd_units(loaded), *mean_flexibilities(loaded)):
         warn(f"note: {note}")
     if highest is None and check is None:
         warn(f"note: {work.USUAL_BAND}")
