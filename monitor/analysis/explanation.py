@@ -1,5 +1,6 @@
 """From recordings to a diagnosis: windows, tracks, a reference, and the causes weighed against each other."""
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -29,7 +30,8 @@ from updater import (
 )
 from updater.diagnosis import OnCause, ReferenceStep, allowed_causes, say_nothing
 from updater.modal_data import Effort, KnownMass
-from updater.structure import Updating
+from updater.quantities import Where
+from updater.structure import ON_MEMBER, Updating
 from updater.validation import SensorHealth, breathing, with_acting, with_cracks
 
 _FILE_MAY_BE_OFF = "model_parameters"
@@ -173,10 +175,8 @@ def with_breathing(
     recordings = signals.now, signals.before, signals.heldout
 
     def of(cause: Cause) -> Cause:
-        where = cause.where.position if cause.where else None
         for part in found.parts:
-            own = part.hypotheses.where(part)
-            if part.hypotheses.name == cause.cause and (own.position if own else None) == where:
+            if part.hypotheses.name == cause.cause and _same_place(part.hypotheses.where(part), cause.where):
                 closing = run_optional(
                     "the test whether it opens and closes", partial(breathing, reference, event, part, *recordings)
                 )
@@ -190,6 +190,13 @@ def with_breathing(
         diagnosis=found.diagnosis.model_copy(update={"causes": causes}),
         extended=with_cracks(found.extended, cracks) if found.extended else None,
     )
+
+
+def _same_place(one: Where | None, other: Where | None) -> bool:
+    """Return whether two places are the same, but for rounding."""
+    positions = [where.position if where else None for where in (one, other)]
+    first, second = positions
+    return first == second or (first is not None and second is not None and math.dist(first, second) < ON_MEMBER)
 
 
 def reference_of(structure: Structure, before: Observation) -> Reference:

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray
-from updater.causes.modal_loads import modal_section_forces
+from updater.causes import modal_section_forces
 from updater.fe import section_rigidity
 from updater.inference import Comparison
 from updater.quantities import Vector
