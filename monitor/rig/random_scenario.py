@@ -59,7 +59,14 @@ def draw_t_frame(
     body = _draw_body(random)
     events = () if between is None else (RigEvent(at=float(random.uniform(*between)), body=body),)
     return Scenario(
-        structure=structure, seed=seed, rate=rate, duration=duration, device=tuple(devices), truth=truth, event=events
+        structure=structure,
+        seed=seed,
+        rate=rate,
+        duration=duration,
+        device=tuple(devices),
+        truth=truth,
+        event=events,
+        answer="mass",
     )
 
 

@@ -59,6 +59,7 @@ class RigEvent(Table):
 
     kind: Literal["add_body", "crack"] = "add_body"
     at: Annotated[float, Field(ge=2)]  #: [s] after the last device began to sample; the rig computes ahead of this
+    over: NotNegative = 0.0  #: time in which a body comes little by little, such as a tank that is filled [s]
     body: Body | None = None  #: of `add_body`
     crack: RigCrack | None = None  #: of `crack`; a later one takes the place of an earlier one
 
@@ -68,6 +69,8 @@ class RigEvent(Table):
         given = [name for name in ("body", "crack") if getattr(self, name) is not None]
         if given != [wanted]:
             raise ValueError(f"expected {wanted} for kind {self.kind!r}, found {' and '.join(given) or 'none'}")
+        if self.over and self.kind != "add_body":
+            raise ValueError(f"over: expected 0 for kind {self.kind!r}, found {self.over:g}")
         return self
 
 
@@ -81,6 +84,9 @@ class Scenario(Table):
     device: Annotated[tuple[RigDevice, ...], Field(min_length=1, max_length=200)]
     truth: Truth = Truth()
     event: tuple[RigEvent, ...] = ()
+    #: answer that the demo compares with the events: the mass of one body, the causes of the last diagnosis, or the
+    #: course of the change within the record that `diagnose` finds
+    answer: Literal["mass", "causes", "course"] = "causes"
 
     @model_validator(mode="after")
     def _devices_differ(self) -> Self:
@@ -122,7 +128,7 @@ def load_scenario(path: Path) -> Scenario:
 def dump_scenario(scenario: Scenario) -> str:
     """Return a scenario as TOML that `load_scenario` reads back equal."""
     data = scenario.model_dump(mode="json", exclude_none=True)
-    lines = [f"{key} = {_toml(data[key])}" for key in ("structure", "seed", "rate", "duration")]
+    lines = [f"{key} = {_toml(data[key])}" for key in ("structure", "seed", "rate", "duration", "answer")]
     lines += ["", "[truth]", *(f"{key} = {_toml(value)}" for key, value in data["truth"].items())]
     for name in ("device", "event"):
         for entry in data[name]:

@@ -24,6 +24,7 @@ _SETTLED = (
     4.0  # time constants of the slowest mode, after which the motion is taken as stationary (1 - e^-8 of its power)
 )
 _LONGEST_SETTLING = 3600.0  # s that are simulated before the rig begins
+_PARTS = 48  # in which a body comes little by little
 _TURNS = ("rx", "ry", "rz")
 
 
@@ -78,6 +79,17 @@ def passes(member: Member, point: Vector) -> bool:
     return bool(np.linalg.norm(a - along * b) < 1e-6)
 
 
+def _in_parts(event: RigEvent) -> list[RigEvent]:
+    """Return an event that takes some time as many small ones."""
+    if not event.body or not event.over:
+        return [event]
+    part = event.body.times(1 / _PARTS)
+    return [
+        event.model_copy(update={"at": event.at + event.over * (k + 0.5) / _PARTS, "body": part, "over": 0.0})
+        for k in range(_PARTS)
+    ]
+
+
 class World:
     """The motion at all devices, simulated as far as it is requested.
 
@@ -94,7 +106,9 @@ class World:
         self._scenario = scenario
         self._true = true_structure(structure, scenario)
         self.rate = OVERSAMPLING * scenario.rate  #: simulated samples a second [Hz]
-        self._events = sorted(scenario.event, key=lambda event: event.at)
+        self._begins = sorted(event.at for event in scenario.event)
+        parts = [part for event in scenario.event for part in _in_parts(event)]
+        self._events = sorted(parts, key=lambda event: event.at)
         self._states = [self._state(self._events[:n]) for n in range(len(self._events) + 1)]
         self._response = self._stationary_response()
         self._size = round(_CHUNK * self.rate)
@@ -155,14 +169,17 @@ class World:
         ValueError
             If an event would be before the time already simulated.
         """
-        samples = [round(self.sample(time + round(event.at * 1e9))) for event in self._events]
+        samples, begins = (
+            [round(self.sample(time + round(at * 1e9))) for at in times]
+            for times in ([event.at for event in self._events], self._begins)
+        )
         if samples and samples[0] < self._n_simulated:
             raise ValueError(
                 f"event at sample {samples[0]}: expected one from {self._n_simulated} on, the rest has passed"
             )
         self._changes = samples
         origin = self._origin or 0
-        return tuple(origin + round((sample - LEAD) / self.rate * 1e9) for sample in samples)
+        return tuple(origin + round((sample - LEAD) / self.rate * 1e9) for sample in begins)
 
     def keep_up(self, time: int) -> None:
         """Simulate until a time [ns UTC], whether anybody looks or not."""

@@ -23,7 +23,7 @@ from daq.notebook import rounded_text
 from daq.signals import STOP_SIGNALS, signal_event
 from daq.timing import SharedTime
 from monitor.cli.demo.rig_site import rig_site
-from monitor.cli.demo.score import reveal, reveal_scenario
+from monitor.cli.demo.score import Played, reveal
 from monitor.cli.options import INTERRUPTED
 from monitor.cli.site.console_log import line
 from monitor.cli.site.monitoring import tell_live
@@ -131,24 +131,13 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan, name: 
     ArgumentError
         If there is no such scenario.
     """
-    shipped = shipped_scenarios()
-    if name is not None and name not in shipped:
-        raise ArgumentError("--scenario", f"expected one of {', '.join(shipped)}, found {name!r}")
-    if name is not None:
-        scenario, plan = _planned(load_scenario(shipped[name]), seed, plan)
-    else:
-        seed = secrets.randbelow(10_000) if seed is None else seed
-        scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
+    scenario, plan, hidden = _drawn(seed, plan) if name is None else _shipped(name, seed, plan)
     minutes, limit = plan.windows * plan.window / 60, "at most " if speed > 1 else ""
     console.print(
         f"[bold]modalwatch demo[/], seed {scenario.seed}: {minutes:.0f} minutes of a virtual T-frame, "
         f"{limit}{speed:g}x speed"
     )
-    hidden = (
-        f"The rig plays the scenario {name};" if name else "At a random time and position, the rig will add a body;"
-    )
-    console.print(f"Six emulated Epson accelerometers: four serial, two CAN. {hidden}")
-    console.print(f"the monitor has no information on {'it' if name else 'time, place or mass'}.\n")
+    console.print(f"Six emulated Epson accelerometers: four serial, two CAN. {hidden}\n")
     _clear(out)
     (out / "t_structure.toml").write_text(t_structure_toml(), encoding="utf-8")
     (out / "scenario.toml").write_text(dump_scenario(scenario), encoding="utf-8")
@@ -172,28 +161,47 @@ def demonstrate(out: Path, seed: int | None, *, speed: float, plan: Plan, name: 
     if interrupted:
         console.print(f"\nstopped after {display.n_windows} windows; the log is complete: {report.log}", soft_wrap=True)
         return INTERRUPTED
-    if name is not None:
-        structure = parse_structure(t_structure_toml())
-        return reveal_scenario(console, out, structure, scenario, display.found, report, done)
-    return reveal(console, out, scenario, display.found, report, done)
+    played = Played(out=out, scenario=scenario, found=display.found, report=report, rig=done, window=plan.window)
+    return reveal(console, played)
+
+
+def _drawn(seed: int | None, plan: Plan) -> tuple[Scenario, Plan, str]:
+    """Return a drawn scenario, its plan, and a sentence about it."""
+    seed = secrets.randbelow(10_000) if seed is None else seed
+    scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
+    hidden = "At a random time and position, the rig will add a body;\nthe monitor has no information on time, place or mass."
+    return scenario, plan, hidden
+
+
+def _shipped(name: str, seed: int | None, plan: Plan) -> tuple[Scenario, Plan, str]:
+    """Return a shipped scenario, its plan, and a sentence about it; an ArgumentError if there is no such scenario."""
+    shipped = shipped_scenarios()
+    if name not in shipped:
+        raise ArgumentError("--scenario", f"expected one of {', '.join(shipped)}, found {name!r}")
+    hidden = f"The rig plays the scenario {name};\nthe monitor has no information on it."
+    return *_planned(load_scenario(shipped[name]), seed, plan), hidden
 
 
 def _planned(scenario: Scenario, seed: int | None, plan: Plan) -> tuple[Scenario, Plan]:
     """Return a shipped scenario and the plan with it: its first event in the middle of the plan's range of times.
 
-    The time between events is that of the scenario, in windows; the record is longer by the windows between them.
+    The time between events is that of the scenario, in windows; the record is longer by the windows until their end.
     """
     scale = plan.window / FULL.window
     at = [scale * event.at for event in scenario.event] or [0.0]
+    ends = [scale * (event.at + event.over) for event in scenario.event] or [0.0]
     shift = sum(plan.between) / 2 - at[0]
-    more = math.ceil((max(at) - at[0]) / plan.window)
+    more = math.ceil((max(ends) - at[0]) / plan.window)
     plan = replace(plan, windows=plan.windows + more)
     moved = {
         "structure": "t_structure.toml",
         "seed": scenario.seed if seed is None else seed,
         "rate": plan.rate,
         "duration": plan.duration,
-        "event": tuple(event.model_copy(update={"at": scale * event.at + shift}) for event in scenario.event),
+        "event": tuple(
+            event.model_copy(update={"at": scale * event.at + shift, "over": scale * event.over})
+            for event in scenario.event
+        ),
     }
     return scenario.model_copy(update=moved), plan
 
@@ -202,8 +210,8 @@ def _clear(out: Path) -> None:
     """Make room for this demo where an earlier one was; touch nothing else."""
     out.mkdir(parents=True, exist_ok=True)
     if (out / "scenario.toml").exists():
-        shutil.rmtree(out / "log", ignore_errors=True)
-        shutil.rmtree(out / "state", ignore_errors=True)
+        for folder in ("log", "state", "diagnosis"):
+            shutil.rmtree(out / folder, ignore_errors=True)
     for name in FOLDER_FILES:
         (out / name).unlink(missing_ok=True)
 

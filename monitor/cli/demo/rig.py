@@ -7,7 +7,13 @@ from typer import Argument, Option
 
 from monitor.cli.options import Force
 
-SCENARIOS = ("added-mass", "breathing-crack", "quiet", "two-bodies")  #: those that come with the program
+SCENARIOS = (
+    "added-mass",
+    "breathing-crack",
+    "filling-tank",
+    "quiet",
+    "two-bodies",
+)  #: those that come with the program
 
 
 def rig(

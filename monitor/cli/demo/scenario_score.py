@@ -14,9 +14,9 @@ from monitor.rig.scenario import Vector
 from monitor.text.causes import breathing_text, cause_text
 from updater import Cause, Structure
 
-_PLACE = 0.10  # m: tolerance of a correct place ..
-_SIGMAS = 3.0  # .. or so many of its own deviations
-_MASS = 0.15  # tolerance of a correct mass, relative, or so many deviations; a share has its deviations alone
+PLACE = 0.10  #: m: tolerance of a correct place ..
+SIGMAS = 3.0  #: .. or so many of its own deviations
+MASS = 0.15  #: tolerance of a correct mass, relative, or so many deviations; a share has its deviations alone
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def score_events(structure: Structure, events: Sequence[RigEvent], found: Sequen
     for event in events:
         at = _place(structure, event)
         name = "added_mass" if event.body else "local_stiffness"
-        near = sorted((c for c in left if c.cause == name), key=lambda c: _distance(c, at))
+        near = sorted((c for c in left if c.cause == name), key=lambda c: distance(c, at))
         cause = near[0] if near else None
         if cause:
             left.remove(cause)
@@ -79,9 +79,16 @@ def _place(structure: Structure, event: RigEvent) -> Vector:
     return x, y, z
 
 
-def _distance(cause: Cause, at: Vector) -> float:
+def distance(cause: Cause, at: Vector) -> float:
+    """Return the distance of a cause from a place [m]."""
     position = cause.where.position if cause.where else None
     return float(np.linalg.norm(np.subtract(position, at))) if position else np.inf
+
+
+def is_near(cause: Cause, at: Vector) -> bool:
+    """Return whether a cause is at a place, within the tolerance or its own deviations."""
+    std = (cause.where.position_std if cause.where else None) or 0.0
+    return distance(cause, at) <= max(PLACE, SIGMAS * std)
 
 
 def _scored(event: RigEvent, at: Vector, cause: Cause | None) -> ScoredEvent:
@@ -89,9 +96,8 @@ def _scored(event: RigEvent, at: Vector, cause: Cause | None) -> ScoredEvent:
     truth = f"{truth} at ({', '.join(f'{x:.3g}' for x in at)}) m"
     if cause is None:
         return ScoredEvent(what, truth, "not named", "", right=False)
-    away = _distance(cause, at)
-    std = (cause.where.position_std if cause.where else None) or 0.0
-    right = sized and away <= max(_PLACE, _SIGMAS * std)
+    away = distance(cause, at)
+    right = sized and is_near(cause, at)
     answer = "; ".join(filter(None, (cause_text(cause), breathing_text(cause))))
     return ScoredEvent(what, truth, answer, f"{1000 * away:.0f} mm; {size}", right)
 
@@ -104,7 +110,7 @@ def _body(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
         return truth, "", False
     mass = cause.parameters["mass"]
     off = mass.value - event.body.mass
-    return truth, f"{1000 * off:+.0f} g", abs(off) <= max(_MASS * event.body.mass, _SIGMAS * mass.std)
+    return truth, f"{1000 * off:+.0f} g", abs(off) <= max(MASS * event.body.mass, SIGMAS * mass.std)
 
 
 def _crack(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
@@ -116,5 +122,5 @@ def _crack(event: RigEvent, cause: Cause | None) -> tuple[str, str, bool]:
     if found is None:
         return truth, "not tested", False
     off = found.share.value - share
-    right = found.significant and abs(off) <= _SIGMAS * found.share.std
+    right = found.significant and abs(off) <= SIGMAS * found.share.std
     return truth, f"{100 * off:+.0f} %", right

@@ -1,6 +1,8 @@
 """Comparison of the answer with the truth."""
 
 import json
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -9,67 +11,129 @@ from rich.console import Console
 from rich.table import Table
 
 from daq.notebook import number_text
-from monitor.cli.demo.scenario_score import scenario_summary, scenario_table, score_events
+from monitor.analysis.selection import Selection
+from monitor.analysis.time_range import Moment, TimeRange
+from monitor.cli.data.diagnose.diagnosis import Logs, diagnose_logs
+from monitor.cli.demo.course_score import score_course
+from monitor.cli.demo.scenario_score import ScoredEvent, scenario_summary, scenario_table, score_events
 from monitor.cli.options import DONE, NEEDS_A_PERSON
+from monitor.results.comparison import DiagnosisAnswer
 from monitor.results.windows import AlarmResult, MassAnswer, Result, WindowResult
 from monitor.rig import Scenario
 from monitor.service.daemon import RunReport
 from monitor.text.causes import change_text
-from updater import Body, Structure
+from monitor.text.quantities import utc
+from updater import Body, load_structure
 
 _RIGHT_PLACE, _RIGHT_MASS = 0.10, 0.15  # m, share: tolerances of a correct answer ..
 _SIGMAS = 2.0  # .. or so many of its own deviations: short windows determine a mass to some 12 %
 
 
-def reveal(
-    console: Console, out: Path, scenario: Scenario, found: list[Result], report: RunReport, rig: dict[str, Any]
-) -> int:
-    """Compare the answer with the truth, write the files and print the next steps."""
-    windows = [r for r in found if isinstance(r, WindowResult)]
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Played:
+    """A demo that is over."""
+
+    out: Path  #: folder of the results
+    scenario: Scenario
+    found: list[Result]
+    report: RunReport
+    rig: dict[str, Any]  #: report of the rig
+    window: float  #: length of a window [s]
+
+    @property
+    def alarm(self) -> dict[str, Any]:
+        """Whether an alarm was raised before the first event, and how long after it the first one was."""
+        return _alarm(self.found, self.rig)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An answer compared with the truth."""
+
+    summary: dict[str, Any]
+    table: Table
+    right: bool
+    missing: bool = False  #: whether there is no answer
+
+
+def reveal(console: Console, played: Played) -> int:
+    """Compare the answer that the scenario names with the truth, write the files and print the next steps."""
+    compared, alarm = _COMPARISONS[played.scenario.answer](played), played.alarm
+    right = compared.right and not alarm["false_alarm"]
+    summary = {"seed": played.scenario.seed, **compared.summary, **alarm, **_scans(played.report, played.rig)}
+    summary["right"] = right
+    (played.out / "answer.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
+    console.print(compared.table)
+    wrong = "[bold red]MISSED[/]" if compared.missing else "[bold red]WRONG[/]"
+    verdict = "[bold green]found[/]" if right else wrong
+    console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {summary['sent']}\n")
+    _write_pictures(played.out, played.report)
+    _say_next(console, played.out, played.report)
+    return DONE if right else NEEDS_A_PERSON
+
+
+def _compare_mass(played: Played) -> Comparison:
+    """Compare the last mass of the monitor with the body of the only event."""
+    windows = [r for r in played.found if isinstance(r, WindowResult)]
     answers = [w.answer for w in windows if w.answer]
-    body = scenario.event[0].body
+    body = played.scenario.event[0].body
     assert body
-    alarm = _alarm(found, rig)
     answer = answers[-1] if answers else None
     distance = float(np.linalg.norm(np.subtract(answer.position, body.at))) if answer else None
-    error = answer.mass / body.mass - 1 if answer else None
-    right = answer is not None and _is_right(answer, body) and not alarm["false_alarm"]
-    summary = (
-        {
-            "seed": scenario.seed,
-            "truth": {"position": body.at, "mass": body.mass, "time": rig["events"][0]},
-            "answer": answer.model_dump(mode="json", exclude={"profile"}) if answer else None,
-            "distance": distance,
-            "mass_error": error,
-        }
-        | alarm
-        | _scans(report, rig)
-    )
-    summary["right"] = right
-    _write(out, summary)
+    summary = {
+        "truth": {"position": body.at, "mass": body.mass, "time": played.rig["events"][0]},
+        "answer": answer.model_dump(mode="json", exclude={"profile"}) if answer else None,
+        "distance": distance,
+        "mass_error": answer.mass / body.mass - 1 if answer else None,
+    }
     texts = [change_text(w.diagnosis) for w in windows if w.diagnosis]
-    console.print(_table(summary, answer, texts[-1] if texts else "no answer"))
-    verdict = "[bold green]found[/]" if right else "[bold red]MISSED[/]" if answer is None else "[bold red]WRONG[/]"
-    return _end(console, out, report, summary, verdict)
+    table = _table(summary | played.alarm, answer, texts[-1] if texts else "no answer")
+    return Comparison(summary, table, answer is not None and _is_right(answer, body), missing=answer is None)
 
 
-def reveal_scenario(
-    console: Console,
-    out: Path,
-    structure: Structure,
-    scenario: Scenario,
-    found: list[Result],
-    report: RunReport,
-    rig: dict[str, Any],
-) -> int:
-    """Compare the last diagnosis with all events of a shipped scenario; otherwise as `reveal`."""
-    scored, alarm = score_events(structure, scenario.event, found), _alarm(found, rig)
-    summary = {"seed": scenario.seed, "events": scenario_summary(scored)} | alarm | _scans(report, rig)
-    summary["right"] = all(event.right for event in scored) and not alarm["false_alarm"]
-    _write(out, summary)
-    console.print(scenario_table(scored))
-    verdict = "[bold green]found[/]" if summary["right"] else "[bold red]WRONG[/]"
-    return _end(console, out, report, summary, verdict)
+def _compare_causes(played: Played) -> Comparison:
+    """Compare the last diagnosis of the monitor with all events."""
+    structure = load_structure(played.out / played.scenario.structure)
+    return _scored(score_events(structure, played.scenario.event, played.found))
+
+
+def _compare_course(played: Played) -> Comparison:
+    """Compare the change within the record, from the start of the only event to its end, with that event."""
+    (event,), (start,) = played.scenario.event, played.rig["events"]
+    end = start + round(event.over * 1e9)
+    log, out = played.report.log, played.out / "diagnosis"
+    out.mkdir(exist_ok=True)
+    diagnose_logs(
+        played.out / played.scenario.structure,
+        Logs(
+            current=[log],
+            within=TimeRange(start=_moment(start), stop=_moment(end)),
+            reference=[log],
+            reference_within=TimeRange(stop=_moment(start)),
+        ),
+        Selection(),
+        window=played.window,
+        out=out,
+        json_path=None,
+    )
+    answer = DiagnosisAnswer.model_validate_json((out / "diagnosis.json").read_text(encoding="utf-8"))
+    return _scored([score_course(event, answer.within_record)])
+
+
+def _moment(time: int) -> Moment:
+    return Moment(text=utc(time), time=time, absolute=True)
+
+
+def _scored(scored: list[ScoredEvent]) -> Comparison:
+    right = all(event.right for event in scored)
+    return Comparison({"events": scenario_summary(scored)}, scenario_table(scored), right)
+
+
+_COMPARISONS: dict[str, Callable[[Played], Comparison]] = {
+    "mass": _compare_mass,
+    "causes": _compare_causes,
+    "course": _compare_course,
+}
 
 
 def _alarm(found: list[Result], rig: dict[str, Any]) -> dict[str, Any]:
@@ -83,18 +147,6 @@ def _alarm(found: list[Result], rig: dict[str, Any]) -> dict[str, Any]:
 
 def _scans(report: RunReport, rig: dict[str, Any]) -> dict[str, Any]:
     return {"dropped": rig["dropped"] + report.dropped, "sent": rig["sent"]}
-
-
-def _write(out: Path, summary: dict[str, Any]) -> None:
-    (out / "answer.json").write_text(json.dumps(summary, indent=1), encoding="utf-8")
-
-
-def _end(console: Console, out: Path, report: RunReport, summary: dict[str, Any], verdict: str) -> int:
-    """Print the verdict, write the pictures and print the next steps; return the exit code."""
-    console.print(f"{verdict}; scans dropped between rig and log: {summary['dropped']} of {summary['sent']}\n")
-    _write_pictures(out, report)
-    _say_next(console, out, report)
-    return DONE if summary["right"] else NEEDS_A_PERSON
 
 
 def _is_right(answer: MassAnswer, body: Body) -> bool:

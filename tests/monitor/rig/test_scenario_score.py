@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from monitor.cli.demo.course_score import score_course
 from monitor.cli.demo.scenario_score import score_events
+from monitor.results.comparison import ChangeRate, WithinRecord
 from monitor.results.windows import Result
 from monitor.rig import load_scenario, shipped_scenarios
 from tests.support.monitor import answers
@@ -64,3 +66,41 @@ def test_alarm_without_an_event_is_wrong() -> None:
     window = SITE.window(0, "watching", np.zeros(SITE.n_modes))
     raised = made.alarm(window, "alarm", "ALARM")
     assert [one.right for one in score_events(STRUCTURE, (), [window, raised])] == [False]
+
+
+RATE = 0.4 / 960 * 3600  # kg/h of the scenario
+
+
+def course(per_hour: float, std: float = 0.02, x: float = 0.22) -> WithinRecord:
+    """Return a gradual change by one body on the crossbeam."""
+    rate = ChangeRate(cause="added_mass", parameter="mass", per_hour=per_hour, std=std, unit="kg")
+    return WithinRecord(
+        kind="gradual",
+        start=0,
+        end=640 * 10**9,
+        of_all=False,
+        verdict="explained",
+        causes=(mass(x, 1.48, 0.27),),
+        rates=(rate,),
+        step=None,
+        course=(),
+        p_value=1e-9,
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (course(RATE), True),
+        (course(1.1 * RATE), True),
+        (course(1.3 * RATE), False),
+        (course(1.3 * RATE, std=0.2), True),
+        (course(RATE, x=-0.22), False),
+        (course(RATE).model_copy(update={"causes": ()}), False),
+        (course(RATE).model_copy(update={"kind": "sudden", "rates": ()}), False),
+        (None, False),
+    ],
+)
+def test_course_is_compared_with_a_gradual_event(found: WithinRecord | None, *, expected: bool) -> None:
+    (event,) = load_scenario(shipped_scenarios()["filling-tank"]).event
+    assert score_course(event, found).right is expected

@@ -2,11 +2,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.optimize import minimize
 
 from daq import FloatArray
 from daq.drivers import EPSON_SCALE
-from monitor.rig import Scenario, World, draw_t_frame, make_sources, true_structure
+from monitor.rig import RigEvent, Scenario, World, draw_t_frame, make_sources, true_structure
+from monitor.rig.scenario import RigCrack
 from tests.support.monitor.rig import ORIGIN, nominal, t_frame
 from tests.support.thorough import few_of
 from updater import Body, Model, build_model, parse_structure
@@ -131,6 +133,23 @@ def test_two_bodies_are_added_one_after_the_other() -> None:
     both, first = world.motion(change - 100, change + 1000, 1), one.motion(change - 100, change + 1000, 1)
     np.testing.assert_array_equal(both[:100], first[:100])
     assert np.abs(both[100:] - first[100:]).max() > 1e-4
+
+
+def test_body_that_comes_little_by_little_is_there_at_the_end() -> None:
+    """Half of the way the structure has half of the body; the time of the event is that of its start."""
+    event = RigEvent(at=2.5, over=960.0, body=HEAVY)
+    scenario = nominal(4).model_copy(update={"event": (event,)})
+    world = World(t_frame(), scenario)
+    assert world.begin(ORIGIN) == (ORIGIN + 2_500_000_000,)
+    masses = [model.total_mass() for model, _ in world._states]
+    assert masses[len(masses) // 2] - masses[0] == pytest.approx(HEAVY.mass / 2)
+    assert masses[-1] - masses[0] == pytest.approx(HEAVY.mass)
+    final = true_model(nominal(), HEAVY).modes(8).frequency
+    np.testing.assert_allclose(world._states[-1][0].modes(8).frequency, final, rtol=1e-9)
+    with pytest.raises(ValidationError, match="over: expected 0"):
+        RigEvent(
+            kind="crack", at=2.5, over=3.0, crack=RigCrack(member="column", distance=0.3, axis="y", flexibility=0.1)
+        )
 
 
 @pytest.mark.parametrize("seed", [21])

@@ -1,4 +1,4 @@
-"""The demo of a crack, as a process: devices over the wire, alarm, and the statement that it opens and closes."""
+"""Demos of shipped scenarios, as processes: devices over the wire, alarm, and the answer compared with the events."""
 
 import json
 import subprocess
@@ -37,3 +37,20 @@ def test_crack_of_the_rig_is_stated_to_open_and_close(tmp_path: Path) -> None:
     assert cause.breathing.significant
     assert abs(cause.breathing.share.value - 1) < 3 * cause.breathing.share.std
     assert replay(log, None, lambda _: None).same
+
+
+@pytest.mark.live
+@pytest.mark.thorough
+@pytest.mark.xdist_group("busy")
+@pytest.mark.timeout(1500)
+def test_tank_that_fills_is_found_within_the_record(tmp_path: Path) -> None:
+    """Place within 10 cm, rate within 15 % or three deviations; the log of the run is diagnosed."""
+    command = [*MODALWATCH, "demo", "--scenario", "filling-tank", "--speed", "8", "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=1200, check=False)
+    print(done.stdout[-3000:], done.stderr)
+    assert done.returncode == 0
+    answer = json.loads((tmp_path / "answer.json").read_text(encoding="utf-8"))
+    assert answer["right"] is True
+    found = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text(encoding="utf-8"))["within_record"]
+    assert found["kind"] == "gradual"
+    assert [cause["cause"] for cause in found["causes"]] == ["added_mass"]
