@@ -42,7 +42,7 @@ class Played:
 
     @property
     def alarm(self) -> dict[str, Any]:
-        """Whether an alarm was raised before the first event, and how long after it the first one was."""
+        """False alarm before the first event, and time from that event to the first alarm."""
         return _alarm(self.found, self.rig)
 
 
