@@ -248,6 +248,8 @@ def stepwise(
     ----------
     rough : whether it is sufficient that the result is no misfit, whatever a further cause would gain
     """
+    if not found:  # no chosen cause has an effect
+        return weighing, found
     start = len(found[0].chosen) if not rough and Compositions(weighing).of_the_file_alone(found[0]) else 1
     for number in range(start, _MAX + bool(weighing.of_the_file)):
         as_many = [c for c in found if len(c.chosen) == number]

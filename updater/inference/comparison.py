@@ -27,6 +27,7 @@ COMMON_MESH_ERROR = 1.5
 #: times the error e of a mesh: relative error of masses and springs. With a consistent mass matrix of linear elements,
 #: the mean square of a wave is (k h)^2 / 6 = 4 e too small, and its squared displacement per modal mass too large
 _MESH_ERROR_OF_SIZE = 4.0
+LEAST_VARIANCE = 1e-12  #: of a log frequency: a part per million, as clocks are known; modes stated without deviations
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,13 @@ import numpy as np
 from daq import FloatArray, IndexArray
 from updater.errors import ModalDataError
 from updater.fe import self_stress
-from updater.inference.comparison import COMMON_MESH_ERROR, Comparison, NominalModes, whiteners_of
+from updater.inference.comparison import (
+    COMMON_MESH_ERROR,
+    LEAST_VARIANCE,
+    Comparison,
+    NominalModes,
+    whiteners_of,
+)
 from updater.inference.known_mass import mass_tests
 from updater.inference.new_shapes import new_shapes
 from updater.inference.phases_and_damping import damping_changes, imaginary_parts, unsure_of
@@ -166,7 +172,8 @@ def _frequencies_of(
     shift = np.abs(ratio)
     by_model = (2 * error) ** 2 * shift * max(shift.mean(), typical_shift)
     wider = np.nan_to_num(_BIAS_OF_BANDWIDTH * (event.damping - base.damping))
-    variance = event.log_frequency_std**2 + base.log_frequency_std**2 + by_model + wider**2
+    measured = np.maximum(event.log_frequency_std**2 + base.log_frequency_std**2, LEAST_VARIANCE)
+    variance = measured + by_model + wider**2
     plain, drifting = whiteners_of(np.diag(variance) + np.outer(mesh_deviation, mesh_deviation))
     return {
         "log_ratio": ratio,

@@ -13,7 +13,7 @@ normalisation. Mechanical Systems and Signal Processing 16(5), 757-767.
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.inference.comparison import MassTest, frequencies_with_mass
+from updater.inference.comparison import LEAST_VARIANCE, MassTest, frequencies_with_mass
 from updater.modal_data import KnownMass, ModalMean
 from updater.reference import Reference
 
@@ -43,7 +43,8 @@ def mass_tests(
         rows = np.flatnonzero(np.isfinite(modes.log_frequency))
         ratio = modes.log_frequency[rows] - event.log_frequency[rows]
         by_model = (2 * error[rows]) ** 2 * np.abs(ratio) * np.abs(ratio).mean() if len(rows) else np.empty(0)
-        variance = modes.log_frequency_std[rows] ** 2 + event.log_frequency_std[rows] ** 2 + by_model
+        noise = event.log_frequency_std[rows] ** 2
+        measured = np.maximum(modes.log_frequency_std[rows] ** 2, LEAST_VARIANCE) + noise
         translation = np.sqrt(test.mass) * (reference.model.read(np.array(test.position)) @ reference.shape)[:3]
         # all modes of the reference move with the mass; of a hypothesis, the compared ones are known
         value, vector = (2 * np.pi * reference.frequency) ** -2.0, np.eye(len(reference.frequency))
@@ -56,8 +57,8 @@ def mass_tests(
                 position=test.position,
                 rows=rows,
                 log_ratio=ratio,
-                covariance=np.diag(variance) + DRIFT**2,
-                noise=event.log_frequency_std[rows] ** 2,
+                covariance=np.diag(measured + by_model) + DRIFT**2,
+                noise=noise,
                 translation=translation,
                 correction=(whole - part)[rows],
             )

@@ -16,6 +16,7 @@ _MAX_IMAGINARY = 0.98  # of the real part's square: beyond it a phase is not kno
 #: between errors of two modes by a mesh, as a root mean square; measured on four plates
 #: (docs/validation/model/mesh_error.md)
 _COHERENCE = 1 / 3
+_UNSEEN = 1e-100  # [1/sqrt(kg)] a mode without motion at the channels
 _USUAL_DAMPING = 5e-3  # [-] where it is not known: how complex modes that come closer may become
 
 
@@ -181,8 +182,13 @@ def own_phases(shape: FloatArray, imaginary: FloatArray, variance: FloatArray, b
 
 
 def _towards(turned: FloatArray, paired: IndexArray, at_channels: FloatArray) -> FloatArray:
-    length = np.linalg.norm(at_channels[:, paired], axis=0)
-    return np.asarray((turned / length[:, None])[:, :, None] * at_channels.T)
+    """Return rotations (n, n_modes) towards other modes as parts of unit shapes, each of norm one at most.
+
+    A mode that hardly moves at the channels has there any shape: no error of a unit shape is larger.
+    """
+    length = np.maximum(np.linalg.norm(at_channels, axis=0), _UNSEEN)
+    share = np.minimum(turned * (length / length[paired, None]), 1.0)
+    return np.asarray(share[:, :, None] * (at_channels / length).T)
 
 
 def _closeness(frequency: FloatArray, paired: IndexArray, ratio: FloatArray) -> tuple[FloatArray, FloatArray]:

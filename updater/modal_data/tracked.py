@@ -123,9 +123,17 @@ class ModalMean:
         return replace(self, channels=channels, **some).at_unit_norm()
 
     def at_unit_norm(self) -> "ModalMean":
-        """Return the same modes with shapes of unit norm."""
+        """Return the same modes with shapes of unit norm; without any motion, all are as likely: deviations of one."""
         norm = np.linalg.norm(self.shape, axis=1, keepdims=True)
-        return replace(self, **{name: getattr(self, name) / norm for name in _OF_SHAPES})
+        moves = norm != 0
+        known = {name: getattr(self, name) / np.where(moves, norm, 1.0) for name in _OF_SHAPES}
+        any_one = {
+            "shape": self.shape.shape[1] ** -0.5,
+            "shape_std": 1.0,
+            "imaginary": 0.0,
+            "imaginary_std": 1.0,
+        }
+        return replace(self, **{name: np.where(moves, known[name], any_one[name]) for name in _OF_SHAPES})
 
     def without_shapes(self) -> "ModalMean":
         """Return the same modes as if only their frequencies had been measured."""
