@@ -1,5 +1,6 @@
 """Stretches of members as alternatives: any middle, any of several lengths."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self, TypeVar
 
@@ -26,6 +27,7 @@ _OF_EACH = 2  # and of each length
 _LENGTH = 2  # number of the parameter of a length, of causes that have one
 _NEXT_LENGTHS = 2 * float(np.log(RATIO))  # of a logarithm: lengths of another kind that are looked at too
 _OPEN = 10.0  # log density below the best: other possible places
+_OF_ALTERNATIVES = ("member", "begin", "size", "kind", "step", "span", "log_prior", "start")
 _MAX_OTHERS = 120  # of the likeliest that are looked at for that
 
 
@@ -110,6 +112,11 @@ class Stretches:
         """Return length of each alternative (n,) and its deviation [m]."""
         extent = self.sizes(fit.theta, np.arange(len(self.member))) * self.cells.length[self.member]
         return extent, extent * self.span * np.sqrt(fit.covariance[:, 2, 2])
+
+    def joined(self, others: Sequence[Self]) -> Self:
+        """Return the alternatives of several causes of this kind, one after the other, these left out."""
+        every: dict[str, Any] = {n: np.concatenate([getattr(one, n) for one in others]) for n in _OF_ALTERNATIVES}
+        return replace(self, **every)
 
     def along_most(self, fit: Fit[Any]) -> bool:
         """Return whether the best alternative is longer than half of its member."""
@@ -341,8 +348,7 @@ def begun(cause: S, first: tuple[FloatArray, FloatArray]) -> S:
     if len(explained) <= _MAX:
         return cause
     rows = np.sort(np.argpartition(-explained, _KEPT)[:_KEPT])
-    fields = ("member", "begin", "size", "kind", "step", "span", "log_prior", "start")
-    return replace(cause, **{name: getattr(cause, name)[rows] for name in fields})
+    return replace(cause, **{name: getattr(cause, name)[rows] for name in _OF_ALTERNATIVES})
 
 
 def everywhere(cells: Cells, kinds: Kinds, n_parameters: int) -> dict[str, Any]:

@@ -51,7 +51,7 @@ from updater.diagnosis.search import (
     nothing_changed,
     stepwise,
     with_learned_error,
-    with_section_error,
+    with_open_places,
     with_unlisted_bodies,
     within_noise,
 )
@@ -200,7 +200,7 @@ def _diagnosed(
         return _refused("unexplained", case, best.log_evidence, "scattered_mass")
     if _worn(found[0]):
         return _refused("unexplained", case, best.log_evidence, "widespread_stiffness")
-    return _explained(case, with_unlisted_bodies(case, with_section_error(case, found)), best.log_evidence)
+    return _explained(case, with_unlisted_bodies(case, with_open_places(case, found)), best.log_evidence)
 
 
 def _searched(

@@ -9,6 +9,7 @@ others with smaller residuals are sought.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.special import chdtri, logsumexp
@@ -18,6 +19,7 @@ from updater.diagnosis.case import Case
 from updater.diagnosis.combinations import Compositions, common
 from updater.diagnosis.model_extension import fixed
 from updater.diagnosis.naming import MIN_P, WORTH_NAMING
+from updater.diagnosis.places import along_ridges
 from updater.diagnosis.relaxation import is_hidden, is_relaxed_doubtful, relaxed_beside
 from updater.diagnosis.weighing import DOUBTFUL, MUCH, N_SEEDS, SURE, WELL, Candidate, EvidenceComparison, ranked
 from updater.inference import Comparison, compare, fit, freedom_of_frequencies
@@ -95,25 +97,31 @@ def closer(case: Case, found: list[Candidate], good: Comparison) -> list[Candida
     return ranked([fitted for fitted in again if fitted is not None]) or found
 
 
-def with_section_error(case: Case, found: list[Candidate]) -> list[Candidate]:
-    """Return explanations with places and sizes of stretches as the error of the section moments leaves them.
+def with_open_places(case: Case, found: list[Candidate]) -> list[Candidate]:
+    """Return explanations with places and sizes as the error of the section moments and the other cause leave them.
 
     The error of a model is relative to a typical displacement or moment. A stretch near a free end, where all moments
     are small, has a larger share of it than the measured shifts show. Evidence and p value remain: the error follows
-    from the fitted stretch.
+    from the fitted stretch. A body and another cause have the posterior of both places together (`along_ridges`).
     """
     worth = found[0].log_evidence + float(np.log(WORTH_NAMING))
-    return [_with_section_error(case, c) if c.log_evidence >= worth else c for c in found]
+    return ranked([_with_open_places(case, c) if c.log_evidence >= worth else c for c in found])
 
 
-def _with_section_error(case: Case, candidate: Candidate) -> Candidate:
+def _with_open_places(case: Case, candidate: Candidate) -> Candidate:
+    weighing, fitted = case.weighing, candidate
     parts = [(p.hypotheses, p) for p in candidate.parts]
     typical = sum(cause.typical_shift(part) for cause, part in parts if isinstance(cause, LocalStiffness))
-    if typical <= np.abs(case.data.log_ratio).mean():
-        return candidate
-    data = compare(case.reference, case.event, circumstances=case.data.circumstances, typical_shift=typical)
-    again = Compositions(replace(case.weighing, data=data)).coordinate_fit(candidate.chosen)
-    return candidate if again is None else replace(candidate, chosen=again.chosen, parts=again.parts)
+    if typical > np.abs(case.data.log_ratio).mean():
+        data = compare(case.reference, case.event, circumstances=case.data.circumstances, typical_shift=typical)
+        coarser = replace(case.weighing, data=data)
+        again = Compositions(coarser).coordinate_fit(candidate.chosen)
+        if again is not None:
+            weighing, fitted = coarser, again
+    names = " and ".join(weighing.label(name) for name in fitted.names)
+    ridge = weighing.faults.attempt(names, partial(along_ridges, weighing, fitted)) or fitted
+    gained = ridge.log_evidence - fitted.log_evidence
+    return replace(candidate, chosen=ridge.chosen, parts=ridge.parts, log_evidence=candidate.log_evidence + gained)
 
 
 def with_unlisted_bodies(case: Case, found: list[Candidate]) -> list[Candidate]:

@@ -265,8 +265,9 @@ def test_fitted_spring_was_rigid_unless_its_flexibility_is_significant() -> None
     connections = [(c, axis) for c in held for axis in TURNS]
 
     def rigid(share: float, of_file: float = 0.0) -> list[tuple[Joint | Support, Axis]]:
-        std = {"std": 0.01 * share, "of_file_std": 0.01 * of_file}
-        parameters = tuple(replace(p, value=0.01, **std) for p in found.parameters)
+        parameters = tuple(
+            replace(p, value=0.01, std=0.01 * share, of_file_std=0.01 * of_file) for p in found.parameters
+        )
         known = replace(found, parameters=parameters)
         return [(c, axis) for c, axis in connections if known.is_rigid(c, axis)]
 

@@ -5,10 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from tests.examiner.cases import draw
+from tests.examiner.path import answer
 from tests.support.thorough import few_of
 from tests.support.updater.reference_frame import measure, t_frame, true_model
 from updater import Body, Model, Reference, build_model, learn_reference, matched, stack_tracks
-from updater.causes import AddedMass, SelectedCause
+from updater.causes import AddedMass, SelectedCause, propose_added_mass
 from updater.diagnosis.combinations import Compositions, likeliest_pair
 from updater.diagnosis.weighing import EvidenceComparison
 from updater.inference import compare
@@ -104,3 +106,39 @@ def test_body_and_sensor_gain_error_are_found_together(learnt: tuple[Reference, 
     assert (body.cause.name, sensor.cause.name) == ("added_mass", "sensor_gain")
     assert np.linalg.norm(place(body) - [0.2, 0, 1.48]) < 0.05
     assert sensor.row == channel
+
+
+def test_place_of_a_body_next_to_a_stretch_is_that_of_both_together() -> None:
+    """A body 42 mm from a loss over 38 mm: with the stretch at its best place, the body's is 102 mm off, 4 deviations.
+
+    Bodies from 0.2 m on explain the record as well, each with a longer and weaker loss.
+    """
+    case = draw("local_stiffness + added_mass", 464995492002)
+    causes = answer(case)["causes"]
+    assert {cause["cause"] for cause in causes} == {"local_stiffness", "added_mass"}
+    for cause in causes:
+        (hidden,) = (one for one in case.done.hidden if one.cause == cause["cause"])
+        assert hidden.position is not None
+        where, height = cause["where"], hidden.position[2]
+        assert abs(where["position"][2] - height) < 2 * where["position_std"]
+        assert any(start[2] <= height <= end[2] for start, end in where["region"])
+        for name, value in hidden.parameters.items():
+            stated = cause["parameters"][name]
+            assert abs(stated["value"] - value) < 2 * stated["std"]
+
+
+def test_positions_between_neighbouring_ones_are_interpolated(learnt: tuple[Reference, Model]) -> None:
+    """The crossbeam's end and the column's begin are no neighbours."""
+    reference, model = learnt
+    windows = [measure(model, np.random.default_rng((971, k)), GAIN) for k in range(3)]
+    data = compare(reference, matched(reference.baseline, reference.mean_of(stack_tracks(windows, [TRACK] * 3))))
+    bodies = propose_added_mass(reference, data)
+    assert bodies is not None
+    last = bodies.nearest(0, 9.0)
+    rows = np.array([last - 5, last - 1, last, last + 1])
+    fine, nearer = bodies.between(rows, 4)
+    np.testing.assert_allclose(nearer.sum(1), 1.0)
+    np.testing.assert_allclose(fine.position, nearer @ bodies.position[rows])
+    assert len(fine.position) == len(rows) + 3
+    assert fine.gap == pytest.approx(bodies.gap / 4)
+    assert fine.member.tolist() == [0] * 6 + [1]

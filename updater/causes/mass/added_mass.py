@@ -6,6 +6,7 @@ Theta_s are the rotations there, r the body's radius of gyration, equal about al
 as much as the noise.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -156,6 +157,53 @@ class AddedMass:
             grids[m] = _closer(self.position[here], refined[here], self.gap, spacing[m], ends)
             starts.append([np.interp(grids[m], self.position[known], values) for values in theta[known].T])
         return along(self.reference, self.comparison, grids, self.gap, np.concatenate(starts, axis=1).T)
+
+    def everywhere(self, members: Collection[int], spacing: float) -> "AddedMass":
+        """Return a position every `spacing` [m] of some members, by their numbers."""
+        of = self.reference.structure.member
+        steps = {m: max(4, round(of[m].length / spacing)) for m in members}
+        grids = {m: np.linspace(0, of[m].length, n + 1) for m, n in steps.items()}
+        return along(self.reference, self.comparison, grids, max(float(np.diff(grid).max()) for grid in grids.values()))
+
+    def between(self, rows: IndexArray, parts: int) -> tuple["AddedMass", FloatArray]:
+        """Return positions closer together between neighbouring ones, and by how much each is near the given ones.
+
+        Parameters
+        ----------
+        rows : (n,) alternatives, ascending
+        parts : into which a step is divided
+
+        Returns
+        -------
+        AddedMass
+            The given positions, and between those that follow each other.
+        FloatArray
+            (n_positions, n) weights of a linear interpolation.
+        """
+        grids: dict[int, list[float]] = {}
+        weights = []
+        for k, row in enumerate(rows.tolist()):
+            member, next_row = int(self.member[row]), int(rows[k + 1]) if k + 1 < len(rows) else -1
+            follows = next_row == row + 1 and self.is_on(next_row, member)
+            for part in range(parts if follows else 1):
+                share = np.zeros(len(rows))
+                share[k] = 1 - part / parts
+                if part:
+                    share[k + 1] = part / parts
+                weights.append(share)
+                grids.setdefault(member, []).append(float(share @ self.position[rows]))
+        start = np.zeros((len(weights), len(self.prior_std)))
+        positions = {member: np.array(at) for member, at in grids.items()}
+        return along(self.reference, self.comparison, positions, self.gap / parts, start), np.array(weights)
+
+    def nearest(self, member: int, distance: float) -> int:
+        """Return the alternative on a member that is nearest to a distance from its start [m]."""
+        here = np.flatnonzero(self.member == member)
+        return int(here[np.argmin(np.abs(self.position[here] - distance))])
+
+    def is_on(self, row: int, member: int) -> bool:
+        """Return whether there is an alternative `row`, and on a member."""
+        return 0 <= row < len(self.member) and bool(self.member[row] == member)
 
     def _member(self, row: int) -> Member:
         return self._member_of(int(self.member[row]))
