@@ -71,9 +71,10 @@ def mass_test_text(found: MassTestFit) -> str:
         between = f"{shifts[0]:.2g} to {shifts[-1]:.2g} %"
         return f"{head}shifts of {len(shifts)} modes by {between}, as predicted ({p})"
     odd = max(found.modes, key=lambda mode: abs(mode.measured_percent - mode.predicted_percent) / mode.std_percent)
+    left_out = "; no cause explains both records, this one is left out" if found.left_out else ""
     return (
         f"{head}shifts are not as predicted ({p}), most at {odd.frequency:.4g} Hz: "
-        f"{odd.measured_percent:.3g} instead of {odd.predicted_percent:.3g} ± {odd.std_percent:.1g} %"
+        f"{odd.measured_percent:.3g} instead of {odd.predicted_percent:.3g} ± {odd.std_percent:.1g} %{left_out}"
     )
 
 

@@ -5,7 +5,7 @@ change is one of the hypotheses. A cause is named at a posterior of 0.8. If the 
 1e-3, of several causes together 0.03; of the frequencies alone a hundredth of that), the diagnosis is unexplained.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -59,7 +59,7 @@ from updater.diagnosis.simplification import merged, significant_only
 from updater.diagnosis.weighing import SURE, Candidate, EvidenceComparison, OnCause, allowed_causes, ranked, say_nothing
 from updater.errors import SelectionError
 from updater.inference import MODEL_ERROR, Comparison, compare
-from updater.modal_data import NOTHING_KNOWN, Circumstances, ModalMean
+from updater.modal_data import NOTHING_KNOWN, Circumstances, KnownMass, ModalMean
 from updater.reference import Calibration, ModelFit, Reference
 from updater.structure import Structure
 
@@ -103,16 +103,46 @@ def diagnose(
         If the catalogue has no cause of a name, or none of those that are left applies.
     """
     unused = None if heldout is None else WindowModes.of(heldout, heldout_every)
-    return _diagnosed(
-        reference,
-        WindowModes.of(event, every),
-        unused,
-        None,
-        circumstances=circumstances,
-        on_cause=on_cause,
-        only=only,
-        without=without,
-    )
+
+    def answer(known_masses: tuple[KnownMass, ...]) -> DiagnosisResult:
+        return _diagnosed(
+            reference,
+            WindowModes.of(event, every),
+            unused,
+            None,
+            circumstances=replace(circumstances, known_masses=known_masses),
+            on_cause=on_cause,
+            only=only,
+            without=without,
+        )
+
+    return _with_agreeing_masses(circumstances.known_masses, answer)
+
+
+def _with_agreeing_masses(
+    masses: tuple[KnownMass, ...], answer: Callable[[tuple[KnownMass, ...]], DiagnosisResult]
+) -> DiagnosisResult:
+    """Return the answer without those records with a known mass that no cause explains together with the others.
+
+    The structure may have changed between the records, or mass or place may be wrong. Such a record is compared with
+    the answer, which it does not determine.
+
+    Parameters
+    ----------
+    masses : records with a known mass
+    answer : diagnosis with such records
+    """
+    found = answer(masses)
+    if not masses or found.diagnosis.verdict != "unexplained":
+        return found
+    alone = answer(tuple(replace(mass, is_evidence=False) for mass in masses))
+    if alone.diagnosis.verdict == "unexplained":
+        return found
+    agree = [test.p_value >= MIN_P for test in alone.diagnosis.mass_tests]
+    if not any(agree):
+        return alone
+    some = answer(tuple(replace(mass, is_evidence=own) for mass, own in zip(masses, agree, strict=True)))
+    return alone if some.diagnosis.verdict == "unexplained" else some
 
 
 def _diagnosed(

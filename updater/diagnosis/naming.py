@@ -285,7 +285,15 @@ def mass_tests_of(data: Comparison, chosen: Sequence[SelectedCause]) -> tuple[Ma
             for k, row in enumerate(test.rows.tolist())
         ]
         p_value = float(chdtrc(len(off), off @ off)) if len(off) else 1.0
-        found.append(MassTestFit(mass=test.mass, position=test.position, modes=tuple(shifts), p_value=p_value))
+        found.append(
+            MassTestFit(
+                mass=test.mass,
+                position=test.position,
+                modes=tuple(shifts),
+                p_value=p_value,
+                left_out=not test.is_evidence,
+            )
+        )
     return tuple(found)
 
 

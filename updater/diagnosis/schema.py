@@ -146,6 +146,7 @@ class MassTestFit(PlainValue):
     position: Vector  #: [m]
     modes: tuple[MassShift, ...]
     p_value: float  #: probability of equal or larger differences if the causes are right [-]
+    left_out: bool = False  #: whether the causes were sought without it, as no cause explains it with the other records
 
 
 class Gain(PlainValue):

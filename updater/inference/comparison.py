@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy.linalg import block_diag
+from scipy.optimize import linear_sum_assignment
 
 from daq import FloatArray, IndexArray
 from updater.modal_data import COMMON_STD, NOTHING_KNOWN, Circumstances
@@ -66,6 +67,7 @@ class MassTest:
     noise: FloatArray  #: (k,) variance of the log frequencies without the mass
     translation: FloatArray  #: (3, n_modes) of the reference's modes at the mass, times its root
     correction: FloatArray  #: (k,) by modes of the reference that are not compared
+    is_evidence: bool = True  #: whether causes must explain it; else it is compared with the answer only
 
     def predict(self, value: FloatArray, vector: FloatArray) -> FloatArray:
         """Return the log ratios (n_alternatives, k) that alternatives predict.
@@ -109,8 +111,24 @@ def frequencies_with_mass(value: FloatArray, moved: FloatArray) -> FloatArray:
     root = np.sqrt(value)[:, :, None]
     mass = np.eye(value.shape[1]) + moved.transpose(0, 2, 1) @ moved
     found, vector = np.linalg.eigh(root * mass * root.transpose(0, 2, 1))
-    successor = np.argmax(vector**2, axis=2)
+    successor = one_to_one(vector**2)
     return np.asarray(-0.5 * np.log(np.take_along_axis(found, successor, axis=1) / value))
+
+
+def one_to_one(share: FloatArray) -> IndexArray:
+    """Return the successor (p, n) of each mode, no two the same.
+
+    A mass that shifts a mode by more than the distance to the next one mixes both: each may have its largest share in
+    the same successor. Then all shares together are the largest.
+
+    Parameters
+    ----------
+    share : (p, n, n) of each mode before in each one after
+    """
+    found: IndexArray = np.argmax(share, axis=2)
+    for row in np.flatnonzero((np.diff(np.sort(found, axis=1), axis=1) == 0).any(1)).tolist():
+        found[row] = linear_sum_assignment(share[row], maximize=True)[1]
+    return found
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -285,13 +303,13 @@ class Comparison:
         of_shapes = int(self.shaped.sum()) * (n_channels - 1) / self.overdispersion
         of_phases = int(self.phased.sum()) * (n_channels - 1) / self.imaginary_overdispersion
         of_damping = float(np.nansum((self.log_damping_std * self.damping_weight) ** 2))  # the rest is no noise
-        with_mass = sum(len(test.rows) for test in self.mass_tests)
+        with_mass = sum(len(test.rows) for test in self.mass_tests if test.is_evidence)
         return n_modes + with_mass + of_shapes + of_phases + of_damping
 
     def log_det_of_frequencies(self, *, drifting: bool) -> float:
         """Log determinant of the whiteners of frequencies, without and with known masses."""
         whitener = self.drifting if drifting else self.plain
-        return whitener.log_det + sum(test.log_det(whitener) for test in self.mass_tests)
+        return whitener.log_det + sum(test.log_det(whitener) for test in self.mass_tests if test.is_evidence)
 
     @property
     def extra_frequency(self) -> FloatArray:

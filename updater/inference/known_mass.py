@@ -61,6 +61,7 @@ def mass_tests(
                 noise=noise,
                 translation=translation,
                 correction=(whole - part)[rows],
+                is_evidence=test.is_evidence,
             )
         )
     return tuple(found)

@@ -40,7 +40,8 @@ def residual(comparison: Comparison, predicted: Prediction, whitener: Whitener) 
     if comparison.new is not None:
         blocks.append(_off_new(comparison.new, predicted))
     for test, expected in zip(comparison.mass_tests, predicted.with_mass, strict=True):
-        blocks.append(test.whitened(test.log_ratio - expected, frequency, whitener))
+        if test.is_evidence:
+            blocks.append(test.whitened(test.log_ratio - expected, frequency, whitener))
     return np.concatenate(blocks, axis=1)
 
 

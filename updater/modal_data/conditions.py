@@ -39,6 +39,7 @@ class KnownMass:
     mass: float  #: [kg]
     position: tuple[float, float, float]  #: of the mass, on a member [m]
     modes: ModalMean  #: (n_tracks,) with the mass, in the order of the baseline's tracks
+    is_evidence: bool = True  #: whether causes must explain it; else it is compared with the answer only
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -126,10 +126,14 @@ class MeasuredAgain:
         true = Sensor(channel="further", at=(moved, 0.0, TOP), direction=(x, y, z))
         return self._answer(self._windows(self._change.of(self._bare).structure, 5, true), sensors=(further,))
 
-    def with_mass(self, at: tuple[float, float, float], mass: float) -> DiagnosisResult:
-        """Return the answer with a further record with a known mass."""
+    def with_mass(self, at: tuple[float, float, float], mass: float, state: Change | None = None) -> DiagnosisResult:
+        """Return the answer with a further record with a known mass, on another state of the frame if one is given."""
         weighed = mass * (1 + _WEIGHED * self._random.standard_normal())
-        heavier = self._change.of(self._bare).structure.with_bodies((Body(at=at, mass=weighed),))
+        heavier = (
+            (self._change if state is None else state)
+            .of(self._bare)
+            .structure.with_bodies((Body(at=at, mass=weighed),))
+        )
         return self._answer(self._now, mass=(mass, at, self._windows(heavier, 5)))
 
     def of_file_with_held_out_sensor(self, at: tuple[float, float, float]) -> DiagnosisResult:

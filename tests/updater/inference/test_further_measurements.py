@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor.text.diagnosis import mass_test_text
 from tests.support.updater.diagnosis_data import COLUMN, HALF, TOP, Change, MeasuredAgain, learnt
 from updater import Body, Circumstances, DiagnosisResult, diagnose
 from updater.diagnosis import Measurement, Separation
+from updater.inference.comparison import one_to_one
 from updater.modal_data import KnownMass
 
 
@@ -101,6 +103,35 @@ def test_known_mass_without_a_common_mode_decides_nothing() -> None:
     assert (test.modes, test.p_value) == ((), 1.0)
     alone = diagnose(reference, now, only=("added_mass",))
     assert found.diagnosis.causes == alone.diagnosis.causes
+
+
+@pytest.mark.parametrize("seed", seeds(1, 6))
+def test_record_with_a_known_mass_of_another_state_is_left_out(seed: int) -> None:
+    """The record with the mass is of the frame before a body was added: no cause explains it and the one after."""
+    body = body_on_the_crossbeam(seed)
+    site = MeasuredAgain(seed, Change((body,)))
+    found = site.with_mass((HALF, 0.0, TOP), 0.15, Change())
+    (test,) = found.diagnosis.mass_tests
+    assert test.left_out
+    assert test.p_value < 1e-6
+    assert mass_test_text(test).endswith("; no cause explains both records, this one is left out")
+    assert found.diagnosis.causes == site.answer().diagnosis.causes
+
+
+def test_heavy_known_mass_is_predicted() -> None:
+    """5 kg, more than half of the frame's mass: shifts by up to half, modes pass others."""
+    body = body_on_the_crossbeam(1)
+    found = MeasuredAgain(1, Change((body,))).with_mass((0.35, 0.0, TOP), 5.0)
+    assert_is_body(found, body)
+    (test,) = found.diagnosis.mass_tests
+    assert test.p_value > 1e-3
+    assert min(mode.measured_percent for mode in test.modes) < -40
+
+
+def test_no_two_modes_have_one_successor() -> None:
+    """Two modes mixed half and half by a large mass, within rounding of the same largest share."""
+    share = np.array([[[0.52, 0.48, 0.0], [0.51, 0.3, 0.19], [0.0, 0.2, 0.8]], np.eye(3)[[1, 0, 2]]])
+    assert one_to_one(share).tolist() == [[1, 0, 2], [1, 0, 2]]
 
 
 def test_held_out_record_of_a_file_may_have_a_further_sensor() -> None:
