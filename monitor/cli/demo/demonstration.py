@@ -169,7 +169,10 @@ def _drawn(seed: int | None, plan: Plan) -> tuple[Scenario, Plan, str]:
     """Return a drawn scenario, its plan, and a sentence about it."""
     seed = secrets.randbelow(10_000) if seed is None else seed
     scenario = draw_t_frame("t_structure.toml", seed, duration=plan.duration, between=plan.between, rate=plan.rate)
-    hidden = "At a random time and position, the rig will add a body;\nthe monitor has no information on time, place or mass."
+    hidden = (
+        "At a random time and position, the rig will add a body;\n"
+        "the monitor has no information on time, place or mass."
+    )
     return scenario, plan, hidden
 
 
