@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntFlag
+from functools import reduce
 from math import ceil
 from typing import Any
 
@@ -150,8 +151,11 @@ def find_gaps(channels: tuple[Channel, ...], data: FloatArray) -> tuple[Gap, ...
 
 def _find_gaps(channels: tuple[Channel, ...], missing: npt.NDArray[np.bool_]) -> Iterator[Gap]:
     for device in dict.fromkeys(channel.device for channel in channels):
-        own = [channel.device == device for channel in channels]
-        edges = np.flatnonzero(np.diff(np.r_[False, missing[:, own].any(1), False].astype(np.int8)))
+        own = [k for k, channel in enumerate(channels) if channel.device == device]
+        lacking = reduce(np.logical_or, (missing[:, k] for k in own))  # column by column: one may be contiguous
+        if not lacking.any():
+            continue
+        edges = np.flatnonzero(np.diff(np.r_[False, lacking, False].astype(np.int8)))
         for start, stop in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
             yield Gap(device=device, start=start, stop=stop)
 

@@ -32,7 +32,9 @@ def half_taps(ratio: float) -> int:
     return int(np.ceil(_HALF / ratio))
 
 
-def interpolate(scans: FloatArray, first: float, step: float, n: int, ratio: float = 1.0) -> FloatArray:
+def interpolate(
+    scans: FloatArray, first: float, step: float, n: int, ratio: float = 1.0, out: FloatArray | None = None
+) -> FloatArray:
     """Return a band-limited signal (n, n_axes) at even spacing in its scans; NaN where one that it needs is missing.
 
     Windowed sinc (Kaiser, beta 8.75) of 32 taps at the grid's rate, -80 dB below 0.4 of it.
@@ -42,15 +44,16 @@ def interpolate(scans: FloatArray, first: float, step: float, n: int, ratio: flo
     scans : (n_scans, n_axes); at least `half_taps` on each side of every position
     first, step, n : position of the first sample and distance of the others [scans], and their number
     ratio : samples of the grid a scan, at most 1
+    out : (n, n_axes) array for the result. Default: a new one
     """
     columns = np.ascontiguousarray(scans.T)
-    out = np.empty((len(columns), n))
-    done = _in_blocks(columns, first, step, ratio, out)
+    rows = np.empty((len(columns), n)) if out is None else out.T
+    done = _in_blocks(columns, first, step, ratio, rows)
     if n % _BLOCK or not done.all():
         rest = np.flatnonzero(np.append(np.repeat(~done, _BLOCK), np.ones(n % _BLOCK, np.bool_)))
         position = np.asarray(first + step * rest, np.float64)
-        out[:, rest] = _one_by_one(columns, position, ratio)
-    return out.T
+        rows[:, rest] = _one_by_one(columns, position, ratio)
+    return rows.T
 
 
 def _in_blocks(columns: FloatArray, first: float, step: float, ratio: float, out: FloatArray) -> BoolArray:

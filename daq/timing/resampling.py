@@ -4,7 +4,7 @@ import itertools
 import math
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 import numpy as np
@@ -47,16 +47,19 @@ class _Stretch:
         while len(self.blocks) > 1 and self.blocks[0].end_index < index:
             self.blocks.popleft()
 
-    def scans(self, first: int, last: int, axes: IndexArray, among: Sequence[Block] = ()) -> FloatArray:
-        """Return scans first .. last - 1 of some axes in m/s2 (n, n_axes), NaN where one is missing; of some blocks."""
-        out = np.empty((len(axes), last - first))
+    def scans(
+        self, first: int, last: int, axes: IndexArray, among: Sequence[Block] = (), out: FloatArray | None = None
+    ) -> FloatArray:
+        """Return scans first .. last - 1 of some axes in m/s2 (n_axes, n), NaN where one is missing; of some blocks."""
+        out = np.empty((len(axes), last - first)) if out is None else out
         blocks = [block for block in among or self.blocks if block.first_index < last and block.end_index > first]
         many = _SHORT * len(blocks) > last - first  # they are joined before they are scaled
         whole = many and _are_alike(blocks, int(axes[-1]))
         if whole and blocks[0].first_index <= first and blocks[-1].end_index >= last:
             begin = first - blocks[0].first_index
             counts = np.concatenate([block.counts.T for block in blocks], axis=1)[axes, begin : begin + last - first]
-            return np.asarray(np.multiply(counts, blocks[0].scale, out=out).T)
+            np.multiply(counts, blocks[0].scale, out=out)
+            return out
         written = first
         for block in blocks:
             start, stop = max(first, block.first_index), min(last, block.end_index)
@@ -71,13 +74,14 @@ class _Stretch:
                     target[there], target[~there] = part[axes[there]] * block.scale, np.nan
                 written = max(written, stop)
         out[:, written - first :] = np.nan
-        return out.T
+        return out
 
-    def resampled(self, start: int, n: int, rate: float, ratio: float | None, axes: IndexArray) -> FloatArray | None:
-        """Return scans on a grid (n, n_axes), None if there is none near it; without a ratio they lie on it."""
-        first, scan_rate = self.index_at(start)
+    def resample(self, start: int, rate: float, ratio: float | None, axes: IndexArray, out: FloatArray) -> bool:
+        """Write scans on a grid (n_axes, n); return False if there is none near it. Without a ratio they lie on it."""
+        (first, scan_rate), n = self.index_at(start), out.shape[1]
         if ratio is None:
-            return self.scans(round(first), round(first) + n, axes)
+            self.scans(round(first), round(first) + n, axes, out=out)
+            return True
         step, half = scan_rate / rate, half_taps(ratio)
 
         def needed(begin: int, m: int) -> tuple[int, int]:
@@ -86,16 +90,16 @@ class _Stretch:
 
         low, high = needed(0, n)
         if not any(block.first_index < high and block.end_index > low for block in self.blocks):
-            return None
-        blocks, out = list(self.blocks), np.empty((len(axes), n))
+            return False
+        blocks = list(self.blocks)
         ends = [block.end_index for block in blocks]
         for begin in range(0, n, _PIECE):
             m = min(_PIECE, n - begin)
             low, high = needed(begin, m)
             some = blocks[max(bisect_left(ends, low) - 1, 0) : bisect_left(ends, high) + 2]
-            scans = self.scans(low, high, axes, some)
-            out[:, begin : begin + m] = interpolate(scans, first + begin * step - low, step, m, ratio).T
-        return out.T
+            scans = self.scans(low, high, axes, some).T
+            interpolate(scans, first + begin * step - low, step, m, ratio, out[:, begin : begin + m].T)
+        return True
 
 
 def _are_alike(blocks: Sequence[Block], axis: int) -> bool:
@@ -205,16 +209,17 @@ class _Device:
         while len(self._stretches) > 1 and self._stretches[1].time_at(self._stretches[1].blocks[0].first_index) < time:
             self._stretches.popleft()
 
-    def resampled(self, start: int, n: int) -> FloatArray:
-        """Return scans on the grid (n, n_axes), NaN where they are missing."""
-        out: FloatArray | None = None
+    def resample(self, start: int, out: FloatArray) -> None:
+        """Write scans on the grid (n_axes, n), NaN where they are missing."""
+        written = False
         for stretch in self._stretches:
-            signal = stretch.resampled(start, n, self._grid_rate, self._ratio, self.axes)
-            if signal is not None and out is not None:
+            signal = np.empty_like(out) if written else out
+            found = stretch.resample(start, self._grid_rate, self._ratio, self.axes, signal)
+            if found and written:
                 np.copyto(out, signal, where=~np.isnan(signal))
-            elif signal is not None:
-                out = signal
-        return np.full((n, len(self.axes)), np.nan) if out is None else out
+            written |= found
+        if not written:
+            out[:] = np.nan
 
 
 class Assembler:
@@ -257,8 +262,8 @@ class Assembler:
         self._next: int | None = None  # start of the next window [ns UTC]
         self._last: _Device | None = None  # one that lacked scans of this window
 
-    def push(self, block: Block) -> Iterator[Recording]:
-        """Take a block; yield the windows that are complete with it.
+    def push(self, block: Block) -> Iterable[Recording]:
+        """Take a block; return the windows that are complete with it, to be made one by one.
 
         Raises
         ------
@@ -268,7 +273,7 @@ class Assembler:
         if block.device not in self._devices:
             raise ValueError(f"device: expected one of {', '.join(self._devices)}, found {block.device!r}")
         self._devices[block.device].add(block)
-        yield from self._complete()
+        return () if self._is_incomplete() else self._complete()
 
     def push_event(self, event: Event) -> Iterator[Recording]:
         """Take an event; a device that is lost no longer holds a window open."""
@@ -290,11 +295,16 @@ class Assembler:
         while (left := int((end - self._next) * 1e-9 * self._rate + 1e-3)) > 0:  # ends are rounded to ns
             yield from self._cut(self._next, min(left, self._n))
 
+    def _is_incomplete(self) -> bool:
+        """Return whether the device that lacked scans of the next window still does, as after most blocks."""
+        last = self._last
+        if last is None or self._next is None or last.lost:
+            return False
+        return not last.reaches(self._next + self._window_ns)
+
     def _complete(self) -> Iterator[Recording]:
         if self._next is not None:
-            end, last = self._next + self._window_ns, self._last
-            if last and not last.lost and not last.reaches(end):
-                return  # as after most blocks
+            end = self._next + self._window_ns
             self._last = next((d for d in self._devices.values() if not d.lost and not d.reaches(end)), None)
             if self._last:
                 return
@@ -338,12 +348,15 @@ class Assembler:
         """Return the channels (n, n_channels), and where any device has scans (n,)."""
         data, there = np.empty((len(self._channels), n)), np.zeros(n, np.bool_)
         for name, device in self._devices.items():
-            signal = device.resampled(start, n)
-            for axis in signal.T:
+            own = [k for k, channel in enumerate(self._channels) if channel.device == name]
+            axes = [self._channels[k].axis for k in own]
+            are_rows = axes == device.axes.tolist() and own == list(range(own[0], own[-1] + 1))
+            signal = data[own[0] : own[-1] + 1] if are_rows else np.empty((len(device.axes), n))
+            device.resample(start, signal)
+            for axis in signal:
                 there |= np.isfinite(axis)
-            for column, channel in zip(data, self._channels, strict=True):
-                if channel.device == name:
-                    column[:] = signal[:, np.searchsorted(device.axes, channel.axis)]
+            if not are_rows:
+                data[own] = signal[np.searchsorted(device.axes, axes)]
         return data.T, there
 
     def _recording(self, start: int, data: FloatArray) -> Recording:

@@ -5,14 +5,14 @@ import io
 import json
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import zstandard
 
-from daq import AnyLog, Event, LogError, read_log
+from daq import AnyLog, Event, LogError, Recording, read_log
 from daq.events import DeviceFailed
 from daq.log import absent_devices
 from monitor.analysis.window import IdentifiedWindow, identify_window
@@ -105,7 +105,7 @@ def _steps(log: AnyLog, settings: Settings) -> Iterator[Step]:
             if item.topic == Stopped.topic:
                 return  # what follows belongs to no run
             yield item
-            windows = assembler.push_event(item)
+            windows: Iterable[Recording] = assembler.push_event(item)
         else:
             if item.device not in devices:
                 raise LogError(

@@ -19,6 +19,7 @@ T = TypeVar("T")
 _UNFORESEEN = 70  # exit code, as of the program
 _READER, _WRITER, _ENDS_WITH_ITS_READER = "_reader", "_writer", "_ignore_epipe"  # of a queue; concurrent.futures too
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # as glibc's malloc.h has them
+_MAX_INT = (1 << 31) - 1  # bytes: mallopt takes an int
 
 
 @contextmanager
@@ -46,9 +47,21 @@ def give_back_memory() -> None:
     By default it keeps more with every large block that was ever freed: a monitor of years would hold its largest past
     demand, in pieces. To be called before threads are started.
     """
+    _configure_malloc({_ARENA_MAX: 2, _MMAP_THRESHOLD: 256 * 1024, _TRIM_THRESHOLD: 128 * 1024})
+
+
+def keep_freed_memory() -> None:
+    """Configure glibc's malloc to keep free memory until `trim_memory`: the system clears each page that it provides.
+
+    For a command whose windows need the same memory one after the other.
+    """
+    _configure_malloc({_MMAP_THRESHOLD: 1 << 30, _TRIM_THRESHOLD: _MAX_INT})
+
+
+def _configure_malloc(options: Mapping[int, int]) -> None:
     mallopt = getattr(_c_library(), "mallopt", None)
     if mallopt:
-        for option, value in ((_ARENA_MAX, 2), (_MMAP_THRESHOLD, 256 * 1024), (_TRIM_THRESHOLD, 128 * 1024)):
+        for option, value in options.items():
             mallopt(option, value)
 
 

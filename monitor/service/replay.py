@@ -12,6 +12,7 @@ from daq import (
     AnyLog,
     Block,
     Event,
+    Item,
     LogError,
     LogExcerpt,
     McapWriter,
@@ -32,7 +33,7 @@ from monitor.settings import Override, attachable, attached_structure, has_setti
 from monitor.watch.memory import MEMORY, NOTHING, check_saved_state
 
 NO_SETTINGS = "has no settings attached: give --site"
-_WAITING = 2000  # items that may wait for the analysis
+_AT_ONCE, _WAITING = 64, 32  # items handed on at once, and how many times as many may wait for the analysis
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -193,7 +194,7 @@ def _skipped(log: AnyLog) -> frozenset[int]:
 
 def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
     """Feed a log up to where it stopped, was cut or is damaged; the worker always gets its last item."""
-    stopped = False
+    stopped, items = False, list[Item]()
     try:
         for device in absent_devices(log, devices):
             worker.feed(DeviceFailed(device=device).event(0))
@@ -205,11 +206,13 @@ def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str,
             if result is not None:
                 logged.append(result)
             elif not stopped:
-                worker.feed(item)
+                items.append(item)
                 stopped = isinstance(item, Event) and item.topic == Stopped.topic
+                if len(items) == _AT_ONCE:
+                    worker.feed(*items)
+                    items.clear()
     finally:
-        if not stopped:
-            worker.feed(Stopped().event(0))
+        worker.feed(*items, *(() if stopped else (Stopped().event(0),)))
 
 
 def _until_last(worker: Worker) -> Iterator[WorkerMessage]:

@@ -117,7 +117,7 @@ def _spread(data: FloatArray, n_fft: int) -> FloatArray | None:
     if len(data) < 2 * _SPREAD * length:
         return None
     starts = np.linspace(0, len(data) - length, _SPREAD).astype(np.intp)
-    pieces = np.concatenate([data[start : start + length] for start in starts])
+    pieces = np.concatenate([data.T[:, start : start + length] for start in starts], axis=1).T  # channel by channel
     return pieces if np.isfinite(pieces).all() else None
 
 

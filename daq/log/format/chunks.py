@@ -110,7 +110,10 @@ class ChunkReader:
             if at <= last:
                 opcode, length, channel_id = head(data, at)
                 if opcode == _MESSAGE_CODE and channel_id in passed_over:
-                    at += FRAME + length
+                    same, step = data[at : at + _HEAD_AND_CHANNEL.size], FRAME + length
+                    at += step
+                    while data.startswith(same, at):  # others of this channel and length
+                        at += step
                     continue
             else:
                 (opcode, length), channel_id = _HEAD.unpack_from(data, at), -1

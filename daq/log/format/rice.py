@@ -152,16 +152,20 @@ def unpack_blocks(packed: PackedBlocks) -> list[IntArray]:
     rest, window = _rest(packed.bits, axes), _windows(packed.bits, int(axes.n_low.max()))
     counts, kept = dict[int, IntArray](), _up_to_last_used(packed)
     n_kept = np.add.reduceat(kept, _before(packed.n_axes), dtype=np.intp)
-    for length in np.unique(packed.n).tolist():
-        chosen = np.flatnonzero(kept & (axes.samples == length))
+    similar = np.frexp(packed.n)[1]  # blocks that differ by less than a factor of two are unpacked to one length
+    of_axes = np.repeat(similar, packed.n_axes)
+    for size in np.unique(similar).tolist():
+        blocks = np.flatnonzero(similar == size)
+        length = int(packed.n[blocks].max())
+        chosen = np.flatnonzero(kept & (of_axes == size))
         table = np.zeros((len(chosen), length), np.int32)
         used, order = packed.used[chosen], axes.order[chosen]
         for each in np.unique(order[used]).tolist():
             place = np.flatnonzero(used & (order == each))
             table[place] = _samples(window, rest, axes, chosen[place], length).view(np.int32)
-        blocks = np.flatnonzero(packed.n == length)
         edges = itertools.pairwise([0, *np.cumsum(n_kept[blocks]).tolist()])
-        counts |= {block: table[begin:end].T for block, (begin, end) in zip(blocks.tolist(), edges, strict=True)}
+        parts = zip(blocks.tolist(), packed.n[blocks].tolist(), edges, strict=True)
+        counts |= {block: table[begin:end, :n].T for block, n, (begin, end) in parts}
     return [counts[block] for block in range(len(packed.bits))]
 
 
@@ -224,7 +228,7 @@ def _before(lengths: IndexArray) -> IndexArray:
 
 
 def _rest(bits: Sequence[bytes], axes: _Axes) -> _Unsigned:
-    """Return the upper parts of all residuals from the bits of the blocks."""
+    """Return the upper parts of all residuals from the bits of the blocks, and as many zeros as the longest has."""
     first = axes.high // 8
     parts = [one[begin:] for one, begin in zip(bits, first.tolist(), strict=True)]
     unary = np.unpackbits(np.frombuffer(b"".join(parts), np.uint8))
@@ -237,10 +241,11 @@ def _rest(bits: Sequence[bytes], axes: _Axes) -> _Unsigned:
     if (found != axes.n_residuals).any():
         wrong = int(np.argmax(found != axes.n_residuals))
         raise ValueError(f"packed counts: expected {axes.n_residuals[wrong]} residuals, found {found[wrong]}")
-    rest = np.empty(len(ends), np.uint32)
-    rest[:1] = ends[:1]
-    np.subtract(ends[1:], ends[:-1], out=rest[1:], casting="unsafe")
-    rest[1:] -= np.uint32(1)
+    rest = np.zeros(len(ends) + int(axes.samples.max()), np.uint32)
+    own = rest[: len(ends)]
+    own[:1] = ends[:1]
+    np.subtract(ends[1:], ends[:-1], out=own[1:], casting="unsafe")
+    own[1:] -= np.uint32(1)
     some = found > 0
     rest[edges[:-1][some]] = ends[edges[:-1][some]] - (begins + skipped)[some]
     return rest
@@ -257,13 +262,15 @@ def _windows(bits: Sequence[bytes], n_low: int) -> _Windows:
 def _samples(window: _Windows, rest: _Unsigned, axes: _Axes, chosen: IndexArray, n: int) -> _Unsigned:
     """Return samples (n_chosen, n) of axes: residuals from both their parts, then summed as often as their order says.
 
+    Behind the samples of an axis with fewer than n, anything follows.
+
     Parameters
     ----------
     window : bits from each byte on
     rest : upper parts
     axes : all
-    chosen : (n_chosen,) numbers of the axes with n samples, of one order
-    n : number of samples
+    chosen : (n_chosen,) numbers of axes of one order, with up to n samples
+    n : largest number of samples
     """
     order, first = int(axes.order[chosen[0]]), axes.first_start[chosen]
     residuals = _residuals(window, rest, axes, chosen, n - order)
@@ -285,7 +292,7 @@ def _residuals(window: _Windows, rest: _Unsigned, axes: _Axes, chosen: IndexArra
     n_low = axes.n_low[chosen][:, None]
     place = n_low * np.arange(n)
     place += axes.first_low[chosen][:, None]
-    u: npt.NDArray[np.unsignedinteger[Any]] = window.take(place >> 3)
+    u: npt.NDArray[np.unsignedinteger[Any]] = window.take(place >> 3, mode="clip")  # beyond the bits of the last axis
     place &= 7
     u <<= place.astype(kind)
     u >>= (8 * kind.itemsize - n_low).astype(kind)  # nothing is left of none

@@ -15,7 +15,7 @@ from monitor.analysis.logs import log_channels, log_recordings
 from monitor.analysis.time_range import TimeRange
 from monitor.cli.terminal import echo, progress
 from monitor.errors import ArgumentError, drawing
-from monitor.service.processes import trim_memory
+from monitor.service.processes import keep_freed_memory, trim_memory
 from oma import (
     AmplitudeDependence,
     Identification,
@@ -63,6 +63,7 @@ class LogWindows:
 
     def __iter__(self) -> Iterator[Recording]:
         """Yield all windows; later ones than the first are read again at each iteration."""
+        keep_freed_memory()
         windows = _sparing(recordings_of(self._logs, self._window))
         start = None
         if self._first is None:
