@@ -6,7 +6,6 @@ import queue
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import chain
 from multiprocessing.queues import Queue
 from typing import TYPE_CHECKING, Protocol, Self
 
@@ -167,7 +166,7 @@ def _analyse(task: _Task, inbox: "Queue[tuple[Item, ...]]", outbox: "Queue[Worke
     from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
 
     pipeline, residuals = _pipeline(task), _residuals(task)
-    for item in chain.from_iterable(received(inbox)):
+    for item in (item for items in received(inbox) for item in items):
         if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
             return
