@@ -158,15 +158,16 @@ class InProcess:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def feed(self, item: Item) -> None:
-        if isinstance(item, Event) and item.topic == Stopped.topic:
-            self._results.put(None)
-            return
-        results = list(self._pipeline.push(item))
-        for result in results:
-            self._results.put(result)
-        if results:
-            self._results.put(SavedState(memory_text(self._pipeline.memory)))
+    def feed(self, *items: Item) -> None:
+        for item in items:
+            if isinstance(item, Event) and item.topic == Stopped.topic:
+                self._results.put(None)
+                return
+            results = list(self._pipeline.push(item))
+            for result in results:
+                self._results.put(result)
+            if results:
+                self._results.put(SavedState(memory_text(self._pipeline.memory)))
 
     def results(self, timeout: float) -> Iterator[WorkerMessage | None]:
         yield self._results.get(timeout=60 * timeout)
