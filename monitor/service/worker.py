@@ -102,7 +102,7 @@ class Worker:
         return self._inbox.qsize()
 
     def feed(self, *items: Item) -> None:
-        """Hand on items in the log's order; results are not analysed again. Many at once take a third of the time.
+        """Hand on items in the log's order, many at once; results are not analysed again.
 
         Raises
         ------

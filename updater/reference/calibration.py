@@ -110,7 +110,7 @@ class Calibration:
 
         The file has it rigid, and its flexibility is negligible or within two standard deviations of zero.
         """
-        fitted = [(p.value, p.whole_std) for p in self.parameters] or [(np.inf, 0.0)] * len(self.knobs)
+        fitted = [(p.value, p.std) for p in self.parameters] or [(np.inf, 0.0)] * len(self.knobs)
         return any(
             stands_for_rigid(self.structure, connection, knob)
             or (is_rigid(knob) and is_of(self.structure, connection, knob) and value < SIGNIFICANT * std)
