@@ -73,7 +73,6 @@ class Opening(PlainValue):
 class NonlinearGain(PlainValue):
     """Prediction of the nonlinear part of signals that were not used; the linear model predicts none of it."""
 
-    variance_explained: Quantity | None  #: share of its variance; None if there is none [-]
     log_likelihood: Quantity  #: gain over the linear model [-]
 
 

@@ -282,15 +282,11 @@ def breathing_text(cause: FittedCause) -> str:
 
 
 def _heldout_text(found: NonlinearGain | None) -> str:
-    """Return how well the nonlinear part of held-out signals is predicted, after a semicolon; empty if not known."""
+    """Return the gain on held-out signals, after a semicolon; empty if not known."""
     if found is None:
         return ""
     gained = number_text(found.log_likelihood.value, found.log_likelihood.std, sign=True)
-    explained = found.variance_explained
-    if explained is None:
-        return f"; log likelihood of held-out signals {gained}"
-    percent = number_text(100 * explained.value, 100 * explained.std)
-    return f"; it explains {percent} % of the nonlinear variance of held-out signals (log likelihood {gained})"
+    return f"; log likelihood of held-out signals {gained}"
 
 
 def probability_text(cause: Cause) -> str:

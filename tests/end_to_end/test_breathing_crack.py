@@ -127,8 +127,6 @@ def test_crack_of_the_virtual_rig_opens_and_closes() -> None:
     print(gain)
     assert gain
     assert gain.log_likelihood.value > 5 * gain.log_likelihood.std
-    assert gain.variance_explained
-    assert gain.variance_explained.value == pytest.approx(1, abs=3 * gain.variance_explained.std + 0.05)
     extended = found.explained.extended
     assert extended
     again = parse_structure(dump_structure(extended))

@@ -603,20 +603,13 @@ class _ActionTest:
         """
         along, weight = self._fit(threshold, self._unknown * float(_UNKNOWN[unknown]), float(np.sign(size)))
         kept = ~np.eye(_BLOCKS, dtype=bool)
-        left_out = [self._gain(size, along[k], weight[k]) for k in kept]
-        (log_likelihood, explained), others = self._gain(size, along, weight), np.array(left_out)
-        scaled = others * [_BLOCKS / (_BLOCKS - 1), 1.0]  # a sum, and a ratio
-        std = np.sqrt((_BLOCKS - 1) * scaled.var(0))
-        return NonlinearGain(
-            variance_explained=Quantity(value=explained, std=float(std[1]), unit="-") if explained > -np.inf else None,
-            log_likelihood=Quantity(value=log_likelihood, std=float(std[0]), unit="-"),
-        )
+        left_out = np.array([self._gain(size, along[k], weight[k]) for k in kept]) * _BLOCKS / (_BLOCKS - 1)
+        std = float(np.sqrt((_BLOCKS - 1) * left_out.var()))
+        return NonlinearGain(log_likelihood=Quantity(value=self._gain(size, along, weight), std=std, unit="-"))
 
-    def _gain(self, size: float, along: FloatArray, weight: FloatArray) -> tuple[float, float]:
-        """Return the gain of log likelihood in blocks, and the share of the variance of their nonlinear part."""
-        gained = float(2 * size * along.sum() - size**2 * weight.sum())
-        variance = float(along.sum() ** 2 / weight.sum()) - self._spread
-        return gained / (2 * self._spread), gained / variance if variance > 0 else -np.inf
+    def _gain(self, size: float, along: FloatArray, weight: FloatArray) -> float:
+        """Return the gain of log likelihood in blocks."""
+        return float(2 * size * along.sum() - size**2 * weight.sum()) / (2 * self._spread)
 
     def fitted(self, bias: float, of_bias: float, threshold: float, unknown: int) -> tuple[float, float, float, float]:
         """Return the log density, the share of the mean flexibility and its variance, and the time when open.

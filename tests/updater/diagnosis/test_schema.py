@@ -131,4 +131,4 @@ def test_located_cause_has_a_region_and_common_factor_no_location() -> None:
 def test_breathing_has_the_keys_of_the_contract() -> None:
     assert set(Breathing.model_fields) == BREATHING
     assert set(Opening.model_fields) == OPENING
-    assert set(NonlinearGain.model_fields) == {"variance_explained", "log_likelihood"}
+    assert set(NonlinearGain.model_fields) == {"log_likelihood"}

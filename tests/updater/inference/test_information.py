@@ -33,7 +33,7 @@ def test_far_hypotheses_are_resolved_and_equal_ones_are_not() -> None:
 
 
 def test_one_of_three_is_separated_from_two_that_are_alike() -> None:
-    """Which of the two it is remains open: h(1/3) is resolved."""
+    """One of the two remains open: h(1/3) is resolved."""
     distance = 20.0 * np.array([[0, 1, 1], [1, 0, 0], [1, 0, 0]])
     found = expected_information(np.full(3, 1 / 3), distance)
     assert found == pytest.approx(entropy(np.array([1 / 3, 2 / 3])), abs=1e-9)
