@@ -81,43 +81,34 @@ def next_measurement(
         *_longer(reference, event, data, open_ones),
         *_known_beside(data, open_ones),
     ]
-    widest = np.max([distance for _, distance in trials], axis=0)
-    open_now = float(entropy(probability))
-    weighed: dict[str, Measurement] = {}  # the best of each kind
-    for measurement, distance in trials:
-        if distance.max() < _WORTHLESS:
-            continue
-        apart = np.argwhere(np.triu(distance >= min(_DECIDES, 0.99 * distance.max()), 1))
-        information = expected_information(probability, distance)
-        own = {
-            "pairs": tuple((int(i), int(j)) for i, j in apart),
-            "deviations": min(float(distance[i, j]) for i, j in apart),
-            "information": information,
-            "leaves": 2 ** max(0.0, open_now - information),
-            "hours": _hours(measurement, data.circumstances.effort),
-        }
-        found = measurement.model_copy(update=own)
-        best = weighed.setdefault(found.kind + found.instrument, found)
-        if found.information_per_hour > best.information_per_hour:
-            weighed[found.kind + found.instrument] = found
-    planned = sorted(weighed.values(), key=lambda one: -one.information_per_hour)
-    names = tuple(tuple(part.cause.name for part in chosen) for chosen in open_ones)
-    never = np.argwhere(np.triu(widest < _WORTHLESS, 1))
+    effort = data.circumstances.effort
+    weighed = [_weighed(trial, probability, effort) for trial in trials if trial[1].max() >= _WORTHLESS]
+    planned: dict[str, Measurement] = {}  # the best of each kind
+    for one in sorted(weighed, key=lambda one: -one.information_per_hour):
+        planned.setdefault(one.kind + one.instrument, one)
+    never = np.argwhere(np.triu(np.max([distance for _, distance in trials], axis=0) < _WORTHLESS, 1))
     return Separation(
-        hypotheses=names,
-        measurements=tuple(planned),
+        hypotheses=tuple(tuple(part.cause.name for part in chosen) for chosen in open_ones),
+        measurements=tuple(planned.values()),
         inseparable=tuple((int(i), int(j)) for i, j in never),
-        open=2**open_now,
+        open=2 ** float(entropy(probability)),
     )
 
 
-def _hours(planned: Measurement, effort: Effort) -> float:
-    """Return work and recording of a measurement [h]."""
-    if planned.kind == "longer_record":
-        return planned.length * effort.record
-    return {"sensor": effort.sensor, "known_mass": effort.known_mass, "instrument": effort.instrument}[
-        planned.kind
-    ] + effort.record
+def _weighed(trial: _Trial, probability: FloatArray, effort: Effort) -> Measurement:
+    """Return a measurement with the hypotheses that it separates, its information and its effort."""
+    measurement, distance = trial
+    apart = np.argwhere(np.triu(distance >= min(_DECIDES, 0.99 * distance.max()), 1))
+    information = expected_information(probability, distance)
+    work = 0.0 if measurement.kind == "longer_record" else float(getattr(effort, measurement.kind))
+    own = {
+        "pairs": tuple((int(i), int(j)) for i, j in apart),
+        "deviations": min(float(distance[i, j]) for i, j in apart),
+        "information": information,
+        "leaves": 2 ** max(0.0, float(entropy(probability)) - information),
+        "hours": work + measurement.length * effort.record,
+    }
+    return measurement.model_copy(update=own)
 
 
 def _apart(values: FloatArray, std: FloatArray) -> FloatArray:

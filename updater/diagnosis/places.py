@@ -162,7 +162,7 @@ def _of_all_places(
     ----------
     number, other : of the body and of the other cause in the candidate
     grid : places of the body
-    found : fits of the other cause beside it, by its place
+    found : fits of the other cause, by the place of the body
     """
     log = np.array([one.log_evidence for one in found.values()])
     share = np.exp(log - logsumexp(log))

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.stats import norm
@@ -34,24 +35,21 @@ def _anywhere(random: np.random.Generator) -> tuple[float, float, float]:
     return float(random.uniform(-HALF, HALF)), 0.0, TOP
 
 
-def _advised(found: DiagnosisResult, kind: str) -> Measurement | None:
-    """Return the advised measurement of a kind."""
-    advice = found.next_measurement
-    measurements = advice.measurements if isinstance(advice, Separation) else ()
-    return next((m for m in measurements if m.kind == kind), None)
-
-
 def _decided(advice: Measurement) -> float:
     """Return how probable a decision between two equally probable causes is: log odds of d^2/2 with deviation d."""
     return float(norm.cdf(advice.deviations / 2 - _ODDS / advice.deviations))
 
 
-def _followed(verdict: str, first: DiagnosisResult, advice: Measurement, found: DiagnosisResult) -> _Drawn:
-    """Return a draw in which advice was followed."""
-    assert isinstance(first.next_measurement, Separation)
+def _followed(site: MeasuredAgain, kind: str, verdict: Callable[[DiagnosisResult], str]) -> _Drawn:
+    """Return a draw in which the advice of a kind is followed, if there is any."""
+    first = site.answer().next_measurement
+    advice = next((m for m in first.measurements if m.kind == kind), None) if isinstance(first, Separation) else None
+    if not isinstance(first, Separation) or advice is None or advice.position is None:
+        return _Drawn("not advised")
+    at = advice.position
+    found = site.with_sensor(at, advice.axis) if kind == "sensor" else site.with_mass(at, advice.mass)
     now = found.next_measurement.open if isinstance(found.next_measurement, Separation) else 1.0
-    left = (first.next_measurement.open, advice.leaves, now)
-    return _Drawn(verdict, _p_values(found), _decided(advice), left)
+    return _Drawn(verdict(found), _p_values(found), _decided(advice), (first.open, advice.leaves, now))
 
 
 def _side(found: DiagnosisResult, body: Body) -> str:
@@ -69,24 +67,10 @@ def _named(cause: Cause) -> set[str]:
     return {cause.cause, *cause.cannot_be_told_from}
 
 
-def _sensor(seed: int) -> _Drawn:
+def _advised(kind: str, seed: int) -> _Drawn:
+    """Return a draw of a body whose mirror image is as probable, with the advised measurement of a kind."""
     body = _body(np.random.default_rng((seed, 0)))
-    site = MeasuredAgain(seed, Change((body,)), COLUMN)
-    advice = _advised(first := site.answer(), "sensor")
-    if advice is None or advice.position is None:
-        return _Drawn("not advised")
-    found = site.with_sensor(advice.position, advice.axis)
-    return _followed(_side(found, body), first, advice, found)
-
-
-def _advised_mass(seed: int) -> _Drawn:
-    body = _body(np.random.default_rng((seed, 0)))
-    site = MeasuredAgain(seed, Change((body,)), COLUMN)
-    advice = _advised(first := site.answer(), "known_mass")
-    if advice is None or advice.position is None:
-        return _Drawn("not advised")
-    found = site.with_mass(advice.position, advice.mass)
-    return _followed(_side(found, body), first, advice, found)
+    return _followed(MeasuredAgain(seed, Change((body,)), COLUMN), kind, lambda found: _side(found, body))
 
 
 def _mass(seed: int) -> _Drawn:
@@ -100,14 +84,13 @@ def _factor(seed: int) -> _Drawn:
     random = np.random.default_rng((seed, 0))
     kind, value = int(random.integers(2)), float(1 + random.choice([-1, 1]) * random.uniform(0.02, 0.06))
     site = MeasuredAgain(seed, Change(density=value) if kind else Change(stiffness=value))
-    advice = _advised(first := site.answer(), "known_mass")
-    if advice is None or advice.position is None:
-        return _Drawn("not advised")
-    found = site.with_mass(advice.position, advice.mass)
-    names = set().union(*(_named(cause) for cause in found.diagnosis.causes)) & set(_FACTORS)
     truth = {_FACTORS[kind]}
-    verdict = "right" if names == truth else "open" if truth <= names else "wrong"
-    return _followed(verdict, first, advice, found)
+
+    def verdict(found: DiagnosisResult) -> str:
+        names = set().union(*(_named(cause) for cause in found.diagnosis.causes)) & set(_FACTORS)
+        return "right" if names == truth else "open" if truth <= names else "wrong"
+
+    return _followed(site, "known_mass", verdict)
 
 
 def _nothing(found: DiagnosisResult) -> _Drawn:
@@ -124,8 +107,8 @@ def _no_change_mass(seed: int) -> _Drawn:
 
 
 _KINDS: dict[str, Callable[[int], _Drawn]] = {
-    "body left or right | sensor where it is advised": _sensor,
-    "body left or right | known mass where it is advised": _advised_mass,
+    "body left or right | sensor where it is advised": partial(_advised, "sensor"),
+    "body left or right | known mass where it is advised": partial(_advised, "known_mass"),
     "body left or right | known mass anywhere on the crossbeam": _mass,
     "stiffness or density | known mass where it is advised": _factor,
     "no change | further sensor anywhere on the crossbeam": _no_change_sensor,
