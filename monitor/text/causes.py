@@ -28,6 +28,7 @@ _CONSTANT = 0.3  # upper bound of the share of a flexibility that closes, below 
 _LOSSES = ("loss_about_local_y", "loss_about_local_z", "loss_in_twist")  # which "loss", the most of them, only repeats
 _SHARES = frozenset({"loss", *_LOSSES, "error", "damping"})  # parameters without a unit that are given in per cent
 _COARSE, _METRES = 5e-4, 1.0  # m of a place's deviation: limit of whole mm, limit of m
+_WARMER = "warmer"  # parameter of a change of temperature [K]
 _OFFSET = "offset_"  # parameters of a body that are shown if significant
 _MANY, _FEW = 6, 3  # parameters of a cause: above so many, so many are given in a line
 _MAX_NAMED = 4  # places of one kind that are named; more are counted
@@ -54,8 +55,10 @@ def quantity_text(quantity: Quantity) -> str:
 def parameter_text(name: str, quantity: Quantity) -> str:
     """Return a cause's parameter in the unit that is spoken: lengths in mm, delays in ms, angles in degrees.
 
-    A gain and a factor are numbers; a share is a loss or an error.
+    A gain and a factor are numbers; a share is a loss or an error. The name of a temperature change has its sign.
     """
+    if name == _WARMER and quantity.value < 0:
+        quantity = quantity.model_copy(update={"value": -quantity.value})
     scale, unit = _SPOKEN.get(quantity.unit, (1.0, ""))
     if quantity.unit.startswith("N"):
         size, prefix = next(pair for pair in _PREFIXES if abs(quantity.value) >= pair[0])
@@ -109,7 +112,14 @@ def parameter_texts(cause: FittedCause) -> list[tuple[str, str]]:
     repeated = {"loss"} if cause.parameters.keys() & set(_LOSSES) else set()
     found = {k: q for k, q in cause.parameters.items() if k not in repeated}
     shown = {k: q for k, q in found.items() if not k.startswith(_OFFSET) or _is_eccentric(k, q)}
-    return [(plain(name), parameter_text(name, q)) for name, q in shown.items()]
+    return [(parameter_name(name, q), parameter_text(name, q)) for name, q in shown.items()]
+
+
+def parameter_name(name: str, quantity: Quantity) -> str:
+    """Return the name of a parameter; of a temperature that fell, `colder by`."""
+    if name == _WARMER:
+        return f"{'colder' if quantity.value < 0 else 'warmer'} by"
+    return plain(name)
 
 
 def _is_eccentric(name: str, quantity: Quantity) -> bool:

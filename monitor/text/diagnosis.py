@@ -8,10 +8,11 @@ import numpy as np
 from daq.notebook import number_text
 from monitor.results.comparison import ChangeRate, DiagnosisAnswer, FollowUp, WithinRecord
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import cause_text
+from monitor.text.causes import cause_text, change_texts
 from monitor.text.quantities import MIN_P, mass_words, plain, share_text, two_digits, utc
 from updater import Body, Cause, DiagnosisResult
 from updater.diagnosis import (
+    CalibrationSummary,
     MassTestFit,
     Measurement,
     Misfit,
@@ -57,6 +58,16 @@ def diagnosis_answer(found: DiagnosisResult, steps: tuple[ReferenceStep, ...] = 
     own["next_measurement"] = next_text(found.next_measurement)
     own["separation"] = found.next_measurement if isinstance(found.next_measurement, Separation) else None
     return DiagnosisAnswer.model_validate(dict(found.diagnosis) | own)
+
+
+def modulus_texts(summary: CalibrationSummary | None) -> list[str]:
+    """Return for each modulus that was fitted unusually far from the file what may be wrong, and what depends on it."""
+    return [
+        f"{change.quantity} of {change.of} was fitted as {change_texts(change)[1]}: unusual for a metal. Check the "
+        "section (wall thickness, corner radius), the density and the masses of sensors. Masses and springs are found "
+        "relative to the mass of the structure: their deviations contain this error."
+        for change in (summary.unusual_moduli if summary else ())
+    ]
 
 
 def mass_test_text(found: MassTestFit) -> str:

@@ -14,7 +14,6 @@ from updater.causes.composite import SelectedCause as SelectedCause
 from updater.causes.composite import effect_of as effect_of
 from updater.causes.composite import mac_of as mac_of
 from updater.causes.composite import prediction as prediction
-from updater.causes.mass.added_mass import DENSITY_STD as DENSITY_STD
 from updater.causes.mass.added_mass import LARGEST_REMOVED as LARGEST_REMOVED
 from updater.causes.mass.added_mass import AddedMass as AddedMass
 from updater.causes.mass.added_mass import propose_added_mass as propose_added_mass

@@ -369,6 +369,7 @@ def calibration_summary(reference: Reference) -> CalibrationSummary | None:
         modes_measured=n_measured,
         modes_paired=PairedModes(before=n_nominal, after=len(calibration.paired)),
         frequency_error_percent=Pair(before=before, after=after),
+        unusual_moduli=calibration.unusual_moduli,
     )
 
 

@@ -189,6 +189,8 @@ class CalibrationSummary(PlainValue):
     modes_measured: int
     modes_paired: PairedModes
     frequency_error_percent: Pair  #: root mean square over the modes that are paired afterwards
+    #: moduli of metals that were fitted farther from the file than metals differ: the file has other errors
+    unusual_moduli: tuple[ParameterChange, ...] = ()
 
 
 class Diagnosis(PlainValue):

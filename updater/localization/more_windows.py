@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from daq import FloatArray, IndexArray
-from updater.causes import DENSITY_STD, AddedMass, Bodies
+from updater.causes import AddedMass, Bodies
 from updater.inference import Fit, compare, linearised
 from updater.localization.one_mass import MassChange, fit_mass, mass_change
 from updater.modal_data import ModalMean
@@ -104,7 +104,7 @@ def _std(reference: Reference, event: ModalMean, body: Bodies, error: float) -> 
     slope = linearised(data, replace(body, grid=replace(body.grid, comparison=data)))[1][0]
     covariance = np.linalg.inv(slope.T @ slope + np.diag(body.prior_std**-2.0))
     place, mass = np.sqrt(np.diag(covariance)[:2])
-    return np.array([place, np.hypot(mass, DENSITY_STD * body.start[0, 1])])
+    return np.array([place, np.hypot(mass, reference.calibration.mass_error * body.start[0, 1])])
 
 
 def _first(enough: Callable[[int], bool]) -> int:

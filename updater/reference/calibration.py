@@ -44,6 +44,10 @@ from updater.structure import (
 )
 
 FREQUENCY_ERROR = 2e-3  #: ln f: residual that no parameter of a beam model explains
+#: relative to the structure's mass: that of its density, and of paint, screws and cables
+_MASS_STD = 0.015
+_METAL = 6e10  # Pa of Young's modulus; that of concrete and timber depends on the batch
+_MODULUS_STD = 0.02  # relative, of a metal's modulus about that of tables
 _BEYOND = 4  # modes more than were measured, that sensors should see of the model
 _SEEN = 1e-3  # relative to the largest simulated mode at the sensors: a smaller motion is not measured
 _MAX_MODES = 120  # of the model
@@ -104,6 +108,32 @@ class Calibration:
             if knob.axis == axis and is_of(self.structure, connection, knob):
                 return parameter.whole_std / parameter.value / dict(connection.stiffness.items())[axis]
         return 0.0
+
+    @cached_property
+    def unusual_moduli(self) -> tuple[ParameterChange, ...]:
+        """Moduli of metals that were fitted farther from the file than metals differ: other errors are in them.
+
+        A modulus contains the errors of density, sections and unlisted masses: frequencies do not separate them.
+        """
+        return tuple(
+            change
+            for knob, change in zip(self.knobs, self.changes(), strict=False)
+            if knob.kind == "stiffness"
+            and not (knob.of_matrices or knob.of_group)
+            and self.structure.material[knob.target].youngs_modulus > _METAL
+            and change.relative
+            and abs(change.relative[0]) > SIGNIFICANT * np.hypot(_MODULUS_STD, change.relative[1])
+        )
+
+    @property
+    def mass_error(self) -> float:
+        """Relative standard deviation of the structure's mass, and thus of all masses and springs found on it.
+
+        Frequencies determine a body or a spring only as a share of the structure. The part of a fitted modulus that is
+        unusual may be an error of the mass.
+        """
+        unusual = [abs(c.relative[0]) - SIGNIFICANT * _MODULUS_STD for c in self.unusual_moduli if c.relative]
+        return float(np.hypot(_MASS_STD, max(unusual, default=0.0)))
 
     def is_rigid(self, connection: Support | Joint, axis: Axis) -> bool:
         """Return whether a connection is rigid as far as is known.

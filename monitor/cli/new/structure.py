@@ -19,8 +19,8 @@ def structure(
         Option(
             metavar="SHAPE:DIMENSIONS",
             help="Section of all members [m]: rectangle:WIDTH,HEIGHT; box:WIDTH,HEIGHT,THICKNESS[,RADIUS]; "
-            "circle:DIAMETER; tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE. RADIUS: outer corner radius, default "
-            "2 THICKNESS.",
+            "circle:DIAMETER; tube:DIAMETER,THICKNESS; i:WIDTH,HEIGHT,WEB,FLANGE. WIDTH: horizontal; of an upright "
+            "member out of the plane of the frame. RADIUS: outer corner radius, default 2 THICKNESS (cold-formed).",
         ),
     ] = None,
     beam_section: Annotated[
@@ -61,7 +61,16 @@ def structure(
         ),
     ] = None,
     sensor_mass: Annotated[
-        float | None, Option(metavar="KG", help="Mass of the sensor at each measured place [kg]: a body each.")
+        float | None,
+        Option(
+            metavar="KG", help="Mass of the sensor at each measured place, all its axes together [kg]: a body each."
+        ),
+    ] = None,
+    foot_stiffness: Annotated[
+        float | None,
+        Option(
+            metavar="N_M_PER_RAD", help="Feet that yield: rotational stiffness about x, y and z [N m/rad], roughly."
+        ),
     ] = None,
     pinned: Annotated[
         bool, Option("--pinned", help="Feet that can turn in the plane of the frame. Default: fixed feet.")
@@ -91,6 +100,7 @@ def structure(
         listed=sensor or [],
         channels=channels,
         sensor_mass=sensor_mass,
+        foot_stiffness=foot_stiffness,
         pinned=pinned,
         force=force,
     )

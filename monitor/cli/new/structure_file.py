@@ -29,7 +29,7 @@ _DIMENSIONS = {
     "tube": ("diameter", "thickness"),
     "i": ("width", "height", "web", "flange"),
 }
-_NOTES = {"corner_radius": "          # outer; 0 for sharp corners, about 2 thicknesses for cold-formed tubes"}
+_NOTES = {"corner_radius": "          # outer; 0: sharp. Measure it: area, and masses found, depend on it"}
 _RADIUS = 2.0  # thicknesses: outer corner radius of cold-formed tubes up to 6 mm, EN 10219-2
 _QUESTIONS = {
     "height": "height of a column, post or storey [m]",
@@ -149,6 +149,7 @@ def write_structure(
     listed: Sequence[str],
     channels: Path | None,
     sensor_mass: float | None,
+    foot_stiffness: float | None,
     pinned: bool,
     force: bool,
 ) -> int:
@@ -170,6 +171,8 @@ def write_structure(
     frame = _FRAMES[kind](sizes)
     if pinned and len(frame.feet) < 2:
         raise ArgumentError("--pinned", f"a {kind} needs fixed feet, or it can move without deformation")
+    if pinned and foot_stiffness is not None:
+        raise ArgumentError("--pinned", "expected no --foot-stiffness with it")
     names = [member.name for member in frame.members]
     for name in sensors.distances:
         if name not in names:
@@ -185,9 +188,11 @@ def write_structure(
         raise ArgumentError("--sensor", "expected neither --sensors-at nor --channels with it")
     if channels is not None:
         measured = _with_channels(measured, channels)
-    if sensor_mass is not None and not 0 < sensor_mass < math.inf:
-        raise ArgumentError("--sensor-mass", f"expected a positive number, found {sensor_mass:g}")
-    text = "\n".join(_lines(kind, frame, sections, material, measured, sensor_mass, pinned=pinned))
+    for option, value in (("--sensor-mass", sensor_mass), ("--foot-stiffness", foot_stiffness)):
+        if value is not None and not 0 < value < math.inf:
+            raise ArgumentError(option, f"expected a positive number, found {value:g}")
+    feet = _feet(frame.feet, foot_stiffness, pinned=pinned)
+    text = "\n".join(_lines(kind, frame, sections, material, measured, sensor_mass, feet))
     try:
         loaded = parse_structure(text)
     except StructureError as error:
@@ -298,8 +303,7 @@ def _lines(
     material: str,
     measured: Sequence[_MeasuredAxis],
     sensor_mass: float | None,
-    *,
-    pinned: bool,
+    feet: Sequence[str],
 ) -> Iterator[str]:
     yield "# Structure file of modalwatch. Axes: x along the beam, y out of the plane of the frame, z up."
     yield "# SI units throughout: m, kg, N, Pa. `modalwatch structure FILE` draws it and lists its modes."
@@ -315,12 +319,12 @@ def _lines(
     for member in frame.members:
         yield f'[[member]]\nname = "{member.name}"\nfrom = {_point(member.start)}\nto = {_point(member.end)}'
         yield f'material = "{material}"\nsection = "{member.section}"\n'
-    yield "# Supports: axes that are held. A yielding foot has springs: stiffness = {ry = 2e5} instead of a fixed axis;"
-    yield "# N/m for x y z, N m/rad for rx ry rz. Springs are calibrated, a value within a factor of two is sufficient."
-    feet = "x y z rx rz" if pinned else "x y z rx ry rz"
-    for at, fixed in (*((foot, feet) for foot in frame.feet), *frame.supports):
-        axes = ", ".join(f'"{axis}"' for axis in fixed.split())
-        yield f"[[support]]\nat = {_point(at)}\nfixed = [{axes}]\n"
+    yield "# Supports: axes that are held. A yielding foot, such as a plate on bolts, has springs in their place:"
+    yield '# fixed = ["x", "y", "z"], stiffness = {rx = 2e5, ry = 2e5, rz = 2e5}; N/m for x y z, N m/rad for rx ry rz.'
+    yield "# `diagnose` fits springs to the reference log: a value within a factor of two is sufficient."
+    yield from feet
+    for at, fixed in frame.supports:
+        yield _support(at, fixed)
     yield "# Attached bodies whose mass is known, such as clamps and sensors:"
     if sensor_mass is None:
         yield "# [[body]]\n# at = [0.0, 0.0, 1.0]\n# mass = 0.25\n"
@@ -333,6 +337,19 @@ def _lines(
         direction = [sensor.sign * (sensor.axis == other) for other in "xyz"]
         name = json.dumps(sensor.channel, ensure_ascii=False)
         yield f"[[sensor]]\nchannel = {name}\nat = {_point(sensor.at)}\ndirection = {direction}\n"
+
+
+def _feet(feet: Sequence[Point], stiffness: float | None, *, pinned: bool) -> list[str]:
+    """Return the entries of fixed feet, of pinned ones, or of feet that yield in all rotations."""
+    fixed = "x y z" if stiffness is not None else "x y z rx rz" if pinned else "x y z rx ry rz"
+    return [_support(at, fixed, stiffness) for at in feet]
+
+
+def _support(at: Point, fixed: str, stiffness: float | None = None) -> str:
+    axes = ", ".join(f'"{axis}"' for axis in fixed.split())
+    each = ", ".join(f"{axis} = {stiffness:g}" for axis in ("rx", "ry", "rz") if stiffness is not None)
+    springs = f"stiffness = {{{each}}}\n" if each else ""
+    return f"[[support]]\nat = {_point(at)}\nfixed = [{axes}]\n{springs}"
 
 
 def _measured_axes(frame: _Frame, places: SensorPlaces) -> Iterator[_MeasuredAxis]:

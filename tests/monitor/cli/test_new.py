@@ -122,6 +122,8 @@ def test_site_has_a_device_per_place_and_its_channels(modalwatch: Commands, tmp_
         ((*PORTAL, "--sensors-at", "beam:3.5"), "--sensors-at: beam: expected distances from 0 to 3 m, found 3.5"),
         (("cantilever", "--height", -1, "--section", "circle:0.1"), "--height: expected a positive number, found -1"),
         (("cantilever", "--height", 1, "--section", "circle:0.1", "--pinned"), "--pinned: a cantilever needs fixed"),
+        ((*PORTAL, "--pinned", "--foot-stiffness", 2e3), "--pinned: expected no --foot-stiffness with it"),
+        ((*PORTAL, "--foot-stiffness", 0), "--foot-stiffness: expected a positive number, found 0"),
     ],
 )
 def test_invalid_structures_are_refused(

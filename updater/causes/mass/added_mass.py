@@ -32,8 +32,6 @@ from updater.quantities import ECCENTRIC, Quantity, Vector, Where, rounded_value
 from updater.reference import Reference
 from updater.structure import Body, Member, Structure, fineness, local_axes, size
 
-# relative to the structure's mass: frequencies determine a body, a spring or a force only as a share of it
-DENSITY_STD = 0.015
 FINE = 0.001  # m between positions where the posterior is
 _COARSE = 0.01  # m between them elsewhere
 _MAX = 5000  # positions that are all fitted; of more, on a structure's nodes, the most likely are
@@ -295,7 +293,7 @@ class AddedMass:
         magnitude = self.magnitude(fit.theta[here, 0], np.sqrt(fit.covariance[here, 0, 0]))
         mean = float(share @ magnitude.mean)
         variance = share @ (magnitude.variance + (magnitude.mean - mean) ** 2)
-        std = float(np.hypot(np.sqrt(variance), scale_error(self.comparison) * mean))
+        std = float(np.hypot(np.sqrt(variance), scale_error(self.reference, self.comparison) * mean))
         row = int(here[np.argmax(share)])
         return self._outside_the_file(row, fit.theta[row], mean, std) if self._is_unlisted(row, mean) else (mean, std)
 
@@ -354,9 +352,9 @@ class AddedMass:
         return structure.with_bodies([Body(at=at, mass=float(theta[0]), offset=vector(offset), inertia=inertia)])
 
 
-def scale_error(comparison: Comparison) -> float:
-    """Return the relative standard deviation of all masses, by the density of the model and by its mesh."""
-    return float(np.hypot(DENSITY_STD, comparison.size_error))
+def scale_error(reference: Reference, comparison: Comparison) -> float:
+    """Return the relative standard deviation of all masses, by the mass of the structure and by the model's mesh."""
+    return float(np.hypot(reference.calibration.mass_error, comparison.size_error))
 
 
 def propose_added_mass(reference: Reference, comparison: Comparison, spacing: float | None = None) -> AddedMass:

@@ -79,7 +79,7 @@ class DistributedMass(Spread):
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the mass in all and the length over which it is spread."""
         mass = self.averaged(fit, fit.theta[:, 0], np.sqrt(fit.covariance[:, 0, 0]))
-        std = float(np.hypot(mass[1], scale_error(self.comparison) * mass[0]))
+        std = float(np.hypot(mass[1], scale_error(self.reference, self.comparison) * mass[0]))
         extent = self.averaged(fit, *self.extents(fit))
         return {
             "mass": Quantity(value=mass[0], std=std, unit="kg"),

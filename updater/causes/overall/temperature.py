@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from daq import FloatArray
+from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
 from updater.causes.overall.common_factor import (
     COMMON_FACTOR_STD,
@@ -30,6 +30,7 @@ from updater.structure import Structure
 SOFTENING = 3.5e-4  # 1/K, of Young's modulus
 SOFTENING_STD = 0.5e-4  # 1/K: thermal expansion, joints, and sensors that sit elsewhere than the steel
 _THERMOMETER_STD = 0.7  # K, of a difference
+_USUAL, _BEYOND = 40.0, 10.0  # K of a change without a thermometer (EN 1991-1-5, 6.1.3), and how far others go beyond
 _MIN_WARMER = 1.0  # K, below which no softening per kelvin is stated
 
 
@@ -46,6 +47,14 @@ class Temperature(OwnFactor):
         """Return the factor over the error of a thermometer and of the law."""
         factor = float(self.log_factor(theta))
         return factor / float(np.hypot(0.5 * SOFTENING * _THERMOMETER_STD, factor * SOFTENING_STD / SOFTENING))
+
+    def log_ratio(self, theta: FloatArray, covariance: FloatArray, rows: IndexArray) -> FloatArray:
+        """Return the correction of the evidence for a change of temperature that is larger than usual."""
+        del covariance, rows
+        if np.isfinite(self.warmer):
+            return np.zeros(len(theta))
+        warmer = np.abs(2 * self.log_factor(theta) / SOFTENING)
+        return np.asarray(-0.5 * (np.maximum(warmer - _USUAL, 0.0) / _BEYOND) ** 2)
 
     def parameters(self, fit: Fit[Cause]) -> dict[str, Quantity]:
         """Return the temperature rise; with a thermometer, also the loss of stiffness over mass per kelvin."""

@@ -11,7 +11,6 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause
-from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.member_grid import Cells, cut
 from updater.causes.stretches import WITHIN, Kinds, Stretches, begun, everywhere, may_be_cut
 from updater.fe import flexibility
@@ -76,7 +75,8 @@ class SupportSpring(Stretches):
         theta = np.clip(fit.theta[:, 0], _MIN, _MAX)
         log = np.log(np.expm1(theta) / self.at(fit.theta, np.arange(len(theta)))[1])
         mean, std = float(share @ log), np.sqrt(fit.covariance[:, 0, 0]) / -np.expm1(-theta)
-        spread = float(np.sqrt(share @ (std**2 + (log - mean) ** 2) + DENSITY_STD**2))
+        variance = share @ (std**2 + (log - mean) ** 2)
+        spread = float(np.hypot(np.sqrt(variance), self.reference.calibration.mass_error))
         value = float(np.exp(mean))
         return {f"stiffness_{AXES[axis]}": Quantity(value=value, std=value * spread, unit="N/m")}
 

@@ -16,7 +16,6 @@ import numpy as np
 
 from daq import FloatArray, IndexArray
 from updater.causes.base import Cause, Discrete
-from updater.causes.mass.added_mass import DENSITY_STD
 from updater.causes.stretches import may_be_cut
 from updater.fe import Element, Model, self_stress
 from updater.inference import Comparison, Effect, Fit, in_modes, log_uniform, no_effect
@@ -44,6 +43,7 @@ class AxialForce(Discrete):
     basis: FloatArray  #: (n, n_modes, n_modes) Lambda^-1/2 V [s]
     #: (n,) most of a usual force over that of buckling; infinite for a change, which may be of any order
     usual: FloatArray
+    scale_error: float  #: relative standard deviation of all forces, by the mass of the structure
     name: str = "axial_force"
     place_free: bool = False
     advice: str = "Measure the force in the member: a jack, a strain gauge, or its own frequency between two clamps."
@@ -79,7 +79,7 @@ class AxialForce(Discrete):
         """Return the force that was added, negative in compression."""
         unit, best = float(self.buckling[fit.best]), fit.best
         value, std = unit * float(fit.theta[best, 0]), unit * float(fit.covariance[best, 0, 0] ** 0.5)
-        return {"force": Quantity(value=value, std=float(np.hypot(std, DENSITY_STD * value)), unit="N")}
+        return {"force": Quantity(value=value, std=float(np.hypot(std, self.scale_error * value)), unit="N")}
 
     def extend(self, structure: Structure, row: int, theta: FloatArray) -> Structure:
         """Write the member's preload."""
@@ -106,6 +106,7 @@ def propose_axial_force(reference: Reference, comparison: Comparison) -> AxialFo
         buckling=buckling,
         share=share,
         basis=basis,
+        scale_error=reference.calibration.mass_error,
         usual=usual_forces(reference.model) / buckling if reference.of_file else np.full(len(buckling), np.inf),
     )
 

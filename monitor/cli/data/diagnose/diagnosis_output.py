@@ -30,6 +30,7 @@ from monitor.text.causes import (
 from monitor.text.diagnosis import (
     follow_text,
     mass_test_text,
+    modulus_texts,
     plan_rows,
     record_change_texts,
     smallest_changes_text,
@@ -42,6 +43,7 @@ from updater import Cause, Gain, Structure
 from updater.structure import place_name
 
 _STYLE = {"explained": "bold red", "nothing_to_explain": "bold green"}
+_NO_BASELINE = "none: the reference logs have no such mode in their band"
 _FAR = 3.0  # standard deviations from which a frequency is off
 _MAX = 6  # refused causes that are listed individually
 
@@ -58,6 +60,8 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
             console.print(line)
     if diagnosis.next_measurement and diagnosis.verdict != "nothing_to_explain":
         console.print(f"[bold]next:[/] {escape(diagnosis.next_measurement)}")
+    for text in modulus_texts(diagnosis.calibration):
+        console.print(f"[yellow]note:[/] {escape(text)}")
     if diagnosis.follows:
         console.print(follow_text(diagnosis.follows))
     if rows := plan_rows(diagnosis.separation):
@@ -143,6 +147,8 @@ def _modes(found: DiscrepancyResult) -> RenderableType:
         cells = [mark + _hertz(mode, mode.simulated, "none"), _hertz(mode, mode.measured, "not found"), *_off(mode)]
         cells += [_percent(mode, mode.off_percent_after), optional(mode.mac_after, ".4f", "-")] * after
         table.add_row(*cells, style=None if mode.compared else "dim")
+    if found.measured_before and any(mode.simulated is None for mode in found.listed):
+        table.caption, table.caption_justify = _NO_BASELINE, "left"
     return table
 
 
