@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from oma.identification import IdentificationStream as IdentificationStream
     from oma.identification import identify as identify
     from oma.identification import identify_all as identify_all
+    from oma.identification import least_frequency as least_frequency
+    from oma.identification import shortest_duration as shortest_duration
     from oma.methods import EFDD as EFDD
     from oma.methods import FDD as FDD
     from oma.methods import FSDD as FSDD

@@ -314,15 +314,26 @@ class IdentificationStream:
         )
 
 
+def least_frequency(duration: float, method: Method | None = None) -> float:
+    """Return the frequency from which modes are sought in a recording of some length [s] by default [Hz]."""
+    return (method or DataSSI()).min_cycles / duration
+
+
+def shortest_duration(rate: float, method: Method | None = None) -> float:
+    """Return the length below which a recording at a rate [Hz] has no band of its own [s]."""
+    method = method or DataSSI()
+    return method.min_cycles * method.decimation / PASS / rate
+
+
 def _band(recording: Recording, method: Method, band: tuple[float, float] | None) -> tuple[float, float]:
     """Return the band to search, checked; by default up to `TOP` of the rate."""
     rate, duration = recording.rate, recording.duration
     if duration == 0:
-        raise TooShort(0, method.min_cycles * method.decimation / PASS / rate)
+        raise TooShort(0, shortest_duration(rate, method))
     if band is None:
-        low = method.min_cycles / duration
+        low = least_frequency(duration, method)
         if low >= PASS * rate / method.decimation:
-            raise TooShort(duration, method.min_cycles * method.decimation / PASS / rate)
+            raise TooShort(duration, shortest_duration(rate, method))
         return low, TOP * rate
     if not 0 < band[0] < band[1] <= 0.5 * rate:
         raise InputError(f"band: expected 0 < low < high <= {0.5 * rate} Hz, found {band}")

@@ -4,9 +4,10 @@
     $1042,10420,0.012,-0.981,0.034*37        the same with the checksum of NMEA 0183
     x:0.012 y:-0.981 z:0.034                 labels as of the plotter of the Arduino IDE
 
-A line ends with a line feed. Numbers are separated by a comma, a semicolon, blanks or tabs. A label before a number is
-skipped. A line that begins with `#` is a comment. The checksum is the exclusive or of all characters between `$` and
-`*`, as two hexadecimal digits. It is optional up to the first line that has one, and then required.
+A line ends with a line feed. Numbers are separated by a comma, a semicolon, blanks or tabs; if the comma is the decimal
+sign, by the others. A label before a number is skipped. A line that begins with `#` is a comment. The checksum is the
+exclusive or of all characters between `$` and `*`, as two hexadecimal digits. It is optional up to the first line that
+has one, and then required.
 """
 
 import re
@@ -24,7 +25,7 @@ AXES = ("x", "y", "z")
 TIMES = {"time_s": 1.0, "time_ms": 1e-3, "time_us": 1e-6}  #: column -> [s]
 COLUMNS = ("counter", *TIMES, *AXES, "temperature")  #: names of columns
 IGNORED = "-"  #: name of a column that is not used
-UNITS = {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3}  #: unit of the axes -> [m/s2]
+UNITS = {"m/s2": 1.0, "g": 9.80665, "mg": 9.80665e-3, "cm/s2": 0.01, "mm/s2": 1e-3}  #: unit of the axes -> [m/s2]
 COUNTER_BITS = (8, 16, 32)
 LONGEST = 400  #: bytes of a line
 
@@ -34,6 +35,7 @@ _LABEL = rb"(?:[A-Za-z]\w{0,15}[ \t]?[:=][ \t]?)?"
 _TALKER = rb"(?:[A-Za-z]\w{0,15}[ \t]?,[ \t]?)?"  # as GPGGA in NMEA 0183
 _SEPARATOR = rb"(?:[ \t]*[,;][ \t]*|[ \t]+)"
 DECIMAL = rb"([+-]?(?:\d{1,15}(?:\.\d{0,15})?|\.\d{1,15})(?:[eE][+-]?\d\d?)?)"  #: pattern of a number
+_COMMA = re.compile(rb"(?<=\d),(?=\d)")
 _PATTERNS = {
     "counter": rb"(\d{1,10})",
     **dict.fromkeys(TIMES, rb"(\d{1,15}(?:\.\d{0,9})?)"),
@@ -54,6 +56,7 @@ class LineFormat:
     unit: str | None = None  #: unit of the axes, of `UNITS`, or None for whole numbers with `scale`
     scale: float | None = None  #: m/s2 a count, for axes that are whole numbers
     counter_bits: int = 32  #: bits after which the counter wraps
+    decimal_comma: bool = False  #: the decimal sign is a comma
 
     def __post_init__(self) -> None:
         """Refuse columns without an axis, repeated ones, and numbers without one meaning."""
@@ -137,6 +140,8 @@ def encode_lines(scans: TextScans, form: LineFormat, *, checksum: bool = False) 
     """Return the lines of scans; a column that is not used is 0."""
     columns = [_texts(scans, form, name) for name in form.columns]
     lines = [",".join(numbers) for numbers in zip(*columns, strict=True)]
+    if form.decimal_comma:
+        lines = [line.replace(",", ";").replace(".", ",") for line in lines]
     if checksum:
         lines = [f"${line}*{reduce(xor, line.encode(), 0):02X}" for line in lines]
     return "".join(f"{line}\r\n" for line in lines).encode()
@@ -201,10 +206,10 @@ class TextDecoder:
         text = line.rstrip(b"\r")
         if not text or text.startswith(b"#"):
             return None
-        found = self._match(text) if not self._sealed else None
+        found = self._numbers(text) if not self._sealed else None
         if found is None and (body := unsealed(text)) is not None:
             self._sealed = True
-            found = self._match(body)
+            found = self._numbers(body)
         if found is None:
             self.refused = text
             self.bad_bytes += len(line) + 1
@@ -212,6 +217,9 @@ class TextDecoder:
         else:
             self.length = len(line) + 1
         return found
+
+    def _numbers(self, text: bytes) -> re.Match[bytes] | None:
+        return self._match(with_points(text) if self._form.decimal_comma else text)
 
     def _scans(self, values: FloatArray, line: IndexArray, lengths: IndexArray) -> TextScans:
         """Return the scans of lines; a number that no count can be is refused."""
@@ -231,6 +239,19 @@ class TextDecoder:
             line,
         )
         return scans if good.all() else scans[good]
+
+
+def has_decimal_commas(text: bytes) -> bool:
+    """Return whether all commas of a line are decimal signs: between digits, with other separators and no point."""
+    commas = text.count(b",")
+    return (
+        bool(commas) and b"." not in text and bool(re.search(rb"[; \t]", text)) and commas == len(_COMMA.findall(text))
+    )
+
+
+def with_points(text: bytes) -> bytes:
+    """Return a line whose decimal sign is a comma with decimal points."""
+    return text.replace(b",", b".")
 
 
 def unsealed(text: bytes) -> bytes | None:

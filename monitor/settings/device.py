@@ -74,9 +74,11 @@ class TextSettings(Section):
     columns: Annotated[tuple[str, ...], Field(examples=[["counter", "time_ms", "x", "y", "z"]])]
     """Numbers of a line: `counter`, `time_s`, `time_ms`, `time_us`, `x`, `y`, `z`, `temperature`; `-`: not used."""
     unit: Annotated[str | None, Field(examples=["g"])] = None
-    """Unit of x, y and z: `m/s2`, `g` or `mg`. Expected if `scale` is not given."""
+    """Unit of x, y and z: `m/s2`, `cm/s2`, `mm/s2`, `g` or `mg`. Expected if `scale` is not given."""
     scale: Annotated[Positive | None, Field(examples=[0.0006])] = None
     """Acceleration per count [m/s2], if x, y and z are whole numbers without a unit."""
+    decimal_comma: bool = False
+    """The decimal sign is a comma; numbers are separated by semicolons, blanks or tabs."""
     counter_bits: int = 32
     """Bits of the counter: 8, 16 or 32."""
     baud: Annotated[int, Field(gt=0)] = 115_200

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,18 @@ from daq.drivers.base import Found, PortAnswer, TextAddress
 from daq.drivers.network.ports import network_address
 from daq.drivers.serial.base import PORT_ERRORS, BytePort, SerialPort
 from daq.errors import DeviceLost
-from daq.protocol.text_line import AXES, DECIMAL, IGNORED, TIMES, UNITS, LineFormat, line_pattern, unsealed
+from daq.protocol.text_line import (
+    AXES,
+    DECIMAL,
+    IGNORED,
+    TIMES,
+    UNITS,
+    LineFormat,
+    has_decimal_commas,
+    line_pattern,
+    unsealed,
+    with_points,
+)
 from daq.types import DeviceIdentity, FloatArray
 
 BAUDS = (115_200, 9600, 57_600, 230_400, 460_800, 921_600)
@@ -18,6 +30,7 @@ _FIRST_SECONDS = 3.5  # at the first baud rate: an Arduino restarts when its por
 _LISTEN_SECONDS = 0.5  # at each other one
 _MEASURE_SECONDS = 1.0  # of lines that are received
 _LEAST = 8  # lines
+_LONGEST = 3.0  # times as long as _MEASURE_SECONDS: until so many lines have arrived from a slow sensor
 _MAX_COLUMNS = 12
 _GRAVITY = 9.80665
 _NEAR = 0.2  # of gravity: a sensor at rest that is tilted and has an offset
@@ -39,8 +52,9 @@ def search(path: str, _: int) -> PortAnswer | None:
             if number and isinstance(port, SerialPort):
                 port.set_baud(baud)
             lines, rate = _listen(port, _LISTEN_SECONDS if number else _FIRST_SECONDS)
+            lines, comma = _with_points(lines)
             if len(values := _same_numbers(lines)):
-                return _answer(path, baud, values, rate)
+                return _answer(path, baud, values, rate, decimal_comma=comma)
             if not lines:
                 return None  # silent at any baud rate
     except (*PORT_ERRORS, DeviceLost):
@@ -55,10 +69,11 @@ def _listen(port: BytePort, longest: float) -> tuple[list[bytes], float]:
     port.discard_input()
     data, arrivals, counts = b"", list[float](), list[int]()
     end = time.monotonic() + longest
-    while (now := time.monotonic()) < end:
+    slowest = math.inf
+    while (now := time.monotonic()) < end or (len(counts) and counts[-1] <= _LEAST and now < slowest):
         if part := port.read():
             if not data:
-                end = now + _MEASURE_SECONDS
+                end, slowest = now + _MEASURE_SECONDS, now + _LONGEST * _MEASURE_SECONDS
                 data = part.rpartition(b"\n")[2] or b"\n"  # the rate does not follow from lines that were waiting
             else:
                 data += part
@@ -70,13 +85,19 @@ def _listen(port: BytePort, longest: float) -> tuple[list[bytes], float]:
     return data.split(b"\n")[1:-1] if data else [], float(off @ count) / square if square > 0 else 0.0
 
 
-def _same_numbers(lines: Sequence[bytes]) -> FloatArray:
-    """Return the numbers (n_lines, n) of lines that nearly all have the same number of them, else an empty array."""
+def _with_points(lines: Sequence[bytes]) -> tuple[list[bytes], bool]:
+    """Return the texts of lines without checksum and with decimal points, and whether they had decimal commas."""
     texts = [line.rstrip(b"\r") for line in lines]
     texts = [body if (body := unsealed(text)) is not None else text for text in texts]
+    comma = sum(map(has_decimal_commas, texts)) > _MOST * len(texts)
+    return [with_points(text) for text in texts] if comma else texts, comma
+
+
+def _same_numbers(lines: Sequence[bytes]) -> FloatArray:
+    """Return the numbers (n_lines, n) of lines that nearly all have the same number of them, else an empty array."""
     for n in range(1, _MAX_COLUMNS + 1):
         match = line_pattern([DECIMAL] * n).fullmatch
-        rows = [[float(number) for number in found.groups()] for text in texts if (found := match(text))]
+        rows = [[float(number) for number in found.groups()] for text in lines if (found := match(text))]
         if len(rows) >= max(_LEAST, _MOST * len(lines)):
             return np.array(rows)
     return np.empty((0, 0))
@@ -117,10 +138,11 @@ def _meaning(names: Sequence[str], axes: FloatArray) -> LineFormat | None:
     if not axes.size:
         return None
     gravity = float(np.linalg.norm(axes.mean(0)))
+    whole = bool(np.all(axes == np.rint(axes)))
     for unit, factor in UNITS.items():
-        if abs(gravity * factor / _GRAVITY - 1) < _NEAR:
+        if abs(gravity * factor / _GRAVITY - 1) < _NEAR and not (whole and unit == "mm/s2"):  # 8192 counts are 1 g
             return LineFormat(columns=tuple(names), unit=unit)
-    if axes.shape[1] < len(AXES) or np.any(axes != np.rint(axes)) or not gravity:
+    if axes.shape[1] < len(AXES) or not whole or not gravity:
         return None
     return LineFormat(columns=tuple(names), scale=float(f"{_GRAVITY / gravity:.4g}"))
 
@@ -131,14 +153,15 @@ def _usual(rate: float, clocked: bool) -> float:
     return float(near if abs(rate / near - 1) < _ROUNDED[clocked] else f"{rate:.4g}")
 
 
-def _answer(path: str, baud: int, values: FloatArray, arriving: float) -> PortAnswer:
+def _answer(path: str, baud: int, values: FloatArray, arriving: float, *, decimal_comma: bool) -> PortAnswer:
     """Return the sensor that sends numbers (n_lines, n) at about a rate [Hz], if columns and unit are clear."""
     if not (found := _columns(values, arriving)):
         return PortAnswer(who=f"lines of {values.shape[1]} numbers whose unit is not known", devices=())
-    form, rate = found
+    form, rate = replace(found[0], decimal_comma=decimal_comma), found[1]
     place = TextAddress(port=path, form=form, baud=baud)
     device = Found(
         driver="serial-text", place=place, identity=DeviceIdentity(product="text lines"), rate=rate, axes=form.axes
     )
     unit = form.unit or f"counts of {form.step:g} m/s2 by gravity"
+    unit = f"{unit}, or cm/s2" if unit == "mg" else unit  # 2 % apart
     return PortAnswer(who=f"lines of text: {' '.join(form.columns)} [{unit}]", devices=(device,))

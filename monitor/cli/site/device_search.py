@@ -120,6 +120,8 @@ def _place(place: str | CanAddress | TextAddress) -> str:
         form = place.form
         words = [f"columns = {json.dumps(form.columns)}"]
         words.append(f"scale = {form.scale:g}" if form.unit is None else f'unit = "{form.unit}"')
+        if form.decimal_comma:
+            words.append("decimal_comma = true")
         if place.baud != TextAddress.baud:
             words.append(f"baud = {place.baud}")
         return f"port = {json.dumps(place.port)}\ntext = {{{', '.join(words)}}}"

@@ -17,6 +17,7 @@ from monitor.service.acquisition.thermometer import last_reading
 from monitor.service.site import Site
 from monitor.settings import NotifySettings, Settings, TemperatureSettings
 from monitor.settings.redaction import revealed, shown_address
+from oma import least_frequency, shortest_duration
 
 _SECONDS = 3.0  # to wait for a server
 _PORTS = {"http": 80, "https": 443, "mqtt": 1883, "mqtts": 8883}
@@ -36,6 +37,7 @@ class Finding:
 
 def look_around(site: Site) -> Iterator[Finding]:
     """Yield how each thing is; nothing is sent, and nothing made."""
+    yield _guarded("window", partial(_window, site.settings))
     yield _history(site)
     for number, target in enumerate(site.settings.notify, 1):
         yield _guarded(f"notify {number}", partial(_notify, target))
@@ -58,6 +60,19 @@ def _guarded(what: str, look: Callable[[], str]) -> Finding:
         return Finding(what=what, text=look())
     except (OSError, ValueError) as error:
         return Finding(what=what, text=str(error), well=False)
+
+
+def _window(settings: Settings) -> str:
+    """Check that windows are long enough for modes to be sought in them."""
+    seconds, rate = settings.analysis.window_seconds, min(device.rate for device in settings.device)
+    least = 0.0 if settings.analysis.band else shortest_duration(rate)
+    if seconds <= least:
+        raise ValueError(
+            f"analysis.window_seconds: expected more than {least:.3g} s at {rate:g} Hz, found {seconds:g}; "
+            "no window would have modes"
+        )
+    low = settings.analysis.band[0] if settings.analysis.band else least_frequency(seconds)
+    return f"modes from {low:.2g} Hz are sought"
 
 
 def _history(site: Site) -> Finding:

@@ -12,7 +12,16 @@ import pytest
 from hypothesis import given, settings
 
 from daq.protocol import text_line
-from daq.protocol.text_line import LineFormat, TextDecoder, TextScans, encode_lines, no_scans, unsealed
+from daq.protocol.text_line import (
+    UNITS,
+    LineFormat,
+    TextDecoder,
+    TextScans,
+    encode_lines,
+    has_decimal_commas,
+    no_scans,
+    unsealed,
+)
 
 FORM = LineFormat(columns=("counter", "time_ms", "x", "y", "z", "temperature"), unit="g")
 G = 9.80665
@@ -41,12 +50,14 @@ def read(text: bytes, columns: str = "x y z", **meaning: object) -> list[list[fl
     return [[round(int(row[axis]) * form.step, 9) for axis in form.axes] for row in found.counts]
 
 
-@given(seeds, st.sampled_from(["g", "mg", "m/s2", None]), st.booleans(), st.lists(st.integers(0, 10_000), max_size=20))
+@given(
+    seeds, st.sampled_from([*UNITS, None]), st.booleans(), st.booleans(), st.lists(st.integers(0, 10_000), max_size=20)
+)
 @settings(max_examples=40)
 def test_encoding_round_trip_is_exact_in_any_pieces(
-    seed: int, unit: str | None, checksum: bool, cuts: list[int]
+    seed: int, unit: str | None, checksum: bool, decimal_comma: bool, cuts: list[int]
 ) -> None:
-    form = LineFormat(columns=FORM.columns, unit=unit, scale=None if unit else 1e-3)
+    form = LineFormat(columns=FORM.columns, unit=unit, scale=None if unit else 1e-3, decimal_comma=decimal_comma)
     scans = some_scans(seed, 30)
     found, bad = fed(encode_lines(scans, form, checksum=checksum), form, cuts)
     assert bad == 0
@@ -89,6 +100,17 @@ def test_line_of_the_documentation_has_its_checksum() -> None:
 )
 def test_common_forms_of_a_line_are_read(line: bytes) -> None:
     assert read(line + b"\n") == [[0.5, -1.0, 9.81]]
+
+
+@pytest.mark.parametrize("line", [b"0,5;-1,0;9,81", b"0,5\t-1\t9,81", b"x: 0,5 y: -1 z: 9,81"])
+def test_decimal_commas_are_read(line: bytes) -> None:
+    assert has_decimal_commas(line)
+    assert read(line + b"\n", unit="m/s2", decimal_comma=True) == [[0.5, -1.0, 9.81]]
+
+
+@pytest.mark.parametrize("line", [b"1,2,3", b"1, 2; 3", b"0.5,1 2", b"1;2;3", b"x:0,y:-1 z:9"])
+def test_other_commas_are_separators(line: bytes) -> None:
+    assert not has_decimal_commas(line)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +208,7 @@ def test_empty_scans_are_encoded_to_nothing() -> None:
         ({"columns": ("counter",)}, "columns: expected an axis, x, y, z, found none"),
         ({"unit": None}, "expected one of `unit` and `scale`"),
         ({"scale": 1.0}, "expected one of `unit` and `scale`"),
-        ({"unit": "kg"}, "unit: expected m/s2, g, mg, found 'kg'"),
+        ({"unit": "kg"}, "unit: expected m/s2, g, mg, cm/s2, mm/s2, found 'kg'"),
         ({"unit": None, "scale": -1.0}, "scale: expected a positive number"),
         ({"counter_bits": 12}, "counter_bits: expected 8, 16, 32, found 12"),
     ],

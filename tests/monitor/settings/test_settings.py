@@ -104,7 +104,7 @@ def test_channels_keep_device_and_axis() -> None:
             "device.0.text: columns: expected counter, time_s, time_ms, time_us, x, y, z",
         ),
         (GOOD + TEXT.replace(', unit = "g"', ""), "device.0.text: expected one of `unit` and `scale`"),
-        (GOOD + TEXT.replace('"g"', '"kg"'), "device.0.text: unit: expected m/s2, g, mg, found 'kg'"),
+        (GOOD + TEXT.replace('"g"', '"kg"'), "device.0.text: unit: expected m/s2, g, mg, cm/s2, mm/s2, found 'kg'"),
         (GOOD.replace("port =", "# port =") + CAN + TEXT, "device.0: expected `port` with `text`, found `can`"),
         (
             GOOD + SENSORS.replace("left_z", "right_z"),

@@ -23,6 +23,8 @@ SENSORS = [
     (LineFormat(columns=("time_ms", "x", "y", "z"), unit="g"), 100.0, None),
     (LineFormat(columns=("counter", "time_us", "x", "y", "z"), unit="mg"), 197.0, None),
     (LineFormat(columns=("x", "y", "z"), unit="m/s2"), 50.0, None),
+    (LineFormat(columns=("counter", "x", "y", "z"), unit="mm/s2", decimal_comma=True), 100.0, None),
+    (LineFormat(columns=("counter", "x", "y", "z"), unit="g"), 5.0, None),
     (
         LineFormat(columns=("counter", "x", "y", "z", "temperature"), scale=0.00061292),
         125.0,
@@ -55,6 +57,13 @@ def test_clock_that_wraps_while_its_rate_is_measured_is_found(bits: int) -> None
     values = np.column_stack([time, np.zeros(100), np.zeros(100), np.ones(100)])
     expected = LineFormat(columns=("time_ms", "x", "y", "z"), unit="g")
     assert _columns(values, 97.0) == (expected, 100.0)
+
+
+def test_whole_numbers_have_a_scale_by_gravity() -> None:
+    """8192 counts per g are usual, and nearer to 9807 mm/s2 than a sensor at rest may be off."""
+    values = np.column_stack([np.arange(100), np.zeros(100), np.zeros(100), np.full(100, 8192)])
+    expected = LineFormat(columns=("counter", "x", "y", "z"), scale=0.001197)
+    assert _columns(values, 100.0) == (expected, 100.0)
 
 
 def write(master: int, line: bytes) -> None:

@@ -31,9 +31,21 @@ def looked(folder: Path, more: str = "", *, file: str = SITE) -> dict[str, Findi
 def test_minimal_site_checks_history_disk_and_clock(tmp_path: Path) -> None:
     found = looked(tmp_path)
     assert all(finding.well for finding in found.values())
-    assert list(found) == ["history", "disk", "clock"]
+    assert list(found) == ["window", "history", "disk", "clock"]
+    assert found["window"].text == "modes from 0.17 Hz are sought"  # 100 periods in 600 s
     assert "history.sqlite, made at the start" in found["history"].text
     assert not (tmp_path / "state").exists()  # nothing is made
+
+
+@pytest.mark.parametrize(
+    ("analysis", "well"),
+    [("window_seconds = 1.3", True), ("window_seconds = 1.2", False), ("window_seconds = 1.2\nband = [90, 200]", True)],
+)
+def test_window_in_which_no_mode_is_sought_is_named(tmp_path: Path, analysis: str, well: bool) -> None:
+    """At 1000 Hz: 100 periods of the frequency up to which the lowest of the rates, 200 Hz, is used, 0.4 of it."""
+    found = looked(tmp_path, f"[analysis]\n{analysis}\n")["window"]
+    assert found.well == well
+    assert well or found.text.startswith("analysis.window_seconds: expected more than 1.25 s at 1000 Hz, found 1.2; ")
 
 
 def test_unreadable_history_is_reported(tmp_path: Path) -> None:
