@@ -3,7 +3,7 @@
 from monitor.results.run_results import RunResults
 from monitor.results.windows import AcceptedShift, WindowResult
 from monitor.text.cause_list import listed_causes
-from monitor.text.causes import brief_text, change_text, mass_text
+from monitor.text.causes import brief_text, change_text, further_changes, mass_text
 from monitor.text.detection import standing_trend, unsure_now
 from monitor.text.modal_change import modal_change_headline
 from monitor.text.quantities import utc
@@ -20,17 +20,30 @@ VERDICTS = {
     "unexplained": "Unexplained: no known cause explains the difference between data and model.",
 }
 
+_FITTED = "Nothing significant to explain: the data agree with the model after small changes of its parameters"
+
 
 def verdict_text(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence that the causes follow, if there are any."""
-    return f"{VERDICTS[diagnosis.verdict]}:" if diagnosis.causes else VERDICTS[diagnosis.verdict]
+    return f"{_verdict(diagnosis)}:" if diagnosis.causes else _verdict(diagnosis)
+
+
+def has_only_fitted_parameters(diagnosis: Diagnosis) -> bool:
+    """Return whether parameters of the model alone explain the data, none of them by two deviations or more."""
+    return bool(diagnosis.causes) and all(
+        cause.changes and further_changes(cause) == cause.changes for cause in diagnosis.causes
+    )
+
+
+def _verdict(diagnosis: Diagnosis) -> str:
+    return _FITTED if has_only_fitted_parameters(diagnosis) else VERDICTS[diagnosis.verdict]
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
     """Return the diagnosis in one sentence."""
     if not diagnosis.causes:
         return VERDICTS[diagnosis.verdict]
-    return f"{VERDICTS[diagnosis.verdict]}: {'; '.join(map(brief_text, listed_causes(diagnosis.causes)))}."
+    return f"{_verdict(diagnosis)}: {'; '.join(map(brief_text, listed_causes(diagnosis.causes)))}."
 
 
 def changed_between(run_results: RunResults) -> tuple[int, int] | None:

@@ -178,7 +178,7 @@ def prove(evidence: Evidence, mass: float, at: Sequence[float]) -> Proof:
     found, diagnosis = evidence.found, evidence.diagnosis
     member, place = _on_member(evidence.structure, np.asarray(at, float))
     checks = (
-        Check(what="cause", result=change_text(diagnosis), passed=is_one_mass(diagnosis)),
+        _cause_check(diagnosis),
         _place_check(evidence, member, place),
         _mass_check(found, mass),
     )
@@ -229,13 +229,20 @@ def _on_member(structure: Structure, at: FloatArray) -> tuple[str, FloatArray]:
     return name, nearest
 
 
+def _cause_check(diagnosis: Diagnosis) -> Check:
+    """Return whether the cause is one mass; its size and place are those that are located, as in the alarm."""
+    passed = is_one_mass(diagnosis)
+    return Check(what="cause", result="one mass" if passed else change_text(diagnosis), passed=passed)
+
+
 def _place_check(evidence: Evidence, member: str, place: FloatArray) -> Check:
     """Return whether the true place is in the stated region, or within three deviations of the stated place."""
     found = evidence.found
     start = next(m for m in evidence.structure.member if m.name == member).start
     distance, off = float(np.linalg.norm(place - start)), float(np.linalg.norm(evidence.place - place))
     inside = any(s.member == member and s.start <= distance <= s.stop for s in found.region)
-    result = f"{1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
+    x, y, z = evidence.place
+    result = f"on the {found.member} at ({x:.3f}, {y:.3f}, {z:.3f}) m, {1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
     return Check(what="place", result=result, passed=inside or off <= _SIGMAS * found.distance_std)
 
 

@@ -53,8 +53,6 @@ class Columns:
 
 def _check_names(path: Path, names: Sequence[str], structure: Structure, where: str = "modes.0") -> None:
     """Refuse columns that are not modes of the structure, before a long record is read."""
-    if "frequency" not in names:
-        raise LogError(path, f"{where}: expected a column 'frequency' [Hz], found {', '.join(names) or 'none'}")
     known = {*OWN, *structure.channels, *(f"{c}_std" for c in structure.channels)}
     unknown = [name for name in names if name not in known]
     if unknown:

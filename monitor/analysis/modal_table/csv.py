@@ -64,6 +64,10 @@ class CsvTable:
         self._rows = rows[1:]
         if headings and all(bool(np.isfinite(_parsed(cell))) for cell in headings if cell):
             raise LogError(path, f"line {self.first}: expected names of columns, found numbers")
+        names = [_split(cell)[0] for cell in headings]
+        if "frequency" not in names:  # before the units: those of another kind of table are others
+            found = ", ".join(filter(None, names)) or "none"
+            raise LogError(path, f"line {self.first}: expected a column 'frequency' [Hz], found {found:.200}")
         columns = [self._column(cell) for cell in headings]
         used = [i for i, (name, _) in enumerate(columns) if not self._is_ignored(i, name)]
         self._width, self._used = len(columns), used
@@ -88,10 +92,7 @@ class CsvTable:
 
     def _column(self, heading: str) -> tuple[str, float]:
         """Return a column's name and the factor of its unit."""
-        parts = _HEADER.fullmatch(heading)
-        name = parts["name"] if parts else heading
-        unit = (parts["square"] or parts["round"]) if parts else None
-        name = name.lower() if name.lower() in OWN else name
+        name, unit = _split(heading)
         if unit is None:
             return name, 1.0
         units = _UNITS[name.removesuffix("_std")] if name in OWN else _SHAPE_UNITS
@@ -112,6 +113,16 @@ class CsvTable:
         if not np.isfinite(value) or (name in OWN and value.imag):
             raise LogError(self._path, f"line {line}, column {name}: expected a number, found {cell!r}")
         return value
+
+
+def _split(heading: str) -> tuple[str, str | None]:
+    """Return the name of a column, and its unit if it is stated."""
+    parts = _HEADER.fullmatch(heading)
+    name = parts["name"] if parts else heading
+    return (
+        name.lower() if name.lower() in OWN else name,
+        (parts["square"] or parts["round"]) if parts else None,
+    )
 
 
 def _parsed(cell: str) -> complex:

@@ -20,6 +20,7 @@ from daq.supervision import SupervisedThread
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, SelfTestResult, WindowResult, event_result
 from monitor.text.causes import change_text
 from monitor.text.events import field_value
+from monitor.text.quantities import counted
 from monitor.text.sensors import health_text
 
 _A_MINUTE = 10  # lines of a kind, of one device
@@ -40,7 +41,11 @@ _ROUTINE = (  # endings of topics of normal operation
 def line(result: Result) -> str:
     """Return one result as a line of text."""
     if isinstance(result, ReferenceResult):
-        return f"reference: {len(result.modes)} modes, " + ", ".join(f"{m.frequency:.2f}" for m in result.modes) + " Hz"
+        return (
+            f"reference: {counted(len(result.modes), 'mode')}, "
+            + ", ".join(f"{m.frequency:.2f}" for m in result.modes)
+            + " Hz"
+        )
     if isinstance(result, AlarmResult):
         return f"{result.state:>7}: {result.text.removeprefix('ALARM: ')}"
     if isinstance(result, SelfTestResult):
@@ -52,7 +57,7 @@ def _window_line(window: WindowResult) -> str:
     start = f"window {window.index + 1:>3} {window.phase:<8}"
     if window.problem:
         return f"{start} {window.problem}"
-    text = f"{start} {len(window.modes)} modes"
+    text = f"{start} {counted(len(window.modes), 'mode')}"
     if window.novelty:
         text += f", novelty {window.novelty.t2:6.2f} of {window.novelty.limit:.2f}"
     if window.faults:

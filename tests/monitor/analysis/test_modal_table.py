@@ -171,6 +171,7 @@ def test_table_provides_temperature_amplitude_and_default_deviations(tmp_path: P
     ("text", "where"),
     [
         ("f\n1\n2\n3\n", "line 1: expected a column 'frequency'"),
+        ("time [h],f1 [Hz]\n0,2\n", "line 1: expected a column 'frequency' [Hz], found time, f1"),
         ("", "line 1: expected a column 'frequency' [Hz], found none"),
         ("10.8,1\n11,1\n38,1\n", "line 1: expected names of columns, found numbers"),
         ("# by hand\n\nfrequency [min]\n1\n2\n3\n", "line 3, column frequency [min]: expected the unit Hz"),

@@ -18,11 +18,11 @@ from monitor.text.causes import (
     where_text,
 )
 from monitor.text.diagnosis import smallest_changes_text, written_bodies_texts
-from monitor.text.verdicts import is_one_mass
+from monitor.text.verdicts import is_one_mass, verdict_text
 from monitor.views.viewer.cards import window_card
 from tests.support.monitor import answers
 from tests.support.monitor import results as made
-from updater import Body, Cause, Gain
+from updater import Body, Cause, Diagnosis, Gain
 from updater.diagnosis import Pair, SmallestChange
 from updater.quantities import ParameterChange, Quantity, Where
 
@@ -190,6 +190,11 @@ def test_every_parameter_that_a_model_changes_is_named() -> None:
         "within two deviations of the file: rotational stiffness about x, z at the foot of the left post; "
         "Young's modulus of steel"
     )
+    heading = "Nothing significant to explain: the data agree with the model after small changes of its parameters:"
+    small = cause.model_copy(update={"changes": changes[1:]})
+    for found, verdict in ((cause, "Explained:"), (small, heading)):
+        diagnosis = Diagnosis.model_construct(verdict="explained", causes=(found,))
+        assert verdict_text(diagnosis) == verdict
     feet = tuple(spring(axis, 5e5, 5e5, f"foot of post {k}") for k in range(5) for axis in "xy")
     assert further_changes_text(feet) == "within two deviations of the file: rotational stiffness about x, y at 5 feet"
     joints = tuple(spring(axis, 5e5, 5e5, "joint of the posts and the beam") for _ in range(2) for axis in "xz")

@@ -38,7 +38,7 @@ from monitor.text.diagnosis import (
 )
 from monitor.text.quantities import optional, plain
 from monitor.text.sensors import health_text, worst_sensor_text
-from monitor.text.verdicts import verdict_text
+from monitor.text.verdicts import has_only_fitted_parameters, verdict_text
 from updater import Cause, Gain, Structure
 from updater.structure import place_name
 
@@ -54,7 +54,8 @@ def say_answer(console: Console, diagnosis: DiagnosisAnswer) -> None:
         console.print(f"[bold yellow]{escape(within_record_text(within))}[/]")
         for line in record_change_texts(within):
             console.print(f"  {escape(line)}")
-    console.print(f"[{_STYLE.get(diagnosis.verdict, 'bold yellow')}]{escape(verdict_text(diagnosis))}[/]")
+    style = "bold green" if has_only_fitted_parameters(diagnosis) else _STYLE.get(diagnosis.verdict, "bold yellow")
+    console.print(f"[{style}]{escape(verdict_text(diagnosis))}[/]")
     for cause in listed_causes(diagnosis.causes):
         for line in _cause_lines(cause, checks=diagnosis.verdict == "ambiguous", known=diagnosis.next_measurement):
             console.print(line)
