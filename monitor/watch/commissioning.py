@@ -242,7 +242,10 @@ def _place_check(evidence: Evidence, member: str, place: FloatArray) -> Check:
     distance, off = float(np.linalg.norm(place - start)), float(np.linalg.norm(evidence.place - place))
     inside = any(s.member == member and s.start <= distance <= s.stop for s in found.region)
     x, y, z = evidence.place
-    result = f"on the {found.member} at ({x:.3f}, {y:.3f}, {z:.3f}) m, {1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
+    result = (
+        f"on the {found.member} at ({x:.3f}, {y:.3f}, {z:.3f}) m, "
+        f"{1000 * off:.0f} mm off, ± {1000 * found.distance_std:.0f} mm stated"
+    )
     return Check(what="place", result=result, passed=inside or off <= _SIGMAS * found.distance_std)
 
 
