@@ -144,10 +144,19 @@ def test_fits_start_after_one_bounded_gauss_newton_step(design: str, name: str) 
         np.testing.assert_allclose(cause.start[half + row], np.maximum(step, least), rtol=0.03, atol=5e-4)
 
 
+@pytest.mark.parametrize("mesh_error", [0.0, 0.02])
 @pytest.mark.parametrize(("design", "name"), EVERY)
-def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, name: str) -> None:
-    """Of 1 / (1 / before + change): the deviations of both, times the square of the stiffness."""
+def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, name: str, mesh_error: float) -> None:
+    """Of 1 / (1 / before + change): the deviations of both, times the square of the stiffness.
+
+    A mesh of faces has an error of four times that of its frequencies in the change.
+    """
     reference, cause = springs(design, name)
+    data = cause.comparison
+    shifted = replace(
+        data, log_ratio=np.full_like(data.log_ratio, 0.01), mesh_error=np.full_like(data.mesh_error, mesh_error)
+    )
+    cause = replace(cause, comparison=shifted)
     row = int(np.argmax(cause.active.sum(1)))
     theta = np.where(cause.active, 0.9 * cause.prior_std, 0.0)
     covariance = np.tile(np.diag([0.01, 0.02, 0.03]) ** 2, (len(theta), 1, 1))
@@ -174,7 +183,8 @@ def test_stated_stiffness_deviation_follows_from_its_flexibilities(design: str, 
         a = axes.index(axis)
         flexibility = 1 / spring(connection, axis) + theta[row, a] / cause.unit[row, a]
         assert quantity.value == pytest.approx(1 / flexibility)
-        off = np.hypot(covariance[row, a, a] ** 0.5, 0.1) / cause.unit[row, a]
+        of_change = np.hypot(covariance[row, a, a] ** 0.5, 4 * mesh_error * theta[row, a])
+        off = np.hypot(of_change, 0.1) / cause.unit[row, a]
         stiffer, softer = 1 / (flexibility - 1e-3 * off), 1 / (flexibility + 1e-3 * off)
         assert quantity.std == pytest.approx((stiffer - softer) / 2e-3, rel=1e-4)
         assert quantity.unit == ("N m/rad" if axis in TURNS else "N/m")

@@ -117,7 +117,8 @@ class Springs(Discrete):
             own = float(fit.covariance[fit.best, a, a] ** 0.5)
             if abs(fit.theta[fit.best, a]) < SIGNIFICANT * own:
                 continue
-            more = own / self.unit[fit.best, a]
+            by_mesh = fit.theta[fit.best, a] * self.comparison.size_error  # of the compliance that is added
+            more = float(np.hypot(own, by_mesh)) / self.unit[fit.best, a]
             std = float(np.hypot(more, self.before_std[fit.best, a])) * now**2
             found[f"stiffness_{axis}"] = Quantity(value=now, std=std, unit="N m/rad" if axis in TURNS else "N/m")
         return found
