@@ -1,6 +1,7 @@
 """Files of other programs, written by the libraries of the formats, and the test files that these libraries ship."""
 
 import importlib.util
+import re
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
@@ -347,3 +348,21 @@ def test_missing_package_is_named(tmp_path: Path, known: object, monkeypatch: py
         read_data(path)
     expected = f"needs {package}, which is not installed: pip install 'modalwatch[formats]'"
     assert str(found.value).endswith(expected)
+
+
+def test_documented_formats_are_those_that_are_read_and_written() -> None:
+    """Ending by ending: the package, and whether files are written."""
+    page = (Path(__file__).parents[3] / "docs" / "reference" / "formats.md").read_text(encoding="utf-8")
+    documented: dict[str, tuple[set[str], bool]] = {}
+    for row in (line.split("|")[1:-1] for line in page.splitlines() if line.count("|") == 7):
+        for ending in re.findall(r"`(\.\w+)`", row[1]):
+            packages, written = documented.get(ending, (set(), False))
+            more = row[3].strip() == "yes" or ending in row[3]
+            documented[ending] = packages | set(row[2].split()), written or more
+    of_tables_and_traffic = {".gz", ".zip", ".log", ".blf", ".asc", ".trc"}
+    own = {"mat": {"h5py"}}  # of version 7.3 only
+    assert {ending: found for ending, found in documented.items() if ending not in of_tables_and_traffic} == {
+        ending: ({known.package} if known.package else own.get(ending[1:], set()), known.writes)
+        for known in FORMATS
+        for ending in known.endings
+    }
