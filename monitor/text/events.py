@@ -62,9 +62,9 @@ def event_name(topic: str) -> str:
     return topic.rpartition("/")[2].replace("_", " ")
 
 
-def event_text(payload: Mapping[str, Any], *, without: str = "") -> str:
-    """Return its payload as a text, without a field that is given elsewhere and without empty ones."""
-    known = {name: value for name, value in payload.items() if name != without and value not in ("", None)}
+def event_text(payload: Mapping[str, Any]) -> str:
+    """Return its payload as a text, without empty fields."""
+    known = {name: value for name, value in payload.items() if value not in ("", None)}
     return ", ".join(f"{name.replace('_', ' ')} {field_value(name, value)}" for name, value in known.items())
 
 

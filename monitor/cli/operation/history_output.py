@@ -16,7 +16,7 @@ from monitor.errors import ArgumentError
 from monitor.outputs.history import AlarmRow, EventRow, Reader, Span, TrendPoint
 from monitor.outputs.history.summary import Found, look
 from monitor.service.site import load_site
-from monitor.text.events import event_name, event_text
+from monitor.text.events import event_sentence
 from monitor.text.quantities import duration_text, last_value, percent, scatter, utc
 
 _DAY = 86_400 * 10**9  # ns
@@ -141,9 +141,7 @@ def _trends(trends: dict[int, list[TrendPoint]]) -> Table:
 
 
 def _events(events: list[EventRow]) -> Table:
-    table = new_table(("time", "what", "device"), no_wrap=True, title="events", title_justify="left")
-    table.add_column("")
+    table = new_table(("time", "event"), no_wrap=True, title="events", title_justify="left")
     for event in events[-_MAX:]:
-        records = event_text(json.loads(event.json), without="device")
-        table.add_row(utc(event.time), escape(event_name(event.topic)), escape(event.device), escape(records))
+        table.add_row(utc(event.time), escape(event_sentence(event.topic, json.loads(event.json))))
     return table

@@ -30,7 +30,13 @@ def file(tmp_path: Path) -> Path:
 def test_tables_summarize_the_run(modalwatch: Commands, file: Path) -> None:
     done = modalwatch("history", file)
     assert (done.code, done.err) == (0, "")
-    for text in ("20 windows, 11 judged, 8 over the limit", "state: alarm", "active", "gap", "missing 12"):
+    for text in (
+        "20 windows, 11 judged, 8 over the limit",
+        "state: alarm",
+        "active",
+        "Missing scans of device",
+        ": 12",
+    ):
         assert text in done.out
 
 
