@@ -2,7 +2,8 @@
 
 Two logs of 20 minutes hold the same signals of six devices at 1 kHz, of which 12 of 18 axes are analysed. One is as
 recorded live: blocks of 0.2 s, chunks of 0.05 s, a preview of 50 Hz, devices with clocks of their own, late arrivals.
-Its scans are interpolated to one grid. The other one is as imported: long blocks on one grid.
+Its scans are interpolated to one grid. The other one is as imported: long blocks on one grid. The live log is also
+replayed: windows in which nothing has changed, with a baseline of 12 windows, where there are so many.
 
 Usage: OPENBLAS_NUM_THREADS=1 python benchmarks/oma/log_speed.py [without-peer], or make bench-log-speed
 """
@@ -46,7 +47,17 @@ START = 1_700_000_000_000_000_000  # ns UTC
 CHANNEL_MAP = tuple(Channel(name=f"c{k}", device=f"d{k // 2}", axis=k % 2) for k in range(12))
 _PIECE = 128  # samples of one Fourier transform of the floors
 BLOCK_ROWS, MAX_ORDER = 50, 60  # of the peer, as in benchmarks/oma/speed.py
-COMMAND = "from monitor.cli.main import main; main()"
+COMMAND = """import atexit, sys
+from benchmarks.common.peers import peak
+atexit.register(lambda: sys.stderr.write(f"\\n{peak()}"))
+from monitor.cli.main import main
+main()"""
+SITE = "[analysis]\nbaseline_windows = 12\n" + "".join(
+    f'[[device]]\nname = "d{d}"\ndriver = "epson-uart"\nport = "/dev/none{d}"\nrate = {RATE}\n'
+    f'channels = {{x = "c{2 * d}", y = "c{2 * d + 1}"}}\n'
+    for d in range(6)
+)
+START_SAMPLES = 30_000  # of a log without a window, whose replay is the start of the command
 
 
 def signals(random: np.random.Generator) -> np.ndarray:
@@ -77,7 +88,7 @@ def write(path: Path, data: np.ndarray, random: np.random.Generator, *, live: bo
     ]
     n_scans = 200 if live else 6000
     writer, view = (
-        McapWriter(path, {CHANNELS: ChannelMap(channels=CHANNEL_MAP, on_grid=not live).to_json()}),
+        McapWriter(path, {"site.toml": SITE, CHANNELS: ChannelMap(channels=CHANNEL_MAP, on_grid=not live).to_json()}),
         View(50.0),
     )
     for first in range(0, min(map(len, counts)) - n_scans + 1, n_scans):
@@ -194,24 +205,43 @@ def floors(path: Path, length: float) -> dict[str, float]:
     return found
 
 
-def whole(path: Path, length: float, repeats: int = 3) -> float:
-    """Return the processor time of the command, with its start [s]: the least of some runs.
+def whole(folder: Path, *arguments: str, repeats: int = 3) -> tuple[float, float]:
+    """Return the processor time of a command, with its start [s], and its largest memory [MB]: the least of some runs.
 
     The first run compiles the modules, as an installation does, where the environment prevents that.
     """
-    bytecode = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(path.parent / "bytecode")}
-    spent = []
+    bytecode = {"PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(folder / "bytecode")}
+    spent, memory = [], []
     for _ in range(repeats):
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        subprocess.run(
-            [sys.executable, "-c", COMMAND, "identify", str(path), "--window", f"{length:g}"],
+        done = subprocess.run(
+            [sys.executable, "-c", COMMAND, *arguments],
             check=True,
             stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
             env=os.environ | {"OPENBLAS_NUM_THREADS": "1"} | bytecode,
         )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         spent.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return min(spent)
+        memory.append(float(done.stderr.splitlines()[-1]))
+    return min(spent), max(memory)
+
+
+def show_replay(folder: Path, path: Path, short: Path) -> None:
+    """Print the table of replays of a log, and of a short log without a window."""
+    start, _ = whole(folder, "replay", str(short))
+    print(
+        "\n| `replay` of the live log | start | whole command | data over processor time | beyond its start | memory |"
+    )
+    print("|:--|---:|---:|---:|---:|---:|")
+    for length in (600.0, 40.0):
+        spent, memory = whole(folder, "replay", str(path), "--set", f"analysis.window_seconds={length}")
+        seconds = N_SAMPLES / RATE // length * length
+        print(
+            f"| {length:g} s | {start:.1f} s | {spent:.1f} s | {seconds / spent:.0f} | {seconds / (spent - start):.0f} "
+            f"| {memory:.0f} MB |",
+            flush=True,
+        )
 
 
 # what the children run for the comparison
@@ -278,9 +308,9 @@ def main(*arguments: str) -> None:
     print(
         "| log | window | "
         + " | ".join(names)
-        + " | whole command | data over processor time | stock reader | pyOMA2 |"
+        + " | whole command | data over processor time | memory | stock reader | pyOMA2 |"
     )
-    print("|:--|---:" + "|---:" * (len(names) + 4) + "|")
+    print("|:--|---:" + "|---:" * (len(names) + 5) + "|")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "peer.py").write_text(peer_source())
@@ -288,19 +318,22 @@ def main(*arguments: str) -> None:
             path = folder / f"{log}.mcap"
             write(path, data, random, live=live)
             for length in (600.0, 40.0):
-                parts, command = stages(path, length, watch), whole(path, length)
+                parts = stages(path, length, watch)
+                command, memory = whole(folder, "identify", str(path), "--window", f"{length:g}")
                 others = ("-", "-") if arguments else tuple(f"{each:.1f} s" for each in peer(path, folder, length))
                 seconds = N_SAMPLES / RATE // length * length
                 cells = [f"{parts[name]:.2f} s" for name in names]
                 print(
                     f"| {log} | {length:g} s | {' | '.join(cells)} | {command:.1f} s | {seconds / command:.0f} "
-                    f"| {others[0]} | {others[1]} |",
+                    f"| {memory:.0f} MB | {others[0]} | {others[1]} |",
                     flush=True,
                 )
                 least = floors(path, length)
-                print(f"| | floor | {' | '.join(f'{least[name]:.2f} s' for name in names)} | | | | |")
+                print(f"| | floor | {' | '.join(f'{least[name]:.2f} s' for name in names)} | | | | | |")
                 ratios = [f"{parts[name] / least[name]:.1f}" for name in names]
-                print(f"| | over floor | {' | '.join(ratios)} | | | | |", flush=True)
+                print(f"| | over floor | {' | '.join(ratios)} | | | | | |", flush=True)
+        write(folder / "short.mcap", data[:START_SAMPLES], random, live=True)
+        show_replay(folder, folder / "as recorded live.mcap", folder / "short.mcap")
 
 
 if __name__ == "__main__":

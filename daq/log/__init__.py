@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from daq.log.recordings import absent_devices as absent_devices
     from daq.log.recordings import load_recordings as load_recordings
     from daq.log.recordings import read_channel_map as read_channel_map
+    from daq.log.recordings import used_axes as used_axes
     from daq.log.repair import LogState as LogState
     from daq.log.repair import has_end as has_end
     from daq.log.repair import repair_folder as repair_folder

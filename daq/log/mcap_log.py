@@ -247,7 +247,7 @@ def read_events(log: AnyLog, topics: Collection[str] | None = None) -> Iterator[
     yield from (item for item in _read(log, wanted) if isinstance(item, Event))
 
 
-def read_log(log: AnyLog, axes: AxesOfDevices | None = None) -> Iterator[Item]:
+def read_log(log: AnyLog, axes: AxesOfDevices | None = None, *, others: bool = False) -> Iterator[Item]:
     """Yield blocks and events in the order in which they were written, in bounded memory.
 
     A file cut anywhere is read up to its last whole chunk. Of an excerpt only chunks near its range are read, where the
@@ -258,6 +258,7 @@ def read_log(log: AnyLog, axes: AxesOfDevices | None = None) -> Iterator[Item]:
     log : its path, all files of a run, or an excerpt
     axes : device -> axes that are used, which is faster: blocks of other devices are left out, counts of other axes
         are 0, axes behind the last used one are missing. Default: all
+    others : blocks of other devices are yielded too, their counts 0
 
     Raises
     ------
@@ -266,7 +267,7 @@ def read_log(log: AnyLog, axes: AxesOfDevices | None = None) -> Iterator[Item]:
     """
 
     def wanted(topic: str) -> bool:
-        return axes is None or not _is_signal(topic) or topic.removeprefix(ACCEL) in axes
+        return axes is None or others or not _is_signal(topic) or topic.removeprefix(ACCEL) in axes
 
     yield from _read(log, wanted, axes)
 

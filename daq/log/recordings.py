@@ -115,6 +115,11 @@ def absent_devices(log: AnyLog, devices: Collection[str]) -> set[str]:
     return absent
 
 
+def used_axes(channels: Collection[Channel], devices: Iterable[str]) -> dict[str, set[int]]:
+    """Return the axes of devices that an assembler uses: those of the channels, and the first one."""
+    return {device: {channel.axis for channel in channels if channel.device == device} | {0} for device in devices}
+
+
 def _rates(log: AnyLog, channels: tuple[Channel, ...]) -> dict[str, float]:
     """Return the rates of the channels' devices [Hz], as far as the log has them."""
     devices = {channel.device for channel in channels}
@@ -145,7 +150,6 @@ def _cut(
     values = seconds * min(rates.values()) * (1 + max(channel.axis for channel in known.channels)) * len(devices)
     if values > _MAX_VALUES:
         raise LogError(str(log), f"a window of {seconds:g} s has {values:.3g} samples, expected up to {_MAX_VALUES:g}")
-    axes = {device: {channel.axis for channel in known.channels if channel.device == device} | {0} for device in rates}
     assembler = Assembler(
         known.channels,
         all_rates,
@@ -158,7 +162,7 @@ def _cut(
     for device in missing | absent_devices(log, devices):
         yield from assembler.push_event(DeviceFailed(device=device).event(0))
     try:
-        for item in read_log(log, axes):
+        for item in read_log(log, used_axes(known.channels, rates)):
             if isinstance(item, Event):
                 yield from assembler.push_event(item)
             else:

@@ -180,11 +180,14 @@ def without_delays(recording: Recording, removed: Mapping[str, float], late: Map
 
 def root_mean_square(recording: Recording) -> float:
     """Return the root mean square over time and channels, each channel's mean taken off [m/s2]."""
-    present = np.isfinite(recording.data)
-    count = np.maximum(present.sum(0), 1)
-    mean = np.where(present, recording.data, 0.0).sum(0) / count
-    square = np.where(present, recording.data - mean, 0.0) ** 2
-    return float(np.sqrt(np.mean(square.sum(0) / count)))
+    power = np.empty(len(recording.channels))
+    for k, signal in enumerate(recording.data.T):
+        there = np.isfinite(signal)
+        n = max(np.count_nonzero(there), 1)
+        known = signal if n == len(signal) else np.where(there, signal, 0.0)
+        deviation = known - known.sum() / n
+        power[k] = np.square(deviation, where=there, out=np.zeros(len(signal))).sum() / n
+    return float(np.sqrt(np.mean(power)))
 
 
 def given_up(observation: Observation) -> dict[str, ChannelFault]:

@@ -7,9 +7,11 @@ import numpy as np
 
 from daq import FloatArray, Recording
 from monitor.analysis.observation import root_mean_square, without_delays
-from monitor.results.convert import spectrum_result
+from monitor.results.convert import spectrum_result, with_poles
 from monitor.results.windows import Spectrum
-from oma import ChannelFault, IdentificationError, ModalEstimate, identify_all
+from oma import ChannelFault, IdentificationError, ModalEstimate
+from oma.identification import identify_cleaned
+from oma.preparation import cleaned, enough
 from updater import estimate_delays, remove_delays
 from updater.modal_data import DeviceDelays, SynchronizedWindows, without_known
 
@@ -28,16 +30,22 @@ class RecordedWindow:
     @classmethod
     def of(cls, recording: Recording) -> "RecordedWindow":
         """Return the conditions of a recording."""
-        known = np.where(np.isfinite(recording.data).any(0), recording.data, 0.0)
-        power: FloatArray = np.nanmean(known**2, axis=0)
         return cls(
             start=recording.start,
             end=recording.end,
             channels=tuple(channel.name for channel in recording.channels),
             temperature=float(recording.temperature),
-            rms={c.name: float(np.sqrt(p)) for c, p in zip(recording.channels, power, strict=True)},
+            rms={c.name: _rms(signal) for c, signal in zip(recording.channels, recording.data.T, strict=True)},
             whole_rms=root_mean_square(recording),
         )
+
+
+def _rms(signal: FloatArray) -> float:
+    """Return the root mean square of the samples that are there; 0 if none is."""
+    there = np.isfinite(signal)
+    n = np.count_nonzero(there)
+    power = np.square(signal if n == len(signal) else np.where(there, signal, 0.0)).sum() / max(n, 1)
+    return float(np.sqrt(power))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,14 +72,16 @@ class IdentifiedWindow:
 def identify_window(recording: Recording, band: tuple[float, float] | None) -> IdentifiedWindow:
     """Identify the modes of a recording in a band [Hz]; by default in that of `oma.identify`."""
     recorded = RecordedWindow.of(recording)
+    clean = cleaned(recording)
     try:
-        found = identify_all(recording, band=band).without_uncertain()
+        spectrum = spectrum_result(enough(clean))
+        found = identify_cleaned(recording, clean, band=band).without_uncertain()
     except IdentificationError as error:
         return IdentifiedWindow(recorded=recorded, modes=None, problem=str(error))
     modes = IdentifiedModes(
         estimate=found.estimate, delays=found.delays, harmonics=found.harmonics, left_out=found.left_out
     )
-    spectrum = spectrum_result(recording, found.poles)
+    spectrum = spectrum and with_poles(spectrum, found.poles)
     return IdentifiedWindow(recorded=recorded, modes=modes, spectrum=spectrum, signals=recording)
 
 

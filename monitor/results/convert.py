@@ -21,8 +21,9 @@ from monitor.results.windows import (
     ReferenceResult,
     Spectrum,
 )
-from oma import ModalEstimate, OmaError, singular_values
+from oma import IdentificationError, ModalEstimate
 from oma.selection import Stabilization
+from oma.spectral import singular_values_of_clean
 from updater import MassChange, ModalMean, Model, Reference, Structure, build_model
 from updater.modal_data import BaselineModes, real_shape
 from updater.one_step import IncrementLocation, MassUpdate
@@ -67,20 +68,29 @@ def _shift(estimate: ModalEstimate, mode: int, baseline: BaselineModes, row: int
     return {"shift_percent": float(100 * np.expm1(ratio)), "shift_std_percent": float(100 * std)}
 
 
-def spectrum_result(recording: Recording, poles: Stabilization) -> Spectrum | None:
-    """Return the first three singular values and the poles for a picture; None where the window is too short."""
-    n_fft = 2 * _SPECTRUM_POINTS
+def spectrum_result(clean: Recording) -> Spectrum | None:
+    """Return the first three singular values of clean signals for a picture, without poles; None of a short window."""
     try:
-        frequency, values = singular_values(recording, n_fft)
-    except OmaError:
+        frequency, values = singular_values_of_clean(clean, 2 * _SPECTRUM_POINTS)
+    except IdentificationError:
         return None
     return Spectrum(
         frequency=frequency.tolist(),
         singular_values=np.round(10 * np.log10(np.maximum(values[:, :3].T, 1e-30)), 2).tolist(),
-        pole_frequency=np.round(poles.frequency, 4).tolist(),
-        pole_order=poles.order.tolist(),
-        pole_stable=poles.stable.tolist(),
+        pole_frequency=[],
+        pole_order=[],
+        pole_stable=[],
     )
+
+
+def with_poles(spectrum: Spectrum, poles: Stabilization) -> Spectrum:
+    """Return a picture with the poles of its window."""
+    drawn = {
+        "pole_frequency": np.round(poles.frequency, 4).tolist(),
+        "pole_order": poles.order.tolist(),
+        "pole_stable": poles.stable.tolist(),
+    }
+    return spectrum.model_copy(update=drawn)
 
 
 def reference_result(

@@ -13,6 +13,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.queues import Queue
 from typing import TypeVar
 
+from daq import Recording
 from daq.supervision import error_text
 
 T = TypeVar("T")
@@ -20,6 +21,7 @@ _UNFORESEEN = 70  # exit code, as of the program
 _READER, _WRITER, _ENDS_WITH_ITS_READER = "_reader", "_writer", "_ignore_epipe"  # of a queue; concurrent.futures too
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8  # as glibc's malloc.h has them
 _MAX_INT = (1 << 31) - 1  # bytes: mallopt takes an int
+_LARGE_BYTES = 40 << 20  # of a window: 400 s of 12 channels at 1 kHz
 
 
 @contextmanager
@@ -53,9 +55,9 @@ def give_back_memory() -> None:
 def keep_freed_memory() -> None:
     """Configure glibc's malloc to keep free memory until `trim_memory`: the system clears each page that it provides.
 
-    For a command whose windows need the same memory one after the other.
+    For a command whose windows need the same memory one after the other; the data of large windows are returned.
     """
-    _configure_malloc({_MMAP_THRESHOLD: 1 << 30, _TRIM_THRESHOLD: _MAX_INT})
+    _configure_malloc({_MMAP_THRESHOLD: _LARGE_BYTES, _TRIM_THRESHOLD: _MAX_INT})
 
 
 def _configure_malloc(options: Mapping[int, int]) -> None:
@@ -101,6 +103,12 @@ def trim_memory() -> None:
     malloc_trim = getattr(_c_library(), "malloc_trim", None)
     if malloc_trim:
         malloc_trim(0)
+
+
+def trim_before(window: Recording) -> None:
+    """Return the memory of the blocks that a large window was made of, before it is analysed."""
+    if window.data.nbytes > _LARGE_BYTES:
+        trim_memory()
 
 
 @contextmanager

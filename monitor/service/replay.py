@@ -1,8 +1,7 @@
 """Replay of a log through the monitoring loop."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,18 +21,26 @@ from daq import (
     read_log,
 )
 from daq.events import DeviceFailed
-from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, files_of, read_channel_map
+from daq.log import BEGINNING, END, HOW_TO_PLACE, absent_devices, files_of, read_channel_map, used_axes
 from monitor.results.replay_comparison import ReplayComparison, compare_results
-from monitor.results.residuals import ChannelResiduals
 from monitor.results.service_events import Stopped
 from monitor.results.windows import TOPIC_WINDOW, Result, WindowResult, event_result, result_event
+from monitor.service.processes import trim_before
 from monitor.service.site import Site
-from monitor.service.worker import SavedState, Worker, WorkerMessage
-from monitor.settings import Override, attachable, attached_structure, has_settings, overridden, parse_settings
-from monitor.watch.memory import MEMORY, NOTHING, check_saved_state
+from monitor.settings import (
+    Override,
+    attachable,
+    attached_structure,
+    has_settings,
+    overridden,
+    parse_attached,
+    parse_settings,
+)
+from monitor.watch.backlog import as_logged
+from monitor.watch.memory import MEMORY, NOTHING, check_saved_state, memory_text, parse_memory
+from monitor.watch.pipeline import Pipeline
 
 NO_SETTINGS = "has no settings attached: give --site"
-_AT_ONCE, _WAITING = 64, 32  # items handed on at once, and how many times as many may wait for the analysis
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,32 +94,25 @@ def replay(
         text, origins = overridden(attachable(attached["site.toml"]), given)
         texts = (attached.get("structure.toml", ""), text)
         settings = parse_settings(text, f"{log}: site.toml", origins)
-    devices = tuple(device.name for device in settings.device)
+    axes = used_axes(settings.channels, [device.name for device in settings.device])
     from_beginning = not isinstance(log, LogExcerpt) or log.start == BEGINNING
     if not from_beginning:
         attached = {name: text for name, text in attached.items() if name != MEMORY}
     logged: list[Result] = []
     found: list[Result] = []
-    kept = ""
-    skipped = frozenset[int]() if site or not from_beginning else _skipped(log)
     memory = _memory(attached, texts)
-    worker = Worker(*texts, memory, capacity=_WAITING, keep=True, skipped=skipped)
-    with worker, ThreadPoolExecutor(1) as feeder:
-        feeding = feeder.submit(_feed, log, worker, logged, devices)
-        for result in _until_last(worker):
-            if isinstance(result, SavedState):
-                kept = result.text
-                continue
-            if isinstance(result, ChannelResiduals):
-                continue  # a replay has none
+    skip = as_logged(frozenset() if site or not from_beginning else _skipped(log))
+    known = parse_memory(memory) if memory else None
+    pipeline = Pipeline(attached_structure(texts[0]), parse_attached(texts[1]), known, skip, trim_before)
+    for item in _items(log, logged, axes):
+        for result in pipeline.push(item):
             found.append(result)
             on_result(result)
-        feeding.result()
     return ReplayReport(
         found=found,
         logged=_comparable(log, logged, found) if from_beginning else [],
         attached=_attached(attached, texts, memory),
-        memory=kept,
+        memory=memory_text(pipeline.memory) if found else "",
         window_seconds=settings.analysis.window_seconds,
         from_beginning=from_beginning,
     )
@@ -183,41 +183,36 @@ def _memory(attached: Mapping[str, str], texts: tuple[str, str]) -> str:
 
 
 def _skipped(log: AnyLog) -> frozenset[int]:
-    """Return the windows that were left out live, by number; of a damaged log those up to the damage."""
+    """Return the windows that were left out live, by number; of a damaged log as far as it can be read."""
     found: set[int] = set()
+    by_index = log if isinstance(log, LogExcerpt) else LogExcerpt(log=log, text="")
     with suppress(LogError):
-        for event in read_events(log):
-            if event.topic == TOPIC_WINDOW and event.payload.get("skipped"):
+        for event in read_events(by_index, [TOPIC_WINDOW]):
+            if event.payload.get("skipped"):
                 found.add(int(event.payload.get("index", -1)))
     return frozenset(found)
 
 
-def _feed(log: AnyLog, worker: Worker, logged: list[Result], devices: tuple[str, ...]) -> None:
-    """Feed a log up to where it stopped, was cut or is damaged; the worker always gets its last item."""
-    stopped, items = False, list[Item]()
-    try:
-        for device in absent_devices(log, devices):
-            worker.feed(DeviceFailed(device=device).event(0))
-        for item in read_log(log):
-            if isinstance(item, Block) and item.device not in devices:
-                why = f"holds device {item.device!r}; the settings have {', '.join(devices)}"
-                raise LogError(str(log), _how_to(log, why))
-            result = event_result(item) if isinstance(item, Event) else None
-            if result is not None:
-                logged.append(result)
-            elif not stopped:
-                items.append(item)
-                stopped = isinstance(item, Event) and item.topic == Stopped.topic
-                if len(items) == _AT_ONCE:
-                    worker.feed(*items)
-                    items.clear()
-    finally:
-        worker.feed(*items, *(() if stopped else (Stopped().event(0),)))
+def _items(log: AnyLog, logged: list[Result], axes: Mapping[str, Collection[int]]) -> Iterator[Item]:
+    """Yield the items of a log to be analysed, up to where it stopped, was cut or is damaged.
 
-
-def _until_last(worker: Worker) -> Iterator[WorkerMessage]:
-    while True:
-        for result in worker.results(1.0):
-            if result is None:
-                return
-            yield result
+    Parameters
+    ----------
+    log : as for `replay`
+    logged : takes its results
+    axes : device -> axes that are analysed
+    """
+    for device in absent_devices(log, axes):
+        yield DeviceFailed(device=device).event(0)
+    stopped = False
+    for item in read_log(log, axes, others=True):
+        if isinstance(item, Block) and item.device not in axes:
+            why = f"holds device {item.device!r}; the settings have {', '.join(axes)}"
+            raise LogError(str(log), _how_to(log, why))
+        result = event_result(item) if isinstance(item, Event) else None
+        if result is not None:
+            logged.append(result)
+        elif not stopped:
+            stopped = isinstance(item, Event) and item.topic == Stopped.topic
+            if not stopped:
+                yield item

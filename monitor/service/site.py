@@ -4,15 +4,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from socket import gethostname
+from typing import TYPE_CHECKING
 
 from daq import driver_names, make_driver
 from monitor.errors import SettingsError
-from monitor.outputs.history import Writer, database_url
-from monitor.service.servers.web import Source
 from monitor.settings import Settings, attachable, nearest, overrides, read_settings
 from monitor.settings.redaction import revealed
 from updater import load_structure
 from updater.structure import portable_text
+
+if TYPE_CHECKING:
+    from monitor.outputs.history import Writer
+    from monitor.service.servers.web import Source
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,14 +46,19 @@ class Site:
         return {"site.toml": self.site_text, **structure}
 
     @property
-    def source(self) -> Source:
+    def source(self) -> "Source":
         """Path of its state for other programs."""
+        from monitor.outputs.history import database_url  # loads sqlalchemy, which a replay does not need
+        from monitor.service.servers.web import Source
+
         url = database_url(self.settings.history.url, self.state)
         return Source(name=self.name, state=self.state, url=url, history_site=self.writer.site)
 
     @property
-    def writer(self) -> Writer:
+    def writer(self) -> "Writer":
         """Site of its rows in the history. A SQLite file has one, so that its structure file may be renamed."""
+        from monitor.outputs.history import Writer
+
         history = self.settings.history
         if revealed(history.url).partition(":")[0] in ("", "sqlite"):
             return Writer(site=history.site or "")

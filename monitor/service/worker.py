@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     from monitor.watch.residuals import ResidualMonitor
 
 
-_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # of the process
-#: glibc returns large blocks at once, for a monitor of years; it keeps them in a replay, which is a quarter faster so
-_GIVEN_BACK = {"MALLOC_MMAP_THRESHOLD_": "1000000"}
-_KEPT = {"MALLOC_MMAP_THRESHOLD_": "1000000000", "MALLOC_TRIM_THRESHOLD_": "4000000000"}
+_ENVIRONMENT = {  # of the process: one thread of BLAS, and glibc returns large blocks of memory at once
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "MALLOC_MMAP_THRESHOLD_": "1000000",
+}
 
 
 @dataclass(frozen=True)
@@ -57,34 +59,21 @@ class Worker:
     ----------
     structure, site : texts of the structure's TOML, empty for none, and of the site's
     memory : text of the saved state to be continued; empty for none
-    capacity : calls of `feed` whose items may wait before it blocks; 0 = never blocks
     keep : whether the state for a restart is sent too, after each item with results
-    skipped : windows to leave out, by number, as in a log that is replayed; None: those of a backlog, and the residuals
-        of channels are sent too
     """
 
-    def __init__(
-        self,
-        structure: str,
-        site: str,
-        memory: str = "",
-        *,
-        capacity: int = 0,
-        keep: bool = False,
-        skipped: frozenset[int] | None = None,
-    ) -> None:
+    def __init__(self, structure: str, site: str, memory: str = "", *, keep: bool = False) -> None:
         context = multiprocessing.get_context("spawn")
-        self._inbox: Queue[tuple[Item, ...]] = queue_to_child(capacity)
+        self._inbox: Queue[Item] = queue_to_child()
         self._outbox: Queue[WorkerMessage | None] = context.Queue()
         self._newest = context.Value("q", 0)  # until when signals have come [ns UTC]
-        self._environment = _ENVIRONMENT | (_GIVEN_BACK if skipped is None else _KEPT)
-        task = _Task(structure, site, memory, keep, skipped, self._newest)
+        task = _Task(structure, site, memory, keep, self._newest)
         self._last_words = LastWords()
         arguments = self._last_words.sender, _analyse, task, self._inbox, self._outbox
         self._process = context.Process(target=report_end, args=arguments, name="analysis", daemon=True)
 
     def __enter__(self) -> Self:
-        with environment(self._environment), deaf_to_stop_signals():  # one thread of BLAS: the same sums on every run
+        with environment(_ENVIRONMENT), deaf_to_stop_signals():  # one thread of BLAS: the same sums on every run
             self._process.start()
         self._last_words.started()
         handed_over(self._inbox)
@@ -98,28 +87,15 @@ class Worker:
 
     @property
     def waiting(self) -> int:
-        """Number of calls of `feed` whose items the analysis has not taken yet."""
+        """Number of items that the analysis has not taken yet."""
         return self._inbox.qsize()
 
-    def feed(self, *items: Item) -> None:
-        """Hand on items in the log's order, many at once; results are not analysed again.
-
-        Raises
-        ------
-        AnalysisError
-            If there is no room, and the process that would make some has ended.
-        """
-        times = [item.arrival_time for item in items if isinstance(item, Block)]
-        self._newest.value = max([self._newest.value, *times])
-        waiting = tuple(
-            item for item in items if isinstance(item, Block) or item.topic.startswith(("/event/", "/measured/"))
-        )
-        while waiting:
-            try:
-                self._inbox.put(waiting, timeout=1.0)
-                waiting = ()
-            except queue.Full:
-                self._check_alive()
+    def feed(self, item: Item) -> None:
+        """Hand on an item, in the log's order; results are not analysed again."""
+        if isinstance(item, Block):
+            self._newest.value = max(self._newest.value, item.arrival_time)
+        if isinstance(item, Block) or item.topic.startswith(("/event/", "/measured/")):
+            self._inbox.put(item)
 
     def results(self, timeout: float) -> Iterator[WorkerMessage | None]:
         """Yield the results and memories that are there within `timeout` [s]; None is the last one.
@@ -156,17 +132,17 @@ class _Task:
     site: str
     memory: str
     keep: bool
-    skipped: frozenset[int] | None
     newest: _Shared  #: time up to which signals have arrived [ns UTC]
 
 
-def _analyse(task: _Task, inbox: "Queue[tuple[Item, ...]]", outbox: "Queue[WorkerMessage | None]") -> None:
+def _analyse(task: _Task, inbox: "Queue[Item]", outbox: "Queue[WorkerMessage | None]") -> None:
     """Run the pipeline until the last item."""
     os.nice(5)  # acquisition comes first
     from monitor.watch.memory import memory_text  # loads numpy, in this process, under the limits above
 
-    pipeline, residuals = _pipeline(task), _residuals(task)
-    for item in (item for items in received(inbox) for item in items):
+    pipeline = _pipeline(task)
+    residuals: ResidualMonitor | None = _residuals(task)
+    for item in received(inbox):
         if isinstance(item, Event) and item.topic == Stopped.topic:
             outbox.put(None)
             return
@@ -185,26 +161,25 @@ def _analyse(task: _Task, inbox: "Queue[tuple[Item, ...]]", outbox: "Queue[Worke
             reported = True
         if reported and task.keep:
             outbox.put(SavedState(memory_text(pipeline.memory)))
-        if reported and task.skipped is None:
+        if reported:
             trim_memory()  # a window's work leaves pieces of many sizes, which would grow from window to window
     outbox.cancel_join_thread()  # the parent was killed: the remaining items will not be read
 
 
 def _pipeline(task: _Task) -> "Pipeline":
     from monitor.settings import attached_structure, parse_attached
-    from monitor.watch.backlog import Backlog, as_logged
+    from monitor.watch.backlog import Backlog
     from monitor.watch.memory import parse_memory
     from monitor.watch.pipeline import Pipeline
 
     settings = parse_attached(task.site)
     known = parse_memory(task.memory) if task.memory else None
-    live = Backlog(settings, lambda: int(task.newest.value))
-    skip = live if task.skipped is None else as_logged(task.skipped)
+    skip = Backlog(settings, lambda: int(task.newest.value))
     return Pipeline(attached_structure(task.structure), settings, known, skip)
 
 
-def _residuals(task: _Task) -> "ResidualMonitor | None":
+def _residuals(task: _Task) -> "ResidualMonitor":
     from monitor.settings import parse_attached
     from monitor.watch.residuals import ResidualMonitor
 
-    return ResidualMonitor(parse_attached(task.site)) if task.skipped is None else None
+    return ResidualMonitor(parse_attached(task.site))

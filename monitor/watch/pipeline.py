@@ -1,7 +1,7 @@
 """From blocks to results: a deterministic function of the log, the same live and in replay."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -35,12 +35,18 @@ class Pipeline:
     settings : of the site
     memory : state of the run before, to be continued; it must belong to the same baseline (see `recall`)
     skip : decides which windows are left out
+    on_window : called before each window is identified
     """
 
     def __init__(
-        self, structure: Structure | None, settings: Settings, memory: Memory | None = None, skip: Skip = none
+        self,
+        structure: Structure | None,
+        settings: Settings,
+        memory: Memory | None = None,
+        skip: Skip = none,
+        on_window: Callable[[Recording], None] = lambda _: None,
     ) -> None:
-        self._settings, self._skip = settings, skip
+        self._settings, self._skip, self._on_window = settings, skip, on_window
         self._late = structure.delays if structure else {}
         self._assembler = assembler_of(settings)
         self._weather = self._thermometer(memory.thermometer_offset if memory else math.nan)
@@ -97,6 +103,7 @@ class Pipeline:
         if self._skip(self._judge.n_windows, recording.end):
             yield from self._next(RecordedWindow.of(recording), None)
         else:
+            self._on_window(recording)
             window = identify_window(recording, self._settings.analysis.band)
             yield from self._next(window.recorded, window)
 

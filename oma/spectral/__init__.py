@@ -22,4 +22,5 @@ from oma.spectral.resonance_search import residue_weight as residue_weight
 from oma.spectral.resonance_search import resonances as resonances
 from oma.spectral.spectra import SpectrumAccumulator as SpectrumAccumulator
 from oma.spectral.spectra import singular_values as singular_values
+from oma.spectral.spectra import singular_values_of_clean as singular_values_of_clean
 from oma.spectral.spectra import spectral_matrix as spectral_matrix

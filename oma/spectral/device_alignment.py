@@ -10,7 +10,7 @@ References
 Carter, G. C. (1987). Coherence and time delay estimation. Proceedings of the IEEE 75(2), 236-255: the weight of a line.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from oma.types import ComplexArray
 _LARGEST = 0.01  # s: delay that is looked for
 _MIN = 3e-4  # s: smaller delays cost no modes (see `mpc`), and are estimated better from the phases of the modes
 _N_FFT, _MIN_FFT, _MIN_SEGMENTS = 4096, 256, 8  # half overlapping
-_SPREAD = 24  # pieces, of two segments, of a long record that are looked at first
+_SPREAD, _JOINED = 24, 6  # pieces, of two segments, of a long record that are looked at first, and at a time
 _GRID = 1 << 16  # delays that one transform tries: 31 us apart at 1000 Hz
 _MIN_INCOHERENT = 0.01  # share of a line's power resolved by a window of finite length
 _MIN_REAL = 0.7  # of 1: how real shapes must be with a delay taken out ...
@@ -75,9 +75,9 @@ def _delays(recording: Recording, column: Sequence[str]) -> dict[str, float]:
         return zero
     group = np.array([devices.index(name) for name in column])
     few = _spread(data, n_fft)
-    if few is not None and _are_real(_doubled_phases(_spectrum(few, n_fft), group)):
+    if few and _are_real(_doubled_phases(_spectrum(map(np.concatenate, few), len(column), n_fft), group)):
         return zero
-    doubled, most = _doubled_phases(_spectrum(data, n_fft), group)
+    doubled, most = _doubled_phases(_spectrum([data], len(column), n_fft), group)
     if _are_real((doubled, most)):
         return zero
     step = n_fft / recording.rate / 2 / _GRID
@@ -105,20 +105,29 @@ def aligned(recording: Recording, delays: Mapping[str, float], *, in_place: bool
     return replace(recording, data=data)
 
 
-def _spectrum(data: FloatArray, n_fft: int) -> ComplexArray:
-    """Return the spectral matrix up to the highest line used, (n_lines, n_channels, n_channels), in any unit."""
-    sums = SpectrumAccumulator(data.shape[1], 1.0, n_fft, (0.0, PASS), single=True)
-    return np.asarray(sum(sums.total(piece)[0] for piece in detrended_pieces(data, sums.at_once)))
+def _spectrum(records: Iterable[FloatArray], n_channels: int, n_fft: int) -> ComplexArray:
+    """Return the spectral matrix of records, one after the other, each without its mean and slope.
+
+    Up to the highest line used, (n_lines, n_channels, n_channels), in any unit.
+    """
+    sums = SpectrumAccumulator(n_channels, 1.0, n_fft, (0.0, PASS), single=True)
+    pieces = (piece for record in records for piece in detrended_pieces(record, sums.at_once))
+    total = sums.total(next(pieces))[0]
+    for piece in pieces:
+        total += sums.total(piece)[0]
+    return total
 
 
-def _spread(data: FloatArray, n_fft: int) -> FloatArray | None:
-    """Return some pieces of a long record, spread evenly over it; None of a short one."""
+def _spread(data: FloatArray, n_fft: int) -> list[list[FloatArray]]:
+    """Return some pieces of a long record, spread evenly over it, a few at a time; nothing of a short one."""
     length = 2 * n_fft
     if len(data) < 2 * _SPREAD * length:
-        return None
-    starts = np.linspace(0, len(data) - length, _SPREAD).astype(np.intp)
-    pieces = np.concatenate([data.T[:, start : start + length] for start in starts], axis=1).T  # channel by channel
-    return pieces if np.isfinite(pieces).all() else None
+        return []
+    starts = np.linspace(0, len(data) - length, _SPREAD).astype(np.intp).tolist()
+    pieces = [data[start : start + length] for start in starts]
+    if not all(np.isfinite(piece).all() for piece in pieces):
+        return []
+    return [pieces[k : k + _JOINED] for k in range(0, _SPREAD, _JOINED)]
 
 
 def _doubled_phases(spectrum: ComplexArray, group: IndexArray) -> tuple[ComplexArray, FloatArray]:

@@ -9,7 +9,7 @@ decomposition. Smart Materials and Structures 10(3), 441-445.
 """
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ from scipy import fft
 
 from daq import FloatArray, Recording
 from oma.errors import IdentificationError, TooShort
-from oma.preparation import detrended, usable
+from oma.preparation import detrended_pieces, usable
 from oma.types import ComplexArray
 
 PackedArray = npt.NDArray[np.complex64]
@@ -120,6 +120,7 @@ class SpectrumAccumulator:
         self._taper: npt.NDArray[np.floating[Any]] = taper.astype(np.float32 if single else np.float64)
         self.at_once = max(_AT_ONCE // n_channels, _SEGMENTS_AT_ONCE // 2 * n_fft)  #: samples transformed at once
         self._before = np.empty((n_channels, 0))
+        self._shape = (self._lines.stop - self._lines.start, n_channels, n_channels)  # of a sum
         self._sums: deque[PackedArray] = deque()
         self._windows: deque[FloatArray] = deque()
         self._complete: deque[int] = deque()
@@ -132,16 +133,23 @@ class SpectrumAccumulator:
         data : (n_samples, n_channels) array
             The zero-mean signals that follow those of the last block, NaN where a sample is missing.
         """
-        total, window = self.total(data)
+        self.add_pieces([data])
+
+    def add_pieces(self, pieces: Iterable[FloatArray]) -> None:
+        """Add a block that comes in pieces, each a multiple of `at_once` long but for the last one."""
+        total, window, n_complete = np.zeros(self._shape, dtype=np.complex128), np.zeros(self.n_fft), 0
+        for piece in pieces:
+            more, more_window = self.total(piece)
+            total += more
+            window += more_window
+            n_complete += int(np.count_nonzero(np.isfinite(piece).all(axis=1)))
         self._sums.append(packed(total))
         self._windows.append(window)
-        self._complete.append(int(np.count_nonzero(np.isfinite(data).all(axis=1))))
+        self._complete.append(n_complete)
 
     def total(self, data: FloatArray) -> tuple[ComplexArray, FloatArray]:
         """Return the sums of a block, (n_lines, n_channels, n_channels) and (n_fft,); they are not kept."""
-        n_channels = data.shape[1]
-        total = np.zeros((self._lines.stop - self._lines.start, n_channels, n_channels), dtype=np.complex128)
-        window = np.zeros(self.n_fft)
+        total, window = np.zeros(self._shape, dtype=np.complex128), np.zeros(self.n_fft)
         for start in range(0, len(data), self.at_once):
             values = np.concatenate((self._before, data[start : start + self.at_once].T), axis=1)
             n_segments = max(values.shape[1] - self.n_fft + self._hop, 0) // self._hop
@@ -262,17 +270,28 @@ def singular_values(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray
     TooFewChannels
         If fewer than two channels carry a signal.
     """
-    data = usable(recording).data
+    return singular_values_of_clean(usable(recording), n_fft)
+
+
+def singular_values_of_clean(recording: Recording, n_fft: int = 4096) -> tuple[FloatArray, FloatArray]:
+    """Return the same as `singular_values` for a recording whose channels all have a signal."""
+    data = recording.data
     if len(data) < n_fft:
         raise TooShort(recording.duration, n_fft / recording.rate)
-    spectrum = spectral_matrix(detrended(data), recording.rate, n_fft)
-    values = np.linalg.eigvalsh(spectrum)[:, ::-1]
+    accumulator = SpectrumAccumulator(data.shape[1], recording.rate, n_fft)
+    accumulator.add_pieces(detrended_pieces(data, accumulator.at_once))
+    values = np.linalg.eigvalsh(_one_sided(accumulator.sums))[:, ::-1]
     return fft.rfftfreq(n_fft, 1 / recording.rate), np.maximum(values, 0).astype(np.float64)
 
 
 def spectral_matrix(data: FloatArray, rate: float, n_fft: int) -> ComplexArray:
     """Return the one-sided spectral density matrix, (n_frequencies, n_channels, n_channels)."""
-    density = 2 * spectral_sums(data, rate, n_fft, 1).mean()
+    return _one_sided(spectral_sums(data, rate, n_fft, 1))
+
+
+def _one_sided(sums: SpectralSums) -> ComplexArray:
+    """Return the one-sided spectral density matrix of sums of all lines, (n_frequencies, n_channels, n_channels)."""
+    density, n_fft = 2 * sums.mean(), sums.n_fft
     density[0] /= 2
     if n_fft % 2 == 0:
         density[-1] /= 2

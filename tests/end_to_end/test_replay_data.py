@@ -13,7 +13,6 @@ from monitor.service.replay import ReplayReport, replay
 from monitor.settings import parse_settings
 from monitor.watch.commissioning import gather, prove
 from monitor.watch.memory import parse_memory
-from tests.support.monitor.runs import InProcess
 from updater import parse_structure
 
 FOLDER = Path(__file__).parents[2] / "replay_data"
@@ -23,9 +22,7 @@ LOGS = tomllib.loads((FOLDER / "manifest.toml").read_text(encoding="utf-8"))["lo
 @pytest.fixture(scope="module", params=LOGS, ids=[entry["file"] for entry in LOGS])
 def replayed(request: pytest.FixtureRequest) -> tuple[dict[str, Any], ReplayReport]:
     """Return the manifest of a log, and its replay."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("monitor.service.replay.Worker", InProcess)
-        return request.param, replay(FOLDER / request.param["file"], None, lambda _: None)
+    return request.param, replay(FOLDER / request.param["file"], None, lambda _: None)
 
 
 def test_replay_repeats_the_live_run_and_finds_the_mass(replayed: tuple[dict[str, Any], ReplayReport]) -> None:

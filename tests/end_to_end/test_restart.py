@@ -17,7 +17,6 @@ from monitor.rig import T_DEVICES
 from monitor.service.replay import replay
 from monitor.watch.memory import MEMORY, Memory, parse_memory
 from tests.support.monitor.recorded_runs import logged_results
-from tests.support.monitor.runs import InProcess
 
 pytestmark = pytest.mark.live  # its devices are a log, which waits: beside what must keep up with time it may run
 
@@ -70,7 +69,7 @@ def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
             process.kill()
 
 
-def test_killed_monitor_resumes_monitoring_after_restart(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_killed_monitor_resumes_monitoring_after_restart(tmp_path: Path) -> None:
     command = [*MODALWATCH, "run", str(make_site(tmp_path))]
     with started(command) as first:
         memory = remembered(tmp_path / "state", first, 6)
@@ -90,7 +89,6 @@ def test_killed_monitor_resumes_monitoring_after_restart(tmp_path: Path, monkeyp
     windows = [result for result in logged_results(log) if isinstance(result, WindowResult)]
     assert windows[0].index == memory.n_windows
     assert all(window.phase != "learning" for window in windows)
-    monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
     report = replay(log, None, lambda _: None)
     assert len(report.logged) >= 3
     assert report.same

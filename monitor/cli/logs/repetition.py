@@ -15,6 +15,7 @@ from monitor.cli.site.console_log import line
 from monitor.cli.terminal import console, echo, files_of_logs, progress, warn
 from monitor.errors import ArgumentError
 from monitor.results.windows import AlarmResult, ReferenceResult, Result, WindowResult
+from monitor.service.processes import keep_freed_memory
 from monitor.service.replay import ReplayReport, replay, write_watched
 from monitor.service.site import Site, load_site
 from monitor.settings import Override, overrides
@@ -67,6 +68,7 @@ def replay_log(
 
 def _replay(log: AnyLog, site: Site | None, given: Sequence[Override]) -> ReplayReport:
     """Replay a log, and print its results."""
+    keep_freed_memory()
     with progress("replaying") as work:
         work.windows_of("replaying", [log])
 

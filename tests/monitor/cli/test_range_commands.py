@@ -18,16 +18,14 @@ from monitor.views.report.content import run_content
 from monitor.views.run import load_run
 from monitor.watch.memory import MEMORY
 from tests.support.monitor.cli import Commands, assert_refused
-from tests.support.monitor.runs import InProcess
 
 REPLAY = Path(__file__).parents[3] / "replay_data" / "t_frame_added_mass.mcap"
 START = 1_767_225_600_000_000_000  # 2026-01-01T00:00:00Z
 SECOND = 10**9
 
 
-def test_replay_of_a_range(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_replay_of_a_range(tmp_path: Path) -> None:
     """Up to --to it repeats the live run; from --from on it is a separate run."""
-    monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
     begun = replay(time_range(None, "40").of_log(REPLAY), None, lambda _: None)
     assert [r.index for r in begun.found if isinstance(r, WindowResult)] == [0, 1]
     watched = tmp_path / "watched.mcap"

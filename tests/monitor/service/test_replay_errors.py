@@ -8,7 +8,6 @@ from daq import LogError, McapWriter
 from monitor.errors import SettingsError
 from monitor.service.replay import replay
 from tests.support.daq.blocks import make_block
-from tests.support.monitor.runs import InProcess
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -18,11 +17,6 @@ driver = "epson-uart"
 port = "/dev/none"
 channels = {y = "beam_left_y", z = "beam_left_z"}
 """
-
-
-@pytest.fixture(autouse=True)
-def _in_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
 
 
 def log(path: Path, *devices: str, site: str = SITE) -> Path:

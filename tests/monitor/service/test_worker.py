@@ -57,15 +57,6 @@ def test_killed_analysis_raises_an_error() -> None:
             results(running)
 
 
-def test_full_queue_of_a_killed_analysis_raises_an_error() -> None:
-    with Worker(t_structure_toml(), site_toml(window=20.0, baseline_windows=8, rate=500.0), capacity=2) as running:
-        os.kill(pid(), signal.SIGKILL)
-        running.feed(STOPPED)
-        running.feed(STOPPED)
-        with pytest.raises(AnalysisError, match="ended with code -9"):
-            running.feed(STOPPED)
-
-
 def test_queued_items_of_a_killed_analysis_are_discarded() -> None:
     """More than a pipe holds: the thread that hands it on would wait for good, with all of it."""
     before = feeders()

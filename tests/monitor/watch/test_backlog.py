@@ -16,7 +16,6 @@ from monitor.watch.backlog import MAX_WINDOWS, SKIPPED, Backlog
 from monitor.watch.pipeline import Pipeline
 from tests.support.daq.blocks import START, make_block
 from tests.support.monitor.played_windows import BASELINE, STEP, Played, judged, run, site_settings
-from tests.support.monitor.runs import InProcess
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -68,7 +67,7 @@ def test_monitoring_continues_after_skipped_windows(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.live
-def test_replay_skips_the_same_windows_as_the_live_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_replay_skips_the_same_windows_as_the_live_run(tmp_path: Path) -> None:
     """All signals come at once, before the first window is looked at: only the last one is analysed."""
     blocks = [make_block("beam_left", first) for first in range(0, SECONDS * 1000, 250)]
     stopped = Stopped(dropped=0).event(START)
@@ -91,7 +90,6 @@ def test_replay_skips_the_same_windows_as_the_live_run(tmp_path: Path, monkeypat
     for item in items:
         writer.write(item)
     writer.close()
-    monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
     report = replay(tmp_path / "log.mcap", None, lambda _: None)
     assert len(report.found) == len(found)
     assert report.same

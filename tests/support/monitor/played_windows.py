@@ -59,7 +59,7 @@ class Played:
         self.text = site_text()
         self.structure: Structure | None = parse_structure(t_structure_toml())
         self.settings = site_settings()
-        monkeypatch.setattr("monitor.analysis.window.identify_all", self._identify)
+        monkeypatch.setattr("monitor.analysis.window.identify_cleaned", self._identify)
 
     def put(self, body: Body | None) -> None:
         """Put a body onto the structure, or take it off again."""
@@ -92,7 +92,7 @@ class Played:
         """Let days pass of which there are no windows."""
         self._n += days * 86400 // STEP
 
-    def _identify(self, recording: Recording, band: object) -> Identification:
+    def _identify(self, recording: Recording, _clean: object, band: object) -> Identification:
         """Return a window's modes: the same of the same recording."""
         assert band is None
         random = np.random.default_rng((self._seed, recording.start // 10**9))

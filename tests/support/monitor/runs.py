@@ -1,25 +1,20 @@
 """A run in the tests' own process, in a thread, on emulated devices; its analysis is a stand-in by default."""
 
-import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import pytest
 
 from daq import Block, Event, Item, read_log
-from monitor.results.service_events import Stopped
 from monitor.service.daemon import RunReport, run
 from monitor.service.site import Site, load_site
-from monitor.service.worker import AnalysisError, SavedState, WorkerMessage
-from monitor.settings import attached_structure, parse_attached
-from monitor.watch.backlog import as_logged
-from monitor.watch.memory import NOTHING, LoadedState, memory_text, parse_memory
-from monitor.watch.pipeline import Pipeline
+from monitor.service.worker import AnalysisError
+from monitor.watch.memory import NOTHING, LoadedState
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -140,34 +135,3 @@ def watched_site(folder: Path, monkeypatch: pytest.MonkeyPatch) -> LawState:
 
 def blocks(paths: tuple[Path, ...], device: str) -> list[Block]:
     return [item for path in paths for item in read_log(path) if isinstance(item, Block) and item.device == device]
-
-
-class InProcess:
-    """Analysis of a replay in the process of the test: the second or two of a new one are saved."""
-
-    def __init__(self, structure: str, site: str, memory: str = "", **options: object) -> None:
-        skipped = options["skipped"]
-        assert isinstance(skipped, frozenset)
-        known = parse_memory(memory) if memory else None
-        self._pipeline = Pipeline(attached_structure(structure), parse_attached(site), known, as_logged(skipped))
-        self._results: queue.Queue[WorkerMessage | None] = queue.Queue()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def feed(self, *items: Item) -> None:
-        for item in items:
-            if isinstance(item, Event) and item.topic == Stopped.topic:
-                self._results.put(None)
-                return
-            results = list(self._pipeline.push(item))
-            for result in results:
-                self._results.put(result)
-            if results:
-                self._results.put(SavedState(memory_text(self._pipeline.memory)))
-
-    def results(self, timeout: float) -> Iterator[WorkerMessage | None]:
-        yield self._results.get(timeout=60 * timeout)

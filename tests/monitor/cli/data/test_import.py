@@ -11,7 +11,6 @@ from monitor.analysis.logs import log_recordings
 from monitor.settings import load_settings
 from tests.support.daq.can_buses import DBC_SITE, IMU
 from tests.support.monitor.cli import Commands, assert_refused
-from tests.support.monitor.runs import InProcess
 from updater import t_structure_toml
 
 SITE = """structure = "t_structure.toml"
@@ -229,7 +228,6 @@ def test_import_creates_a_new_site_that_can_be_monitored(
     modalwatch: Commands, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Four channels are two devices: from a table to a watch in two commands, and a third after an edit."""
-    monkeypatch.setattr("monitor.service.replay.Worker", InProcess)
     names = ["beam_left_y", "beam_left_z", "beam_right_y", "beam_right_z"]
     random = np.random.default_rng(12)
     table, structure, log = tmp_path / "data.csv", tmp_path / "t.toml", tmp_path / "logs" / "log.mcap"
